@@ -1,0 +1,44 @@
+"""Everything rotorfit raises or warns with; one base class for each.
+
+A message says what was met, what was expected, and what to do next.
+"""
+
+
+class RotorfitError(Exception):
+    """Base of every error that rotorfit raises on purpose."""
+
+
+class LogError(RotorfitError):
+    """A file cannot be read as a flight log, or lacks a channel that is needed."""
+
+
+class FlightError(RotorfitError):
+    """A log was read, but holds no stretch of flight that can be used."""
+
+
+class FrameError(FlightError):
+    """The data contradict the declared axes, rotor order or spin directions."""
+
+
+class ExcitationError(FlightError):
+    """The flight does not move enough to determine what was asked."""
+
+
+class ExperimentError(RotorfitError):
+    """The experiment or airframe description is wrong or incomplete."""
+
+
+class EstimationError(RotorfitError):
+    """The numbers handed to an estimator do not determine a solution."""
+
+
+class OutputError(RotorfitError):
+    """A result cannot be written or read back."""
+
+
+class RotorfitWarning(UserWarning):
+    """Base of every warning: a doubt about the data that does not stop the work."""
+
+
+class FlightWarning(RotorfitWarning):
+    """The flight is usable, with a reservation."""

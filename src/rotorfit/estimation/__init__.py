@@ -1,0 +1,1 @@
+"""Algebra on arrays; knows no drone."""

@@ -1,0 +1,1 @@
+"""A FlightLog to one clock, SI units and body axes."""

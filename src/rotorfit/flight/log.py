@@ -1,0 +1,95 @@
+"""The type every log reader returns: channels on their own clocks, in SI units and FLU axes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
+    "gyro": (3, "rad/s"),
+    "accel": (3, "m/s^2"),
+    "rotor_speed": (None, "rad/s"),
+    "command": (None, "1"),
+    "battery": (1, "V"),
+    "velocity": (3, "m/s"),
+    "position": (3, "m"),
+    "attitude": (4, "1"),
+}
+"""Name of each channel: number of columns (None: one per rotor) and unit.
+
+``gyro``
+    Angular velocity of the body relative to the world, body axes FLU.
+``accel``
+    Specific force (acceleration minus gravity: +9.81 along z at rest), body axes FLU.
+``rotor_speed``
+    Measured, magnitude without sign, in the log's motor order.
+``command``
+    Commanded motor output, 0 (stopped) to 1 (full), in the log's motor order.
+``velocity``
+    Of the body relative to the air or ground, body axes FLU.
+``position``
+    Of the body origin, world axes with z up.
+``attitude``
+    Rotation of body (FLU) to world (z up) as a unit quaternion w, x, y, z.
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """One recorded quantity on its own clock.
+
+    Attributes
+    ----------
+    time
+        Clock of this channel as recorded, not repaired [s].
+    values
+        One row per sample, one column per component, in the SI unit and axes of `CHANNELS`.
+        Samples the log does not have are NaN.
+    source
+        Where it came from, in the log's own words: field names, units, scale.
+    resolution
+        Smallest step the log can express, in the channel's unit; None where unknown.
+    """
+
+    time: Float[np.ndarray, " n"]
+    values: Float[np.ndarray, "n k"]
+    source: str
+    resolution: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightLog:
+    """One log of one flight, as a reader found it.
+
+    Attributes
+    ----------
+    path
+        The file.
+    sha256
+        Of the whole file, hexadecimal.
+    format
+        Name of the reader, such as ``"blackbox"`` or ``"table"``.
+    channels
+        By the names of `CHANNELS`; only those that the log has.
+    log_number, logs_in_file
+        Which log of the file this is (from 1), and how many there are.
+    seconds
+        Time between the first and the last sample of the log [s].
+    metadata
+        What the log says of vehicle, firmware and settings; for people to read.
+    notes
+        What the reader met and did, one sentence each (corrupt frames, missing fields).
+    """
+
+    path: Path
+    sha256: str
+    format: str
+    channels: Mapping[str, Channel]
+    log_number: int = 1
+    logs_in_file: int = 1
+    seconds: float
+    metadata: Mapping[str, str] = field(default_factory=dict[str, str])
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,1 @@
+"""The recipe: from an experiment to a result with verdicts."""

@@ -1,0 +1,1 @@
+"""A file to a FlightLog; one module per format."""

@@ -1,0 +1,1 @@
+"""A result to text, figures and pages."""

@@ -1,0 +1,1 @@
+"""The witness: flights with known truth; shares no line with the regressor."""
