@@ -1,0 +1,145 @@
+"""The type every estimator returns, and the linear problem it is handed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.parameter_map import ParameterMap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearProblem:
+    """Equations B(theta) z = 0 for every row z of every configuration's signals.
+
+    Attributes
+    ----------
+    factors
+        One per configuration.
+    tensors
+        A_p of each configuration: equation j of parameter p is row ``tensors[c][p, j]``.
+    map
+        From the free parameters to theta.
+    weights
+        Of each equation of each configuration.
+    """
+
+    factors: tuple[Factors, ...]
+    tensors: tuple[Float[np.ndarray, "p j z"], ...]
+    map: ParameterMap
+    weights: Float[np.ndarray, "c j"]
+
+    @property
+    def rows(self) -> int:
+        """Number of scalar equations in all: samples times equations that have weight."""
+        counts = [int(part.rows.sum()) for part in self.factors]
+        used = np.count_nonzero(self.weights, axis=1)
+        return int(np.dot(counts, used))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """Free parameters with their covariance, and how well the equations determine them.
+
+    Attributes
+    ----------
+    names, values, covariance
+        Of the free parameters.
+    condition_number
+        Of the equations with every column scaled to unit length.
+    weak_directions
+        Right singular vectors of the column-scaled equations, weakest first.
+    weak_strengths
+        Their singular values, relative to the largest.
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " f"]
+    covariance: Float[np.ndarray, "f f"]
+    condition_number: float
+    weak_directions: Float[np.ndarray, "k f"]
+    weak_strengths: Float[np.ndarray, " k"]
+
+    @property
+    def std(self) -> Float[np.ndarray, " f"]:
+        """Standard deviation of each free parameter."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    def value(self, name: str) -> float:
+        """Return the value of one free parameter."""
+        return float(self.values[self.names.index(name)])
+
+
+def equation_rows(
+    R: Float[np.ndarray, "b z z"],
+    tensor: Float[np.ndarray, "p j z"],
+    parameter_map: tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p f"]],
+    weights: Float[np.ndarray, " j"],
+) -> Float[np.ndarray, "b m g"]:
+    """Return the equations [d/d phi | constant] of each block, reduced to j z rows.
+
+    An orthogonal transform of the block's dense rows padded with zeros: same singular values,
+    same solutions. Column g = f + 1 is the known part.
+    """
+    constant, matrix = parameter_map
+    columns = np.concatenate([matrix, constant[:, None]], axis=1)
+    used = np.flatnonzero(weights)
+    B = np.einsum("pjz,pg->jzg", tensor[:, used], columns) * weights[used, None, None]
+    stacked = R @ B.transpose(1, 0, 2).reshape(R.shape[2], -1)
+    return stacked.reshape(len(R), R.shape[1] * len(used), columns.shape[1])
+
+
+def problem_rows(problem: LinearProblem) -> Float[np.ndarray, "m g"]:
+    """Return the weighted equations [d/d phi | constant] of the whole problem, reduced."""
+    parts = [
+        equation_rows(
+            factors.total[None],
+            tensor,
+            (problem.map.constant[c], problem.map.matrix[c]),
+            problem.weights[c],
+        )[0]
+        for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True))
+    ]
+    rows = np.concatenate(parts)
+    if not np.isfinite(rows).all():
+        raise EstimationError("the equations hold NaN or infinity; check the signals' units")
+    return rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaledSingular:
+    """Singular values of equations whose columns are scaled to unit length."""
+
+    lengths: Float[np.ndarray, " f"]
+    U: Float[np.ndarray, "m f"]
+    s: Float[np.ndarray, " f"]
+    Vt: Float[np.ndarray, "f f"]
+
+    @property
+    def condition_number(self) -> float:
+        """Largest over smallest; 10 is good, 255 is one axis flown at a time."""
+        return float(self.s[0] / max(self.s[-1], np.finfo(float).tiny))
+
+
+def scaled_singular(rows: Float[np.ndarray, "m f"], names: tuple[str, ...]) -> ScaledSingular:
+    """Return the singular values and vectors of column-scaled equations.
+
+    Raises
+    ------
+    EstimationError
+        If there are fewer equations than parameters, or a column is zero: the flight does not
+        move that parameter at all.
+    """
+    if rows.shape[0] < rows.shape[1]:
+        raise EstimationError(
+            f"{rows.shape[0]} equations cannot determine {rows.shape[1]} parameters; "
+            "give a longer flight"
+        )
+    lengths = np.linalg.norm(rows, axis=0)
+    if (lengths == 0).any():
+        dead = ", ".join(name for name, n in zip(names, lengths, strict=True) if n == 0)
+        raise EstimationError(f"the flight does not move {dead} at all; remove it or excite it")
+    U, s, Vt = np.linalg.svd(rows / lengths, full_matrices=False)
+    return ScaledSingular(lengths=lengths, U=U, s=s, Vt=Vt)

@@ -1,0 +1,171 @@
+"""Triangular factors: all that the estimators need to know of a flight.
+
+A flight is a matrix Z of signals, one row per sample (or per frequency line). Every equation of
+the model is linear in them, so that for any weights, parameters and geometry the least-squares
+problem depends on Z only through R of Z = Q R. Factors of blocks can be kept apart (to see their
+scatter) or merged in any order: R of stacked R's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rotorfit.errors import EstimationError
+
+SMALLEST_PIVOT = 1e-4
+"""Below this pivot of the column-scaled Gram matrix its rounding (1e-16 / pivot^2) would show in
+the factor, and the block is factored by Householder reflections instead."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Factors:
+    """Upper triangular factors of blocks of a signal matrix.
+
+    Attributes
+    ----------
+    R
+        One factor per block; R^T R is the block's Gram matrix.
+    rows
+        How many rows of Z each block stands for.
+    segment
+        Which segment (phase of a flight) each block comes from.
+    band
+        Lower and upper edge of its frequency band [Hz]; 0 and inf for blocks of time.
+    """
+
+    R: Float[np.ndarray, "b z z"]
+    rows: Int[np.ndarray, " b"]
+    segment: Int[np.ndarray, " b"]
+    band: Float[np.ndarray, "b 2"]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def total(self) -> Float[np.ndarray, "z z"]:
+        """The factor of all blocks together."""
+        return merge_triangular(self.R)
+
+    def select(self, keep: Bool[np.ndarray, " b"]) -> "Factors":
+        """Return the blocks for which `keep` is true."""
+        return Factors(
+            R=self.R[keep], rows=self.rows[keep], segment=self.segment[keep], band=self.band[keep]
+        )
+
+
+def stack_factors(parts: Sequence[Factors]) -> Factors:
+    """Return all blocks of several factors, their segments numbered on."""
+    if not parts:
+        raise EstimationError("no factors to stack: no stretch of flight was given")
+    shifts = np.cumsum([0] + [int(part.segment.max(initial=-1)) + 1 for part in parts[:-1]])
+    return Factors(
+        R=np.concatenate([part.R for part in parts]),
+        rows=np.concatenate([part.rows for part in parts]),
+        segment=np.concatenate(
+            [part.segment + shift for part, shift in zip(parts, shifts, strict=True)]
+        ),
+        band=np.concatenate([part.band for part in parts]),
+    )
+
+
+def time_block_factors(
+    Z: Float[np.ndarray, "n z"], *, block_rows: int, segment: int = 0
+) -> Factors:
+    """Return one factor per block of `block_rows` consecutive rows (the last may be shorter).
+
+    Raises
+    ------
+    EstimationError
+        If Z has no rows, or holds NaN or infinity.
+    """
+    n, width = Z.shape
+    whole = n // block_rows
+    parts: list[Float[np.ndarray, "b z z"]] = []
+    if whole:
+        parts.append(triangular_factors(Z[: whole * block_rows].reshape(whole, block_rows, width)))
+    if n > whole * block_rows:
+        parts.append(triangular_factors(Z[None, whole * block_rows :]))
+    if not parts:
+        raise EstimationError("no rows to factor: the stretch of flight is empty")
+    R = np.concatenate(parts)
+    rows = np.full(len(R), block_rows, dtype=np.int64)
+    rows[-1] = n - (len(R) - 1) * block_rows
+    return Factors(
+        R=R,
+        rows=rows,
+        segment=np.full(len(R), segment, dtype=np.int64),
+        band=np.tile([0.0, np.inf], (len(R), 1)),
+    )
+
+
+def triangular_factors(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, "b z z"]:
+    """Return the upper triangular R of each block, with a non-negative diagonal.
+
+    Cholesky of the column-scaled Gram matrix where that is accurate, else Householder QR.
+
+    Raises
+    ------
+    EstimationError
+        If a block holds NaN or infinity.
+    """
+    gram = np.matmul(blocks.transpose(0, 2, 1), blocks)
+    squares = np.einsum("bii->bi", gram)
+    if not np.isfinite(squares).all():
+        raise EstimationError("a signal of the flight is NaN or infinite where it is used")
+    scale = np.sqrt(squares)
+    safe = np.where(scale > 0, scale, 1.0)
+    gram /= safe[:, :, None] * safe[:, None, :]
+    R, accurate = _cholesky(gram)
+    R *= safe[:, None, :]
+    if not accurate.all():
+        R[~accurate] = _householder(blocks[~accurate])
+    return R
+
+
+def _cholesky(
+    gram: Float[np.ndarray, "b z z"],
+) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
+    """Return the upper factors of unit-diagonal Gram matrices, and which of them to trust."""
+    try:
+        lower = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return _cholesky_one_by_one(gram)
+    accurate = np.einsum("bii->bi", lower).min(axis=1) > SMALLEST_PIVOT
+    return np.ascontiguousarray(lower.transpose(0, 2, 1)), accurate
+
+
+def _cholesky_one_by_one(
+    gram: Float[np.ndarray, "b z z"],
+) -> tuple[Float[np.ndarray, "b z z"], Bool[np.ndarray, " b"]]:
+    """Do the same where a singular block makes the whole batch fail."""
+    # The shift finds the singular blocks: they keep a pivot of its own size, under the limit.
+    shift = 0.25 * SMALLEST_PIVOT**2 * np.eye(gram.shape[-1])
+    pivots = np.einsum("bii->bi", np.linalg.cholesky(gram + shift))
+    accurate = pivots.min(axis=1) > 2 * SMALLEST_PIVOT
+    R = np.zeros_like(gram)
+    R[accurate] = np.linalg.cholesky(gram[accurate]).transpose(0, 2, 1)
+    return R, accurate
+
+
+def _householder(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, "b z z"]:
+    """Return R of each block by Householder QR, square, with a non-negative diagonal."""
+    R = np.asarray(np.linalg.qr(blocks, mode="r"))
+    missing = R.shape[2] - R.shape[1]
+    if missing > 0:
+        R = np.concatenate([R, np.zeros((len(R), missing, R.shape[2]))], axis=1)
+    signs = np.where(np.einsum("bii->bi", R) < 0, -1.0, 1.0)
+    return R * signs[:, :, None]
+
+
+def merge_triangular(R: Float[np.ndarray, "b z z"]) -> Float[np.ndarray, "z z"]:
+    """Return the factor of stacked factors, in pieces that fit a processor's cache."""
+    if len(R) == 0:
+        raise EstimationError("no factors to merge: no stretch of flight was given")
+    while len(R) > 1:
+        group = min(len(R), 16)
+        whole = len(R) // group * group
+        head = _householder(R[:whole].reshape(whole // group, group * R.shape[1], R.shape[2]))
+        R = np.concatenate([head, R[whole:]])
+    return R[0]

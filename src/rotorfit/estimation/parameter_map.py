@@ -1,0 +1,107 @@
+"""The parameter map phi -> theta(phi): every constraint of an identification in one place.
+
+Each configuration has its own theta (all parameters of the model, in the tensor's order); phi is
+what the estimator is free to choose. A weighed mass is the constant, a removed parameter has no
+column, a coefficient shared by two configurations is one phi for two thetas, and what is known to
+be a combination (say Iyy - Ixx) is one column with several entries.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import EstimationError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterMap:
+    """The affine map theta_c = constant_c + matrix_c phi, one row c per configuration.
+
+    Attributes
+    ----------
+    names
+        Of the free parameters phi.
+    constant
+        theta at phi = 0.
+    matrix
+        d theta / d phi.
+    """
+
+    names: tuple[str, ...]
+    constant: Float[np.ndarray, "c p"]
+    matrix: Float[np.ndarray, "c p f"]
+
+    def theta(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "c p"]:
+        """Return the parameters of each configuration at `phi`."""
+        return self.constant + self.matrix @ phi
+
+    def jacobian(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "c p f"]:
+        """Return d theta / d phi at `phi` (the same everywhere, for an affine map)."""
+        del phi
+        return self.matrix
+
+    def without(self, name: str) -> "ParameterMap":
+        """Return the map with the free parameter `name` removed (held at zero)."""
+        return self.fixed(name, 0.0)
+
+    def fixed(self, name: str, value: float) -> "ParameterMap":
+        """Return the map with the free parameter `name` held at `value`."""
+        column = self._column(name)
+        keep = [i for i in range(len(self.names)) if i != column]
+        return ParameterMap(
+            names=tuple(self.names[i] for i in keep),
+            constant=self.constant + self.matrix[:, :, column] * value,
+            matrix=self.matrix[:, :, keep],
+        )
+
+    def _column(self, name: str) -> int:
+        if name not in self.names:
+            raise EstimationError(
+                f"no free parameter {name!r}; the map has {', '.join(self.names)}"
+            )
+        return self.names.index(name)
+
+
+def parameter_map(
+    theta_names: Sequence[str],
+    free: Mapping[str, Mapping[tuple[int, str], float]],
+    given: Mapping[tuple[int, str], float],
+    *,
+    configurations: int = 1,
+) -> ParameterMap:
+    """Return the map in which each free parameter moves the named entries of theta.
+
+    Parameters
+    ----------
+    theta_names
+        The parameters of the model, in the tensor's order.
+    free
+        For each free parameter the entries of theta that it moves, as
+        ``{(configuration, name): factor}``.
+    given
+        The entries of theta that are known, with their values; all others rest at zero.
+    configurations
+        How many there are.
+
+    Raises
+    ------
+    EstimationError
+        If an entry names no parameter of the model.
+    """
+    index = {name: i for i, name in enumerate(theta_names)}
+    constant = np.zeros((configurations, len(index)))
+    matrix = np.zeros((configurations, len(index), len(free)))
+    for (c, name), value in given.items():
+        constant[c, _entry(index, name)] = value
+    for f, moves in enumerate(free.values()):
+        for (c, name), factor in moves.items():
+            matrix[c, _entry(index, name), f] = factor
+    return ParameterMap(names=tuple(free), constant=constant, matrix=matrix)
+
+
+def _entry(index: Mapping[str, int], name: str) -> int:
+    if name not in index:
+        raise EstimationError(f"the model has no parameter {name!r}; it has {', '.join(index)}")
+    return index[name]

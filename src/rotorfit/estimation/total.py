@@ -1,0 +1,137 @@
+"""Total least squares as Six et al. 2020 use it: solution, sigmas, weights, essential parameters.
+
+The equation numbers are those of Six, Briot, Erskine and Chriette, "Identification of the
+Propeller Coefficients and Dynamic Parameters of a Hovering Quadrotor from Flight Data", ICRA 2020.
+The standard deviations are shown as that paper defines them; they hold only if every entry of the
+equations carried an independent error of one size, which flight data never do.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.estimate import (
+    Estimate,
+    LinearProblem,
+    problem_rows,
+    scaled_singular,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EssentialEstimate:
+    """What is left after the unessential parameters were taken out, in the order they went."""
+
+    estimate: Estimate
+    removed: tuple[str, ...]
+    problem: LinearProblem
+
+
+def total(problem: LinearProblem) -> Estimate:
+    """Return the total least-squares solution (Six et al. 2020, eq. 14-22).
+
+    The right singular vector of the smallest singular value of [d/d phi | constant], divided by
+    its last entry. In the units it is given: total least squares is not invariant to them.
+
+    Raises
+    ------
+    EstimationError
+        If that vector has no part along the known column: no solution exists.
+    """
+    Wt = problem_rows(problem)
+    names = problem.map.names
+    if Wt.shape[0] < Wt.shape[1]:
+        raise EstimationError(
+            f"{Wt.shape[0]} equations cannot determine {len(names)} parameters; "
+            "give a longer flight"
+        )
+    svd = scaled_singular(Wt[:, :-1], names)
+    U, s, Vt = np.linalg.svd(Wt, full_matrices=False)
+    v = Vt[-1]
+    if abs(v[-1]) < 1e-12:
+        raise EstimationError(
+            "total least squares has no solution here: the flattest direction has no part along "
+            "the weighed mass; remove the parameters that the flight does not excite"
+        )
+    chi = v[:-1] / v[-1]
+    return Estimate(
+        names=names,
+        values=chi,
+        covariance=_covariance(problem.rows, chi, (U, s, Vt)),
+        condition_number=svd.condition_number,
+        weak_directions=svd.Vt[::-1][:3],
+        weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
+    )
+
+
+def _covariance(
+    rows: int,
+    chi: Float[np.ndarray, " f"],
+    svd: tuple[Float[np.ndarray, "m g"], Float[np.ndarray, " g"], Float[np.ndarray, "g g"]],
+) -> Float[np.ndarray, "f f"]:
+    """Return the covariance of Six et al. 2020, eq. 19 and 20."""
+    U, s, Vt = svd
+    n_t = len(s)
+    sigma_W = s[-1] / np.sqrt(max(rows - n_t, 1))
+    W_bar = ((U * s)[:, :-1] @ Vt[:-1])[:, :-1]
+    lengths = np.linalg.norm(W_bar, axis=0)
+    # Scaled columns: the same inverse, with the digits that SI units would cost it.
+    _, s_bar, Vt_bar = np.linalg.svd(W_bar / lengths, full_matrices=False)
+    root = (Vt_bar.T / s_bar) / lengths[:, None]
+    return sigma_W**2 * (1.0 + float(chi @ chi)) * (root @ root.T)
+
+
+def relative_std(estimate: Estimate) -> Float[np.ndarray, " f"]:
+    """Return the relative standard deviations (Six et al. 2020, eq. 22), as fractions."""
+    return estimate.std / np.abs(estimate.values)
+
+
+def component_weights(problem: LinearProblem, estimate: Estimate) -> Float[np.ndarray, "c j"]:
+    """Return the weights of Six et al. 2020, III-B: each wrench component over its error's std.
+
+    One weight per component for all configurations, times what the problem already gave the
+    configuration as a whole (the paper's k_w); components without weight stay without.
+    """
+    theta = problem.map.theta(estimate.values)
+    used = problem.weights != 0
+    squares = np.zeros(problem.weights.shape)
+    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
+        B = np.einsum("pjz,p->jz", tensor, theta[c])
+        squares[c] = np.sum((B @ factors.total.T) ** 2, axis=1)
+    counts = np.array([int(part.rows.sum()) for part in problem.factors])
+    samples = used.T @ counts
+    std = np.sqrt(np.where(used, squares, 0.0).sum(axis=0) / np.maximum(samples, 1))
+    if (std[used.any(axis=0)] == 0).any():
+        # An exact flight leaves no error to weigh by.
+        return problem.weights
+    return np.where(used, problem.weights / np.where(std > 0, std, 1.0), 0.0)
+
+
+def weighted_total(problem: LinearProblem) -> tuple[Estimate, LinearProblem]:
+    """Return the solution with component weights from one unweighted pass, and its problem."""
+    flat = dataclasses.replace(problem, weights=(problem.weights != 0).astype(float))
+    weights = component_weights(problem, total(flat))
+    weighted = dataclasses.replace(problem, weights=weights)
+    return total(weighted), weighted
+
+
+def essential_total(problem: LinearProblem, *, r_sigma: float) -> EssentialEstimate:
+    """Return the essential parameters (Six et al. 2020, III-B).
+
+    The parameter with the largest relative standard deviation is taken out and the rest solved
+    again, until largest over smallest is below `r_sigma`.
+    """
+    removed: list[str] = []
+    estimate, weighted = weighted_total(problem)
+    while len(estimate.names) > 1:
+        relative = relative_std(estimate)
+        if relative.max() < r_sigma * relative.min():
+            break
+        worst = estimate.names[int(np.argmax(relative))]
+        removed.append(worst)
+        problem = dataclasses.replace(problem, map=problem.map.without(worst))
+        estimate, weighted = weighted_total(problem)
+    return EssentialEstimate(estimate=estimate, removed=tuple(removed), problem=weighted)

@@ -1,0 +1,232 @@
+"""A flight to its factors, in one pass over the samples and in bounded memory."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+from scipy import signal
+
+from rotorfit.errors import FlightError
+from rotorfit.estimation.factors import (
+    Factors,
+    stack_factors,
+    time_block_factors,
+    triangular_factors,
+)
+from rotorfit.flight.data import FlightData, Segment
+from rotorfit.model.signals import signal_matrix
+from rotorfit.model.vehicle import Vehicle
+
+CHUNK_ROWS = 16_384
+"""Rows of Z alive at a time: 20 columns of them stay near the processor's cache."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LowPass:
+    """A zero-phase Butterworth low-pass, and the decimation that follows it.
+
+    Attributes
+    ----------
+    cutoff
+        Of the forward and backward pass together [Hz].
+    samples_per_period
+        How many samples to keep per cut-off period; None keeps all.
+    order
+        Of one pass.
+    """
+
+    cutoff: float
+    samples_per_period: float | None = None
+    order: int = 4
+
+    def sos(self, sample_rate: float) -> Float[np.ndarray, "s 6"]:
+        """Return the second-order sections of one pass."""
+        # Two passes square the gain: each is widened so that together they lose 3 dB at cutoff.
+        widened = self.cutoff * (np.sqrt(2.0) - 1.0) ** (-1.0 / (2 * self.order))
+        if widened >= 0.5 * sample_rate:
+            raise FlightError(
+                f"a cut-off of {self.cutoff:g} Hz needs a log faster than {2.1 * widened:.0f} Hz, "
+                f"this one has {sample_rate:.0f} Hz; lower the cut-off"
+            )
+        return signal.butter(self.order, widened, fs=sample_rate, output="sos")
+
+    def memory_rows(self, sample_rate: float) -> int:
+        """Return how many rows it takes the filter's answer to fade to rounding."""
+        z, p, k = signal.sos2zpk(self.sos(sample_rate))
+        del z, k
+        return int(np.ceil(np.log(1e-17) / np.log(np.abs(p).max())))
+
+    def step(self, sample_rate: float) -> int:
+        """Return how many samples one kept sample stands for."""
+        if self.samples_per_period is None:
+            return 1
+        return max(int(sample_rate / (self.samples_per_period * self.cutoff)), 1)
+
+
+def time_factors(
+    flight: FlightData,
+    vehicle: Vehicle,
+    *,
+    lowpass: LowPass | None = None,
+    block_seconds: float = 1.0,
+) -> Factors:
+    """Return one factor per second of flight, for the estimators of the time domain.
+
+    Parameters
+    ----------
+    flight, vehicle
+        The prepared flight, with the rotors in the vehicle's order.
+    lowpass
+        Applied equally to every signal, which leaves the equations between them exact.
+    block_seconds
+        Length of a block [s].
+
+    Raises
+    ------
+    FlightError
+        If the flight has no usable stretch, or is too slow for the low-pass.
+    """
+    step = 1 if lowpass is None else lowpass.step(flight.sample_rate)
+    block_rows = max(round(block_seconds * flight.sample_rate / step), 1)
+    parts: list[Factors] = []
+    for segment in flight.segments:
+        blocks = [
+            time_block_factors(Z, block_rows=block_rows)
+            for Z in _filtered_chunks(flight, vehicle, segment, (lowpass, block_rows * step))
+        ]
+        parts.append(_as_one_segment(blocks))
+    return _stacked(parts)
+
+
+def _filtered_chunks(
+    flight: FlightData,
+    vehicle: Vehicle,
+    segment: Segment,
+    plan: tuple[LowPass | None, int],
+) -> Iterator[Float[np.ndarray, "n z"]]:
+    """Yield the filtered, decimated signals of a segment in whole blocks of bounded size."""
+    lowpass, block = plan
+    chunk = max(CHUNK_ROWS // block, 1) * block
+    for start in range(segment.start, segment.stop, chunk):
+        stop = min(start + chunk, segment.stop)
+        if lowpass is None:
+            yield signal_matrix(flight, vehicle, start, stop)
+            continue
+        margin = lowpass.memory_rows(flight.sample_rate)
+        first, last = max(start - margin, segment.start), min(stop + margin, segment.stop)
+        Z = signal_matrix(flight, vehicle, first, last)
+        smooth = _zero_phase(Z, lowpass.sos(flight.sample_rate))
+        yield smooth[start - first : stop - first : lowpass.step(flight.sample_rate)]
+
+
+def _zero_phase(
+    Z: Float[np.ndarray, "n z"], sos: Float[np.ndarray, "s 6"]
+) -> Float[np.ndarray, "n z"]:
+    """Filter every column forward and backward; the ends are continued by point reflection."""
+    padding = min(3 * (2 * len(sos) + 1), len(Z) - 1)
+    return signal.sosfiltfilt(sos, Z, axis=0, padlen=padding)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandPlan:
+    """How a flight is cut into stretches and frequency bands.
+
+    Attributes
+    ----------
+    edges
+        Of the bands [Hz]; lines below the first and above the last are not used.
+    longest
+        A stretch longer than this is cut into equal parts [s].
+    fewest_lines
+        A band with fewer frequency lines is merged with the next.
+    taper
+        Share of a stretch in the two cosine ends of its window.
+    """
+
+    edges: tuple[float, ...]
+    longest: float = 20.0
+    fewest_lines: int = 10
+    taper: float = 0.1
+
+
+def band_factors(flight: FlightData, vehicle: Vehicle, *, plan: BandPlan) -> Factors:
+    """Return one factor per stretch of flight and frequency band.
+
+    Each stretch is tapered (Tukey), transformed and scaled to unit window energy; a band stacks
+    real and imaginary parts. Every step is linear and equal for all signals: the equations
+    between them stay exact.
+
+    Raises
+    ------
+    FlightError
+        If no stretch is long enough for a single band.
+    """
+    parts: list[Factors] = []
+    for segment in flight.segments:
+        for stretch in split_segment(segment, plan.longest * flight.sample_rate):
+            Z = signal_matrix(flight, vehicle, stretch.start, stretch.stop)
+            blocks = _stretch_bands(Z, flight.sample_rate, plan)
+            if blocks is not None:
+                parts.append(blocks)
+    return _stacked(parts)
+
+
+def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
+    """Return a segment in the fewest equal parts that are no longer than `longest_rows`."""
+    count = max(int(np.ceil(len(segment) / longest_rows)), 1)
+    edges = np.linspace(segment.start, segment.stop, count + 1).round().astype(int)
+    return [Segment(start=int(a), stop=int(b)) for a, b in pairwise(edges)]
+
+
+def _stretch_bands(
+    Z: Float[np.ndarray, "n z"], sample_rate: float, plan: BandPlan
+) -> Factors | None:
+    """Return the band factors of one stretch; None where it has too few lines for one band."""
+    n = len(Z)
+    window = signal.windows.tukey(n, plan.taper)
+    lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
+    frequency = np.fft.rfftfreq(n, 1.0 / sample_rate)
+    bands = merged_bands(frequency, plan)
+    if not bands:
+        return None
+    parts = [lines[first:last] for first, last in bands]
+    stacked = [np.concatenate([part.real, part.imag])[None] for part in parts]
+    return Factors(
+        R=np.concatenate([triangular_factors(rows) for rows in stacked]),
+        rows=np.array([2 * len(part) for part in parts], dtype=np.int64),
+        segment=np.zeros(len(parts), dtype=np.int64),
+        band=np.array([[frequency[a], frequency[b - 1]] for a, b in bands]),
+    )
+
+
+def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tuple[int, int]]:
+    """Return first and last (exclusive) line of each band, short bands merged upwards."""
+    marks = np.searchsorted(frequency, plan.edges)
+    bands: list[tuple[int, int]] = []
+    start = int(marks[0])
+    for mark in map(int, marks[1:]):
+        if mark - start >= plan.fewest_lines:
+            bands.append((start, mark))
+            start = mark
+    end = int(marks[-1])
+    if bands and end > start:
+        bands[-1] = (bands[-1][0], end)
+    return bands
+
+
+def _as_one_segment(blocks: Sequence[Factors]) -> Factors:
+    """Return the blocks of one segment, all with the segment number 0."""
+    joined = stack_factors(blocks)
+    return Factors(
+        R=joined.R, rows=joined.rows, segment=np.zeros_like(joined.segment), band=joined.band
+    )
+
+
+def _stacked(parts: Sequence[Factors]) -> Factors:
+    if not parts:
+        raise FlightError(
+            "the airborne part is too short to use; fly longer, or set start and end yourself"
+        )
+    return stack_factors(parts)

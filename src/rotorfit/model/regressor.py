@@ -1,0 +1,218 @@
+r"""The equations of motion as constant tensors: row_j(theta) = sum_p theta_p A_p,j z.
+
+The residual wrench B(theta) z = body wrench - rotor wrench, force [N] then torque about the body
+origin [N m], is linear in the signals z (`signals.py`) and in the parameters theta. Newton-Euler
+at the body origin in body axes (Six et al. 2020, eq. 1, 2), with the specific force
+:math:`\alpha = a - R^{-1} g` that an accelerometer at the origin measures:
+
+.. math::
+    m \alpha + \dot\omega \times ms + \omega \times (\omega \times ms) &= f \\
+    I \dot\omega + \omega \times I \omega + ms \times \alpha &= \tau
+
+and the rotors (eq. 8, 9, for any position r_i, thrust axis n_i and spin s_i = +1 for ccw), with
+rotor inertia:
+
+.. math::
+    f = \sum k_t O_i^2 n_i, \quad
+    \tau = \sum r_i \times k_t O_i^2 n_i - s_i k_d O_i^2 n_i - J_r (\dot H + \omega \times H)
+
+One function per effect; each returns the entries of A for its parameters. To add an effect, write
+its function and name it in `EFFECTS`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.model.signals import SignalLayout, signal_layout
+from rotorfit.model.vehicle import Vehicle
+
+Block = Float[np.ndarray, "6 z"]
+FX, FY, FZ, MX, MY, MZ = range(6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regressor:
+    """The tensor A of a vehicle.
+
+    Attributes
+    ----------
+    names
+        Parameter p of theta.
+    tensor
+        ``tensor[p, j]`` is the row vector A_p,j: equation j (Fx Fy Fz Mx My Mz) of parameter p.
+    layout
+        The signals that its last axis stands for.
+    """
+
+    names: tuple[str, ...]
+    tensor: Float[np.ndarray, "p 6 z"]
+    layout: SignalLayout
+
+    def rows(self, Z: Float[np.ndarray, "n z"], names: Sequence[str]) -> Float[np.ndarray, "n 6 q"]:
+        """Return the dense equations of the named parameters, sample by sample."""
+        chosen = self.tensor[[self.names.index(name) for name in names]]
+        return np.einsum("nz,qjz->njq", Z, chosen)
+
+    def residual(
+        self, Z: Float[np.ndarray, "n z"], theta: Mapping[str, float]
+    ) -> Float[np.ndarray, "n 6"]:
+        """Return body wrench minus rotor wrench at the named parameter values [N, N m]."""
+        values = np.array([theta.get(name, 0.0) for name in self.names])
+        return Z @ np.einsum("p,pjz->jz", values, self.tensor).T
+
+
+def regressor(vehicle: Vehicle, *, effects: Sequence[str] | None = None) -> Regressor:
+    """Return the constant tensor of a vehicle.
+
+    Parameters
+    ----------
+    vehicle
+        Geometry. With a known IMU position the specific force among the signals is the one at the
+        IMU, and the equations hold at the body origin all the same.
+    effects
+        Names of `EFFECTS`; by default all.
+    """
+    layout = signal_layout(vehicle)
+    blocks: dict[str, Block] = {}
+    for effect in EFFECTS if effects is None else effects:
+        blocks |= EFFECTS[effect](vehicle, layout)
+    tensor = np.array(list(blocks.values())) @ imu_lever(vehicle, layout)
+    return Regressor(names=tuple(blocks), tensor=tensor, layout=layout)
+
+
+def body_mass(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Mass: force m alpha (the paper's D_m)."""
+    del vehicle
+    return {"mass": _block(layout, {(FX, "ax"): 1, (FY, "ay"): 1, (FZ, "az"): 1})}
+
+
+def body_first_moments(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """First moments ms = m c: force [dw]x ms + [w]x[w]x ms, torque ms x alpha."""
+    del vehicle
+    msx = {
+        (FX, "wywy"): -1, (FX, "wzwz"): -1, (FY, "wxwy"): 1, (FY, "dwz"): 1,
+        (FZ, "wxwz"): 1, (FZ, "dwy"): -1, (MY, "az"): -1, (MZ, "ay"): 1,
+    }  # fmt: skip
+    msy = {
+        (FX, "wxwy"): 1, (FX, "dwz"): -1, (FY, "wxwx"): -1, (FY, "wzwz"): -1,
+        (FZ, "wywz"): 1, (FZ, "dwx"): 1, (MX, "az"): 1, (MZ, "ax"): -1,
+    }  # fmt: skip
+    msz = {
+        (FX, "wxwz"): 1, (FX, "dwy"): 1, (FY, "wywz"): 1, (FY, "dwx"): -1,
+        (FZ, "wxwx"): -1, (FZ, "wywy"): -1, (MX, "ay"): -1, (MY, "ax"): 1,
+    }  # fmt: skip
+    return {
+        "msx": _block(layout, msx),
+        "msy": _block(layout, msy),
+        "msz": _block(layout, msz),
+    }
+
+
+def body_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Inertia at the body origin, tensor elements: torque I dw + w x I w."""
+    del vehicle
+    entries = {
+        "Ixx": {(MX, "dwx"): 1, (MY, "wxwz"): 1, (MZ, "wxwy"): -1},
+        "Iyy": {(MX, "wywz"): -1, (MY, "dwy"): 1, (MZ, "wxwy"): 1},
+        "Izz": {(MX, "wywz"): 1, (MY, "wxwz"): -1, (MZ, "dwz"): 1},
+        "Ixy": {
+            (MX, "dwy"): 1, (MX, "wxwz"): -1, (MY, "dwx"): 1, (MY, "wywz"): 1,
+            (MZ, "wxwx"): 1, (MZ, "wywy"): -1,
+        },
+        "Ixz": {
+            (MX, "dwz"): 1, (MX, "wxwy"): 1, (MY, "wzwz"): 1, (MY, "wxwx"): -1,
+            (MZ, "dwx"): 1, (MZ, "wywz"): -1,
+        },
+        "Iyz": {
+            (MX, "wywy"): 1, (MX, "wzwz"): -1, (MY, "dwz"): 1, (MY, "wxwy"): -1,
+            (MZ, "dwy"): 1, (MZ, "wxwz"): 1,
+        },
+    }  # fmt: skip
+    return {name: _block(layout, block) for name, block in entries.items()}
+
+
+def rotor_thrust(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Thrust k_t O^2 n_i at r_i: one coefficient for all rotors, and one of each rotor's own."""
+    blocks: dict[str, Block] = {"kt": _block(layout, {})}
+    for i, (r, n) in enumerate(zip(vehicle.positions, vehicle.axes, strict=True)):
+        wrench = -np.concatenate([n, np.cross(r, n)])
+        own = _block(layout, {})
+        own[:, layout.index(f"O2_{i + 1}")] = wrench
+        blocks[f"kt_{i + 1}"] = own
+        blocks["kt"] = blocks["kt"] + own
+    return blocks
+
+
+def rotor_torque(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Drag torque -s_i k_d O^2 n_i."""
+    block = _block(layout, {})
+    for i, (s, n) in enumerate(zip(vehicle.spins, vehicle.axes, strict=True)):
+        block[MX:, layout.index(f"O2_{i + 1}")] = s * n
+    return {"kd": block}
+
+
+def rotor_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Spin-up reaction and gyroscopic torque -J_r (dH/dt + w x H)."""
+    del vehicle
+    block = _block(layout, {})
+    for row, axis in ((MX, "x"), (MY, "y"), (MZ, "z")):
+        for name in (f"dH{axis}", f"wxH_{axis}"):
+            if name in layout:
+                block[row, layout.index(name)] = 1.0
+    return {"Jr": block}
+
+
+def rotor_center(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Rotors displaced together by (t_x, t_y): torque t x thrust, parameters k_t t_x, k_t t_y."""
+    x, y = _block(layout, {}), _block(layout, {})
+    for i, n in enumerate(vehicle.axes):
+        column = layout.index(f"O2_{i + 1}")
+        x[MX:, column] = -np.cross([1.0, 0.0, 0.0], n)
+        y[MX:, column] = -np.cross([0.0, 1.0, 0.0], n)
+    return {"kt_rotor_center_x": x, "kt_rotor_center_y": y}
+
+
+def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Force and torque that do not change: what an accelerometer bias leaves, or a trim."""
+    del vehicle
+    names = ("Fx_0", "Fy_0", "Fz_0", "Mx_0", "My_0", "Mz_0")
+    return {name: _block(layout, {(row, "one"): -1}) for row, name in enumerate(names)}
+
+
+EFFECTS: dict[str, Callable[[Vehicle, SignalLayout], dict[str, Block]]] = {
+    "mass": body_mass,
+    "first_moments": body_first_moments,
+    "inertia": body_inertia,
+    "thrust": rotor_thrust,
+    "torque": rotor_torque,
+    "rotor_inertia": rotor_inertia,
+    "rotor_center": rotor_center,
+    "constant_wrench": constant_wrench,
+}
+"""Every effect of the model by name, in the order of its parameters."""
+
+
+def imu_lever(vehicle: Vehicle, layout: SignalLayout) -> Float[np.ndarray, "z z"]:
+    """Return the map from signals with the force at the IMU to signals with it at the origin.
+
+    For an IMU at p the accelerometer reads alpha + dw x p + w x (w x p), which is linear in the
+    signals of the same sample.
+    """
+    lever = np.eye(len(layout))
+    p = vehicle.imu_position
+    if p is None:
+        return lever
+    moved = body_first_moments(vehicle, layout)
+    for component, name in zip(p, ("msx", "msy", "msz"), strict=True):
+        lever[:3] -= component * moved[name][:3]
+    return lever
+
+
+def _block(layout: SignalLayout, entries: Mapping[tuple[int, str], float]) -> Block:
+    block = np.zeros((6, len(layout)))
+    for (row, name), value in entries.items():
+        block[row, layout.index(name)] = value
+    return block

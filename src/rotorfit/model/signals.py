@@ -1,0 +1,112 @@
+"""The signals of a flight: the few columns in which every equation of the model is linear.
+
+z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
+terms, 1). The spin terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with
+tilted rotors, three where all axes are z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.flight.data import FlightData
+from rotorfit.model.vehicle import Vehicle
+
+BODY_SIGNALS = (
+    *("ax", "ay", "az"),
+    *("dwx", "dwy", "dwz"),
+    *("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz"),
+)
+SPIN_SIGNALS = ("dHx", "dHy", "dHz", "wxH_x", "wxH_y", "wxH_z")
+ALIGNED_SPIN_SIGNALS = ("dHz", "wxH_x", "wxH_y")
+DERIVATIVES = ("dwx", "dwy", "dwz", "dHx", "dHy", "dHz")
+
+
+@dataclass(frozen=True, slots=True)
+class SignalLayout:
+    """Which signal stands in which column of Z."""
+
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def index(self, name: str) -> int:
+        """Return the column of one signal."""
+        return self.names.index(name)
+
+
+def signal_layout(vehicle: Vehicle) -> SignalLayout:
+    """Return the signals that the equations of this vehicle need."""
+    aligned = bool(np.all(vehicle.axes == [0.0, 0.0, 1.0]))
+    squares = tuple(f"O2_{i + 1}" for i in range(len(vehicle.rotors)))
+    spin = ALIGNED_SPIN_SIGNALS if aligned else SPIN_SIGNALS
+    return SignalLayout((*BODY_SIGNALS, *squares, *spin, "one"))
+
+
+def signal_matrix(
+    flight: FlightData, vehicle: Vehicle, start: int, stop: int
+) -> Float[np.ndarray, "n z"]:
+    """Return the signals of rows `start` to `stop` (exclusive) of a flight.
+
+    With ``"central"`` derivatives every other column is averaged with [1 4 1]/6, Simpson's rule
+    for the mean over the two samples that the difference spans, so that both sides of an equation
+    have seen the same filter; the rows next to `start` and `stop` must exist.
+
+    Returns
+    -------
+    Z
+        SI units, columns as in `signal_layout`.
+    """
+    if flight.differentiation == "exact":
+        return _raw_signals(flight, vehicle, slice(start, stop))
+    wide = _raw_signals(flight, vehicle, slice(start - 1, stop + 1))
+    layout = signal_layout(vehicle)
+    Z = wide[:-2] + wide[2:]
+    Z += 4.0 * wide[1:-1]
+    Z /= 6.0
+    exempt = [i for i, name in enumerate(layout.names) if name in DERIVATIVES]
+    Z[:, exempt] = wide[1:-1][:, exempt]
+    return Z
+
+
+def _raw_signals(flight: FlightData, vehicle: Vehicle, rows: slice) -> Float[np.ndarray, "n z"]:
+    """Return the signals without averaging."""
+    w = flight.angular_velocity[rows]
+    O = flight.rotor_speed[rows]
+    layout = signal_layout(vehicle)
+    N = len(vehicle.rotors)
+    Z = np.empty((len(w), len(layout)))
+    Z[:, 0:3] = flight.specific_force[rows]
+    Z[:, 3:6] = flight.angular_acceleration[rows]
+    np.multiply(w, w, out=Z[:, 6:9])
+    np.multiply(w[:, [0, 0, 1]], w[:, [1, 2, 2]], out=Z[:, 9:12])
+    np.multiply(O, O, out=Z[:, 12 : 12 + N])
+    _fill_spin(Z, layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
+    Z[:, -1] = 1.0
+    return Z
+
+
+def _fill_spin(
+    Z: Float[np.ndarray, "n z"],
+    layout: SignalLayout,
+    vehicle: Vehicle,
+    motion: tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n N"], Float[np.ndarray, "n N"]],
+) -> None:
+    """Write dH/dt and w x H into the columns of Z that the layout has for them."""
+    w, O, dO = motion
+    spin_axes = vehicle.spins[:, None] * vehicle.axes
+    if "dHx" not in layout:
+        Hz = O @ spin_axes[:, 2]
+        first = layout.index("dHz")
+        Z[:, first] = dO @ spin_axes[:, 2]
+        Z[:, first + 1] = w[:, 1] * Hz
+        Z[:, first + 2] = -w[:, 0] * Hz
+        return
+    first = layout.index("dHx")
+    Z[:, first : first + 3] = dO @ spin_axes
+    Z[:, first + 3 : first + 6] = np.cross(w, O @ spin_axes)
