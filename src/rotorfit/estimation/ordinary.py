@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
@@ -93,10 +94,12 @@ def block_covariance(problem: LinearProblem, estimate: Estimate) -> Estimate:
     b = len(scores)
     if b < 2:
         raise EstimationError("one block has no scatter: give at least two blocks of data")
-    H = information.sum(axis=0)
+    H: Float[np.ndarray, "f f"] = information.sum(axis=0)
     scale = np.sqrt(np.diagonal(H))
-    # Scaled, so that parameters of different units can be inverted together.
-    inverse = np.asarray(np.linalg.inv(H / np.outer(scale, scale))) / np.outer(scale, scale)
-    spread = inverse @ scores.T
+    # Scaled, so that parameters of different units can be solved for together.
+    spread = scipy.linalg.solve(
+        H / np.outer(scale, scale), scores.T / scale[:, None], assume_a="sym"
+    )
+    spread = spread / scale[:, None]
     covariance = spread @ spread.T * (b / (b - 1))
     return dataclasses.replace(estimate, covariance=covariance)
