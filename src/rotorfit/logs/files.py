@@ -1,9 +1,10 @@
 """Whole files: their bytes and their fingerprint, with errors that a person can act on."""
 
 import hashlib
+import os
 from pathlib import Path
 
-from rotorfit.errors import LogError
+from rotorfit.errors import LogError, OutputError
 
 
 def read_bytes(path: Path) -> bytes:
@@ -24,8 +25,20 @@ def read_bytes(path: Path) -> bytes:
     LogError
         If there is no such file, it is a directory, it is empty, or it may not be read.
     """
+    return read_head(path, -1)
+
+
+def read_head(path: Path, size: int) -> bytes:
+    """Return the first bytes of a file, at most `size`; all of them if it is negative.
+
+    Raises
+    ------
+    LogError
+        As `read_bytes`.
+    """
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            data = file.read(size)
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file: check the path") from error
     except IsADirectoryError as error:
@@ -60,3 +73,33 @@ def sha256_of(path: Path) -> str:
         As `read_bytes`.
     """
     return hashlib.sha256(read_bytes(path)).hexdigest()
+
+
+def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:
+    """Write a file whole or not at all: under another name first, then moved into place.
+
+    Parameters
+    ----------
+    path
+        The file to make, in a folder that exists.
+    content
+        Text is written as UTF-8 with line feeds.
+    force
+        Replace a file that is there.
+
+    Raises
+    ------
+    OutputError
+        If the file is there and may not be replaced, or it cannot be written.
+    """
+    if path.exists() and not force:
+        raise OutputError(f"{path}: is there already: choose another name, or force")
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+    try:
+        with unfinished.open("xb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+        unfinished.replace(path)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        reason = error.strerror or str(error)
+        raise OutputError(f"{path}: cannot be written ({reason}): check the folder") from error

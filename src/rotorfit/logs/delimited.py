@@ -1,0 +1,237 @@
+"""Columns of numbers in delimited text: any common delimiter, comments, gaps, quoted cells."""
+
+import csv
+import io
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import LogError
+
+_DELIMITERS: Final = (",", ";", "\t", "|")
+_COMMENTS: Final = ("#", "%")
+_ABSENT: Final = frozenset({"", "nan", "na", "n/a", "null", "none"})
+_NEWLINE: Final = b"\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DelimitedText:
+    """A text file that begins with a row of names.
+
+    Attributes
+    ----------
+    body
+        Everything behind that row, with a line feed between lines and none at the end.
+    names
+        Names of the columns.
+    delimiter
+        Between cells; None: any run of spaces and tabs.
+    first_line
+        Number of the body's first line in the file, from 1.
+    """
+
+    body: bytes
+    names: tuple[str, ...]
+    delimiter: str | None
+    first_line: int
+
+    def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
+        """Return columns as numbers, NaN where a cell is empty.
+
+        Raises
+        ------
+        LogError
+            If a row is too short or too long, or a cell holds text.
+        """
+        columns = [self.names.index(name) for name in names]
+        fast = _fast_numbers(self, columns)
+        return _careful_numbers(self, columns) if fast is None else fast
+
+    def place(self, row: int) -> str:
+        """Return the words for one row, counted from 0: its line in the file."""
+        line, _ = next(islice(_rows(self), row, None))
+        return f"line {line}"
+
+
+def open_delimited(data: bytes) -> DelimitedText:
+    """Return the table in a text file given as bytes.
+
+    Raises
+    ------
+    LogError
+        If the text has no row of names.
+    """
+    text = _with_line_feeds(data).rstrip(_NEWLINE) + _NEWLINE
+    start, line_number, comment = 0, 1, ""
+    while start < len(text):
+        end = text.index(_NEWLINE, start)
+        line = _decoded(text[start:end])
+        if line.strip() and not line.lstrip().startswith(_COMMENTS):
+            return _table_from(text, start, end, line_number, comment)
+        comment = line.strip().lstrip("#%") if line.strip() else comment
+        start, line_number = end + 1, line_number + 1
+    raise LogError("no row of column names: the file holds only comments and blank lines")
+
+
+def _table_from(text: bytes, start: int, end: int, line_number: int, comment: str) -> DelimitedText:
+    """Return the table whose first line that is no comment lies between start and end."""
+    first = _decoded(text[start:end])
+    names, delimiter = _cells_of_header(first)
+    if not all(_is_number(name) for name in names):
+        return DelimitedText(
+            body=text[end + 1 : -1], names=names, delimiter=delimiter, first_line=line_number + 1
+        )
+    # numpy.savetxt and others write the names as the last comment before the numbers.
+    commented, comment_delimiter = _cells_of_header(comment)
+    if len(commented) != len(names) or comment_delimiter != delimiter or not any(commented):
+        raise LogError(
+            f"no row of column names: line {line_number} holds numbers only; "
+            "write the names above, time,gyro_x,... in the order of the columns"
+        )
+    return DelimitedText(
+        body=text[start:-1], names=commented, delimiter=delimiter, first_line=line_number
+    )
+
+
+def _with_line_feeds(data: bytes) -> bytes:
+    """Return the text in an ASCII superset, without byte-order mark, with line feeds only."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        try:
+            data = data.decode("utf-16").encode()
+        except UnicodeDecodeError as error:
+            raise LogError(f"damaged UTF-16 text ({error.reason}): save it as UTF-8") from error
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", _NEWLINE).replace(b"\r", _NEWLINE)
+    return data
+
+
+def _decoded(line: bytes) -> str:
+    try:
+        return line.decode()
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
+
+
+def _cells_of_header(line: str) -> tuple[tuple[str, ...], str | None]:
+    """Return the cells of a line and the delimiter that makes most of them."""
+    delimiter = max(_DELIMITERS, key=lambda candidate: len(_split(line, candidate)))
+    cells = _split(line, delimiter)
+    if len(cells) < 2 and '"' not in line and len(line.split()) > 1:
+        return tuple(line.split()), None
+    return tuple(cell.strip().strip("\"'") for cell in cells), delimiter
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    try:
+        return [
+            cell
+            for cells in csv.reader([line], delimiter=delimiter, skipinitialspace=True)
+            for cell in cells
+        ]
+    except csv.Error as error:
+        raise LogError(f"no row of column names ({error})") from error
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return not cell.strip()
+    return True
+
+
+def _fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"] | None:
+    """Return the columns by numpy's parser in C; None where the text is not plain enough."""
+    body, delimiter = table.body, table.delimiter
+    if b'"' in body or delimiter is None or not _rows_are_even(table):
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            return np.loadtxt(
+                io.BytesIO(_with_nan_in_gaps(body, delimiter.encode())),
+                delimiter=delimiter,
+                usecols=list(columns),
+                ndmin=2,
+                encoding="latin-1",
+            )
+    except (ValueError, UserWarning):
+        return None
+
+
+def _rows_are_even(table: DelimitedText) -> bool:
+    """Tell whether every line has one cell for each name; numpy looks only at those it is asked."""
+    text = np.frombuffer(table.body + _NEWLINE, np.uint8)
+    ends = np.flatnonzero(text == ord(_NEWLINE))
+    delimiters = np.flatnonzero(text == ord(table.delimiter or " "))
+    per_line = np.diff(np.searchsorted(delimiters, ends), prepend=0)
+    return bool((per_line == len(table.names) - 1).all())
+
+
+def _with_nan_in_gaps(body: bytes, delimiter: bytes) -> bytes:
+    """Return the text with "nan" in its empty cells."""
+    if delimiter + delimiter in body:
+        # Twice: of three delimiters in a row, one pass sees only the first two.
+        for _ in range(2):
+            body = body.replace(delimiter + delimiter, delimiter + b"nan" + delimiter)
+    body = body.replace(delimiter + _NEWLINE, delimiter + b"nan\n")
+    body = body.replace(_NEWLINE + delimiter, b"\nnan" + delimiter)
+    return (
+        (b"nan" if body.startswith(delimiter) else b"")
+        + body
+        + (b"nan" if body.endswith(delimiter) else b"")
+    )
+
+
+def _careful_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"]:
+    """Return the columns cell by cell, with the line in every complaint."""
+    values: list[list[float]] = []
+    for line, cells in _rows(table):
+        if len(cells) != len(table.names):
+            raise LogError(
+                f"line {line} has {len(cells)} cells, the header has {len(table.names)}: "
+                "complete or remove the line"
+            )
+        values.append([_number(cells[i], line, table.names[i]) for i in columns])
+    return np.array(values, dtype=np.float64).reshape(len(values), len(columns))
+
+
+def _number(cell: str, line: int, column: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        text = cell.strip()
+    if text.lower() in _ABSENT:
+        return float("nan")
+    comma = ": write decimals with a point" if _is_number(text.replace(",", ".", 1)) else ""
+    raise LogError(f"line {line}, column {column!r}: {text[:40]!r} is not a number{comma}")
+
+
+def _rows(table: DelimitedText) -> Iterator[tuple[int, list[str]]]:
+    """Yield line number and cells of every line that is neither blank nor a comment."""
+    lines = _decoded(table.body).split("\n")
+    if table.delimiter is None:
+        split = ((number, line.split()) for number, line in enumerate(lines, table.first_line))
+    else:
+        split = _quoted_rows(lines, table.delimiter, table.first_line)
+    for number, cells in split:
+        blank = not any(cell.strip() for cell in cells) and len(cells) < 2
+        if not blank and not cells[0].lstrip().startswith(_COMMENTS):
+            yield number, cells
+
+
+def _quoted_rows(
+    lines: list[str], delimiter: str, first_line: int
+) -> Iterator[tuple[int, list[str]]]:
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+    try:
+        for cells in reader:
+            yield first_line + reader.line_num - 1, cells
+    except csv.Error as error:
+        raise LogError(f"line {first_line + reader.line_num - 1}: {error}") from error

@@ -1,0 +1,177 @@
+"""Any log to a FlightLog: the format is told from the content, not from the name."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import FlightLog
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.columns import ColumnSpec
+from rotorfit.logs.files import read_head
+
+_HEAD: Final = 65536
+_PRINTABLE: Final = bytes(range(32, 256)) + b"\t\n\r\f"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadOptions:
+    """What a reader is told besides the file.
+
+    Attributes
+    ----------
+    format
+        Name of a format of `FORMATS`; None: told from the content.
+    log_number
+        Which log of a file with several, from 1; None: the reader's choice.
+    columns
+        For tables: canonical name to column.
+    axes
+        For tables: the file's body axes.
+    motor_poles
+        For tables: magnet poles of a motor, for rotor speeds in ``erpm``.
+    """
+
+    format: str | None = None
+    log_number: int | None = None
+    columns: Mapping[str, ColumnSpec] | None = None
+    axes: Axes = "FLU"
+    motor_poles: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """A format that rotorfit reads.
+
+    Attributes
+    ----------
+    name
+        As in `ReadOptions` and `FlightLog`.
+    title
+        For people.
+    recognises
+        Tells from the first bytes of a file whether it has this format.
+    read
+        The reader.
+    """
+
+    name: str
+    title: str
+    recognises: Callable[[bytes], bool]
+    read: Callable[[Path, ReadOptions], FlightLog]
+
+
+def read_log(path: Path, *, options: ReadOptions | None = None) -> FlightLog:
+    """Return the flight in a file of any format that rotorfit reads.
+
+    Parameters
+    ----------
+    path
+        The log.
+    options
+        What to take from it and how; None: `ReadOptions` as it stands.
+
+    Raises
+    ------
+    LogError
+        If the format is not read by rotorfit, or the file is damaged.
+    """
+    chosen = options or ReadOptions()
+    if chosen.format is not None:
+        return _format_named(chosen.format).read(path, chosen)
+    head = read_head(path, _HEAD)
+    for candidate in FORMATS:
+        if candidate.recognises(head):
+            return candidate.read(path, chosen)
+    raise LogError(f"{path}: {_what_it_is(head)}; rotorfit reads {_titles()}")
+
+
+def _format_named(name: str) -> Format:
+    for candidate in FORMATS:
+        if candidate.name == name:
+            return candidate
+    raise LogError(f"unknown format {name!r}: one of {', '.join(f.name for f in FORMATS)}")
+
+
+def _titles() -> str:
+    return ", ".join(candidate.title for candidate in FORMATS)
+
+
+def _what_it_is(head: bytes) -> str:
+    for name, recognises in FOREIGN:
+        if recognises(head):
+            return f"looks like {name}, which rotorfit does not read (yet)"
+    return f"unknown format (begins with {head[:8].hex(' ')})"
+
+
+def _is_blackbox(head: bytes) -> bool:
+    from rotorfit.logs.blackbox import is_blackbox
+
+    return is_blackbox(head)
+
+
+def _read_blackbox(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs.blackbox import read_blackbox
+
+    if options.columns or options.axes != "FLU":
+        what = "a columns map" if options.columns else "axes"
+        raise LogError(f"{path}: a Blackbox log names its own fields and axes: leave out {what}")
+    return read_blackbox(path, log_number=options.log_number)
+
+
+def _is_table(head: bytes) -> bool:
+    """Tell whether the bytes are Parquet or text that may begin with a row of names."""
+    if head.startswith((b"PAR1", b"\xff\xfe", b"\xfe\xff")):
+        return True
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    is_foreign = any(recognises(text) for _, recognises in FOREIGN)
+    return bool(text) and not text.translate(None, _PRINTABLE) and not is_foreign
+
+
+def _read_table(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs.table import read_table
+
+    if options.log_number not in (None, 1):
+        raise LogError(f"{path}: a table is one log, there is no log {options.log_number}")
+    return read_table(
+        path, columns=options.columns, axes=options.axes, motor_poles=options.motor_poles
+    )
+
+
+def _begins(*magic: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(magic)
+
+
+FORMATS: Final = (
+    Format(
+        name="blackbox",
+        title="Blackbox (Betaflight, INAV, INDIflight)",
+        recognises=_is_blackbox,
+        read=_read_blackbox,
+    ),
+    Format(
+        name="table",
+        title="flight tables (CSV or Parquet)",
+        recognises=_is_table,
+        read=_read_table,
+    ),
+)
+"""What rotorfit reads, tried in this order. A new format is one row."""
+
+FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
+    ("a PX4 ULog", _begins(b"ULog\x01\x12\x35")),
+    ("an ArduPilot DataFlash log", _begins(b"\xa3\x95")),
+    ("a ROS 1 bag", _begins(b"#ROSBAG V")),
+    ("an MCAP recording", _begins(b"\x89MCAP0\r\n")),
+    ("an SQLite database, perhaps a ROS 2 bag", _begins(b"SQLite format 3\x00")),
+    ("a Crazyflie micro-SD log", _begins(b"\xbc")),
+    ("a zip archive: unpack it first", _begins(b"PK\x03\x04", b"PK\x05\x06")),
+    ("a gzip archive: unpack it first", _begins(b"\x1f\x8b")),
+    ("a PDF document", _begins(b"%PDF")),
+    ("an image", _begins(b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*")),
+    ("a MATLAB file", _begins(b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n")),
+    ("JSON", _begins(b"{", b"[")),
+    ("a web page or other XML", _begins(b"<")),
+)
+"""Formats that are met where logs are kept, but not read."""

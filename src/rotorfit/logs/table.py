@@ -1,0 +1,369 @@
+"""The flight table: one row a time, one column a quantity, as CSV or Parquet."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final, Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import LogError, OutputError
+from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.logs.axes import Axes, attitude_from_euler, attitude_to_flu, vectors_to_flu
+from rotorfit.logs.columns import (
+    EULER,
+    TIME,
+    ColumnSpec,
+    Group,
+    complete_groups,
+    quantity_of,
+    resolve,
+    unit_of,
+)
+from rotorfit.logs.delimited import open_delimited
+from rotorfit.logs.files import read_bytes, write_whole
+from rotorfit.logs.parquet import MAGIC as PARQUET_MAGIC
+from rotorfit.logs.parquet import open_parquet
+from rotorfit.logs.units import UNITS, Conversion, conversion
+
+_LONGEST_STEP: Final = 0.5
+_SHORTEST_STEP: Final = 1e-6
+_USUAL_STEP: Final = 4e-3
+"""Median time between rows that a flight log may have, and what it usually has [s]."""
+
+_FULLEST_COMMAND: Final = 2.0
+"""A command beyond this is no fraction of full."""
+
+_VECTORS: Final = ("gyro", "accel", "velocity", "position")
+_NOT_TO_BE_EMPTY: Final = ("gyro", "accel", "rotor_speed", "command")
+_FEWEST_LEVELS: Final = 16
+_SAMPLES_FOR_RESOLUTION: Final = 50_000
+
+
+class _Source(Protocol):
+    """A file opened as a table."""
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+    def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]: ...
+
+    def place(self, row: int) -> str: ...
+
+
+def read_table(
+    path: Path,
+    *,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    axes: Axes = "FLU",
+    motor_poles: int | None = None,
+) -> FlightLog:
+    """Return the flight in a table.
+
+    Parameters
+    ----------
+    path
+        CSV (any common delimiter) or Parquet.
+    columns
+        Canonical name to column, for a file with other names or units. Columns that have a
+        canonical name in the file are read besides.
+    axes
+        Of angular velocity, acceleration and velocity in the file. With FRD, attitude is from body
+        FRD to world north-east-down and position is in that world.
+    motor_poles
+        Magnet poles of a motor, for rotor speeds in ``erpm``.
+
+    Raises
+    ------
+    LogError
+        If the file is no table, lacks a column, or holds something that cannot be meant.
+    """
+    data = read_bytes(path)
+    try:
+        source = open_parquet(data) if data.startswith(PARQUET_MAGIC) else open_delimited(data)
+        channels, notes, time = _channels(source, columns or {}, axes, motor_poles)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error.__cause__
+    return FlightLog(
+        path=path,
+        sha256=hashlib.sha256(data).hexdigest(),
+        format="table",
+        channels=channels,
+        seconds=float(time[-1]) - float(time[0]),
+        metadata={"rows": str(len(time)), "columns": ", ".join(source.names)},
+        notes=tuple(notes),
+    )
+
+
+def _channels(
+    source: _Source, columns: Mapping[str, ColumnSpec], axes: Axes, motor_poles: int | None
+) -> tuple[dict[str, Channel], list[str], Float[np.ndarray, " n"]]:
+    """Return channels, notes, and the clock of the table."""
+    specs = resolve(source.names, columns)
+    groups, notes = complete_groups(specs, columns)
+    values = _si_values(source, specs, groups, motor_poles)
+    timed = np.isfinite(values[TIME])
+    time = values[TIME][timed]
+    _check_clock(source, timed, time, specs[TIME])
+    if not timed.all():
+        notes.append(f"Left out {np.count_nonzero(~timed)} rows without a time.")
+    if axes == "FRD":
+        notes.append("Turned from FRD to FLU axes, and the world from north-east-down to z up.")
+    channels: dict[str, Channel] = {}
+    for group in groups:
+        block = np.stack([values[name][timed] for name in group.names], axis=1)
+        _check_values(group, block, specs)
+        if np.isfinite(block).any(axis=0).all():
+            channels[group.channel] = _channel(group, time, block, specs, axes, notes)
+        elif group.channel in _NOT_TO_BE_EMPTY:
+            raise LogError(_empty_column(group, block, specs))
+        else:
+            notes.append(f"Left out {group.channel}: {_empty_column(group, block, specs)}.")
+    return channels, notes, time
+
+
+def _si_values(
+    source: _Source,
+    specs: Mapping[str, ColumnSpec],
+    groups: Sequence[Group],
+    motor_poles: int | None,
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return every column that is needed, by canonical name, in SI units; NaN for no number."""
+    wanted = [TIME, *(name for group in groups for name in group.names)]
+    to_si = {name: _conversion(name, specs[name], motor_poles) for name in wanted}
+    recorded = source.numbers([specs[name].name for name in wanted])
+    values: dict[str, Float[np.ndarray, " n"]] = {}
+    for name, column in zip(wanted, recorded.T, strict=True):
+        spec = specs[name]
+        with np.errstate(over="ignore", invalid="ignore"):
+            value = to_si[name](column * spec.scale + spec.offset)
+        values[name] = np.where(np.isfinite(value), value, np.nan)
+    return values
+
+
+def _conversion(name: str, spec: ColumnSpec, motor_poles: int | None) -> Conversion:
+    quantity = quantity_of(name)
+    assert quantity is not None  # resolve() let only canonical names pass
+    if not (np.isfinite([spec.scale, spec.offset]).all() and spec.scale != 0):
+        raise LogError(
+            f"column {spec.name!r} for {name!r}: scale {spec.scale:g} and offset {spec.offset:g} "
+            "must be finite, and the scale not 0"
+        )
+    if spec.range is not None and quantity != "command":
+        raise LogError(f"column {spec.name!r} for {name!r}: only a command has a range")
+    try:
+        return conversion(
+            quantity, unit_of(name, spec), motor_poles=motor_poles, recorded_range=spec.range
+        )
+    except LogError as error:
+        raise LogError(f"column {spec.name!r} for {name!r}: {error}") from error.__cause__
+
+
+def _check_clock(
+    source: _Source,
+    timed: Bool[np.ndarray, " n"],
+    time: Float[np.ndarray, " m"],
+    spec: ColumnSpec,
+) -> None:
+    """Raise if the rows cannot be instants of one flight, in order, in the stated unit."""
+    if len(timed) == 0:
+        raise LogError("no rows below the column names: nothing was recorded")
+    if len(time) == 0:
+        raise LogError(f"column {spec.name!r} for {TIME!r} holds no number")
+    if len(time) == 1:
+        raise LogError("one sample only: a flight log needs two at least, and seconds of flight")
+    with np.errstate(over="ignore"):
+        steps = np.diff(time)
+    if (steps < 0).any():
+        first = int(np.argmax(steps < 0))
+        row = int(np.flatnonzero(timed)[first + 1])
+        raise LogError(
+            f"{source.place(row)}: time goes back from {time[first]:.9g} to "
+            f"{time[first + 1]:.9g} s: sort the rows, or keep one recording a file"
+        )
+    if not (steps > 0).any():
+        raise LogError(f"all {len(time)} rows have the time {time[0]:.9g} s: the clock stands")
+    _check_time_unit(float(np.median(steps[steps > 0])), spec)
+
+
+def _check_time_unit(step: float, spec: ColumnSpec) -> None:
+    if _SHORTEST_STEP <= step <= _LONGEST_STEP:
+        return
+    unit = unit_of(TIME, spec)
+    recorded = step / UNITS["time"].get(unit.strip(), 1.0)
+    fitting = {
+        name: abs(np.log(recorded * seconds / _USUAL_STEP))
+        for name, seconds in UNITS["time"].items()
+        if 1e-5 <= recorded * seconds <= _LONGEST_STEP
+    }
+    start = f"rows are {step:.4g} s apart with {spec.name!r} in {unit}"
+    if not fitting:
+        raise LogError(f"{start}: not a flight log, which has several rows a second")
+    best = min(fitting, key=lambda name: fitting[name])
+    raise LogError(
+        f"{start}; {best} would fit: say so with "
+        f'columns = {{ {TIME} = {{ name = "{spec.name}", unit = "{best}" }} }}'
+    )
+
+
+def _check_values(
+    group: Group, block: Float[np.ndarray, "n k"], specs: Mapping[str, ColumnSpec]
+) -> None:
+    """Raise where the numbers are certainly not in the stated unit."""
+    largest = np.max(np.abs(np.nan_to_num(block)), axis=0)
+    for name, value in zip(group.names, largest, strict=True):
+        spec = specs[name]
+        if group.channel == "command" and value > _FULLEST_COMMAND:
+            raise LogError(
+                f"column {spec.name!r} for {name!r} reaches {value:.5g}, expected 0 (stop) to 1 "
+                f'(full): say what it holds, as {name} = {{ name = "{spec.name}", '
+                'unit = "us", range = [1000, 2000] }, or unit "%", or a scale'
+            )
+        # Yaw may be counted over several turns; roll and pitch of a table hardly are.
+        if name in EULER.names[:2] and spec.unit is None and value > 2 * np.pi:
+            raise LogError(
+                f"column {spec.name!r} for {name!r} reaches {value:.4g}, too much for rad: "
+                f'say the unit, as {name} = {{ name = "{spec.name}", unit = "deg" }}'
+            )
+
+
+def _empty_column(
+    group: Group, block: Float[np.ndarray, "n k"], specs: Mapping[str, ColumnSpec]
+) -> str:
+    empty = int(np.argmin(np.isfinite(block).any(axis=0)))
+    name = group.names[empty]
+    return f"column {specs[name].name!r} for {name!r} holds no number"
+
+
+def _channel(
+    group: Group,
+    time: Float[np.ndarray, " n"],
+    block: Float[np.ndarray, "n k"],
+    specs: Mapping[str, ColumnSpec],
+    axes: Axes,
+    notes: list[str],
+) -> Channel:
+    """Return one channel on its own clock: the rows in which any of its columns has a number."""
+    recorded = np.isfinite(block).any(axis=1)
+    values = block[recorded]
+    resolution = None if group is EULER else resolution_of(values)
+    if group.channel == "attitude":
+        quaternion = attitude_from_euler(values) if group is EULER else _unit(values, notes)
+        values = attitude_to_flu(quaternion, axes)
+    elif group.channel in _VECTORS:
+        values = vectors_to_flu(values, axes)
+    return Channel(
+        time=time[recorded], values=values, source=_source(group, specs), resolution=resolution
+    )
+
+
+def _unit(quaternion: Float[np.ndarray, "n 4"], notes: list[str]) -> Float[np.ndarray, "n 4"]:
+    """Return quaternions of length 1; those that cannot be rounding of such become NaN."""
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(quaternion, axis=1)
+    good = np.abs(length - 1) < 0.05
+    if np.count_nonzero(good) < len(good) / 2:
+        known = length[np.isfinite(length)]
+        median = f" (median {np.median(known):.3g})" if len(known) else ""
+        raise LogError(
+            f"most quaternions have not length 1{median}: check the columns and their scale"
+        )
+    if not good.all():
+        notes.append(f"{np.count_nonzero(~good)} attitudes are no unit quaternions: set to NaN.")
+    return quaternion / np.where(good, length, np.nan)[:, np.newaxis]
+
+
+def _source(group: Group, specs: Mapping[str, ColumnSpec]) -> str:
+    """Return where a channel comes from, in the file's own words."""
+    used = [specs[name] for name in group.names]
+    scales = {
+        f"{'' if spec.scale == 1 else f' x {spec.scale:g}'}"
+        f"{'' if spec.offset == 0 else f' + {spec.offset:g}'} [{unit_of(name, spec)}]"
+        for name, spec in zip(group.names, used, strict=True)
+    }
+    if len(scales) == 1:
+        return f"columns {', '.join(spec.name for spec in used)}{scales.pop()}"
+    return f"columns {', '.join(spec.name for spec in used)}, each in its own unit"
+
+
+def resolution_of(values: Float[np.ndarray, "n k"]) -> float | None:
+    """Return the step of the grid on which recorded values lie, None if they lie on none.
+
+    A column lies on a grid if the steps between its distinct values are whole multiples of the
+    smallest one (to a tenth, since converters round), and if the values are not too few to tell.
+    """
+    thinned = values[:: max(1, len(values) // _SAMPLES_FOR_RESOLUTION)]
+    steps = [_grid_step(column[np.isfinite(column)]) for column in thinned.T]
+    known = [step for step in steps if step is not None]
+    return min(known) if len(known) == len(steps) > 0 else None
+
+
+def _grid_step(column: Float[np.ndarray, " n"]) -> float | None:
+    levels: Float[np.ndarray, " m"] = np.unique(column)
+    if len(levels) < _FEWEST_LEVELS:
+        return None
+    with np.errstate(over="ignore"):
+        steps = np.diff(levels)
+        rounding = 8 * np.spacing(np.max(np.abs(levels)))
+        steps = steps[steps > rounding]
+        if len(steps) < _FEWEST_LEVELS - 1:
+            return None
+        multiples = steps / np.min(steps)
+    if not np.isfinite(multiples).all():
+        return None
+    on_grid = np.abs(multiples - np.round(multiples)) < 0.1
+    return float(np.min(steps)) if np.mean(on_grid) > 0.95 else None
+
+
+def format_table(columns: Mapping[str, Float[np.ndarray, " n"]]) -> str:
+    """Return canonical columns as CSV text that reads back to the same numbers.
+
+    Parameters
+    ----------
+    columns
+        Canonical name (such as ``gyro_x``) to values in SI units; NaN becomes an empty cell.
+
+    Raises
+    ------
+    OutputError
+        If a name is not canonical, there is no time, or the lengths differ.
+    """
+    unknown = [name for name in columns if quantity_of(name) is None]
+    if unknown:
+        raise OutputError(f"{unknown[0]!r} is no column of a flight table: use {TIME}, gyro_x, ...")
+    if TIME not in columns:
+        raise OutputError(f"a flight table needs the column {TIME!r} [s]")
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise OutputError(f"the columns of a flight table differ in length: {listed}")
+    cells = [[_cell(value) for value in column.tolist()] for column in columns.values()]
+    rows = [",".join(columns), *(",".join(row) for row in zip(*cells, strict=True))]
+    return "\n".join(rows) + "\n"
+
+
+def _cell(value: float) -> str:
+    return repr(value) if value == value else ""  # NaN alone differs from itself
+
+
+def write_table(
+    path: Path, columns: Mapping[str, Float[np.ndarray, " n"]], *, force: bool = False
+) -> None:
+    """Write canonical columns as CSV, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The file to make.
+    columns
+        As of `format_table`.
+    force
+        Replace a file that is there.
+
+    Raises
+    ------
+    OutputError
+        If the columns make no flight table, or the file is there or cannot be written.
+    """
+    write_whole(path, format_table(columns), force=force)

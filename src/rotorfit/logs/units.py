@@ -1,0 +1,178 @@
+"""Recorded units to SI: every conversion is one factor and one offset."""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import LogError
+
+Quantity = Literal[
+    "time",
+    "angular velocity",
+    "rotor speed",
+    "acceleration",
+    "command",
+    "voltage",
+    "velocity",
+    "position",
+    "angle",
+    "quaternion",
+]
+
+STANDARD_GRAVITY: Final = 9.80665
+"""The acceleration that accelerometers call 1 g [m/s^2]."""
+
+_REVOLUTION = 2.0 * pi
+_DEGREE = pi / 180.0
+
+UNITS: Final[Mapping[Quantity, Mapping[str, float]]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "angular velocity": {
+        "rad/s": 1.0,
+        "mrad/s": 1e-3,
+        "deg/s": _DEGREE,
+        "rpm": _REVOLUTION / 60.0,
+        "Hz": _REVOLUTION,
+    },
+    "rotor speed": {
+        "rad/s": 1.0,
+        "deg/s": _DEGREE,
+        "rpm": _REVOLUTION / 60.0,
+        "erpm": _REVOLUTION / 60.0,
+        "Hz": _REVOLUTION,
+    },
+    "acceleration": {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY},
+    "command": {"1": 1.0, "%": 1e-2, "us": 1.0, "counts": 1.0},
+    "voltage": {"V": 1.0, "mV": 1e-3},
+    "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+    "position": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "angle": {"rad": 1.0, "deg": _DEGREE},
+    "quaternion": {"1": 1.0},
+}
+"""SI value of one recorded unit, by kind of quantity; the first unit is the SI unit itself.
+
+``erpm`` (electrical revolutions per minute) is divided by the pole pairs besides; ``us`` (pulse
+width) and ``counts`` of a command are placed in the stated range instead.
+"""
+
+_ALIASES: Final[Mapping[str, str]] = {
+    "sec": "s",
+    "µs": "us",
+    "μs": "us",
+    "rad/sec": "rad/s",
+    "dps": "deg/s",
+    "°/s": "deg/s",
+    "°": "deg",
+    "RPM": "rpm",
+    "eRPM": "erpm",
+    "rev/s": "Hz",
+    "m/s2": "m/s^2",
+    "m/s**2": "m/s^2",
+    "m/s²": "m/s^2",
+    "": "1",
+}
+
+_NEEDS_RANGE: Final = ("us", "counts")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conversion:
+    """SI value = factor * recorded value + offset.
+
+    Attributes
+    ----------
+    factor
+        SI units per recorded unit.
+    offset
+        SI value of a recorded zero.
+    """
+
+    factor: float
+    offset: float = 0.0
+
+    def __call__(self, recorded: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Return the SI values of recorded values; what overflows becomes infinite."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return recorded * self.factor + self.offset
+
+
+def si_unit(quantity: Quantity) -> str:
+    """Return the SI unit of a kind of quantity."""
+    return next(iter(UNITS[quantity]))
+
+
+def conversion(
+    quantity: Quantity,
+    unit: str,
+    *,
+    motor_poles: int | None = None,
+    recorded_range: tuple[float, float] | None = None,
+) -> Conversion:
+    """Return the conversion of one recorded unit to SI.
+
+    Parameters
+    ----------
+    quantity
+        What was recorded.
+    unit
+        The unit it was recorded in, one of `UNITS`.
+    motor_poles
+        Number of magnet poles of the motor, needed for ``erpm``: a rotor turns once in
+        poles / 2 electrical revolutions.
+    recorded_range
+        Recorded values of a stopped and of a full command, needed for ``us`` and ``counts``.
+
+    Raises
+    ------
+    LogError
+        If the unit is not known for this quantity, or the poles or range it needs are missing.
+    """
+    known = _known_unit(quantity, unit)
+    if quantity == "command" and (known in _NEEDS_RANGE or recorded_range is not None):
+        return _command_in_range(known, recorded_range)
+    factor = UNITS[quantity][known]
+    return Conversion(factor=factor / _pole_pairs(motor_poles) if known == "erpm" else factor)
+
+
+def _known_unit(quantity: Quantity, unit: str) -> str:
+    units = UNITS[quantity]
+    name = unit.strip()
+    name = _ALIASES.get(name, name)
+    if name in units:
+        return name
+    close = difflib.get_close_matches(name.lower(), [u.lower() for u in units], n=1, cutoff=0.4)
+    nearest = [u for u in units if close and u.lower() == close[0]]
+    hint = f"did you mean {nearest[0]!r}? " if nearest else ""
+    raise LogError(f"unknown unit {unit!r} of {quantity}: {hint}known are {', '.join(units)}")
+
+
+def _command_in_range(unit: str, recorded_range: tuple[float, float] | None) -> Conversion:
+    if recorded_range is None:
+        example = "[1000, 2000]" if unit == "us" else "[0, 65535]"
+        raise LogError(
+            f"a command in {unit} needs the recorded values of stop and full: "
+            f"add range = {example} or what the log uses"
+        )
+    low, high = recorded_range
+    if not (np.isfinite([low, high]).all() and low != high):
+        raise LogError(
+            f"range = [{low:g}, {high:g}] of a command: the recorded values of stop and of full "
+            "must be two different finite numbers"
+        )
+    return Conversion(factor=1.0 / (high - low), offset=-low / (high - low))
+
+
+def _pole_pairs(motor_poles: int | None) -> float:
+    if motor_poles is None:
+        raise LogError(
+            "rotor speeds in erpm need the number of magnet poles of the motors: "
+            "give motor_poles (often 14), or record rpm"
+        )
+    if motor_poles < 2 or motor_poles % 2:
+        raise LogError(f"motor_poles = {motor_poles}: magnet poles come in pairs, 2 or more")
+    return motor_poles / 2
