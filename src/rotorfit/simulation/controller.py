@@ -1,0 +1,218 @@
+"""The autopilot: a cascade from position to attitude to rates to rotor speeds, as in PX4.
+
+It sees the true state: sensor noise does not come back through the motors, so that one flight can
+be measured with any number of noises.
+"""
+
+from dataclasses import dataclass
+from math import atan2, cos, sin
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation.body import State
+from rotorfit.simulation.motors import allocation
+from rotorfit.simulation.pilot import Reference
+from rotorfit.simulation.truth import GRAVITY, Truth
+from rotorfit.simulation.vectors import (
+    Matrix,
+    Vector,
+    clip,
+    no_type_check,
+    quaternion_from_euler,
+    rotation,
+    rotation_vector_between,
+    times,
+    yaw_of,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gains:
+    """Gains of the loops, from the outermost to the innermost.
+
+    Attributes
+    ----------
+    position, velocity
+        Horizontal acceleration per error [1/s^2, 1/s].
+    height, climb
+        Vertical acceleration per error [1/s^2, 1/s].
+    hold_tilt
+        Largest tilt that the position hold may add to a stick [rad].
+    attitude
+        Rate per angle about each body axis [1/s].
+    rate
+        Angular acceleration per rate error about each body axis [1/s].
+    damping
+        Fraction of the angular acceleration that is fed back; 1 halves the motor lag.
+    integral
+        Growth of the torque trim, as angular acceleration per angle [1/s^2].
+    """
+
+    position: float = 0.5
+    velocity: float = 0.8
+    height: float = 0.6
+    climb: float = 0.8
+    hold_tilt: float = 0.2
+    attitude: Vector = (8.0, 8.0, 2.5)
+    rate: Vector = (22.0, 22.0, 8.0)
+    damping: float = 1.0
+    integral: float = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Autopilot:
+    """The autopilot of one vehicle.
+
+    Attributes
+    ----------
+    mass, inertia
+        What it believes of the vehicle: mass [kg] and diagonal of the inertia [kg m^2].
+    mixer
+        Squared speeds per vertical force and torque, the pseudo-inverse of the allocation.
+    speed_limits
+        Lowest speed of a running motor and highest speed [rad/s].
+    period
+        Time between two commands [s].
+    gains
+        Of the loops.
+    """
+
+    mass: float
+    inertia: Vector
+    mixer: Float[np.ndarray, "N 4"]
+    speed_limits: tuple[float, float]
+    period: float
+    gains: Gains
+
+
+class Memory(NamedTuple):
+    """What the autopilot remembers from one sample to the next.
+
+    Attributes
+    ----------
+    yaw
+        Heading asked for [rad].
+    trim
+        Integrated torque [N m].
+    angular_velocity
+        Of the last sample [rad/s].
+    """
+
+    yaw: float
+    trim: Vector
+    angular_velocity: Vector
+
+
+def autopilot_of(
+    truth: Truth, vehicle: Vehicle, *, thrust_to_weight: float, period: float, gains: Gains
+) -> Autopilot:
+    """Return an autopilot tuned for a vehicle, which ignores what its rotors differ by.
+
+    The largest speed follows from thrust over weight; the lowest gives 2 % of the weight.
+    """
+    nominal = allocation(vehicle, kt=np.full(len(vehicle.rotors), truth.kt), kd=truth.kd)
+    lift = float(nominal[2].sum())
+    highest = (thrust_to_weight * truth.mass * GRAVITY / lift) ** 0.5
+    lowest = (0.02 * truth.mass * GRAVITY / lift) ** 0.5
+    return Autopilot(
+        mass=truth.mass,
+        inertia=truth.inertia[:3],
+        mixer=np.linalg.pinv(nominal[2:]),
+        speed_limits=(lowest, highest),
+        period=period,
+        gains=gains,
+    )
+
+
+def trimmed(truth: Truth) -> Memory:
+    """Return the memory of an autopilot that has flown this vehicle before: ms x a at hover."""
+    x, y, _ = truth.first_moments
+    return Memory(0.0, (y * GRAVITY, -x * GRAVITY, 0.0), (0.0, 0.0, 0.0))
+
+
+@no_type_check
+def mix(autopilot: Autopilot, lift: float, torque: Vector) -> Float[np.ndarray, " N"]:
+    """Return the commanded speeds for a force along body z and a torque, within their limits."""
+    squares = autopilot.mixer @ np.array([lift, *torque])
+    lowest, highest = autopilot.speed_limits
+    return np.sqrt(np.minimum(np.maximum(squares, lowest**2), highest**2))
+
+
+@no_type_check
+def control(
+    autopilot: Autopilot, memory: Memory, state: State, reference: Reference, *, grounded: bool
+) -> tuple[Float[np.ndarray, " N"], Memory]:
+    """Return the commanded rotor speeds [rad/s] at one sample, and what to remember.
+
+    On the ground the integrators rest, and the motors stand still unless the pilot spools them up.
+    """
+    w = (state[0], state[1], state[2])
+    R = rotation((state[3], state[4], state[5], state[6]))
+    roll, pitch, lift = _outer_loops(autopilot, state, R, reference)
+    yaw = yaw_of(R) if grounded else memory.yaw + reference.yaw_rate * autopilot.period
+    asked = _rates_asked(autopilot, state, R, (roll, pitch, yaw), reference.yaw_rate)
+    torque, trim = _rate_loop(autopilot, memory, w, asked)
+    remembered = Memory(yaw, memory.trim if grounded else trim, w)
+    if grounded and (reference.landing or reference.throttle == 0.0):
+        return np.zeros(len(autopilot.mixer)), remembered
+    if grounded:  # wide gear: hold the trim that will be needed at lift-off, and no more
+        torque = memory.trim
+    speeds = mix(autopilot, lift, torque)
+    return np.sqrt(reference.throttle) * speeds, remembered
+
+
+@no_type_check
+def _outer_loops(
+    autopilot: Autopilot, state: State, R: Matrix, reference: Reference
+) -> tuple[float, float, float]:
+    """Return roll and pitch asked for [rad], and the force along body z [N]."""
+    gains = autopilot.gains
+    vx, vy, vz = times(R, (state[7], state[8], state[9]))
+    px, py, pz = state[10:13]
+    ax = -gains.position * px - gains.velocity * vx
+    ay = -gains.position * py - gains.velocity * vy
+    yaw = atan2(R[1][0], R[0][0])
+    forward = cos(yaw) * ax + sin(yaw) * ay
+    left = -sin(yaw) * ax + cos(yaw) * ay
+    roll = reference.roll - clip(left / GRAVITY, gains.hold_tilt)
+    pitch = reference.pitch + clip(forward / GRAVITY, gains.hold_tilt)
+    rise = gains.height * (reference.height - pz) + gains.climb * (reference.height_rate - vz)
+    upright = max(R[2][2], 0.5)  # past 60 degrees the height is given up
+    return roll, pitch, autopilot.mass * (GRAVITY + reference.climb + rise) / upright
+
+
+@no_type_check
+def _rates_asked(
+    autopilot: Autopilot, state: State, R: Matrix, euler: Vector, yaw_rate: float
+) -> Vector:
+    """Return the body rates [rad/s] that bring the attitude to the roll, pitch and yaw asked."""
+    asked = quaternion_from_euler(*euler)
+    error = rotation_vector_between((state[3], state[4], state[5], state[6]), asked)
+    px, py, pz = autopilot.gains.attitude
+    ux, uy, uz = R[2]
+    return (
+        px * error[0] + ux * yaw_rate,
+        py * error[1] + uy * yaw_rate,
+        pz * error[2] + uz * yaw_rate,
+    )
+
+
+@no_type_check
+def _rate_loop(
+    autopilot: Autopilot, memory: Memory, w: Vector, asked: Vector
+) -> tuple[Vector, Vector]:
+    """Return the torque asked for and the new trim [N m]."""
+    gains, period = autopilot.gains, autopilot.period
+    torque: list[float] = []
+    trim: list[float] = []
+    for axis in range(3):
+        inertia, error = autopilot.inertia[axis], asked[axis] - w[axis]
+        acceleration = (w[axis] - memory.angular_velocity[axis]) / period
+        trim.append(memory.trim[axis] + inertia * gains.integral * error * period)
+        torque.append(
+            trim[axis] + inertia * (gains.rate[axis] * error - gains.damping * acceleration)
+        )
+    return (torque[0], torque[1], torque[2]), (trim[0], trim[1], trim[2])

@@ -1,0 +1,357 @@
+"""Fly a vehicle of known truth through a scenario."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation.body import (
+    RigidBody,
+    State,
+    Wrench,
+    accelerations,
+    rigid_body,
+    step,
+    with_drag,
+)
+from rotorfit.simulation.controller import (
+    Autopilot,
+    Gains,
+    Memory,
+    autopilot_of,
+    control,
+    mix,
+    trimmed,
+)
+from rotorfit.simulation.motors import (
+    Rotors,
+    decay_over,
+    lagged,
+    rotors_of,
+    speed_slopes,
+    wrenches,
+)
+from rotorfit.simulation.pilot import Reference, Sticks, plan_flight
+from rotorfit.simulation.record import SimulatedFlight, from_wxyz, measure
+from rotorfit.simulation.sensors import PERFECT, Sensors, gauss_markov
+from rotorfit.simulation.truth import GRAVITY, Truth
+from rotorfit.simulation.vectors import Vector, cross, no_type_check, rotation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """How the vehicle is flown and what measures it.
+
+    Attributes
+    ----------
+    seconds
+        Duration of the flight between take-off and landing [s].
+    ground_seconds
+        Rest before take-off and after landing; 0: the flight begins and ends in hover [s].
+    sticks
+        What the pilot does.
+    sensors
+        Errors of what is logged.
+    sample_rate
+        Of the autopilot and of the log [Hz].
+    physics_rate
+        Least number of Runge-Kutta steps per second [Hz].
+    thrust_to_weight
+        Full thrust over weight.
+    gains
+        Of the autopilot.
+    """
+
+    seconds: float = 75.0
+    ground_seconds: float = 0.0
+    sticks: Sticks = field(default_factory=Sticks)
+    sensors: Sensors = PERFECT
+    sample_rate: float = 200.0
+    physics_rate: float = 400.0
+    thrust_to_weight: float = 2.5
+    gains: Gains = field(default_factory=Gains)
+
+    def __post_init__(self) -> None:
+        if self.seconds * self.sample_rate < 3 or self.ground_seconds < 0:
+            raise ExperimentError("a simulated flight needs three samples, and rest of >= 0 s")
+
+
+class _Stretch(NamedTuple):
+    """A part of the time between two samples in which the command that acts is constant.
+
+    Attributes
+    ----------
+    samples_ago
+        How old that command is.
+    h
+        Length of a Runge-Kutta step [s].
+    fractions
+        Beginning, middle, end, middle, end ... of the steps, as fractions of the sample period.
+    decay
+        exp(-t/lag) at the same instants, t from the beginning of the stretch.
+    """
+
+    samples_ago: int
+    h: float
+    fractions: Float[np.ndarray, " k"]
+    decay: Float[np.ndarray, " k"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Machine:
+    """The vehicle and its autopilot, in the form that the inner loop reads."""
+
+    body: RigidBody
+    rotors: Rotors
+    autopilot: Autopilot
+    stretches: tuple[_Stretch, ...]
+
+
+class _Moment(NamedTuple):
+    """What is recorded at a sample; the fields are those of `SimulatedFlight`."""
+
+    state: State
+    specific_force: Vector
+    angular_acceleration: Vector
+    rotor_speed: Float[np.ndarray, " N"]
+    rotor_acceleration: Float[np.ndarray, " N"]
+    commanded_speed: Float[np.ndarray, " N"]
+    external: Wrench
+    airborne: bool
+
+
+def simulate_flight(
+    truth: Truth, vehicle: Vehicle, scenario: Scenario, *, seed: int
+) -> SimulatedFlight:
+    """Fly a vehicle through a scenario, and measure the flight.
+
+    Parameters
+    ----------
+    truth
+        What the vehicle really is.
+    vehicle
+        Where its rotors and its IMU are.
+    scenario
+        How it is flown.
+    seed
+        Of sticks, disturbances and noise; the same seed gives the same flight.
+
+    Returns
+    -------
+    flight
+        Exact and measured, at every sample.
+    """
+    pilot, air, sensing = np.random.SeedSequence(seed).spawn(3)
+    plan = plan_flight(
+        scenario.sticks,
+        seconds=scenario.seconds,
+        ground_seconds=scenario.ground_seconds,
+        sample_rate=scenario.sample_rate,
+        rng=np.random.default_rng(pilot),
+    )
+    disturbance = gauss_markov(
+        np.array(truth.disturbance_force_std + truth.disturbance_torque_std),
+        bandwidth=truth.disturbance_bandwidth,
+        samples=len(plan) + 1,
+        sample_rate=scenario.sample_rate,
+        rng=np.random.default_rng(air),
+    )
+    machine = _machine(truth, vehicle, scenario)
+    moments = _fly(
+        machine, plan, disturbance, trim=trimmed(truth), grounded=scenario.ground_seconds > 0
+    )
+    flight = _assemble(truth, vehicle, scenario, moments=moments, machine=machine)
+    return measure(flight, scenario.sensors, seed=int(sensing.generate_state(1)[0]))
+
+
+def _machine(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Machine:
+    """Return everything that stays constant during a flight."""
+    period = 1 / scenario.sample_rate
+    return _Machine(
+        body=rigid_body(truth),
+        rotors=rotors_of(truth, vehicle),
+        autopilot=autopilot_of(
+            truth,
+            vehicle,
+            thrust_to_weight=scenario.thrust_to_weight,
+            period=period,
+            gains=scenario.gains,
+        ),
+        stretches=_stretches(truth, period=period, physics_rate=scenario.physics_rate),
+    )
+
+
+def _stretches(truth: Truth, *, period: float, physics_rate: float) -> tuple[_Stretch, ...]:
+    """Cut the time between two samples where the delayed command arrives.
+
+    A step of the integration must not run across that instant: the rotor acceleration jumps.
+    """
+    whole, arrival = divmod(round(truth.motor_delay / period, 9), 1)
+    stretches: list[_Stretch] = []
+    for begin, end, age in ((0.0, arrival, int(whole) + 1), (arrival, 1.0, int(whole))):
+        if end > begin:
+            steps = ceil((end - begin) * period * physics_rate - 1e-9)
+            fractions = np.linspace(begin, end, 2 * steps + 1)
+            decay = decay_over(truth.motor_lag, (fractions - begin) * period)
+            stretches.append(_Stretch(age, (end - begin) * period / steps, fractions, decay))
+    return tuple(stretches)
+
+
+def _fly(
+    machine: _Machine,
+    plan: Sequence[Reference],
+    disturbance: Float[np.ndarray, "n_and_1 6"],
+    *,
+    trim: Memory,
+    grounded: bool,
+) -> list[_Moment]:
+    """Return what happened at each sample."""
+    state: State = (*(0.0,) * 3, 1.0, *(0.0,) * 9)
+    speeds = mix(machine.autopilot, machine.body.mass * GRAVITY, trim.trim) * (not grounded)
+    commands = [speeds] * (machine.stretches[0].samples_ago + 1)  # the latest first
+    memory, moments = trim, list[_Moment]()
+    for reference, before, after in zip(plan, disturbance[:-1], disturbance[1:], strict=True):
+        grounded = _stands(machine, state, speeds, reference, grounded)
+        if grounded:
+            state = (*(0.0,) * 3, *state[3:7], *(0.0,) * 3, *state[10:])
+        command, memory = control(machine.autopilot, memory, state, reference, grounded=grounded)
+        commands = [command, *commands[:-1]]
+        moments.append(_moment(machine, state, speeds, commands, before, grounded))
+        state, speeds = _advance(machine, state, speeds, commands, (before, after), grounded)
+    return moments
+
+
+@no_type_check
+def _stands(
+    machine: _Machine,
+    state: State,
+    speeds: Float[np.ndarray, " N"],
+    reference: Reference,
+    grounded: bool,
+) -> bool:
+    """Say whether the vehicle stands: until thrust exceeds weight, and after touching down.
+
+    A vehicle in flight falls through the ground; only one that lands meets it.
+    """
+    if not grounded:
+        return reference.landing > 0 and state[12] <= 0
+    up = rotation((state[3], state[4], state[5], state[6]))[2]
+    lift = float(np.array(up) @ machine.rotors.wrench_per_square[:3] @ speeds**2)
+    return reference.landing > 0 or lift <= machine.body.mass * GRAVITY
+
+
+@no_type_check
+def _moment(
+    machine: _Machine,
+    state: State,
+    speeds: Float[np.ndarray, " N"],
+    commands: list[Float[np.ndarray, " N"]],
+    disturbance: Float[np.ndarray, " 6"],
+    grounded: bool,
+) -> _Moment:
+    """Return the record of a sample: accelerations under the command that acts from now on."""
+    body, rotors = machine.body, machine.rotors
+    slopes = speed_slopes(rotors, speeds[None], commands[machine.stretches[0].samples_ago])[0]
+    (wrench,) = wrenches(rotors, speeds[None], slopes[None], np.zeros((1, 6)))
+    if grounded:
+        a, dw = _standing(state), (0.0, 0.0, 0.0)
+        external = _reaction(body, wrench, a)
+    else:
+        fx, fy, fz, tx, ty, tz = disturbance.tolist()
+        v = (state[7], state[8], state[9])
+        external = with_drag(body, Wrench((fx, fy, fz), (tx, ty, tz)), v)
+        a, dw = accelerations(body, _sum(wrench, external), (state[0], state[1], state[2]))
+    return _Moment(state, a, dw, speeds, slopes, commands[0], external, not grounded)
+
+
+@no_type_check
+def _advance(
+    machine: _Machine,
+    state: State,
+    speeds: Float[np.ndarray, " N"],
+    commands: list[Float[np.ndarray, " N"]],
+    disturbance: tuple[Float[np.ndarray, " 6"], Float[np.ndarray, " 6"]],
+    grounded: bool,
+) -> tuple[State, Float[np.ndarray, " N"]]:
+    """Return state and rotor speeds one sample later; the disturbance changes linearly."""
+    before, after = disturbance
+    for samples_ago, h, fractions, decay in machine.stretches:
+        command = commands[samples_ago]
+        nodes = lagged(speeds, command, decay)
+        speeds = nodes[-1]
+        if not grounded:
+            slopes = speed_slopes(machine.rotors, nodes, command)
+            external = before + fractions[:, None] * (after - before)
+            acting = wrenches(machine.rotors, nodes, slopes, external)
+            for first in range(0, len(acting) - 1, 2):
+                state = step(machine.body, acting[first : first + 3], state, h)
+    return state, speeds
+
+
+@no_type_check
+def _sum(one: Wrench, other: Wrench) -> Wrench:
+    """Return the sum of two wrenches, with the spin of the first."""
+    (a, b, c), (d, e, f) = one.force, other.force
+    (u, v, w), (x, y, z) = one.torque, other.torque
+    return Wrench((a + d, b + e, c + f), (u + x, v + y, w + z), one.spin)
+
+
+@no_type_check
+def _standing(state: State) -> Vector:
+    """Return the specific force of a body at rest: gravity upwards, in body axes."""
+    x, y, z = rotation((state[3], state[4], state[5], state[6]))[2]
+    return (GRAVITY * x, GRAVITY * y, GRAVITY * z)
+
+
+@no_type_check
+def _reaction(body: RigidBody, wrench: Wrench, a: Vector) -> Wrench:
+    """Return the wrench of the ground that keeps a body at rest under another one."""
+    (fx, fy, fz), (tx, ty, tz) = wrench.force, wrench.torque
+    x, y, z = cross(body.first_moments, a)
+    m = body.mass
+    return Wrench((m * a[0] - fx, m * a[1] - fy, m * a[2] - fz), (x - tx, y - ty, z - tz))
+
+
+def _assemble(
+    truth: Truth,
+    vehicle: Vehicle,
+    scenario: Scenario,
+    *,
+    moments: list[_Moment],
+    machine: _Machine,
+) -> SimulatedFlight:
+    """Return the flight as arrays, measured without errors."""
+    state = np.array([moment.state for moment in moments])
+    attitude, rotor_speed = state[:, 3:7], np.array([moment.rotor_speed for moment in moments])
+    force = np.array([moment.specific_force for moment in moments])
+    external = [(*moment.external.force, *moment.external.torque) for moment in moments]
+    return SimulatedFlight(
+        truth=truth,
+        vehicle=vehicle,
+        sensors=PERFECT,
+        sample_rate=scenario.sample_rate,
+        time=np.arange(len(moments)) / scenario.sample_rate,
+        attitude_wxyz=attitude,
+        position=state[:, 10:],
+        velocity=from_wxyz(attitude).apply(state[:, 7:10]),
+        specific_force=force,
+        specific_force_imu=force,
+        angular_velocity=state[:, :3],
+        angular_acceleration=np.array([moment.angular_acceleration for moment in moments]),
+        rotor_speed=rotor_speed,
+        rotor_acceleration=np.array([moment.rotor_acceleration for moment in moments]),
+        commanded_speed=np.array([moment.commanded_speed for moment in moments]),
+        max_speed=machine.autopilot.speed_limits[1],
+        external_wrench=np.array(external),
+        airborne=np.array([moment.airborne for moment in moments]),
+        gyro=state[:, :3],
+        accel=force,
+        rotor_speed_measured=rotor_speed,
+        position_measured=state[:, 10:],
+        attitude_wxyz_measured=attitude,
+    )

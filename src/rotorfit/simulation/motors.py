@@ -1,0 +1,112 @@
+"""The rotors: speed after speed command, and the wrench that they put on the body."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation.body import Wrench
+from rotorfit.simulation.truth import Truth
+from rotorfit.simulation.vectors import no_type_check
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rotors:
+    """The rotors of one vehicle, as constant matrices.
+
+    Attributes
+    ----------
+    wrench_per_square
+        Force and torque about the body origin per squared speed [N s^2/rad^2, N m s^2/rad^2].
+    spin_per_speed
+        Angular momentum relative to the body per speed, Jr s_i n_i [kg m^2].
+    lag
+        Time constant of the speed towards its command [s].
+    """
+
+    wrench_per_square: Float[np.ndarray, "6 N"]
+    spin_per_speed: Float[np.ndarray, "3 N"]
+    lag: float
+
+
+def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
+    """Return the rotors of a vehicle."""
+    return Rotors(
+        wrench_per_square=allocation(vehicle, kt=truth.rotor_kt(len(vehicle.rotors)), kd=truth.kd),
+        spin_per_speed=truth.Jr * (vehicle.spins[:, None] * vehicle.axes).T,
+        lag=truth.motor_lag,
+    )
+
+
+def allocation(
+    vehicle: Vehicle, *, kt: Float[np.ndarray, " N"], kd: float
+) -> Float[np.ndarray, "6 N"]:
+    """Return the wrench about the body origin per squared rotor speed.
+
+    Thrust kt_i O^2 along the axis n_i at the position P_i, and the air's torque
+    -s_i kd O^2 n_i against the spin s_i (+1 for counter-clockwise seen from above).
+    """
+    n, s = vehicle.axes, vehicle.spins[:, None]
+    if not np.allclose(np.linalg.norm(n, axis=1), 1.0, atol=1e-9):
+        raise ExperimentError("a rotor axis is not a unit vector: divide it by its length")
+    thrust = kt[:, None] * n
+    return np.vstack([thrust.T, (np.cross(vehicle.positions, thrust) - s * kd * n).T])
+
+
+@no_type_check
+def lagged(
+    speed: Float[np.ndarray, " N"],
+    command: Float[np.ndarray, " N"],
+    decay: Float[np.ndarray, " k"],
+) -> Float[np.ndarray, "k N"]:
+    """Return the rotor speeds after a constant command has acted for some times.
+
+    The step response of a first-order lag is exact: O(t) = u + (O(0) - u) exp(-t/lag).
+
+    Parameters
+    ----------
+    speed
+        At time zero [rad/s].
+    command
+        Held from then on [rad/s].
+    decay
+        exp(-t/lag) at each of the times, see `decay_over`.
+    """
+    return command + decay[:, None] * (speed - command)
+
+
+def decay_over(lag: float, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """Return exp(-t/lag), and zeros for a motor without lag."""
+    return np.exp(-times / lag) if lag > 0 else np.zeros_like(times)
+
+
+@no_type_check
+def speed_slopes(
+    rotors: Rotors, speeds: Float[np.ndarray, "k N"], command: Float[np.ndarray, "#k N"]
+) -> Float[np.ndarray, "k N"]:
+    """Return dO/dt = (u - O)/lag [rad/s^2]; zeros for a motor without lag."""
+    return (command - speeds) / rotors.lag if rotors.lag > 0 else np.zeros_like(speeds)
+
+
+@no_type_check
+def wrenches(
+    rotors: Rotors,
+    speeds: Float[np.ndarray, "k N"],
+    slopes: Float[np.ndarray, "k N"],
+    external: Float[np.ndarray, "k 6"],
+) -> list[Wrench]:
+    """Return what acts on the body at k instants.
+
+    Aerodynamic forces and torques, the reaction -Jr dH/dt, the angular momentum Jr H for the
+    gyroscopic torque -w x Jr H, and an external wrench about the origin added.
+    """
+    applied = speeds * speeds @ rotors.wrench_per_square.T + external
+    applied[:, 3:] -= slopes @ rotors.spin_per_speed.T
+    spins: list[list[float]] = (speeds @ rotors.spin_per_speed.T).tolist()
+    rows: list[list[float]] = applied.tolist()
+    return [
+        Wrench((fx, fy, fz), (tx, ty, tz), (hx, hy, hz))
+        for (fx, fy, fz, tx, ty, tz), (hx, hy, hz) in zip(rows, spins, strict=True)
+    ]

@@ -1,0 +1,171 @@
+"""The pilot: band-limited sticks, and the plan of a flight from the ground and back."""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+
+SPOOL_SECONDS: Final = 1.0
+CLIMB_SECONDS: Final = 4.0
+LAND_SECONDS: Final = 5.0
+FLIGHT_HEIGHT: Final = 1.0
+FADE_SECONDS: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stick:
+    """One stick of the pilot.
+
+    Attributes
+    ----------
+    band
+        Lowest and highest frequency of its movement [Hz].
+    rms
+        Of its movement, in the unit of what it commands.
+    """
+
+    band: tuple[float, float]
+    rms: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sticks:
+    """The pilot's four sticks; the defaults fill a hall of 6 x 4 x 4 m.
+
+    Attributes
+    ----------
+    roll, pitch
+        Angles in the heading's axes [rad].
+    yaw
+        Rate about the vertical [rad/s].
+    climb
+        Vertical acceleration [m/s^2].
+    """
+
+    roll: Stick = Stick(band=(0.2, 1.3), rms=0.16)
+    pitch: Stick = Stick(band=(0.2, 1.1), rms=0.12)
+    yaw: Stick = Stick(band=(0.1, 0.6), rms=0.35)
+    climb: Stick = Stick(band=(0.3, 1.5), rms=1.3)
+
+
+STILL: Final = Sticks(
+    roll=Stick(band=(0.2, 1.3), rms=0.0),
+    pitch=Stick(band=(0.2, 1.1), rms=0.0),
+    yaw=Stick(band=(0.1, 0.6), rms=0.0),
+    climb=Stick(band=(0.3, 1.5), rms=0.0),
+)
+"""Hands off: hover."""
+
+
+class Reference(NamedTuple):
+    """What the pilot asks for at one instant.
+
+    Attributes
+    ----------
+    roll, pitch, yaw_rate, climb
+        The sticks, see `Sticks`.
+    height, height_rate
+        Where the origin should be above the start, and how fast it should rise [m, m/s].
+    throttle
+        Factor of the thrust: 0 with the motors off, 1 in flight, between while they spool up.
+    landing
+        1 from the end of the flight on: touching the ground stops the motors.
+    """
+
+    roll: float
+    pitch: float
+    yaw_rate: float
+    climb: float
+    height: float
+    height_rate: float
+    throttle: float
+    landing: float
+
+
+def plan_flight(
+    sticks: Sticks,
+    *,
+    seconds: float,
+    ground_seconds: float,
+    sample_rate: float,
+    rng: np.random.Generator,
+) -> list[Reference]:
+    """Return what the pilot asks for at each sample.
+
+    Parameters
+    ----------
+    sticks
+        Bands and sizes of the stick movements.
+    seconds
+        Duration of the flight between take-off and landing [s].
+    ground_seconds
+        Rest before take-off and after landing; 0 for a plan that begins and ends in the air [s].
+    sample_rate
+        Samples per second [Hz].
+    rng
+        Source of the stick movements.
+    """
+    n = round(seconds * sample_rate)
+    # A generator for each stick, so that changing one leaves the others as they were.
+    moved = [
+        band_limited(stick, samples=n, sample_rate=sample_rate, rng=child)
+        for stick, child in zip(
+            (sticks.roll, sticks.pitch, sticks.yaw, sticks.climb), rng.spawn(4), strict=True
+        )
+    ]
+    flown = np.column_stack([*moved, np.zeros((n, 2)), np.ones(n), np.zeros(n)])
+    if ground_seconds > 0:
+        before, after = (
+            _take_off(ground_seconds, sample_rate),
+            _landing(ground_seconds, sample_rate),
+        )
+        flown[:, 4] = FLIGHT_HEIGHT
+        flown = np.vstack([before, flown, after])
+    return [Reference(*row) for row in flown.tolist()]
+
+
+def band_limited(
+    stick: Stick, *, samples: int, sample_rate: float, rng: np.random.Generator
+) -> Float[np.ndarray, " n"]:
+    """Return Gaussian noise of a flat spectrum within a band, faded in and out."""
+    frequency = np.fft.rfftfreq(samples, 1 / sample_rate)
+    inside = (frequency >= stick.band[0]) & (frequency <= stick.band[1])
+    if not inside.any():
+        raise ExperimentError(
+            f"a flight of {samples / sample_rate:g} s is too short for a stick between "
+            f"{stick.band[0]:g} and {stick.band[1]:g} Hz: fly longer"
+        )
+    spectrum = rng.normal(size=(2, frequency.size)) * inside
+    movement = np.fft.irfft(spectrum[0] + 1j * spectrum[1], samples)
+    time = np.arange(samples) / sample_rate
+    edge = np.minimum(time, time[::-1]) / FADE_SECONDS
+    movement *= np.sin(np.pi / 2 * np.minimum(edge, 1.0)) ** 2
+    rms = float(np.sqrt(np.mean(movement**2)))
+    return movement * (stick.rms / rms)
+
+
+def _take_off(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n 8"]:
+    """Return the references of rest, spooling up and climbing to the height of the flight."""
+    t = np.arange(round((ground_seconds + SPOOL_SECONDS + CLIMB_SECONDS) * sample_rate))
+    t = t / sample_rate - ground_seconds
+    climb = np.clip((t - SPOOL_SECONDS) / (CLIMB_SECONDS - 1.0), 0.0, 1.0)
+    rows = np.zeros((t.size, 8))
+    rows[:, 4] = FLIGHT_HEIGHT * climb
+    rows[:, 5] = np.where((climb > 0) & (climb < 1), FLIGHT_HEIGHT / (CLIMB_SECONDS - 1.0), 0.0)
+    rows[:, 6] = np.clip(t / SPOOL_SECONDS, 0.0, 1.0)
+    return rows
+
+
+def _landing(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n 8"]:
+    """Return the references of a descent through the ground, and of rest."""
+    t = np.arange(round((LAND_SECONDS + ground_seconds) * sample_rate)) / sample_rate
+    rate = 2 * FLIGHT_HEIGHT / LAND_SECONDS  # the ground is met half-way
+    rows = np.zeros((t.size, 8))
+    rows[:, 4] = FLIGHT_HEIGHT - rate * t
+    rows[:, 5] = -rate
+    rows[:, 6] = t < LAND_SECONDS
+    rows[:, 7] = 1.0
+    return rows

@@ -1,0 +1,150 @@
+"""A simulated flight: exact states and wrenches, and what the sensors logged of them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
+
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation.sensors import Sensors, at_place, measured
+from rotorfit.simulation.truth import Truth
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedFlight:
+    """A flight with known truth, at the sample instants.
+
+    All exact quantities belong to one instant and satisfy the equations of motion to rounding.
+    A command switches at the sample instant (later by the motor delay), and with it the rotor
+    acceleration and, where rotors have inertia, the angular acceleration and the specific force:
+    the values given are the limits from the right, under the new command.
+
+    Attributes
+    ----------
+    truth, vehicle
+        What flew.
+    sensors
+        What measured it.
+    sample_rate
+        Samples per second [Hz].
+    time
+        From the first sample [s].
+    attitude_wxyz
+        Rotation of body (FLU) to world (z up) as a unit quaternion.
+    position
+        Of the body origin, world axes [m].
+    velocity
+        Of the body origin, world axes [m/s].
+    specific_force
+        Acceleration minus gravity at the body origin, body axes [m/s^2].
+    specific_force_imu
+        The same at the accelerometer's place.
+    angular_velocity, angular_acceleration
+        Body axes [rad/s, rad/s^2].
+    rotor_speed, rotor_acceleration
+        Magnitude [rad/s], and its time derivative [rad/s^2].
+    commanded_speed
+        Set at this sample and held until the next [rad/s].
+    max_speed
+        The speed that a full command asks for [rad/s].
+    external_wrench
+        Force and torque about the body origin that neither rotors nor gravity exert: drag,
+        disturbance, and the ground's reaction, body axes [N, N m].
+    airborne
+        False while the vehicle stands on the ground.
+    gyro, accel, rotor_speed_measured
+        As logged: body axes [rad/s], at the accelerometer's place [m/s^2], and [rad/s].
+    position_measured, attitude_wxyz_measured
+        As logged by motion capture.
+    """
+
+    truth: Truth
+    vehicle: Vehicle
+    sensors: Sensors
+    sample_rate: float
+    time: Float[np.ndarray, " n"]
+    attitude_wxyz: Float[np.ndarray, "n 4"]
+    position: Float[np.ndarray, "n 3"]
+    velocity: Float[np.ndarray, "n 3"]
+    specific_force: Float[np.ndarray, "n 3"]
+    specific_force_imu: Float[np.ndarray, "n 3"]
+    angular_velocity: Float[np.ndarray, "n 3"]
+    angular_acceleration: Float[np.ndarray, "n 3"]
+    rotor_speed: Float[np.ndarray, "n N"]
+    rotor_acceleration: Float[np.ndarray, "n N"]
+    commanded_speed: Float[np.ndarray, "n N"]
+    max_speed: float
+    external_wrench: Float[np.ndarray, "n 6"]
+    airborne: Bool[np.ndarray, " n"]
+    gyro: Float[np.ndarray, "n 3"]
+    accel: Float[np.ndarray, "n 3"]
+    rotor_speed_measured: Float[np.ndarray, "n N"]
+    position_measured: Float[np.ndarray, "n 3"]
+    attitude_wxyz_measured: Float[np.ndarray, "n 4"]
+
+    @property
+    def command(self) -> Float[np.ndarray, "n N"]:
+        """Commanded motor output, 0 (stopped) to 1 (full speed)."""
+        return self.commanded_speed / self.max_speed
+
+    @property
+    def rotation_body_to_world(self) -> Rotation:
+        """Attitude at each sample."""
+        return from_wxyz(self.attitude_wxyz)
+
+    @property
+    def velocity_body(self) -> Float[np.ndarray, "n 3"]:
+        """Velocity of the body origin, body axes [m/s]."""
+        return self.rotation_body_to_world.inv().apply(self.velocity)
+
+
+def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> SimulatedFlight:
+    """Return the same flight, measured by other sensors or with other noise.
+
+    Parameters
+    ----------
+    flight
+        Its exact states stay as they are.
+    sensors
+        The new sensors.
+    seed
+        Of the noise; the same seed gives the same noise.
+    """
+    rngs = np.random.default_rng(seed).spawn(5)
+    s, place = sensors, flight.vehicle.imu_position or (0.0, 0.0, 0.0)
+    a, w = flight.specific_force, flight.angular_velocity
+    force = at_place(a, w, flight.angular_acceleration, position=place)
+    tilt = Rotation.from_rotvec(s.attitude_std * rngs[4].normal(size=w.shape))
+    return replace(
+        flight,
+        sensors=sensors,
+        specific_force_imu=force,
+        gyro=measured(
+            w, std=s.gyro_std, rng=rngs[0], bias=s.gyro_bias, resolution=s.gyro_resolution
+        ),
+        accel=measured(
+            force, std=s.accel_std, rng=rngs[1], bias=s.accel_bias, resolution=s.accel_resolution
+        ),
+        rotor_speed_measured=np.abs(
+            measured(
+                flight.rotor_speed,
+                std=s.rotor_speed_std,
+                rng=rngs[2],
+                resolution=s.rotor_speed_resolution,
+            )
+        ),
+        position_measured=measured(flight.position, std=s.position_std, rng=rngs[3]),
+        attitude_wxyz_measured=to_wxyz(flight.rotation_body_to_world * tilt),
+    )
+
+
+def from_wxyz(attitude_wxyz: Float[np.ndarray, "n 4"]) -> Rotation:
+    """Return rotations from quaternions with the scalar first."""
+    return Rotation.from_quat(np.roll(attitude_wxyz, -1, axis=1))
+
+
+def to_wxyz(rotations: Rotation) -> Float[np.ndarray, "n 4"]:
+    """Return quaternions with the scalar first, of the sign that keeps it positive."""
+    wxyz = np.roll(rotations.as_quat(), 1, axis=1)
+    return np.where(wxyz[:, :1] < 0, -wxyz, wxyz)

@@ -1,0 +1,139 @@
+"""What the simulated vehicle really is: the numbers that identification should find."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s^2]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """The physical parameters of a simulated multirotor, body axes FLU, SI units.
+
+    Attributes
+    ----------
+    mass
+        Of the whole vehicle [kg].
+    first_moments
+        Mass times the position of the centre of mass from the body origin [kg m].
+    inertia
+        Tensor elements Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the body origin, rotors (as if they
+        stood still) included; Ixy = -int x y dm [kg m^2].
+    kt, kd
+        Thrust and drag torque of a rotor per squared speed [N s^2/rad^2, N m s^2/rad^2].
+    Jr
+        Inertia of one rotor about its axis [kg m^2].
+    kt_spread
+        Factor of each rotor's own thrust coefficient to kt; empty for all ones.
+    motor_lag
+        Time constant of the rotor speed towards the commanded one; 0 follows at once [s].
+    motor_delay
+        Time that a command takes before the motor sees it [s].
+    drag
+        Force per velocity along each body axis, acting at the body origin [N s/m].
+    disturbance_force_std, disturbance_torque_std
+        Of each component of the disturbing wrench about the body origin [N, N m].
+    disturbance_bandwidth
+        Corner frequency of the disturbance, a first-order Gauss-Markov process [Hz].
+    """
+
+    mass: float
+    first_moments: tuple[float, float, float]
+    inertia: tuple[float, float, float, float, float, float]
+    kt: float
+    kd: float
+    Jr: float = 0.0
+    kt_spread: tuple[float, ...] = ()
+    motor_lag: float = 0.04
+    motor_delay: float = 0.0
+    drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    disturbance_force_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    disturbance_torque_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    disturbance_bandwidth: float = 3.0
+
+    def __post_init__(self) -> None:
+        if self.mass <= 0 or self.kt <= 0 or self.kd < 0:
+            raise ExperimentError("a simulated vehicle needs mass > 0, kt > 0 and kd >= 0")
+        if np.linalg.eigvalsh(self.com_inertia)[0] <= 0:
+            raise ExperimentError(
+                "inertia about the centre of mass is not positive definite: check the signs and "
+                "that the inertia is given about the body origin"
+            )
+        if self.motor_lag < 0 or self.motor_delay < 0:
+            raise ExperimentError("motor lag and delay cannot be negative")
+        if self.Jr != 0 and self.motor_lag == 0:
+            raise ExperimentError("rotors with inertia cannot jump in speed: give a motor lag > 0")
+
+    @property
+    def inertia_tensor(self) -> Float[np.ndarray, "3 3"]:
+        """Inertia about the body origin [kg m^2]."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    @property
+    def center_of_mass(self) -> Float[np.ndarray, " 3"]:
+        """Position of the centre of mass from the body origin [m]."""
+        return np.array(self.first_moments) / self.mass
+
+    @property
+    def com_inertia(self) -> Float[np.ndarray, "3 3"]:
+        """Inertia about the centre of mass [kg m^2]."""
+        return self.inertia_tensor - self.mass * steiner(self.center_of_mass)
+
+    def rotor_kt(self, rotors: int) -> Float[np.ndarray, " N"]:
+        """Thrust coefficient of each rotor [N s^2/rad^2]."""
+        spread = self.kt_spread or (1.0,) * rotors
+        if len(spread) != rotors:
+            raise ExperimentError(f"kt_spread has {len(spread)} factors for {rotors} rotors")
+        return self.kt * np.array(spread, dtype=float)
+
+    def parameters(self) -> dict[str, float]:
+        """Return the parameters by their names in results, with the inertia about the CoM too."""
+        names = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+        values = {"kt": self.kt, "kd": self.kd, "Jr": self.Jr, "mass": self.mass}
+        values |= zip(("msx", "msy", "msz"), self.first_moments, strict=True)
+        values |= zip(names, self.inertia, strict=True)
+        values |= {"motor_lag": self.motor_lag, "motor_delay": self.motor_delay}
+        at_com = tensor_elements(self.com_inertia)
+        return values | {f"{name}_com": value for name, value in zip(names, at_com, strict=True)}
+
+
+def with_payload(truth: Truth, *, mass: float, position: tuple[float, float, float]) -> Truth:
+    """Return the vehicle with a point mass attached.
+
+    Parameters
+    ----------
+    truth
+        The vehicle without it.
+    mass
+        Of the payload [kg].
+    position
+        Of the payload from the body origin, body axes [m].
+    """
+    r = np.array(position)
+    x, y, z = (np.array(truth.first_moments) + mass * r).tolist()
+    return replace(
+        truth,
+        mass=truth.mass + mass,
+        first_moments=(x, y, z),
+        inertia=tensor_elements(truth.inertia_tensor + mass * steiner(r)),
+    )
+
+
+def steiner(position: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """Return the inertia about the origin of a unit point mass at a position [m^2]."""
+    r = position
+    return r @ r * np.eye(3) - np.outer(r, r)
+
+
+def tensor_elements(
+    tensor: Float[np.ndarray, "3 3"],
+) -> tuple[float, float, float, float, float, float]:
+    """Return Ixx, Iyy, Izz, Ixy, Ixz, Iyz of a symmetric tensor."""
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor.tolist()
+    return xx, yy, zz, xy, xz, yz

@@ -1,0 +1,170 @@
+"""A simulated flight as what the rest of rotorfit reads: `FlightData` and `FlightLog`."""
+
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation.record import SimulatedFlight
+from rotorfit.simulation.sensors import at_place
+
+Place = Literal["origin", "imu"]
+LoggedChannel = Literal[
+    "gyro", "accel", "rotor_speed", "command", "velocity", "position", "attitude"
+]
+
+
+def exact_flight_data(
+    flight: SimulatedFlight, vehicle: Vehicle, *, specific_force_at: Place = "origin"
+) -> FlightData:
+    """Return exact states with exact derivatives, while airborne.
+
+    Parameters
+    ----------
+    flight
+        The flight.
+    vehicle
+        What is believed of the vehicle: the place of its IMU.
+    specific_force_at
+        ``"origin"``: at the body origin; ``"imu"``: at the vehicle's IMU.
+    """
+    if vehicle.positions.shape[0] != flight.rotor_speed.shape[1]:
+        raise ExperimentError(
+            f"the flight has {flight.rotor_speed.shape[1]} rotors, the vehicle "
+            f"{vehicle.positions.shape[0]}: hand over the vehicle that flew"
+        )
+    place = vehicle.imu_position if specific_force_at == "imu" else None
+    w, dw = flight.angular_velocity, flight.angular_acceleration
+    return FlightData(
+        sample_rate=flight.sample_rate,
+        time=flight.time,
+        specific_force=at_place(flight.specific_force, w, dw, position=place or (0.0, 0.0, 0.0)),
+        angular_velocity=w,
+        angular_acceleration=dw,
+        rotor_speed=flight.rotor_speed,
+        rotor_acceleration=flight.rotor_acceleration,
+        differentiation="exact",
+        segments=runs(flight.airborne),
+        velocity=flight.velocity_body,
+    )
+
+
+def sampled_flight_data(
+    flight: SimulatedFlight, *, signals: Literal["exact", "measured"] = "exact"
+) -> FlightData:
+    """Return samples with central differences for the two derivatives, while airborne.
+
+    The specific force is the one at the accelerometer's place. Nothing is filtered.
+
+    Parameters
+    ----------
+    flight
+        The flight.
+    signals
+        ``"exact"``: samples without sensor errors; ``"measured"``: as the sensors logged them.
+    """
+    measured = signals == "measured"
+    w = flight.gyro if measured else flight.angular_velocity
+    speed = flight.rotor_speed_measured if measured else flight.rotor_speed
+    sensors = flight.sensors
+    std = float(np.hypot(sensors.rotor_speed_std, sensors.rotor_speed_resolution / 12**0.5))
+    return FlightData(
+        sample_rate=flight.sample_rate,
+        time=flight.time,
+        specific_force=flight.accel if measured else flight.specific_force_imu,
+        angular_velocity=w,
+        angular_acceleration=_central_difference(w, flight.sample_rate),
+        rotor_speed=speed,
+        rotor_acceleration=_central_difference(speed, flight.sample_rate),
+        differentiation="central",
+        segments=tuple(
+            Segment(start=run.start + 1, stop=run.stop - 1)
+            for run in runs(flight.airborne)
+            if len(run) > 2
+        ),
+        rotor_speed_std=std if measured else 0.0,
+        velocity=flight.velocity_body,
+    )
+
+
+def to_flight_log(
+    flight: SimulatedFlight,
+    *,
+    channels: Sequence[LoggedChannel] = ("gyro", "accel", "rotor_speed", "command"),
+) -> FlightLog:
+    """Return the flight as a log in memory, as if a reader had found it.
+
+    Parameters
+    ----------
+    flight
+        The flight, as its sensors measured it.
+    channels
+        Which of the channels the log has.
+    """
+    values = {name: _logged(flight, name) for name in channels}
+    content = sha256(flight.time.tobytes())
+    for table in values.values():
+        content.update(np.ascontiguousarray(table).tobytes())
+    steps = {
+        "gyro": flight.sensors.gyro_resolution,
+        "accel": flight.sensors.accel_resolution,
+        "rotor_speed": flight.sensors.rotor_speed_resolution,
+    }
+    return FlightLog(
+        path=Path("simulated"),
+        sha256=content.hexdigest(),
+        format="simulation",
+        channels={
+            name: Channel(
+                time=flight.time,
+                values=table,
+                source=f"simulated {name}",
+                resolution=steps.get(name) or None,
+            )
+            for name, table in values.items()
+        },
+        seconds=float(flight.time[-1] - flight.time[0]),
+        metadata={"rotors": str(flight.rotor_speed.shape[1])},
+    )
+
+
+def runs(where: Bool[np.ndarray, " n"]) -> tuple[Segment, ...]:
+    """Return the stretches of consecutive True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
+    return tuple(
+        Segment(start=int(a), stop=int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)
+    )
+
+
+def _logged(flight: SimulatedFlight, channel: LoggedChannel) -> Float[np.ndarray, "n k"]:
+    """Return the measured values of a channel."""
+    match channel:
+        case "gyro":
+            return flight.gyro
+        case "accel":
+            return flight.accel
+        case "rotor_speed":
+            return flight.rotor_speed_measured
+        case "command":
+            return flight.command
+        case "velocity":
+            return flight.velocity_body
+        case "position":
+            return flight.position_measured
+        case "attitude":
+            return flight.attitude_wxyz_measured
+
+
+def _central_difference(
+    values: Float[np.ndarray, "n k"], sample_rate: float
+) -> Float[np.ndarray, "n k"]:
+    """Return (x[n+1] - x[n-1]) / 2 dt; the first and the last row repeat their neighbours."""
+    inner = (values[2:] - values[:-2]) * (sample_rate / 2)
+    return np.concatenate([inner[:1], inner, inner[-1:]])
