@@ -1,0 +1,368 @@
+"""The field encodings of Blackbox, read for all frames of one kind at once.
+
+Every variable-byte number ends with a byte below 128. With the number of such bytes before each
+position at hand (`ByteIndex`), a run of k numbers is skipped in one step, whatever their
+lengths, and the numbers of all frames are gathered with array operations.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Int, UInt8
+
+from rotorfit.logs.blackbox.header import Encoding, FrameDefinition
+
+MAX_VB_BYTES: Final = 5
+"""A 32-bit number takes at most five bytes of seven bits."""
+_GROUP_SIZE: Final = {
+    Encoding.TAG8_8SVB: 8,
+    Encoding.TAG8_4S16: 4,
+    Encoding.TAG2_3S32: 3,
+    Encoding.TAG2_3SVARIABLE: 3,
+}
+
+Integers = Int[np.ndarray, "..."]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ByteIndex:
+    """The bytes of one log, and the variable-byte numbers in them.
+
+    Attributes
+    ----------
+    data
+        The bytes, and eight zero bytes more so that a truncated frame can be read and refused.
+    rank
+        Number of bytes below 128 before each position.
+    ends
+        Position after each byte below 128.
+    values
+        Of the number that ends there, if it begins right after the one before.
+    overlong
+        Whether that number has more than five bytes.
+    size
+        Number of bytes of the log.
+    """
+
+    data: UInt8[np.ndarray, " m"]
+    rank: Int[np.ndarray, " m+1"]
+    ends: Int[np.ndarray, " t"]
+    values: Int[np.ndarray, " t"]
+    overlong: Bool[np.ndarray, " t"]
+    size: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """Consecutive fields that are written together.
+
+    Attributes
+    ----------
+    encoding
+        Number of the specification; signed and unsigned numbers and negated ones mix in a run of
+        variable bytes, which has the number of signed ones.
+    first, count
+        The fields.
+    """
+
+    encoding: Encoding
+    first: int
+    count: int
+
+
+def index_bytes(data: bytes) -> ByteIndex:
+    """Return the index of the bytes of one log.
+
+    Parameters
+    ----------
+    data
+        The log without its header.
+
+    Returns
+    -------
+    ByteIndex
+        Its arrays take some twenty times the memory of the log.
+    """
+    # The padding is made of terminators, so that every look-up of a truncated frame has an answer.
+    padded = np.frombuffer(data + bytes(8), np.uint8)
+    is_end = padded < 128
+    rank = np.zeros(len(padded) + 1, np.int32)
+    np.cumsum(is_end, out=rank[1:])
+    ends = np.flatnonzero(is_end).astype(np.int32) + np.int32(1)
+    starts = np.concatenate([np.zeros(1, np.int32), ends[:-1]])
+    return ByteIndex(
+        data=padded,
+        rank=rank,
+        ends=ends,
+        values=_unsigned(padded, starts, ends),
+        overlong=(ends - starts) > MAX_VB_BYTES,
+        size=len(data),
+    )
+
+
+def _unsigned(data: UInt8[np.ndarray, " m"], starts: Integers, ends: Integers) -> Integers:
+    """Return the unsigned 32-bit numbers between `starts` and `ends`, seven bits a byte."""
+    values = (data[starts] & 0x7F).astype(np.int64)
+    for byte in range(1, MAX_VB_BYTES):
+        longer = np.flatnonzero(ends - starts > byte)
+        if len(longer) == 0:
+            break
+        septets = (data[starts[longer] + byte] & 0x7F).astype(np.int64)
+        values[longer] |= septets << (7 * byte)
+    return values & 0xFFFFFFFF
+
+
+def group_fields(definition: FrameDefinition) -> tuple[Group, ...]:
+    """Return the fields of a frame in the groups in which they are written.
+
+    Parameters
+    ----------
+    definition
+        Of one kind of frame.
+
+    Returns
+    -------
+    tuple of Group
+        In the order of the fields. A tagged group that is alone, TAG8_8SVB of one field, is
+        written as a plain number.
+    """
+    groups: list[Group] = []
+    run = [_written_as(encoding) for encoding in definition.encodings]
+    first = 0
+    while first < len(run):
+        encoding = run[first]
+        longest = min(len(run), first + _GROUP_SIZE.get(encoding, len(run)))
+        stop = first + 1
+        while stop < longest and run[stop] == encoding:
+            stop += 1
+        if encoding == Encoding.TAG8_8SVB and stop - first == 1:
+            encoding = Encoding.SIGNED_VB
+        groups.append(Group(encoding=encoding, first=first, count=stop - first))
+        first = stop
+    return tuple(groups)
+
+
+def _written_as(encoding: Encoding) -> Encoding:
+    """Return the encoding, with one number for all plain variable-byte numbers."""
+    tagged = encoding in _GROUP_SIZE or encoding == Encoding.UNWRITTEN
+    return encoding if tagged else Encoding.SIGNED_VB
+
+
+def signed_from_zigzag(values: Integers) -> Integers:
+    """Return signed numbers from 0, -1, 1, -2, ... counted from zero."""
+    return (values >> 1) ^ -(values & 1)
+
+
+def sign_extend(values: Integers, bits: int) -> Integers:
+    """Return the low bits of each number as a two's complement number of so many bits."""
+    half = 1 << (bits - 1)
+    return ((values & (2 * half - 1)) ^ half) - half
+
+
+def _bytes(index: ByteIndex, positions: Integers) -> Integers:
+    """Return the bytes at some positions; positions beyond the end read the last padding byte."""
+    return index.data[np.minimum(positions, len(index.data) - 1)].astype(np.int64)
+
+
+def read_numbers(
+    index: ByteIndex, starts: Int[np.ndarray, " n"], present: Bool[np.ndarray, "n k"]
+) -> tuple[Int[np.ndarray, "n k"], Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Read runs of variable-byte numbers, of which some are left out.
+
+    Parameters
+    ----------
+    index
+        The bytes.
+    starts
+        Where each run begins.
+    present
+        Which of the numbers of each run are written.
+
+    Returns
+    -------
+    values
+        Unsigned; zero where not present.
+    stops
+        Position after each run.
+    bad
+        Whether a number of the run is longer than a 32-bit number can be.
+    """
+    last = len(index.ends) - 1
+    before = np.cumsum(present, axis=1) - present
+    first = index.rank[starts].astype(np.int64)
+    token = np.minimum(first[:, None] + before, last)
+    values = np.where(present, index.values[token], 0)
+    bad = (index.overlong[token] & present & (before > 0)).any(axis=1)
+    # The first number may begin in the middle of what the index takes for one number.
+    own_first, own_end = np.minimum(first, last), index.ends[np.minimum(first, last)]
+    own = _unsigned(index.data, starts, own_end)
+    values = np.where(present & (before == 0), own[:, None], values)
+    count = present.sum(axis=1)
+    bad |= (count > 0) & (own_end - starts > MAX_VB_BYTES)
+    stops = np.where(count > 0, index.ends[np.minimum(own_first + count - 1, last)], starts)
+    return values, stops, bad
+
+
+def read_tag2_3s32(
+    index: ByteIndex, starts: Int[np.ndarray, " n"], variable: bool
+) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
+    """Read TAG2_3S32 (three numbers of 2, 4 or 6 bits or of 1 to 4 bytes) or its variant.
+
+    Parameters
+    ----------
+    index
+        The bytes.
+    starts
+        Position of each tag.
+    variable
+        TAG2_3SVARIABLE: 5, 5, 4 and 8, 7, 7 bits in place of 4 and 6.
+
+    Returns
+    -------
+    values
+        Signed.
+    stops
+        Position after each group.
+    """
+    b0, b1, b2 = (_bytes(index, starts + i) for i in range(3))
+    if variable:
+        word = (b0 << 16) | (b1 << 8) | b2
+        medium = [(word >> 17, 5), (word >> 12, 5), (word >> 8, 4)]
+        large = [(word >> 14, 8), (word >> 7, 7), (word, 7)]
+    else:
+        medium, large = [(b0, 4), (b1 >> 4, 4), (b1, 4)], [(b0, 6), (b1, 6), (b2, 6)]
+    small = [(b0 >> 4, 2), (b0 >> 2, 2), (b0, 2)]
+    selector = b0 >> 6
+    values = np.empty((len(starts), 3), np.int64)
+    position = starts + 1
+    for i in range(3):
+        width = (b0 >> (2 * i)) & 3
+        word = sum(_bytes(index, position + j) << (8 * j) for j in range(4))
+        whole = np.choose(width, [sign_extend(np.asarray(word), bits) for bits in (8, 16, 24, 32)])
+        bits = [sign_extend(*choice[i]) for choice in (small, medium, large)]
+        values[:, i] = np.choose(selector, [*bits, whole])
+        position = position + width + 1
+    return values, np.where(selector == 3, position, starts + selector + 1)
+
+
+def read_tag8_4s16(
+    index: ByteIndex, starts: Int[np.ndarray, " n"], version: int
+) -> tuple[Int[np.ndarray, "n 4"], Int[np.ndarray, " n"]]:
+    """Read TAG8_4S16: a byte of four tags, then four numbers of 0, 4, 8 or 16 bits.
+
+    Parameters
+    ----------
+    index
+        The bytes.
+    starts
+        Position of each byte of tags.
+    version
+        Data version: 1 or 2; the first wrote 4-bit numbers in pairs, the second packs nibbles.
+
+    Returns
+    -------
+    values
+        Signed.
+    stops
+        Position after each group.
+    """
+    tags = _bytes(index, starts)
+    if version == 1:
+        return _read_tag8_4s16_v1(index, starts, tags)
+    # Counted in nibbles, high one first: the position needs no case distinction.
+    nibble = 2 * (starts.astype(np.int64) + 1)
+    values = np.empty((len(starts), 4), np.int64)
+    for i in range(4):
+        tag = (tags >> (2 * i)) & 3
+        at, odd = nibble >> 1, nibble & 1
+        word = (_bytes(index, at) << 16) | (_bytes(index, at + 1) << 8) | _bytes(index, at + 2)
+        top = np.where(odd == 1, word << 4, word)  # the number begins at bit 23
+        four, eight, sixteen = (sign_extend(top >> (24 - bits), bits) for bits in (4, 8, 16))
+        values[:, i] = np.choose(tag, [np.zeros_like(four), four, eight, sixteen])
+        nibble = nibble + np.array([0, 1, 2, 4])[tag]
+    return values, (nibble + 1) >> 1
+
+
+def _read_tag8_4s16_v1(
+    index: ByteIndex, starts: Int[np.ndarray, " n"], tags: Int[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, "n 4"], Int[np.ndarray, " n"]]:
+    """Read the first version: a 4-bit tag takes the next field along, low nibble first."""
+    position = starts.astype(np.int64) + 1
+    values = np.zeros((len(starts), 4), np.int64)
+    paired = np.zeros(len(starts), bool)  # this field was the high nibble of the one before
+    for i in range(4):
+        tag = np.where(paired, 0, (tags >> (2 * i)) & 3)
+        low, high = _bytes(index, position), _bytes(index, position + 1)
+        word = low | (high << 8)
+        choices = [np.zeros_like(low), *(sign_extend(word, bits) for bits in (4, 8, 16))]
+        values[:, i] += np.choose(tag, choices)
+        paired = tag == 1
+        if i < 3:
+            values[:, i + 1] = np.where(paired, sign_extend(low >> 4, 4), 0)
+        position = position + np.array([0, 1, 1, 2])[tag]
+    return values, position
+
+
+def read_frames(
+    index: ByteIndex, starts: Int[np.ndarray, " n"], definition: FrameDefinition, version: int
+) -> tuple[Int[np.ndarray, "n k"], Bool[np.ndarray, " n"]]:
+    """Read the fields of frames of one kind as they are written, before prediction.
+
+    Parameters
+    ----------
+    index
+        The bytes.
+    starts
+        Position after the letter of each frame.
+    definition
+        Of this kind of frame.
+    version
+        Data version of the log.
+
+    Returns
+    -------
+    values
+        One row per frame.
+    bad
+        Frames with a number that cannot be.
+    """
+    values = np.zeros((len(starts), len(definition.names)), np.int64)
+    bad = np.zeros(len(starts), bool)
+    position = starts
+    for group in group_fields(definition):
+        columns = slice(group.first, group.first + group.count)
+        match group.encoding:
+            case Encoding.UNWRITTEN:
+                continue
+            case Encoding.TAG8_8SVB:
+                bits = (_bytes(index, position)[:, None] >> np.arange(group.count)) & 1
+                block, position, wrong = read_numbers(index, position + 1, bits == 1)
+                values[:, columns] = signed_from_zigzag(block)
+                bad |= wrong
+            case Encoding.TAG2_3S32 | Encoding.TAG2_3SVARIABLE:
+                variable = group.encoding == Encoding.TAG2_3SVARIABLE
+                block, position = read_tag2_3s32(index, position, variable)
+                values[:, columns] = block[:, : group.count]
+            case Encoding.TAG8_4S16:
+                block, position = read_tag8_4s16(index, position, version)
+                values[:, columns] = block[:, : group.count]
+            case _:
+                present = np.ones((len(starts), group.count), bool)
+                block, position, wrong = read_numbers(index, position, present)
+                values[:, columns] = _plain(block, definition.encodings[columns])
+                bad |= wrong
+    return values, bad
+
+
+def _plain(
+    values: Int[np.ndarray, "n k"], encodings: tuple[Encoding, ...]
+) -> Int[np.ndarray, "n k"]:
+    """Return a run of variable-byte numbers as signed, unsigned or negated, column by column."""
+    result = values.copy()
+    for column, encoding in enumerate(encodings):
+        if encoding in (Encoding.SIGNED_VB, Encoding.TAG8_8SVB):
+            result[:, column] = signed_from_zigzag(values[:, column])
+        elif encoding == Encoding.NEGATIVE_14BIT:
+            result[:, column] = -sign_extend(values[:, column], 14)
+    return result

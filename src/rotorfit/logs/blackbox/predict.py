@@ -1,0 +1,170 @@
+"""From fields as written to values: what the recorder predicted is added again.
+
+An I frame stands alone; the P frames after it refer to at most two frames back, to the I frame at
+the earliest. So the stretches from one I frame to the next are independent, and the k-th P frames
+of all of them are computed together.
+"""
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Int
+
+from rotorfit.logs.blackbox.header import FrameDefinition, Header, Predictor
+
+_WRAP: Final = 1 << 32
+
+# prediction = (a previous + b before that) / 2, rounded toward zero as in C
+_WEIGHTS: Final = {
+    Predictor.PREVIOUS: (2, 0),
+    Predictor.STRAIGHT_LINE: (4, -2),
+    Predictor.AVERAGE_2: (1, 1),
+    Predictor.INCREMENT: (2, 0),
+}
+
+
+def wrap(values: Int[np.ndarray, "*n k"], signed: tuple[bool, ...]) -> Int[np.ndarray, "*n k"]:
+    """Return numbers as the 32-bit integers, signed or not, that the recorder calculates with."""
+    offset = np.where(signed, _WRAP // 2, 0)
+    return ((values + offset) & (_WRAP - 1)) - offset
+
+
+def add_constants(
+    written: Int[np.ndarray, "n k"], definition: FrameDefinition, header: Header
+) -> Int[np.ndarray, "n k"]:
+    """Add the predictions that do not depend on any frame.
+
+    Parameters
+    ----------
+    written
+        Fields as they are written.
+    definition
+        Of this kind of frame.
+    header
+        With minthrottle, vbatref and motorOutput; zero where missing.
+
+    Returns
+    -------
+    values
+        Complete where the predictor is a constant.
+    """
+    constants = {
+        Predictor.MIN_THROTTLE: (header.numbers("minthrottle") or (0,))[0],
+        Predictor.FIFTEEN_HUNDRED: 1500,
+        Predictor.VBAT_REFERENCE: (header.numbers("vbatref") or (0,))[0],
+        Predictor.MIN_MOTOR: (header.numbers("motorOutput") or (0,))[0],
+    }
+    offsets = [constants.get(predictor, 0) for predictor in definition.predictors]
+    return written + np.array(offsets, np.int64)
+
+
+def add_motor_0(
+    values: Int[np.ndarray, "n k"], definition: FrameDefinition
+) -> Int[np.ndarray, "n k"]:
+    """Add motor[0] of the same frame to the fields that are relative to it."""
+    relative = np.array([p == Predictor.MOTOR_0 for p in definition.predictors])
+    if not relative.any():
+        return values
+    motor_0 = values[:, definition.names.index("motor[0]")]
+    return values + relative * motor_0[:, None]
+
+
+def position_after_intra(is_intra: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """Return how many frames before each frame the last I frame is; -1 before the first."""
+    number = np.arange(len(is_intra))
+    last = np.maximum.accumulate(np.where(is_intra, number, -1)) if len(number) else number
+    return np.where(last < 0, -1, number - last)
+
+
+def main_values(
+    written: Int[np.ndarray, "n k"], is_intra: Bool[np.ndarray, " n"], header: Header
+) -> Int[np.ndarray, "n k"]:
+    """Return the values of the main frames.
+
+    Parameters
+    ----------
+    written
+        Fields of I and P frames as they are written, in the order of the file, beginning with an
+        I frame.
+    is_intra
+        Which of them are I frames.
+    header
+        With the definition of both.
+
+    Returns
+    -------
+    values
+        Of every field, as 32-bit integers.
+    """
+    values = np.empty_like(written)
+    intra = header.frames["I"]
+    first = add_motor_0(add_constants(written[is_intra], intra, header), intra)
+    values[is_intra] = wrap(first, intra.signed)
+    inter = header.frames.get("P")
+    if inter is None:
+        return values
+    offset = position_after_intra(is_intra)
+    order = np.argsort(offset, kind="stable")
+    bounds: list[int] = np.cumsum(np.bincount(offset)).tolist()
+    weights = np.array([_WEIGHTS.get(p, (0, 0)) for p in inter.predictors], np.int64).T
+    skip = _iterations_to_next(header)
+    for step, (begin, end) in enumerate(pairwise(bounds), start=1):
+        rows = order[begin:end]
+        previous = values[rows - 1]
+        before = values[rows - min(step, 2)]  # the first P frame has one frame of history
+        total = weights[0] * previous + weights[1] * before
+        predicted = (total + (total < 0)) >> 1
+        block = add_constants(written[rows], inter, header) + predicted
+        for column in _columns(inter, Predictor.INCREMENT):
+            block[:, column] += skip[previous[:, column] % header.i_interval]
+        values[rows] = wrap(add_motor_0(block, inter), inter.signed)
+    return values
+
+
+def _columns(definition: FrameDefinition, predictor: Predictor) -> list[int]:
+    """Return the fields with a predictor."""
+    return [i for i, p in enumerate(definition.predictors) if p == predictor]
+
+
+def _iterations_to_next(header: Header) -> Int[np.ndarray, " interval"]:
+    """Return, for each iteration of the I interval, the number of iterations to the next logged."""
+    iteration = np.arange(header.i_interval)
+    phase = (iteration + header.p_numerator - 1) % header.p_denominator
+    logged = np.append(np.flatnonzero(phase < header.p_numerator), header.i_interval)
+    following = logged[np.searchsorted(logged, iteration, side="right")]
+    return following - iteration
+
+
+def gps_values(
+    written: Int[np.ndarray, "n k"],
+    header: Header,
+    *,
+    home: Int[np.ndarray, "n 2"],
+    main_time: Int[np.ndarray, " n"],
+) -> Int[np.ndarray, "n k"]:
+    """Return the values of the GPS frames.
+
+    Parameters
+    ----------
+    written
+        Fields as they are written.
+    header
+        With the definition of the G frames.
+    home
+        GPS_home[0] and [1] of the last H frame before each; zero before the first.
+    main_time
+        Time of the last main frame before each [us]; zero before the first.
+
+    Returns
+    -------
+    values
+        Of every field, as 32-bit integers.
+    """
+    definition = header.frames["G"]
+    values = add_constants(written, definition, header)
+    for coordinate, column in enumerate(_columns(definition, Predictor.HOME_COORDINATE)):
+        values[:, column] += home[:, coordinate]
+    for column in _columns(definition, Predictor.LAST_MAIN_FRAME_TIME):
+        values[:, column] += main_time
+    return wrap(values, definition.signed)

@@ -1,0 +1,180 @@
+"""Where the frames of a log begin and end, across damage."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from jaxtyping import Int, UInt8
+
+from rotorfit.logs.blackbox.encodings import (
+    MAX_VB_BYTES,
+    ByteIndex,
+    group_fields,
+    index_bytes,
+    read_tag2_3s32,
+    read_tag8_4s16,
+)
+from rotorfit.logs.blackbox.events import EVENT, LOG_END, Event, read_event
+from rotorfit.logs.blackbox.header import Encoding, FrameDefinition, Header
+
+DAMAGE: Final = ord("?")
+"""Stands among the letters of the frames where bytes had to be skipped."""
+
+_RUN, _MASKED_RUN, _TABLE = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scan:
+    """The frames of one log in the order of the file.
+
+    Attributes
+    ----------
+    letters
+        Kind of each frame as ASCII, or `DAMAGE`.
+    starts
+        Position after the letter [bytes from the first frame].
+    events
+        Of the E frames, which are not among the others.
+    skipped_bytes
+        In damaged stretches.
+    trailing_bytes
+        After the end-of-log event, or of the frame that was being written when recording stopped.
+    ended
+        Whether there is an end-of-log event.
+    """
+
+    letters: UInt8[np.ndarray, " n"]
+    starts: Int[np.ndarray, " n"]
+    events: tuple[Event, ...]
+    skipped_bytes: int
+    trailing_bytes: int
+    ended: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Walk:
+    """How to find the end of a frame of one kind without reading it.
+
+    Each step is a kind, a count and a table: a run of that many variable-byte numbers; a byte
+    from which the table says how many of them follow; a byte from which it says the length.
+    """
+
+    steps: tuple[tuple[int, int, Sequence[int]], ...]
+    longest: int
+
+
+def scan_frames(data: bytes, index: ByteIndex, header: Header) -> Scan:
+    """Find all frames of one log.
+
+    A frame is accepted if another frame, or the end of the log, follows it at once. Otherwise
+    the search goes on one byte after the letter with which it seemed to begin.
+
+    Parameters
+    ----------
+    data
+        The log without its header.
+    index
+        Of the same bytes.
+    header
+        With the definition of each kind of frame.
+
+    Returns
+    -------
+    Scan
+        All frames that look whole; whether their values make sense is not known yet.
+    """
+    walks = {ord(k): _walk(d, header.data_version) for k, d in header.frames.items()}
+    markers = frozenset(walks) | {EVENT}
+    search = re.compile(b"[" + re.escape(bytes(sorted(markers))) + b"]").search
+    rank, ends = index.rank.data, index.ends.data
+    letters, starts, events = bytearray(), list[int](), list[Event]()
+    position = good = skipped = 0
+    while position < len(data) and not (events and events[-1].kind == LOG_END):
+        letter, event = data[position], None
+        if letter == EVENT:
+            event, stop = read_event(data, position)
+        elif letter in walks:
+            stop = _frame_stop(data, rank, ends, walks[letter], position + 1)
+        else:
+            stop = len(data) + 1
+        is_last = event is not None and event.kind == LOG_END
+        if stop > len(data) or not (is_last or stop == len(data) or data[stop] in markers):
+            following = search(data, position + 1)
+            position = following.start() if following else len(data)
+            continue
+        if position > good:
+            skipped += position - good
+            letters.append(DAMAGE)
+            starts.append(good)
+        if event is None:
+            letters.append(letter)
+            starts.append(position + 1)
+        else:
+            events.append(event)
+        position = good = stop
+    return Scan(
+        letters=np.frombuffer(bytes(letters), np.uint8),
+        starts=np.array(starts, np.int64),
+        events=tuple(events),
+        skipped_bytes=skipped,
+        trailing_bytes=len(data) - good,
+        ended=bool(events) and events[-1].kind == LOG_END,
+    )
+
+
+def _frame_stop(data: bytes, rank: memoryview, ends: memoryview, walk: _Walk, start: int) -> int:
+    """Return the position after the frame whose fields begin at `start`; past the end if none."""
+    position = start
+    try:
+        for kind, count, table in walk.steps:
+            if kind == _RUN:
+                position = ends[rank[position] + count - 1]
+            elif kind == _TABLE:
+                position += table[data[position]]
+            else:
+                written = table[data[position]]
+                position += 1
+                if written:
+                    position = ends[rank[position] + written - 1]
+    except IndexError:  # the frame was cut off
+        return len(data) + 1
+    return position if position - start <= walk.longest else len(data) + 1
+
+
+def _walk(definition: FrameDefinition, version: int) -> _Walk:
+    """Return how to find the end of a frame of this definition."""
+    steps: list[tuple[int, int, Sequence[int]]] = []
+    longest = 0
+    for group in group_fields(definition):
+        match group.encoding:
+            case Encoding.UNWRITTEN:
+                continue
+            case Encoding.TAG8_8SVB:
+                mask = (1 << group.count) - 1
+                table = tuple((tags & mask).bit_count() for tags in range(256))
+                steps.append((_MASKED_RUN, 0, table))
+                longest += 1 + MAX_VB_BYTES * group.count
+            case Encoding.TAG2_3S32 | Encoding.TAG2_3SVARIABLE | Encoding.TAG8_4S16:
+                table = _lengths(group.encoding, version)
+                steps.append((_TABLE, 0, table))
+                longest += max(table)
+            case _:
+                steps.append((_RUN, group.count, ()))
+                longest += MAX_VB_BYTES * group.count
+    return _Walk(steps=tuple(steps), longest=longest)
+
+
+@lru_cache
+def _lengths(encoding: Encoding, version: int) -> tuple[int, ...]:
+    """Return the number of bytes of a group by its first byte, as the reader itself takes them."""
+    room = 16
+    index = index_bytes(b"".join(bytes([tags]) + bytes(room - 1) for tags in range(256)))
+    starts = room * np.arange(256)
+    if encoding == Encoding.TAG8_4S16:
+        _, stops = read_tag8_4s16(index, starts, version)
+    else:
+        _, stops = read_tag2_3s32(index, starts, variable=False)  # lengths are the same in both
+    return tuple(int(length) for length in stops - starts)
