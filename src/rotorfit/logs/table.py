@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,10 +21,10 @@ from rotorfit.logs.columns import (
     resolve,
     unit_of,
 )
-from rotorfit.logs.delimited import open_delimited
+from rotorfit.logs.delimited import DelimitedText, open_delimited
 from rotorfit.logs.files import read_bytes, write_whole
 from rotorfit.logs.parquet import MAGIC as PARQUET_MAGIC
-from rotorfit.logs.parquet import open_parquet
+from rotorfit.logs.parquet import ParquetTable, open_parquet
 from rotorfit.logs.units import UNITS, Conversion, conversion
 
 _LONGEST_STEP: Final = 0.5
@@ -40,16 +40,7 @@ _NOT_TO_BE_EMPTY: Final = ("gyro", "accel", "rotor_speed", "command")
 _FEWEST_LEVELS: Final = 16
 _SAMPLES_FOR_RESOLUTION: Final = 50_000
 
-
-class _Source(Protocol):
-    """A file opened as a table."""
-
-    @property
-    def names(self) -> tuple[str, ...]: ...
-
-    def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]: ...
-
-    def place(self, row: int) -> str: ...
+_Source = DelimitedText | ParquetTable
 
 
 def read_table(
@@ -300,12 +291,12 @@ def resolution_of(values: Float[np.ndarray, "n k"]) -> float | None:
 
 
 def _grid_step(column: Float[np.ndarray, " n"]) -> float | None:
-    levels: Float[np.ndarray, " m"] = np.unique(column)
+    levels = np.unique(column)
     if len(levels) < _FEWEST_LEVELS:
         return None
     with np.errstate(over="ignore"):
         steps = np.diff(levels)
-        rounding = 8 * np.spacing(np.max(np.abs(levels)))
+        rounding = 8 * np.spacing(float(np.max(np.abs(levels))))
         steps = steps[steps > rounding]
         if len(steps) < _FEWEST_LEVELS - 1:
             return None
