@@ -1,0 +1,260 @@
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import CHANNELS, FlightLog
+from rotorfit.logs import ColumnSpec, ReadOptions, read_log
+from rotorfit.logs.read import FORMATS
+
+READS = "; rotorfit reads Blackbox (Betaflight, INAV, INDIflight), flight tables (CSV or Parquet)"
+TABLE = b"time,battery,rotor_1\n0,12,400\n0.01,11.5,\n0.02,,402\n0.03,11,403\n"
+
+
+def written(tmp_path, content, name="log"):
+    path = tmp_path / name
+    path.write_bytes(content)
+    return path
+
+
+def test_a_table_is_recognised_under_any_name(tmp_path):
+    for name in ("flight.csv", "flight.bbl", "flight"):
+        log = read_log(written(tmp_path, TABLE, name))
+        assert log.format == "table"
+        np.testing.assert_array_equal(log.channels["battery"].values[:, 0], [12, 11.5, 11])
+
+
+def test_parquet_is_recognised_under_any_name(tmp_path):
+    import polars
+
+    path = tmp_path / "flight.csv"
+    polars.DataFrame({"time": [0.0, 0.1], "battery": [12.0, 11.0]}).write_parquet(path)
+    assert read_log(path).channels["battery"].values.tolist() == [[12.0], [11.0]]
+
+
+def test_options_reach_the_table_reader(tmp_path):
+    text = b"t,rotor_1,gyro_x,gyro_y,gyro_z\n0,7,1,2,3\n10,7,1,2,3\n"
+    columns = {
+        "time": ColumnSpec(name="t", unit="ms"),
+        "rotor_1": ColumnSpec(name="rotor_1", unit="erpm"),
+    }
+    options = ReadOptions(format="table", columns=columns, axes="FRD", motor_poles=14)
+    log = read_log(written(tmp_path, text), options=options)
+    assert log.seconds == pytest.approx(0.01)
+    assert log.channels["rotor_speed"].values[0, 0] == pytest.approx(2 * np.pi / 60)
+    assert log.channels["gyro"].values[0].tolist() == [1, -2, -3]
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"ULog\x01\x12\x35\x01 and so on", "a PX4 ULog"),
+        (b"\xa3\x95\x80\x80\x59FMT", "an ArduPilot DataFlash log"),
+        (b"#ROSBAG V2.0\nE\x00\x00\x00", "a ROS 1 bag"),
+        (b"\x89MCAP0\r\n\x01", "an MCAP recording"),
+        (b"SQLite format 3\x00\x10\x00", "an SQLite database, perhaps a ROS 2 bag"),
+        (b"\xbc\x02\x00\x00", "a Crazyflie micro-SD log"),
+        (b"PK\x03\x04\x14\x00", "a zip archive: unpack it first"),
+        (b"\x1f\x8b\x08\x00", "a gzip archive: unpack it first"),
+        (b"%PDF-1.7\n", "a PDF document"),
+        (b"\x89PNG\r\n\x1a\n", "an image"),
+        (b"\xff\xd8\xff\xe0", "an image"),
+        (b"MATLAB 5.0 MAT-file, Platform", "a MATLAB file"),
+        (b'{"time": 0}', "JSON"),
+        (b"[1, 2]", "JSON"),
+        (b"<!DOCTYPE html>", "a web page or other XML"),
+    ],
+)
+def test_formats_not_read_are_named(tmp_path, content, what):
+    path = written(tmp_path, content)
+    message = f"{path}: looks like {what}, which rotorfit does not read (yet){READS}"
+    with pytest.raises(LogError, match=f"^{re.escape(message)}$"):
+        read_log(path)
+
+
+def test_unknown_bytes_are_shown(tmp_path):
+    path = written(tmp_path, b"\x00\x01\x02\xfe rest")
+    message = f"{path}: unknown format (begins with 00 01 02 fe 20 72 65 73){READS}"
+    with pytest.raises(LogError, match=f"^{re.escape(message)}$"):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("options", "content", "message"),
+    [
+        (ReadOptions(format="ulog"), TABLE, "unknown format 'ulog': one of blackbox, table"),
+        (ReadOptions(log_number=2), TABLE, "a table is one log, there is no log 2"),
+        (
+            ReadOptions(format="blackbox", columns={"time": ColumnSpec(name="t")}),
+            TABLE,
+            "a Blackbox log names its own fields and axes: leave out a columns map",
+        ),
+        (
+            ReadOptions(format="blackbox", axes="FRD"),
+            TABLE,
+            "a Blackbox log names its own fields and axes: leave out axes",
+        ),
+        (ReadOptions(), b"", "is empty (0 bytes), expected a flight log: copy it again"),
+    ],
+)
+def test_options_that_do_not_suit_the_file_are_refused(tmp_path, options, content, message):
+    with pytest.raises(LogError, match=f"{re.escape(message)}$"):
+        read_log(written(tmp_path, content), options=options)
+
+
+def test_a_file_that_is_not_there_and_a_folder_are_refused(tmp_path):
+    with pytest.raises(LogError, match="no such file"):
+        read_log(tmp_path / "none.csv")
+    with pytest.raises(LogError, match="is a directory"):
+        read_log(tmp_path)
+
+
+def test_the_names_of_the_formats_are_distinct():
+    names = [candidate.name for candidate in FORMATS]
+    assert len(set(names)) == len(names) >= 2
+
+
+def ends_well(path):
+    """Read whatever is there: a sound log, or one line that names the file."""
+    try:
+        log = read_log(path)
+    except LogError as error:
+        assert str(path) in str(error)
+        assert "\n" not in str(error)
+        return
+    assert isinstance(log, FlightLog)
+    for name, channel in log.channels.items():
+        assert channel.values.shape == (len(channel.time), CHANNELS[name][0] or 1)
+        assert np.isfinite(channel.time).all()
+        assert not np.isinf(channel.values).any()
+        assert (np.diff(channel.time) >= 0).all()
+
+
+fuzzed = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+
+
+@fuzzed
+@given(st.binary(min_size=1, max_size=300))
+@example(b"PAR1" + bytes(40) + b"PAR1")
+@example(b'time,battery\n0,"1\n0.1,2\n')
+@example(b"time,battery\n0,1_0\n0.1,2\n")
+@example(b"time,battery\n-1e308,1\n1e308,2\n")
+@example(b"time,battery\n0,\x00\n0.1,2\n")
+@example(b"\xff\xfe\x00\xd8")
+@example(b"#")
+@example(b",")
+def test_any_bytes_end_in_a_log_or_a_log_error(tmp_path, content):
+    ends_well(written(tmp_path, content))
+
+
+@fuzzed
+@given(
+    st.lists(
+        st.tuples(
+            st.integers(0, len(TABLE)),
+            st.integers(0, 4),
+            st.sampled_from(
+                [
+                    b"",
+                    b",",
+                    b"\n",
+                    b'"',
+                    b"#",
+                    b"-",
+                    b"e",
+                    b"9",
+                    b"nan",
+                    b"\r",
+                    b"\x00",
+                    b";",
+                    b"\xff",
+                ]
+            ),
+        ),
+        max_size=6,
+    )
+)
+def test_a_damaged_table_ends_in_a_log_or_a_log_error(tmp_path, damage):
+    content = TABLE
+    for start, length, inserted in damage:
+        content = content[:start] + inserted + content[start + length :]
+    ends_well(written(tmp_path, content or b" "))
+
+
+@fuzzed
+@given(st.integers(4, 600), st.binary(min_size=1, max_size=4))
+def test_a_damaged_parquet_file_ends_in_a_log_or_a_log_error(tmp_path, place, junk):
+    import polars
+
+    path = tmp_path / "log"
+    polars.DataFrame({"time": [0.0, 0.1], "battery": [12.0, 11.0]}).write_parquet(path)
+    content = path.read_bytes()
+    place %= len(content)
+    path.write_bytes(b"PAR1" + (content[:place] + junk + content[place + len(junk) :])[4:])
+    ends_well(path)
+
+
+def test_importing_the_readers_is_cheap():
+    heavy = {"polars", "scipy", "pydantic", "rich", "typer"}
+    code = f"import sys, rotorfit.logs; print(sorted({heavy!r} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+# Real flights
+
+
+@pytest.mark.flights
+def test_nanobench_reads_by_a_columns_map(flight_data_dir):
+    columns = {"time": ColumnSpec(name="t"), "battery": ColumnSpec(name="pwr_pm_vbat")}
+    for axis in "xyz":
+        columns[f"gyro_{axis}"] = ColumnSpec(name=f"imu_gyro_{axis}")
+        columns[f"accel_{axis}"] = ColumnSpec(name=f"imu_acc_{axis}", unit="g")
+        columns[f"pos_{axis}"] = ColumnSpec(name=f"p{axis}")
+    columns |= {f"quat_{axis}": ColumnSpec(name=f"q{axis}") for axis in "wxyz"}
+    columns |= {
+        f"command_{i}": ColumnSpec(name=f"motor_motor_m{i}", unit="counts", range=(0.0, 65535.0))
+        for i in (1, 2, 3, 4)
+    }
+    path = flight_data_dir / "nanobench-crazyflie" / "B8_star_fast_rep1.csv"
+    log = read_log(path, options=ReadOptions(columns=columns))
+    assert set(log.channels) == {"gyro", "accel", "position", "attitude", "command", "battery"}
+    assert log.seconds == pytest.approx(42.26, abs=0.01)
+    assert log.channels["accel"].values[:, 2].mean() == pytest.approx(9.9, abs=0.1)
+    assert log.channels["command"].values.max() <= 1
+    assert log.channels["command"].values.mean() == pytest.approx(0.75, abs=0.01)
+    assert log.channels["position"].resolution == pytest.approx(1e-6)
+    np.testing.assert_allclose(np.linalg.norm(log.channels["attitude"].values, axis=1), 1)
+
+
+@pytest.mark.flights
+def test_optitrack_reads_by_a_columns_map(flight_data_dir):
+    columns = {"time": ColumnSpec(name="t")}
+    columns |= {f"pos_{axis}": ColumnSpec(name=axis) for axis in "xyz"}
+    columns |= {f"quat_{axis}": ColumnSpec(name=f"q{axis}") for axis in "wxyz"}
+    path = flight_data_dir / "optitrack-airgarage" / "20240824_00_08_07.csv"
+    log = read_log(path, options=ReadOptions(columns=columns))
+    assert {name: len(channel.time) for name, channel in log.channels.items()} == {
+        "position": 2577,
+        "attitude": 2577,
+    }
+    assert np.median(np.diff(log.channels["position"].time)) == pytest.approx(0.0198, abs=1e-4)
+
+
+@pytest.mark.flights
+@pytest.mark.parametrize(
+    ("file", "what"),
+    [
+        ("px4-ulog/quadrotor_local.ulg", "a PX4 ULog"),
+        ("ardupilot-dronekit/log171.bin", "an ArduPilot DataFlash log"),
+        ("arplab-crazyflie/log15", "a Crazyflie micro-SD log"),
+    ],
+)
+def test_real_logs_of_formats_not_read_are_named(flight_data_dir, file, what):
+    with pytest.raises(LogError, match=f"looks like {what}, which"):
+        read_log(flight_data_dir / file)
