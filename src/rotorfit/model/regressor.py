@@ -86,23 +86,23 @@ def regressor(vehicle: Vehicle, *, effects: Sequence[str] | None = None) -> Regr
 def body_mass(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Mass: force m alpha (the paper's D_m)."""
     del vehicle
-    return {"mass": _block(layout, {(FX, "ax"): 1, (FY, "ay"): 1, (FZ, "az"): 1})}
+    return {"mass": _block(layout, {(FX, "ax"): 1.0, (FY, "ay"): 1.0, (FZ, "az"): 1.0})}
 
 
 def body_first_moments(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """First moments ms = m c: force [dw]x ms + [w]x[w]x ms, torque ms x alpha."""
     del vehicle
     msx = {
-        (FX, "wywy"): -1, (FX, "wzwz"): -1, (FY, "wxwy"): 1, (FY, "dwz"): 1,
-        (FZ, "wxwz"): 1, (FZ, "dwy"): -1, (MY, "az"): -1, (MZ, "ay"): 1,
+        (FX, "wywy"): -1.0, (FX, "wzwz"): -1.0, (FY, "wxwy"): 1.0, (FY, "dwz"): 1.0,
+        (FZ, "wxwz"): 1.0, (FZ, "dwy"): -1.0, (MY, "az"): -1.0, (MZ, "ay"): 1.0,
     }  # fmt: skip
     msy = {
-        (FX, "wxwy"): 1, (FX, "dwz"): -1, (FY, "wxwx"): -1, (FY, "wzwz"): -1,
-        (FZ, "wywz"): 1, (FZ, "dwx"): 1, (MX, "az"): 1, (MZ, "ax"): -1,
+        (FX, "wxwy"): 1.0, (FX, "dwz"): -1.0, (FY, "wxwx"): -1.0, (FY, "wzwz"): -1.0,
+        (FZ, "wywz"): 1.0, (FZ, "dwx"): 1.0, (MX, "az"): 1.0, (MZ, "ax"): -1.0,
     }  # fmt: skip
     msz = {
-        (FX, "wxwz"): 1, (FX, "dwy"): 1, (FY, "wywz"): 1, (FY, "dwx"): -1,
-        (FZ, "wxwx"): -1, (FZ, "wywy"): -1, (MX, "ay"): -1, (MY, "ax"): 1,
+        (FX, "wxwz"): 1.0, (FX, "dwy"): 1.0, (FY, "wywz"): 1.0, (FY, "dwx"): -1.0,
+        (FZ, "wxwx"): -1.0, (FZ, "wywy"): -1.0, (MX, "ay"): -1.0, (MY, "ax"): 1.0,
     }  # fmt: skip
     return {
         "msx": _block(layout, msx),
@@ -115,20 +115,20 @@ def body_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Inertia at the body origin, tensor elements: torque I dw + w x I w."""
     del vehicle
     entries = {
-        "Ixx": {(MX, "dwx"): 1, (MY, "wxwz"): 1, (MZ, "wxwy"): -1},
-        "Iyy": {(MX, "wywz"): -1, (MY, "dwy"): 1, (MZ, "wxwy"): 1},
-        "Izz": {(MX, "wywz"): 1, (MY, "wxwz"): -1, (MZ, "dwz"): 1},
+        "Ixx": {(MX, "dwx"): 1.0, (MY, "wxwz"): 1.0, (MZ, "wxwy"): -1.0},
+        "Iyy": {(MX, "wywz"): -1.0, (MY, "dwy"): 1.0, (MZ, "wxwy"): 1.0},
+        "Izz": {(MX, "wywz"): 1.0, (MY, "wxwz"): -1.0, (MZ, "dwz"): 1.0},
         "Ixy": {
-            (MX, "dwy"): 1, (MX, "wxwz"): -1, (MY, "dwx"): 1, (MY, "wywz"): 1,
-            (MZ, "wxwx"): 1, (MZ, "wywy"): -1,
+            (MX, "dwy"): 1.0, (MX, "wxwz"): -1.0, (MY, "dwx"): 1.0, (MY, "wywz"): 1.0,
+            (MZ, "wxwx"): 1.0, (MZ, "wywy"): -1.0,
         },
         "Ixz": {
-            (MX, "dwz"): 1, (MX, "wxwy"): 1, (MY, "wzwz"): 1, (MY, "wxwx"): -1,
-            (MZ, "dwx"): 1, (MZ, "wywz"): -1,
+            (MX, "dwz"): 1.0, (MX, "wxwy"): 1.0, (MY, "wzwz"): 1.0, (MY, "wxwx"): -1.0,
+            (MZ, "dwx"): 1.0, (MZ, "wywz"): -1.0,
         },
         "Iyz": {
-            (MX, "wywy"): 1, (MX, "wzwz"): -1, (MY, "dwz"): 1, (MY, "wxwy"): -1,
-            (MZ, "dwy"): 1, (MZ, "wxwz"): 1,
+            (MX, "wywy"): 1.0, (MX, "wzwz"): -1.0, (MY, "dwz"): 1.0, (MY, "wxwy"): -1.0,
+            (MZ, "dwy"): 1.0, (MZ, "wxwz"): 1.0,
         },
     }  # fmt: skip
     return {name: _block(layout, block) for name, block in entries.items()}
@@ -179,7 +179,7 @@ def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Force and torque that do not change: what an accelerometer bias leaves, or a trim."""
     del vehicle
     names = ("Fx_0", "Fy_0", "Fz_0", "Mx_0", "My_0", "Mz_0")
-    return {name: _block(layout, {(row, "one"): -1}) for row, name in enumerate(names)}
+    return {name: _block(layout, {(row, "one"): -1.0}) for row, name in enumerate(names)}
 
 
 EFFECTS: dict[str, Callable[[Vehicle, SignalLayout], dict[str, Block]]] = {

@@ -1,0 +1,244 @@
+"""The tensor against Newton-Euler written by vectors, and what is known of its structure."""
+
+from dataclasses import replace
+
+import newton_euler as ne
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rotorfit.model.regressor import EFFECTS, regressor
+from rotorfit.model.signals import signal_layout, signal_matrix
+from rotorfit.model.vehicle import Vehicle
+
+SEEDS = st.integers(0, 2**32 - 1)
+ROTORS = st.integers(3, 8)
+SAMPLES = 5
+
+
+def residual_of(vehicle, theta, motion):
+    """Return the regressor's residual wrench and the size of its largest terms."""
+    flight = ne.flight_of(*motion)
+    Z = signal_matrix(flight, vehicle, 0, len(flight.time))
+    A = regressor(vehicle)
+    values = np.array([theta.get(name, 0.0) for name in A.names])
+    size = np.abs(Z) @ np.einsum("p,pjz->jz", np.abs(values), np.abs(A.tensor)).T
+    return A.residual(Z, theta), size
+
+
+def assert_wrench(actual, expected, size):
+    """Compare to 1e-12 of the terms that the wrench is the sum of."""
+    np.testing.assert_array_less(np.abs(actual - expected), 1e-12 * size + 1e-300)
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans(), has_imu=st.booleans())
+def test_regressor_times_parameters_is_newton_euler(seed, rotors, tilted, has_imu):
+    rng = np.random.default_rng(seed)
+    imu = rng.normal(size=3) * 0.05 if has_imu else None
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted, imu=imu)
+    body = replace(ne.random_body(rng, rotors), constant=rng.normal(size=6))
+    alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
+    expected = ne.body_wrench(body, alpha, w, dw) - body.constant
+    expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
+    measured = alpha if imu is None else ne.at_point(alpha, w, dw, imu)
+    actual, size = residual_of(vehicle, ne.theta_of(body, 3e-6), (measured, w, dw, O, dO))
+    assert_wrench(actual, expected, size)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_rotor_center_is_a_common_shift_of_all_rotors(seed, rotors, tilted):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
+    shift = np.array([*rng.normal(size=2) * 0.03, 0.0])
+    body = replace(ne.random_body(rng, rotors, equal_kt=True), rotor_shift=shift)
+    motion = ne.random_motion(rng, SAMPLES, rotors)
+    expected = ne.body_wrench(body, *motion[:3]) - ne.rotor_wrench(
+        body, vehicle, motion[1], *motion[3:]
+    )
+    actual, size = residual_of(vehicle, ne.theta_of(body, body.kt[0]), motion)
+    assert_wrench(actual, expected, size)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_an_exact_motion_leaves_no_residual(seed, rotors, tilted):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
+    body = ne.random_body(rng, rotors)
+    _, w, _, O, dO = ne.random_motion(rng, SAMPLES, rotors)
+    alpha, dw = ne.balanced_motion(body, vehicle, w, O, dO)
+    actual, size = residual_of(vehicle, ne.theta_of(body), (alpha, w, dw, O, dO))
+    # Solving for the accelerations costs the condition number of the 6 x 6 mass matrix.
+    assert np.abs(actual).max() <= 1e-12 * size.max()
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_the_common_thrust_coefficient_is_the_sum_of_the_rotors_own(seed, rotors, tilted):
+    vehicle = ne.random_vehicle(np.random.default_rng(seed), rotors, tilted=tilted)
+    A = regressor(vehicle)
+    own = [A.tensor[A.names.index(f"kt_{i + 1}")] for i in range(rotors)]
+    np.testing.assert_array_equal(A.tensor[A.names.index("kt")], np.sum(own, axis=0))
+
+
+def test_body_matrix_row_by_row():
+    """The 6 x 9 matrix D of Six et al. 2020, eq. 10, as derived by hand."""
+    rng = np.random.default_rng(1)
+    vehicle = ne.paper_vehicle()
+    motion = ne.random_motion(rng, SAMPLES, 4)
+    alpha, (x, y, z), (dx, dy, dz) = motion[0].T, motion[1].T, motion[2].T
+    ax, ay, az = alpha
+    o = np.zeros(SAMPLES)
+    D = [
+        [-(y**2 + z**2), x * y - dz, x * z + dy, o, o, o, o, o, o],
+        [x * y + dz, -(x**2 + z**2), y * z - dx, o, o, o, o, o, o],
+        [x * z - dy, y * z + dx, -(x**2 + y**2), o, o, o, o, o, o],
+        [o, az, -ay, dx, -y * z, y * z, dy - x * z, dz + x * y, y**2 - z**2],
+        [-az, o, ax, x * z, dy, -x * z, dx + y * z, z**2 - x**2, dz - x * y],
+        [ay, -ax, o, -x * y, x * y, dz, x**2 - y**2, dx - y * z, dy + x * z],
+    ]
+    Z = signal_matrix(ne.flight_of(*motion), vehicle, 0, SAMPLES)
+    rows = regressor(vehicle).rows(Z, ne.CHI)
+    np.testing.assert_allclose(rows, np.array(D).transpose(2, 0, 1), rtol=1e-14, atol=1e-13)
+    mass = regressor(vehicle).rows(Z, ["mass"])[..., 0]
+    np.testing.assert_array_equal(mass, np.concatenate([motion[0], np.zeros((5, 3))], axis=1))
+
+
+def test_propeller_matrix_of_the_papers_plus_frame():
+    """Six et al. 2020, eq. 9: tau = (d(-O1+O2), d(-O3+O4)) k_t and -sign(O) k_d, squares of O."""
+    vehicle, d = ne.paper_vehicle(0.31), 0.31
+    motion = ne.random_motion(np.random.default_rng(2), SAMPLES, 4)
+    s1, s2, s3, s4 = motion[3].T ** 2
+    o = np.zeros(SAMPLES)
+    kt = [o, o, s1 + s2 + s3 + s4, d * (s2 - s1), d * (s4 - s3), o]
+    kd = [o, o, o, o, o, -s1 - s2 + s3 + s4]
+    Z = signal_matrix(ne.flight_of(*motion), vehicle, 0, SAMPLES)
+    rows = -regressor(vehicle).rows(Z, ["kt", "kd"])
+    expected = np.stack([np.transpose(kt), np.transpose(kd)], axis=2)
+    np.testing.assert_allclose(rows, expected, rtol=1e-14, atol=1e-9)
+
+
+def test_rotor_inertia_column_of_an_aligned_frame():
+    """THEORY 1.1: [0, 0, 0, -w_y h, +w_x h, -sum s dO] on the rotor side, h = sum s O."""
+    vehicle = ne.paper_vehicle()
+    _, w, _, O, dO = motion = ne.random_motion(np.random.default_rng(3), SAMPLES, 4)
+    s = np.array([1.0, 1.0, -1.0, -1.0])
+    o = np.zeros(SAMPLES)
+    expected = np.array([o, o, o, -w[:, 1] * (O @ s), w[:, 0] * (O @ s), -dO @ s]).T
+    Z = signal_matrix(ne.flight_of(*motion), vehicle, 0, SAMPLES)
+    rows = -regressor(vehicle).rows(Z, ["Jr"])[..., 0]
+    np.testing.assert_allclose(rows, expected, rtol=1e-13, atol=1e-11)
+
+
+def test_of_the_papers_72_entries_40_are_not_zero():
+    vehicle = ne.paper_vehicle()
+    motion = ne.random_motion(np.random.default_rng(4), SAMPLES, 4)
+    Z = signal_matrix(ne.flight_of(*motion), vehicle, 0, SAMPLES)
+    rows = regressor(vehicle).rows(Z, ["kt", "kd", *ne.CHI, "mass"])
+    assert (np.count_nonzero(rows, axis=(1, 2)) == 40).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS)
+def test_reversing_every_spin_reverses_drag_torque_and_rotor_inertia(seed, rotors):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=bool(seed % 2))
+    other = {"ccw": "cw", "cw": "ccw"}
+    reversed_ = Vehicle(rotors=tuple(replace(r, spin=other[r.spin]) for r in vehicle.rotors))
+    motion = ne.random_motion(rng, SAMPLES, rotors)
+    theta = ne.theta_of(ne.random_body(rng, rotors))
+    expected, size = residual_of(vehicle, theta, motion)
+    flipped = theta | {"kd": -theta["kd"], "Jr": -theta["Jr"]}
+    assert_wrench(residual_of(reversed_, flipped, motion)[0], expected, size)
+    assert np.abs(residual_of(reversed_, theta, motion)[0] - expected).max() > 1e-6
+
+
+QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+MIRROR = np.diag([1.0, -1.0, 1.0])
+
+
+def seen_from(Q, vehicle, body, motion):
+    """Return vehicle, body and motion in axes turned (or mirrored) by Q; torques are axial."""
+    alpha, w, dw, O, dO = motion
+    sign = np.linalg.det(Q)
+    other = {"ccw": "cw", "cw": "ccw"} if sign < 0 else {"ccw": "ccw", "cw": "cw"}
+    rotors = tuple(
+        replace(r, position=tuple(Q @ r.position), axis=tuple(Q @ r.axis), spin=other[r.spin])
+        for r in vehicle.rotors
+    )
+    turned = replace(body, com=Q @ body.com, inertia_com=Q @ body.inertia_com @ Q.T)
+    axial = sign * Q.T
+    return Vehicle(rotors=rotors), turned, (alpha @ Q.T, w @ axial, dw @ axial, O, dO)
+
+
+@pytest.mark.parametrize("Q", [QUARTER_TURN, MIRROR], ids=["quarter turn", "mirror"])
+@settings(max_examples=30, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_turning_or_mirroring_the_axes_turns_the_wrench(Q, seed, rotors, tilted):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
+    body = ne.random_body(rng, rotors)
+    motion = ne.random_motion(rng, SAMPLES, rotors)
+    before, size = residual_of(vehicle, ne.theta_of(body), motion)
+    vehicle_q, body_q, motion_q = seen_from(Q, vehicle, body, motion)
+    after, _ = residual_of(vehicle_q, ne.theta_of(body_q), motion_q)
+    turn = np.zeros((6, 6))
+    turn[:3, :3], turn[3:, 3:] = Q, np.linalg.det(Q) * Q
+    assert_wrench(after, before @ turn.T, size @ np.abs(turn).T)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_moving_the_origin_moves_the_parameters_by_the_parallel_axis_theorem(seed, rotors, tilted):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
+    body = ne.random_body(rng, rotors)
+    alpha, w, dw, O, dO = motion = ne.random_motion(rng, SAMPLES, rotors)
+    before, size = residual_of(vehicle, ne.theta_of(body), motion)
+    s = rng.normal(size=3) * 0.05
+    moved = Vehicle(
+        rotors=tuple(replace(r, position=tuple(r.position - s)) for r in vehicle.rotors)
+    )
+    theta = ne.theta_of(replace(body, com=body.com - s))
+    there, there_size = residual_of(moved, theta, (ne.at_point(alpha, w, dw, s), w, dw, O, dO))
+    expected = before.copy()
+    expected[:, 3:] -= np.cross(s, before[:, :3])
+    both = size + there_size
+    both[:, 3:] += np.abs(s).max() * size[:, :3].sum(axis=1, keepdims=True)
+    assert_wrench(there, expected, both)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS)
+def test_aligned_and_tilted_layouts_agree_where_all_axes_are_z(seed, rotors):
+    rng = np.random.default_rng(seed)
+    aligned = ne.random_vehicle(rng, rotors)
+    first = replace(aligned.rotors[0], axis=(1e-300, 0.0, 1.0))
+    tilted = Vehicle(rotors=(first, *aligned.rotors[1:]))
+    assert len(signal_layout(tilted)) == len(signal_layout(aligned)) + 3
+    motion = ne.random_motion(rng, SAMPLES, rotors)
+    theta = ne.theta_of(ne.random_body(rng, rotors))
+    few, size = residual_of(aligned, theta, motion)
+    assert_wrench(residual_of(tilted, theta, motion)[0], few, size)
+
+
+def test_effects_can_be_left_out_and_keep_their_order():
+    vehicle = ne.paper_vehicle()
+    assert regressor(vehicle, effects=["torque", "mass"]).names == ("kd", "mass")
+    full = regressor(vehicle)
+    assert full.tensor.shape == (len(full.names), 6, 20)
+    kept = regressor(vehicle, effects=[e for e in EFFECTS if e != "rotor_inertia"])
+    assert set(full.names) - set(kept.names) == {"Jr"}
+
+
+def test_rows_and_residual_are_the_same_equations():
+    rng = np.random.default_rng(5)
+    vehicle = ne.random_vehicle(rng, 6, tilted=True, imu=[0.01, -0.02, 0.03])
+    Z = signal_matrix(ne.flight_of(*ne.random_motion(rng, 40, 6)), vehicle, 0, 40)
+    A = regressor(vehicle)
+    theta = ne.theta_of(ne.random_body(rng, 6))
+    rows = A.rows(Z, list(theta))
+    np.testing.assert_allclose(rows @ list(theta.values()), A.residual(Z, theta), atol=1e-10)
