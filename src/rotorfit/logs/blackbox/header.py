@@ -224,7 +224,7 @@ def _read_lines(data: bytes, start: int, stop: int) -> tuple[dict[str, str], int
     while True:
         line = _LINE.match(data, position, stop)
         if line is not None:
-            name, value = (group.decode("utf-8", "replace").strip() for group in line.groups())
+            name, value = (_printable(group) for group in line.groups())
             entries[name] = value
             position = line.end()
             continue
@@ -234,6 +234,12 @@ def _read_lines(data: bytes, start: int, stop: int) -> tuple[dict[str, str], int
             return entries, position, damaged
         damaged += following.start() + 1 - position
         position = following.start() + 1
+
+
+def _printable(raw: bytes) -> str:
+    """Return text that can be shown on any terminal."""
+    text = raw.decode("utf-8", "replace").strip()
+    return "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
 
 
 def _p_interval(text: str) -> tuple[int, int]:

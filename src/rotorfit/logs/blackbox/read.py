@@ -1,0 +1,215 @@
+"""Blackbox files: recognise, list and read them."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import FlightLog
+from rotorfit.logs.blackbox.channels import read_channels, seconds
+from rotorfit.logs.blackbox.decode import BlackboxLog, decode
+from rotorfit.logs.blackbox.header import LOG_START, find_logs, read_header
+from rotorfit.logs.files import read_bytes, sha256_of
+
+_LISTED: Final = 8
+"""Most logs that an error message lists."""
+
+# Header lines for people, by name or by what filter they set.
+_METADATA: Final = (
+    "Firmware revision",
+    "Firmware date",
+    "Board information",
+    "Craft name",
+    "Log start datetime",
+    "Data version",
+    "looptime",
+    "gyro_sync_denom",
+    "pid_process_denom",
+    "I interval",
+    "P interval",
+    "motor_poles",
+    "motor_kv",
+    "motorOutput",
+    "motor_pwm_protocol",
+    "dshot_bidir",
+    "acc_1G",
+    "gyro_scale",
+    "blackbox_high_resolution",
+    "debug_mode",
+)
+_FILTER = re.compile(r"(gyro|dterm|rpm|dyn|acc|yaw).*(lpf|lowpass|notch|filter).*", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogEntry:
+    """One log of a Blackbox file.
+
+    Attributes
+    ----------
+    number
+        From 1.
+    start, stop
+        Byte range in the file.
+    description
+        Firmware, craft, date and size; or why the header cannot be read.
+    """
+
+    number: int
+    start: int
+    stop: int
+    description: str
+
+
+def is_blackbox(head: bytes) -> bool:
+    """Return whether bytes from the beginning of a file are a Blackbox log.
+
+    Parameters
+    ----------
+    head
+        Some thousand bytes; there may be remains of an older log before the header.
+
+    Returns
+    -------
+    bool
+        Whether a Blackbox header begins there.
+    """
+    return LOG_START in head
+
+
+def list_blackbox_logs(path: Path) -> tuple[LogEntry, ...]:
+    """Return the logs of a Blackbox file, from their headers alone.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    tuple of LogEntry
+        In the order of the file; empty if it holds none.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read.
+    """
+    return _entries(read_bytes(path))
+
+
+def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
+    """Read one log of a Blackbox file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    log_number
+        Which log, from 1; may be left out if there is only one.
+
+    Returns
+    -------
+    FlightLog
+        Channels in SI units and FLU axes, all on the clock of the main frames.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read, holds several logs and none was chosen, or has no frames.
+    """
+    data = read_bytes(path)
+    if log_number is None and data.count(LOG_START) > 1:
+        raise LogError(f"{path}: {_choice(_entries(data))}")
+    try:
+        log = decode(data, log_number=log_number)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error
+    if len(log.main) == 0:
+        raise LogError(
+            f"{path}: log {log.log_number} has no readable main frame in "
+            f"{log.header.stop - log.header.data_start} bytes after its header, expected one at "
+            "least: record a longer flight, or copy the log from the recorder again"
+        )
+    channels, missing = read_channels(log)
+    time = seconds(log)
+    return FlightLog(
+        path=path,
+        sha256=sha256_of(path),
+        format="blackbox",
+        channels=channels,
+        log_number=log.log_number,
+        logs_in_file=log.logs_in_file,
+        seconds=float(time[-1] - time[0]),
+        metadata=_metadata(log.header.entries),
+        notes=(*_notes(log), *missing),
+    )
+
+
+def _entries(data: bytes) -> tuple[LogEntry, ...]:
+    """Return the logs in the bytes of a file."""
+    return tuple(
+        LogEntry(number=i, start=start, stop=stop, description=_describe(data, start, stop))
+        for i, (start, stop) in enumerate(find_logs(data), start=1)
+    )
+
+
+def _describe(data: bytes, start: int, stop: int) -> str:
+    """Return firmware, craft, date and size of a log; or why the header cannot be read."""
+    size = f"{(stop - start) / 1000:.0f} kB"
+    try:
+        entries = _metadata(read_header(data, start, stop).entries)
+    except LogError as error:
+        return f"{size}, {error}"
+    names = ("Firmware revision", "Craft name", "Log start datetime")
+    return ", ".join([*(entries[name] for name in names if name in entries), size])
+
+
+def _choice(entries: tuple[LogEntry, ...]) -> str:
+    """Return what to say of a file with several logs when none was chosen."""
+    listed = "; ".join(f"{e.number}: {e.description}" for e in entries[:_LISTED])
+    more = f"; and {len(entries) - _LISTED} more" if len(entries) > _LISTED else ""
+    return (
+        f"holds {len(entries)} logs ({listed}{more}), expected a choice of one: "
+        f"pass a log number from 1 to {len(entries)}"
+    )
+
+
+def _metadata(entries: Mapping[str, str]) -> dict[str, str]:
+    """Return the header lines that tell a person what was flown, under their own names."""
+    named = [name for name in _METADATA if name in entries]
+    filters = [name for name in entries if name not in named and _FILTER.fullmatch(name)]
+    metadata = {name: entries[name][:200] for name in [*named, *filters] if entries[name]}
+    if metadata.get("Log start datetime", "").startswith("0000"):  # the clock was never set
+        del metadata["Log start datetime"]
+    return metadata
+
+
+def _notes(log: BlackboxLog) -> list[str]:
+    """Return what the decoder met, one sentence each."""
+    intra = int(log.is_intra.sum())
+    counts = {
+        "I": intra,
+        "P": len(log.main) - intra,
+        "S": len(log.slow),
+        "G": len(log.gps),
+        "H": len(log.home),
+        "E": len(log.events),
+    }
+    notes = ["frames read: " + ", ".join(f"{count} {letter}" for letter, count in counts.items())]
+    if log.damaged_stretches:
+        notes.append(
+            f"{log.damaged_stretches} corrupt stretches: {log.skipped_bytes} bytes skipped"
+        )
+    if log.dropped_frames:
+        notes.append(
+            f"{log.dropped_frames} frames dropped: they follow a corrupt one or are not credible"
+        )
+    if log.header.damaged_bytes:
+        notes.append(f"{log.header.damaged_bytes} bytes of the header skipped: no header lines")
+    if not log.ended:
+        notes.append(f"no end-of-log event: {log.trailing_bytes} bytes of an unfinished frame left")
+    elif log.trailing_bytes:
+        notes.append(f"{log.trailing_bytes} bytes after the end of the log ignored")
+    return notes
