@@ -46,9 +46,10 @@ class Gains:
     rate
         Angular acceleration per rate error about each body axis [1/s].
     damping
-        Fraction of the angular acceleration that is fed back; 1 halves the motor lag.
+        Fraction of the angular acceleration that is fed back; 1 halves the motor lag. None about
+        yaw, where the reaction of rotors with inertia answers at once and would ring.
     integral
-        Growth of the torque trim, as angular acceleration per angle [1/s^2].
+        Growth of the torque trim about each body axis, as angular acceleration per angle [1/s^2].
     """
 
     position: float = 0.5
@@ -56,10 +57,10 @@ class Gains:
     height: float = 0.6
     climb: float = 0.8
     hold_tilt: float = 0.2
-    attitude: Vector = (8.0, 8.0, 2.5)
-    rate: Vector = (22.0, 22.0, 8.0)
-    damping: float = 1.0
-    integral: float = 20.0
+    attitude: Vector = (5.8, 5.8, 0.3)
+    rate: Vector = (25.0, 25.0, 3.0)
+    damping: Vector = (1.0, 1.0, 0.0)
+    integral: Vector = (4.0, 4.0, 0.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,8 +212,8 @@ def _rate_loop(
     for axis in range(3):
         inertia, error = autopilot.inertia[axis], asked[axis] - w[axis]
         acceleration = (w[axis] - memory.angular_velocity[axis]) / period
-        trim.append(memory.trim[axis] + inertia * gains.integral * error * period)
+        trim.append(memory.trim[axis] + inertia * gains.integral[axis] * error * period)
         torque.append(
-            trim[axis] + inertia * (gains.rate[axis] * error - gains.damping * acceleration)
+            trim[axis] + inertia * (gains.rate[axis] * error - gains.damping[axis] * acceleration)
         )
     return (torque[0], torque[1], torque[2]), (trim[0], trim[1], trim[2])
