@@ -411,7 +411,11 @@ def test_the_resolution_is_in_si_units(tmp_path):
             b"\xff\xfet",
             "damaged UTF-16 text (truncated data): save it as UTF-8",
         ),
-        (b"PAR1 and no more", None),
+        (
+            b"PAR1 and no more",
+            "Parquet file without its end: it was cut off, copy or write it again",
+        ),
+        (b"PAR1 in the middle nothing PAR1", None),
     ],
 )
 def test_a_table_that_cannot_be_meant_is_refused(tmp_path, text, message):

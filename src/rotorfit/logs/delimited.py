@@ -25,17 +25,20 @@ class DelimitedText:
 
     Attributes
     ----------
-    body
-        Everything behind that row, with a line feed between lines and none at the end.
+    text
+        The whole file, its lines ended by line feeds.
+    start
+        Where the rows of numbers begin in it.
     names
         Names of the columns.
     delimiter
         Between cells; None: any run of spaces and tabs.
     first_line
-        Number of the body's first line in the file, from 1.
+        Number of the line at `start`, from 1.
     """
 
-    body: bytes
+    text: bytes
+    start: int
     names: tuple[str, ...]
     delimiter: str | None
     first_line: int
@@ -66,10 +69,11 @@ def open_delimited(data: bytes) -> DelimitedText:
     LogError
         If the text has no row of names.
     """
-    text = _with_line_feeds(data).rstrip(_NEWLINE) + _NEWLINE
+    text = _with_line_feeds(data)
     start, line_number, comment = 0, 1, ""
     while start < len(text):
-        end = text.index(_NEWLINE, start)
+        end = text.find(_NEWLINE, start)
+        end = len(text) if end < 0 else end
         line = _decoded(text[start:end])
         if line.strip() and not line.lstrip().startswith(_COMMENTS):
             return _table_from(text, start, end, line_number, comment)
@@ -84,7 +88,11 @@ def _table_from(text: bytes, start: int, end: int, line_number: int, comment: st
     names, delimiter = _cells_of_header(first)
     if not all(_is_number(name) for name in names):
         return DelimitedText(
-            body=text[end + 1 : -1], names=names, delimiter=delimiter, first_line=line_number + 1
+            text=text,
+            start=min(end + 1, len(text)),
+            names=names,
+            delimiter=delimiter,
+            first_line=line_number + 1,
         )
     # numpy.savetxt and others write the names as the last comment before the numbers.
     commented, comment_delimiter = _cells_of_header(comment)
@@ -94,7 +102,7 @@ def _table_from(text: bytes, start: int, end: int, line_number: int, comment: st
             "write the names above, time,gyro_x,... in the order of the columns"
         )
     return DelimitedText(
-        body=text[start:-1], names=commented, delimiter=delimiter, first_line=line_number
+        text=text, start=start, names=commented, delimiter=delimiter, first_line=line_number
     )
 
 
@@ -108,7 +116,8 @@ def _with_line_feeds(data: bytes) -> bytes:
     data = data.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in data:
         data = data.replace(b"\r\n", _NEWLINE).replace(b"\r", _NEWLINE)
-    return data
+    # One line feed at the end is left: stripping it would copy every file.
+    return data.rstrip(_NEWLINE) if data.endswith(b"\n\n") else data
 
 
 def _decoded(line: bytes) -> str:
@@ -148,15 +157,19 @@ def _is_number(cell: str) -> bool:
 
 def _fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"] | None:
     """Return the columns by numpy's parser in C; None where the text is not plain enough."""
-    body, delimiter = table.body, table.delimiter
-    if b'"' in body or delimiter is None or not _rows_are_even(table):
+    if table.delimiter is None or table.text.find(b'"', table.start) >= 0:
         return None
+    gaps = _gaps_in_even_rows(table)
+    if gaps is None:
+        return None
+    rows = io.BytesIO(_with_nan_in_gaps(table) if gaps else table.text)
+    rows.seek(0 if gaps else table.start)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             return np.loadtxt(
-                io.BytesIO(_with_nan_in_gaps(body, delimiter.encode())),
-                delimiter=delimiter,
+                rows,
+                delimiter=table.delimiter,
                 usecols=list(columns),
                 ndmin=2,
                 encoding="latin-1",
@@ -165,28 +178,35 @@ def _fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndar
         return None
 
 
-def _rows_are_even(table: DelimitedText) -> bool:
-    """Tell whether every line has one cell for each name; numpy looks only at those it is asked."""
-    text = np.frombuffer(table.body + _NEWLINE, np.uint8)
-    ends = np.flatnonzero(text == ord(_NEWLINE))
-    delimiters = np.flatnonzero(text == ord(table.delimiter or " "))
-    per_line = np.diff(np.searchsorted(delimiters, ends), prepend=0)
-    return bool((per_line == len(table.names) - 1).all())
+def _gaps_in_even_rows(table: DelimitedText) -> bool | None:
+    """Tell whether any cell is empty; None if a line has not one cell for each name.
+
+    numpy.loadtxt looks only at the columns it is asked for, and knows no empty cells.
+    """
+    text = np.frombuffer(table.text, np.uint8)[table.start :]
+    is_end = text == ord(_NEWLINE)
+    separators = np.flatnonzero(is_end | (text == ord(table.delimiter or " ")))
+    if not table.text.endswith(_NEWLINE):
+        separators = np.append(separators, len(text))
+    columns = len(table.names)
+    ends = separators[columns - 1 :: columns]
+    if len(separators) % columns or np.count_nonzero(is_end) != len(ends[ends < len(text)]):
+        return None
+    if not is_end[ends[ends < len(text)]].all():
+        return None
+    return bool((np.diff(separators, prepend=-1) == 1).any())
 
 
-def _with_nan_in_gaps(body: bytes, delimiter: bytes) -> bytes:
-    """Return the text with "nan" in its empty cells."""
-    if delimiter + delimiter in body:
-        # Twice: of three delimiters in a row, one pass sees only the first two.
-        for _ in range(2):
-            body = body.replace(delimiter + delimiter, delimiter + b"nan" + delimiter)
-    body = body.replace(delimiter + _NEWLINE, delimiter + b"nan\n")
-    body = body.replace(_NEWLINE + delimiter, b"\nnan" + delimiter)
-    return (
-        (b"nan" if body.startswith(delimiter) else b"")
-        + body
-        + (b"nan" if body.endswith(delimiter) else b"")
-    )
+def _with_nan_in_gaps(table: DelimitedText) -> bytes:
+    """Return the rows of numbers with "nan" in their empty cells."""
+    delimiter = (table.delimiter or " ").encode()
+    # The line feed in front makes the first row like the others.
+    rows = _NEWLINE + table.text[table.start :].removesuffix(_NEWLINE) + _NEWLINE
+    # Twice: of three delimiters in a row, one pass sees only the first two.
+    for _ in range(2):
+        rows = rows.replace(delimiter + delimiter, delimiter + b"nan" + delimiter)
+    rows = rows.replace(delimiter + _NEWLINE, delimiter + b"nan\n")
+    return rows.replace(_NEWLINE + delimiter, b"\nnan" + delimiter)[1:]
 
 
 def _careful_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"]:
@@ -215,7 +235,7 @@ def _number(cell: str, line: int, column: str) -> float:
 
 def _rows(table: DelimitedText) -> Iterator[tuple[int, list[str]]]:
     """Yield line number and cells of every line that is neither blank nor a comment."""
-    lines = _decoded(table.body).split("\n")
+    lines = _decoded(table.text[table.start :]).split("\n")
     if table.delimiter is None:
         split = ((number, line.split()) for number, line in enumerate(lines, table.first_line))
     else:

@@ -56,6 +56,8 @@ def open_parquet(data: bytes) -> ParquetTable:
     LogError
         If polars is not installed or cannot read the file.
     """
+    if not data.endswith(MAGIC):
+        raise LogError("Parquet file without its end: it was cut off, copy or write it again")
     return ParquetTable(data=data, names=tuple(_read(data, None, rows=0).columns))
 
 

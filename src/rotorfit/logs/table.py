@@ -295,15 +295,15 @@ def _grid_step(column: Float[np.ndarray, " n"]) -> float | None:
     if len(levels) < _FEWEST_LEVELS:
         return None
     with np.errstate(over="ignore"):
-        steps = np.diff(levels)
-        rounding = 8 * np.spacing(float(np.max(np.abs(levels))))
+        steps = levels[1:] - levels[:-1]
+        rounding = 1e-15 * float(np.max(np.abs(levels)))
         steps = steps[steps > rounding]
         if len(steps) < _FEWEST_LEVELS - 1:
             return None
         multiples = steps / np.min(steps)
     if not np.isfinite(multiples).all():
         return None
-    on_grid = np.abs(multiples - np.round(multiples)) < 0.1
+    on_grid = np.abs(multiples - np.rint(multiples)) < 0.1
     return float(np.min(steps)) if np.mean(on_grid) > 0.95 else None
 
 
