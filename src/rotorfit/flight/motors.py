@@ -1,0 +1,59 @@
+"""From commanded to actual rotor speed: the motor's law, its lag and its delay."""
+
+import numpy as np
+from jaxtyping import Float
+from scipy import signal
+
+
+def speed_from_command(
+    command: Float[np.ndarray, "n N"], coefficients: tuple[float, ...]
+) -> Float[np.ndarray, "n N"]:
+    """Return the speed that a command settles at, c0 + c1 u + c2 u^2 + ... [rad/s].
+
+    Parameters
+    ----------
+    command
+        0 (stopped) to 1 (full).
+    coefficients
+        Of the polynomial, lowest power first; (0, 1) leaves the command as it is, and every
+        coefficient that is estimated from it is then per squared command.
+    """
+    return np.polynomial.polynomial.polyval(command, np.asarray(coefficients))
+
+
+def first_order_lag(
+    held: Float[np.ndarray, "n N"], sample_rate: float, lag: float
+) -> Float[np.ndarray, "n N"]:
+    r"""Return the speed of motors that follow a held command with a first-order lag.
+
+    The command is held between samples (zero-order hold), for which
+    :math:`O_{k+1} = a O_k + (1 - a) u_k, a = e^{-dt/\tau}` is exact; an ordinary sampled low-pass
+    would be off by half a sample. The motors start settled.
+
+    Parameters
+    ----------
+    held
+        Speed that each command would settle at, held from its sample to the next [rad/s].
+    sample_rate
+        Of the samples [Hz].
+    lag
+        Time constant tau [s]; 0 returns the command as it is.
+    """
+    if lag <= 0:
+        return held
+    a = float(np.exp(-1.0 / (sample_rate * lag)))
+    lagged, _ = signal.lfilter([0.0, 1.0 - a], [1.0, -a], held, axis=0, zi=held[:1])
+    return lagged
+
+
+def shift_time(
+    values: Float[np.ndarray, "n N"], sample_rate: float, delay: float
+) -> Float[np.ndarray, "n N"]:
+    """Return values as they were `delay` seconds before each sample (linear between samples)."""
+    if delay == 0:
+        return values
+    rows = np.arange(len(values))
+    shifted = np.empty_like(values)
+    for k in range(values.shape[1]):
+        shifted[:, k] = np.interp(rows - delay * sample_rate, rows, values[:, k])
+    return shifted

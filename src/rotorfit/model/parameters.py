@@ -1,0 +1,78 @@
+"""Names, units and meaning of every parameter, in the order in which they are reported."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+INERTIA: Final = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+FIRST_MOMENTS: Final = ("msx", "msy", "msz")
+INERTIA_PLACES: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterInfo:
+    """Unit of a parameter, its power of the mass (for mass = "unknown"), and what it is."""
+
+    unit: str
+    mass_power: int
+    meaning: str
+
+
+PARAMETERS: Final[dict[str, ParameterInfo]] = {
+    "kt": ParameterInfo("N s^2/rad^2", 1, "thrust coefficient of a rotor"),
+    "kd": ParameterInfo("N m s^2/rad^2", 1, "drag torque coefficient of a rotor"),
+    "Jr": ParameterInfo("kg m^2", 1, "spin inertia of a rotor with its motor bell"),
+    "mass": ParameterInfo("kg", 1, "mass"),
+    "msx": ParameterInfo("kg m", 1, "first moment, mass times CoM x"),
+    "msy": ParameterInfo("kg m", 1, "first moment, mass times CoM y"),
+    "msz": ParameterInfo("kg m", 1, "first moment, mass times CoM z"),
+    "Ixx": ParameterInfo("kg m^2", 1, "inertia at the body origin"),
+    "Iyy": ParameterInfo("kg m^2", 1, "inertia at the body origin"),
+    "Izz": ParameterInfo("kg m^2", 1, "inertia at the body origin"),
+    "Ixy": ParameterInfo("kg m^2", 1, "product of inertia at the body origin (tensor element)"),
+    "Ixz": ParameterInfo("kg m^2", 1, "product of inertia at the body origin (tensor element)"),
+    "Iyz": ParameterInfo("kg m^2", 1, "product of inertia at the body origin (tensor element)"),
+    "accel_bias_x": ParameterInfo("m/s^2", 0, "accelerometer bias, mounting tilt included"),
+    "accel_bias_y": ParameterInfo("m/s^2", 0, "accelerometer bias, mounting tilt included"),
+    "accel_bias_z": ParameterInfo("m/s^2", 0, "accelerometer bias"),
+    "rotor_center_x": ParameterInfo("m", 0, "centre of the rotors from the origin"),
+    "rotor_center_y": ParameterInfo("m", 0, "centre of the rotors from the origin"),
+    "motor_lag": ParameterInfo("s", 0, "first-order time constant of the motors"),
+    "motor_delay": ParameterInfo("s", 0, "time by which motor data lead their effect"),
+}
+"""Everything that stands under ``parameters`` of a result."""
+
+DERIVED: Final[dict[str, ParameterInfo]] = {
+    "com_x": ParameterInfo("m", 0, "centre of mass from the origin"),
+    "com_y": ParameterInfo("m", 0, "centre of mass from the origin"),
+    "com_z": ParameterInfo("m", 0, "centre of mass from the origin"),
+    **{f"{name}_com": ParameterInfo("kg m^2", 1, "inertia about the CoM") for name in INERTIA},
+    "kd_over_kt": ParameterInfo("m", 0, "drag torque over thrust"),
+    "Ixx_over_kt": ParameterInfo("m rad^2", 0, "roll inertia about the CoM over kt"),
+    "Iyy_over_kt": ParameterInfo("m rad^2", 0, "pitch inertia about the CoM over kt"),
+    "Izz_over_kt": ParameterInfo("m rad^2", 0, "yaw inertia about the CoM over kt"),
+    "kd_over_Izz": ParameterInfo("1/rad^2", 0, "yaw acceleration per rotor speed squared"),
+    "Jr_over_Izz": ParameterInfo("1", 0, "yaw acceleration per rotor acceleration"),
+    "hover_speed": ParameterInfo("rad/s", 0, "rotor speed that carries the weight"),
+    "motor_lag_total": ParameterInfo("s", 0, "motor lag plus delay"),
+}
+"""Everything that stands under ``derived`` of a result."""
+
+
+def inertia_matrix(elements: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:
+    """Return the symmetric tensor of (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
+    matrix = np.empty((3, 3))
+    for value, (i, j) in zip(elements, INERTIA_PLACES, strict=True):
+        matrix[i, j] = matrix[j, i] = value
+    return matrix
+
+
+def inertia_about(
+    elements_com: Float[np.ndarray, " 6"], mass: float, com: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, " 6"]:
+    """Return the inertia at the origin from that about a CoM at `com` (parallel axes, Steiner)."""
+    steiner = mass * (com @ com * np.eye(3) - np.outer(com, com))
+    moved = inertia_matrix(elements_com) + steiner
+    return np.array([moved[i, j] for i, j in INERTIA_PLACES])
