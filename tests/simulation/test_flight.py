@@ -54,7 +54,7 @@ def test_exact_data_satisfy_newton_euler_to_rounding(name, request):
 
 @pytest.mark.parametrize(
     ("name", "error"),
-    [("paper_flight", 1e-4), ("rough_flight", 1e-2)],  # between samples the rough one has jumps
+    [("paper_flight", 1e-3), ("rough_flight", 2e-2)],  # between samples slopes bend or jump
 )
 def test_states_are_the_integrals_of_their_derivatives(name, error, request):
     flight = request.getfixturevalue(name)
@@ -122,7 +122,7 @@ def test_central_differences_recover_the_truth(configuration, paper_flight):
     if configuration == "A":
         flight = simulate_flight(*paper_vehicle("A"), Scenario(), seed=4)
     found, true = recovered(flight), flight.truth.parameters()
-    limits = {"kt": 1e-5, "Ixx": 2e-3, "Iyy": 2e-3, "Izz": 1e-2, "kd": 1e-2}
+    limits = {"kt": 1e-6, "Ixx": 3e-4, "Iyy": 3e-4, "Izz": 1e-3, "kd": 1e-3}
     for name, limit in limits.items():
         assert found[name] == pytest.approx(true[name], rel=limit), name
     for name in ("Ixy", "Ixz", "Iyz"):
