@@ -122,6 +122,11 @@ class ScaledSingular:
         """Largest over smallest; 10 is good, 255 is one axis flown at a time."""
         return float(self.s[0] / max(self.s[-1], np.finfo(float).tiny))
 
+    @property
+    def inverse_root(self) -> Float[np.ndarray, "f f"]:
+        """A matrix G with G G^T the inverse of the normal equations' matrix, in given units."""
+        return (self.Vt.T / self.s) / self.lengths[:, None]
+
 
 def scaled_singular(rows: Float[np.ndarray, "m f"], names: tuple[str, ...]) -> ScaledSingular:
     """Return the singular values and vectors of column-scaled equations.
@@ -143,3 +148,20 @@ def scaled_singular(rows: Float[np.ndarray, "m f"], names: tuple[str, ...]) -> S
         raise EstimationError(f"the flight does not move {dead} at all; remove it or excite it")
     U, s, Vt = np.linalg.svd(rows / lengths, full_matrices=False)
     return ScaledSingular(lengths=lengths, U=U, s=s, Vt=Vt)
+
+
+def refuse_free_direction(svd: ScaledSingular, names: tuple[str, ...]) -> None:
+    """Raise where a direction of the parameters is known to no more than rounding.
+
+    Raises
+    ------
+    EstimationError
+        With the parameter that has the largest part in that direction.
+    """
+    if svd.s[-1] > svd.s[0] * 1e-13:
+        return
+    worst = names[int(np.argmax(np.abs(svd.Vt[-1])))]
+    raise EstimationError(
+        f"the equations leave a combination of parameters free (most of it {worst}); "
+        "remove it, or fly a motion that separates it"
+    )

@@ -3,16 +3,15 @@
 import dataclasses
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import (
     Estimate,
     LinearProblem,
-    ScaledSingular,
     equation_rows,
     problem_rows,
+    refuse_free_direction,
     scaled_singular,
 )
 
@@ -33,29 +32,17 @@ def ordinary(problem: LinearProblem) -> Estimate:
     f = len(problem.map.names)
     A, y = rows[:, :f], -rows[:, f]
     svd = scaled_singular(A, problem.map.names)
-    _refuse_free_direction(svd, problem.map.names)
+    refuse_free_direction(svd, problem.map.names)
     phi = (svd.Vt.T @ ((svd.U.T @ y) / svd.s)) / svd.lengths
     residual = y - A @ phi
     variance = float(residual @ residual) / max(problem.rows - f, 1)
-    root = (svd.Vt.T / svd.s) / svd.lengths[:, None]
     return Estimate(
         names=problem.map.names,
         values=phi,
-        covariance=variance * (root @ root.T),
+        covariance=variance * (svd.inverse_root @ svd.inverse_root.T),
         condition_number=svd.condition_number,
         weak_directions=svd.Vt[::-1][:3],
         weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
-    )
-
-
-def _refuse_free_direction(svd: ScaledSingular, names: tuple[str, ...]) -> None:
-    """Raise where a direction of the parameters is known to no more than rounding."""
-    if svd.s[-1] > svd.s[0] * 1e-13:
-        return
-    worst = names[int(np.argmax(np.abs(svd.Vt[-1])))]
-    raise EstimationError(
-        f"the equations leave a combination of parameters free (most of it {worst}); "
-        "remove it, or fly a motion that separates it"
     )
 
 
@@ -90,16 +77,12 @@ def block_covariance(problem: LinearProblem, estimate: Estimate) -> Estimate:
     errors may be coloured and correlated between equations as long as blocks are longer than
     their memory.
     """
-    scores, information = block_scores(problem, estimate.values)
+    scores, _ = block_scores(problem, estimate.values)
     b = len(scores)
     if b < 2:
         raise EstimationError("one block has no scatter: give at least two blocks of data")
-    H: Float[np.ndarray, "f f"] = information.sum(axis=0)
-    scale = np.sqrt(np.diagonal(H))
-    # Scaled, so that parameters of different units can be solved for together.
-    spread = scipy.linalg.solve(
-        H / np.outer(scale, scale), scores.T / scale[:, None], assume_a="sym"
-    )
-    spread = spread / scale[:, None]
+    # H^-1 from the singular values of the equations: forming H would square their condition.
+    root = scaled_singular(problem_rows(problem)[:, :-1], problem.map.names).inverse_root
+    spread = root @ (root.T @ scores.T)
     covariance = spread @ spread.T * (b / (b - 1))
     return dataclasses.replace(estimate, covariance=covariance)

@@ -16,7 +16,9 @@ from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import (
     Estimate,
     LinearProblem,
+    ScaledSingular,
     problem_rows,
+    refuse_free_direction,
     scaled_singular,
 )
 
@@ -39,7 +41,8 @@ def total(problem: LinearProblem) -> Estimate:
     Raises
     ------
     EstimationError
-        If that vector has no part along the known column: no solution exists.
+        If that vector has no part along the known column: no solution exists. If the equations
+        leave a direction of the parameters free: no solution is the only one.
     """
     Wt = problem_rows(problem)
     names = problem.map.names
@@ -49,6 +52,7 @@ def total(problem: LinearProblem) -> Estimate:
             "give a longer flight"
         )
     svd = scaled_singular(Wt[:, :-1], names)
+    refuse_free_direction(svd, names)
     U, s, Vt = np.linalg.svd(Wt, full_matrices=False)
     v = Vt[-1]
     if abs(v[-1]) < 1e-12:
@@ -56,7 +60,7 @@ def total(problem: LinearProblem) -> Estimate:
             "total least squares has no solution here: the flattest direction has no part along "
             "the weighed mass; remove the parameters that the flight does not excite"
         )
-    chi = v[:-1] / v[-1]
+    chi = _refined(Wt, svd, v[:-1] / v[-1])
     return Estimate(
         names=names,
         values=chi,
@@ -65,6 +69,27 @@ def total(problem: LinearProblem) -> Estimate:
         weak_directions=svd.Vt[::-1][:3],
         weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
     )
+
+
+def _refined(
+    Wt: Float[np.ndarray, "m g"], svd: ScaledSingular, chi: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " f"]:
+    r"""Return the same solution with the digits that columns of very different size have cost.
+
+    In SI units the columns differ by 1e7, and the singular vector is off by some 1e-7. The solution
+    obeys :math:`(A^T A - \sigma^2 1) \chi = -A^T y` for :math:`W_t = [A\ y]` and its smallest
+    singular value; solved with scaled columns, and :math:`\sigma^2` from the Rayleigh quotient.
+    """
+    A, y = Wt[:, :-1], Wt[:, -1]
+    # In the coordinates V^T D chi of the scaled columns A = U S V^T D.
+    backward = (svd.Vt / svd.lengths).T
+    right = -svd.s * (svd.U.T @ y)
+    for _ in range(2):
+        residual = A @ chi + y
+        square = float(residual @ residual) / (1.0 + float(chi @ chi))
+        shifted = np.diag(svd.s**2) - square * (backward.T @ backward)
+        chi = backward @ np.linalg.solve(shifted, right)
+    return chi
 
 
 def _covariance(
