@@ -14,6 +14,7 @@ from rotorfit.errors import LogError, OutputError
 from rotorfit.flight.log import CHANNELS
 from rotorfit.logs.axes import attitude_from_euler, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.columns import ColumnSpec
+from rotorfit.logs.delimited import _careful_numbers, _fast_numbers, open_delimited
 from rotorfit.logs.table import format_table, read_table, resolution_of, write_table
 
 AXES = ("x", "y", "z")
@@ -53,6 +54,7 @@ def refusal(tmp_path, text, **options):
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert "\n" not in message
+    assert not isinstance(caught.value.__cause__, LogError)  # the same would be said twice
     return message.removeprefix(f"{path}: ")
 
 
@@ -190,6 +192,52 @@ def test_a_channel_has_the_clock_of_its_own_rows(tmp_path, gap):
     np.testing.assert_array_equal(log.channels["gyro"].values[1], [4, np.nan, 6])
 
 
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "0,,1\n,,\n2,3,\n",
+        ",,\n1,,\n",
+        "1,2,\n,,3",
+        "1,2,3\n4,5,6\n# 7,8,9\n",
+    ],
+)
+def test_numpy_parses_gaps_in_any_place_as_the_careful_parser_does(rows):
+    table = open_delimited(b"a,b,c\n" + rows.encode())
+    fast = _fast_numbers(table, [2, 0])
+    assert fast is not None
+    np.testing.assert_array_equal(fast, _careful_numbers(table, [2, 0]))
+
+
+@pytest.mark.parametrize(
+    ("rows", "line", "cells"),
+    [
+        ("0,12,a,b\n0.1,12,a,b,c\n0.2,12,a\n", 3, 5),
+        ("0,12,a,b\n0.1,12,a\n0.2,12,a,b,c\n", 3, 3),
+        ("0,12,a,b\n0.1,12,a", 3, 3),
+        ('0,12,a,b\n0.1,12,a,b\n"0.2,12,a,b"\n', 4, 1),
+    ],
+)
+def test_rows_are_counted_to_their_end_even_where_nothing_is_read(tmp_path, rows, line, cells):
+    assert refusal(tmp_path, "time,battery,note,more\n" + rows) == (
+        f"line {line} has {cells} cells, the header has 4: complete or remove the line"
+    )
+
+
+def test_a_quoted_delimiter_is_no_delimiter(tmp_path):
+    header = "note,time,battery,more\n"
+    log = read_table(written(tmp_path, header + 'a,0,12,b\n"x, y",0.1,11,b\n'))
+    assert log.channels["battery"].values.tolist() == [[12], [11]]
+    message = refusal(tmp_path, header + 'a,0,12,b\n"x,0.1,11,y"\n')
+    assert message == "line 3 has 1 cells, the header has 4: complete or remove the line"
+
+
+def test_half_an_attitude_beside_a_whole_one_is_left_out_with_a_note(tmp_path):
+    text = "time,quat_w,quat_x,quat_y,quat_z,yaw\n0,1,0,0,0,9\n0.01,1,0,0,0,9\n"
+    log = read_table(written(tmp_path, text))
+    assert log.channels["attitude"].values.tolist() == [[1, 0, 0, 0], [1, 0, 0, 0]]
+    assert log.notes == ("Left out yaw: no roll, pitch beside.",)
+
+
 def test_rows_without_a_time_are_left_out_and_counted(tmp_path):
     log = read_table(written(tmp_path, GYRO + ",1,1,1\n0.04,1,1,1\n"))
     assert log.notes == ("Left out 1 rows without a time.",)
@@ -197,8 +245,8 @@ def test_rows_without_a_time_are_left_out_and_counted(tmp_path):
 
 
 def test_repeated_times_are_for_later_stages(tmp_path):
-    log = read_table(written(tmp_path, GYRO.replace("0.01,", "0,")))
-    np.testing.assert_array_equal(log.channels["gyro"].time, [0, 0, 0.02])
+    log = read_table(written(tmp_path, GYRO.replace("0.01,", "0,") + "0.02,1,1,1\n0.02,1,1,1\n"))
+    np.testing.assert_array_equal(log.channels["gyro"].time, [0, 0, 0.02, 0.02, 0.02])
 
 
 def test_an_empty_optional_channel_is_left_out_with_a_note(tmp_path):
