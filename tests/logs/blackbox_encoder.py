@@ -300,6 +300,7 @@ class Recorder:
 def is_logged(iteration: int, recorder: Recorder) -> bool:
     numerator, slash, denominator = recorder.p_interval.partition("/")
     num, den = (int(numerator), int(denominator)) if slash else (1, int(numerator))
+    den = den or recorder.i_interval  # 0: I frames only
     return (iteration % recorder.i_interval + num - 1) % den < num
 
 

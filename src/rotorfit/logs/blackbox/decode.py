@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Int, UInt8
 
 from rotorfit.errors import LogError
 from rotorfit.logs.blackbox.encodings import ByteIndex, index_bytes, read_frames
@@ -197,7 +197,7 @@ def _main_frames(
     return table, is_intra[keep], read - len(table)
 
 
-def _has_history(letters: Int[np.ndarray, " n"], i_interval: int) -> Bool[np.ndarray, " n"]:
+def _has_history(letters: UInt8[np.ndarray, " n"], i_interval: int) -> Bool[np.ndarray, " n"]:
     """Return which main frames are I frames, or P frames in unbroken succession to one."""
     is_intra = letters == ord("I")
     after_intra = position_after_intra(is_intra)

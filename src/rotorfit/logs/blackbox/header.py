@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 from typing import Final
 
 from rotorfit.errors import LogError
@@ -166,7 +167,7 @@ def find_logs(data: bytes) -> list[tuple[int, int]]:
         First byte of each log, and the byte after its last.
     """
     starts = [match.start() for match in re.finditer(re.escape(LOG_START), data)]
-    return list(zip(starts, [*starts[1:], len(data)], strict=True))
+    return list(pairwise([*starts, len(data)]))
 
 
 def read_header(data: bytes, start: int, stop: int) -> Header:
