@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import EstimationError
 
-SMALLEST_PIVOT = 1e-4
+SMALLEST_PIVOT = 1e-3
 """Below this pivot of the column-scaled Gram matrix its rounding (1e-16 / pivot^2) would show in
 the factor, and the block is factored by Householder reflections instead."""
 
@@ -119,7 +119,8 @@ def triangular_factors(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, 
     EstimationError
         If a block holds NaN or infinity.
     """
-    gram = np.matmul(blocks.transpose(0, 2, 1), blocks)
+    with np.errstate(over="ignore", invalid="ignore"):  # found below, and said
+        gram = np.matmul(blocks.transpose(0, 2, 1), blocks)
     squares = np.einsum("bii->bi", gram)
     if not np.isfinite(squares).all():
         raise EstimationError("a signal of the flight is NaN or infinite where it is used")
