@@ -166,6 +166,17 @@ def test_hands_off_the_autopilot_holds_an_unbalanced_disturbed_vehicle():
     )
 
 
+def test_disturbance_changes_linearly_between_samples():
+    truth, vehicle = paper_vehicle("A")
+    truth = replace(truth, disturbance_force_std=(1.0, 1.0, 1.0))
+    flight = simulate_flight(truth, vehicle, Scenario(seconds=5.0, sticks=STILL), seed=1)
+    R = flight.rotation_body_to_world
+    acceleration = R.apply(flight.specific_force) - [0, 0, GRAVITY]
+    mean = (acceleration[:-1] + acceleration[1:]) / 2
+    np.testing.assert_allclose(np.diff(flight.velocity, axis=0) * 200, mean, atol=2e-3)
+    assert np.abs(np.diff(acceleration, axis=0)).max() > 0.2
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.005, 0.0123])
 def test_rotor_speed_is_the_lagged_and_delayed_command(delay):
     truth, vehicle = paper_vehicle("A")
@@ -202,7 +213,9 @@ def test_the_same_seed_gives_the_same_flight_and_another_seed_another():
     for field in fields(SimulatedFlight):
         if isinstance(value := getattr(one, field.name), np.ndarray):
             np.testing.assert_array_equal(value, getattr(same, field.name))
-    assert np.abs(one.gyro - other.gyro).max() > 0.1
+    assert np.abs(one.angular_velocity - other.angular_velocity).max() > 0.1
+    noises = [flight.gyro - flight.angular_velocity for flight in (one, other)]
+    assert np.abs(noises[0] - noises[1]).max() > 0.05
 
 
 def test_sticks_move_only_their_own_axis():

@@ -84,6 +84,12 @@ def test_layouts_hover_without_torque_or_spin(layout):
     assert wrench.force[2] > 0
 
 
+def test_coaxial_rotors_turn_against_each_other():
+    _, vehicle = layout_vehicle("x8")
+    np.testing.assert_array_equal(vehicle.positions[:4, :2], vehicle.positions[4:, :2])
+    np.testing.assert_array_equal(vehicle.spins[:4], -vehicle.spins[4:])
+
+
 def test_rotor_that_speeds_up_turns_the_body_against_its_spin():
     truth, vehicle = paper_vehicle("A")
     rotors = rotors_of(replace(truth, Jr=2e-5, kd=0.0), vehicle)

@@ -56,6 +56,7 @@ def test_sampled_data_of_the_sensors(rough_flight):
     np.testing.assert_array_equal(data.angular_velocity, noisy.gyro)
     np.testing.assert_array_equal(data.rotor_speed, noisy.rotor_speed_measured)
     assert data.rotor_speed_std == pytest.approx(5.0)
+    assert sampled_flight_data(noisy).rotor_speed_std == 0.0
 
 
 def test_velocity_is_in_body_axes(rough_flight):
