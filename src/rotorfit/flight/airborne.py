@@ -98,8 +98,7 @@ def _excess_force(motion: Motion, start: int, stop: int) -> Float[np.ndarray, " 
     thrust = c * smooth(motion.thrust[rows, None], rate, LOOK_CUTOFF)[:, 0]
     force = smooth(motion.specific_force[rows], rate, LOOK_CUTOFF)
     rates = motion.angular_velocity[rows]
-    squared: Float[np.ndarray, " n"] = np.einsum("ni,ni->n", rates, rates)
-    spin = smooth(squared[:, None], rate, LOOK_CUTOFF)[:, 0]
+    spin = smooth((rates * rates) @ np.ones((3, 1)), rate, LOOK_CUTOFF)[:, 0]
     force[:, 2] -= thrust
     rotation = 0.5 * motion.arm * np.maximum(spin, 0.0)
     allowed = 0.3 * GRAVITY + rotation + 0.15 * np.abs(thrust - GRAVITY)
@@ -126,8 +125,8 @@ def _refuse_grounded(motion: Motion, found: list[tuple[int, int]]) -> None:
     turning = float(np.sqrt(np.mean((rates - np.median(rates, axis=0)) ** 2)))
     follows = 1.0
     if change > 0.03:
-        slope = float(np.cov(thrust, az)[0, 1] / thrust.var())
-        follows = slope / thrust_to_force(motion)
+        swing = thrust - thrust.mean()
+        follows = float(swing @ az / (swing @ swing)) / thrust_to_force(motion)
     if follows < 0.2 or (change < 0.005 and turning < 0.01):
         raise FlightError(
             "the motors turn but the vehicle never flies (it stands still, or its acceleration "

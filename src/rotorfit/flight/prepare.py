@@ -400,14 +400,15 @@ def _scope_warnings(data: FlightData) -> list[str]:
     rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
     thrust = np.einsum("nr,nr->n", data.rotor_speed[rows], data.rotor_speed[rows])
     relative = thrust / np.median(thrust)
-    far = float(np.mean((relative > 1.8) | (relative < 0.3)))
+    far = float(((relative > 1.8) | (relative < 0.3)).mean())
     if far > 0.1:
         doubts.append(
             f"thrust is outside 0.3 to 1.8 times hover for {100 * far:.0f} % of the flight: fast "
             "climbs and falls change the airflow through the rotors, which the model leaves out"
         )
     if data.velocity is not None:
-        speed = np.sqrt(np.einsum("ni,ni->n", data.velocity[rows], data.velocity[rows]))
+        velocity = data.velocity[rows]
+        speed = np.sqrt((velocity * velocity).sum(axis=1))
         fast = float(np.percentile(speed, 95))
         if fast > 5.0:
             doubts.append(

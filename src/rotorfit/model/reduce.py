@@ -185,12 +185,12 @@ def _stretch_bands(
 ) -> Factors | None:
     """Return the band factors of one stretch; None where it has too few lines for one band."""
     n = len(Z)
-    window = signal.windows.tukey(n, plan.taper)
-    lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
-    frequency = np.fft.rfftfreq(n, 1.0 / sample_rate)
+    frequency = np.fft.rfftfreq(max(n, 1), 1.0 / sample_rate)
     bands = merged_bands(frequency, plan)
     if not bands:
         return None
+    window = signal.windows.tukey(n, plan.taper)
+    lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
     parts = [lines[first:last] for first, last in bands]
     stacked = [np.concatenate([part.real, part.imag])[None] for part in parts]
     return Factors(

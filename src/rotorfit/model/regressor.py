@@ -166,13 +166,14 @@ def rotor_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def rotor_center(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Rotors displaced together by (t_x, t_y): torque t x thrust, parameters k_t t_x, k_t t_y."""
-    x, y = _block(layout, {}), _block(layout, {})
-    for i, n in enumerate(vehicle.axes):
-        column = layout.index(f"O2_{i + 1}")
-        x[MX:, column] = -np.cross([1.0, 0.0, 0.0], n)
-        y[MX:, column] = -np.cross([0.0, 1.0, 0.0], n)
-    return {"kt_rotor_center_x": x, "kt_rotor_center_y": y}
+    """Rotors displaced together by t: torque t x thrust, parameters k_t t_x, k_t t_y, k_t t_z."""
+    blocks: dict[str, Block] = {}
+    for axis, direction in zip("xyz", np.eye(3), strict=True):
+        block = _block(layout, {})
+        for i, n in enumerate(vehicle.axes):
+            block[MX:, layout.index(f"O2_{i + 1}")] = -np.cross(direction, n)
+        blocks[f"kt_rotor_center_{axis}"] = block
+    return blocks
 
 
 def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.errors import FlightError
 from rotorfit.flight.data import FlightData
 from rotorfit.model.vehicle import Vehicle
 
@@ -61,7 +62,18 @@ def signal_matrix(
     -------
     Z
         SI units, columns as in `signal_layout`.
+
+    Raises
+    ------
+    FlightError
+        If the flight does not have these rows, or not their neighbours where they are needed.
     """
+    margin = 0 if flight.differentiation == "exact" else 1
+    if start < margin or stop > len(flight.time) - margin:
+        raise FlightError(
+            f"rows {start} to {stop} of a flight of {len(flight.time)} samples with "
+            f"{margin} neighbour row on each side do not exist; shorten the segment"
+        )
     if flight.differentiation == "exact":
         return _raw_signals(flight, vehicle, slice(start, stop))
     wide = _raw_signals(flight, vehicle, slice(start - 1, stop + 1))

@@ -1,0 +1,156 @@
+"""Least squares of equations solved for their noisiest signal, weighted band by band.
+
+The equations must be normalised: the known column (the constant of the parameter map) is the
+signal that carries the noise, with a known coefficient, such as m times the specific force or one
+times an angular acceleration. Then the residual is that signal's own error, its variance per band
+can be estimated from the residuals, and weighting by it does not pull the estimate towards zero,
+as it does for homogeneous equations.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float, Int
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.estimate import Estimate, LinearProblem, equation_rows, scaled_singular
+
+MOST_ITERATIONS = 50
+SMALLEST_STEP = 0.01
+"""The iteration ends when no parameter moves by more than this share of its deviation."""
+RELATIVE_FLOOR = 1e-20
+"""Smallest variance of a band, relative to the known signal's: a simulation may be exact."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandedFit:
+    """An estimate, and what each block of the factors had to say to it.
+
+    Attributes
+    ----------
+    estimate
+        Covariance from the bands' own variances.
+    influence
+        How much each block pulls each parameter: the first-order change if it were counted twice.
+    variance
+        Of one residual in each block.
+    known_power, residual_power
+        Sum of squares of the known signal and of the residual in each block.
+    log_likelihood
+        Of the normal distribution, up to a constant; to compare delays and models.
+    """
+
+    estimate: Estimate
+    influence: Float[np.ndarray, "b f"]
+    variance: Float[np.ndarray, " b"]
+    known_power: Float[np.ndarray, " b"]
+    residual_power: Float[np.ndarray, " b"]
+    log_likelihood: float
+
+
+def reweighted(
+    problem: LinearProblem, *, prior_std: Mapping[str, float] | None = None
+) -> BandedFit:
+    """Return the estimate whose band weights agree with its own residuals.
+
+    Parameters
+    ----------
+    problem
+        One configuration, its factors one per stretch of flight and frequency band.
+    prior_std
+        Standard deviation around zero of what is known of a parameter before the flight.
+
+    Raises
+    ------
+    EstimationError
+        If the flight does not move a parameter at all.
+    """
+    J, y, rows = _block_equations(problem)
+    names = problem.map.names
+    information = _prior_information(names, prior_std or {})
+    svd = scaled_singular(J.reshape(-1, J.shape[2]), names)
+    known = np.einsum("bm,bm->b", y, y)
+    floor = RELATIVE_FLOOR * float(known.sum() / rows.sum()) + np.finfo(float).tiny
+    variance = np.full(len(rows), float(known.sum() / rows.sum()))
+    phi = np.zeros(len(names))
+    covariance = np.zeros((len(names), len(names)))
+    residual = y
+    for _ in range(MOST_ITERATIONS):
+        before = phi
+        phi, covariance = _weighted_solution(J, y, variance, information)
+        residual = y - J @ phi
+        variance = np.maximum(np.einsum("bm,bm->b", residual, residual) / rows, floor)
+        if np.all(np.abs(phi - before) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))):
+            break
+    scores = np.einsum("bmf,bm->bf", J, residual) / variance[:, None]
+    return BandedFit(
+        estimate=Estimate(
+            names=names,
+            values=phi,
+            covariance=covariance,
+            condition_number=svd.condition_number,
+            weak_directions=svd.Vt[::-1][:3],
+            weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
+        ),
+        influence=scores @ covariance,
+        variance=variance,
+        known_power=known,
+        residual_power=np.einsum("bm,bm->b", residual, residual),
+        log_likelihood=float(-0.5 * np.sum(rows * np.log(variance))),
+    )
+
+
+def _block_equations(
+    problem: LinearProblem,
+) -> tuple[Float[np.ndarray, "b m f"], Float[np.ndarray, "b m"], Int[np.ndarray, " b"]]:
+    """Return each block's regressors, known signal (negated), and number of scalar equations."""
+    if len(problem.factors) != 1:
+        raise EstimationError(f"one configuration at a time, not {len(problem.factors)}")
+    f = len(problem.map.names)
+    weights = problem.weights[0]
+    known = (problem.map.constant[0], problem.map.matrix[0])
+    stacked = equation_rows(problem.factors[0].R, problem.tensors[0], known, weights)
+    count = problem.factors[0].rows * int(np.count_nonzero(weights))
+    return stacked[:, :, :f], -stacked[:, :, f], count
+
+
+def _prior_information(
+    names: tuple[str, ...], prior_std: Mapping[str, float]
+) -> Float[np.ndarray, " f"]:
+    return np.array([prior_std[n] ** -2.0 if n in prior_std else 0.0 for n in names])
+
+
+def _weighted_solution(
+    J: Float[np.ndarray, "b m f"],
+    y: Float[np.ndarray, "b m"],
+    variance: Float[np.ndarray, " b"],
+    information: Float[np.ndarray, " f"],
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "f f"]]:
+    """Return the solution and its covariance for given band variances.
+
+    By the QR factor of the stacked, weighted, column-scaled equations: exact simulations keep
+    their digits.
+    """
+    f = J.shape[2]
+    weight = 1.0 / np.sqrt(variance)
+    A = np.concatenate([(J * weight[:, None, None]).reshape(-1, f), np.diag(np.sqrt(information))])
+    b = np.concatenate([(y * weight[:, None]).reshape(-1), np.zeros(f)])
+    lengths = np.linalg.norm(A, axis=0)
+    Q, R = scipy.linalg.qr(A / lengths, mode="economic")
+    inverse = scipy.linalg.solve_triangular(R, np.eye(f)) / lengths[:, None]
+    return inverse @ (Q.T @ b), inverse @ inverse.T
+
+
+def scatter_covariance(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
+    """Return the covariance that the blocks' own scatter shows (the one-step jackknife).
+
+    The influences of several fits to the same blocks may stand side by side: the result then has
+    the covariance between the fits.
+    """
+    b = len(influence)
+    if b < 2:
+        raise EstimationError("one block has no scatter: a longer flight is needed")
+    centred = influence - influence.mean(axis=0)
+    return centred.T @ centred * (b / (b - 1.0))

@@ -1,0 +1,351 @@
+"""The experiment file: what was flown, with which vehicle, and what is known of it.
+
+The file is TOML (see the README); unknown keys are refused with the nearest known one, and every
+message names the place in the file. Paths of flights are relative to the file.
+"""
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, cast
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from rotorfit.errors import ExperimentError
+from rotorfit.flight.prepare import MotorModel
+from rotorfit.logs import ColumnSpec, ReadOptions
+from rotorfit.model.layouts import layout_rotors
+from rotorfit.model.vehicle import Rotor, Spin, Vehicle
+
+Vector = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Axes = Literal["FLU", "FRD"]
+Model = TypeVar("Model", bound=BaseModel)
+Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RotorEntry(_Strict):
+    """One rotor: position from the body origin [m], spin seen from above, thrust axis."""
+
+    position: Vector
+    spin: Spin
+    axis: Vector | None = None
+    group: str | None = None
+
+
+class ImuEntry(_Strict):
+    """Where the accelerometer is, from the body origin [m]."""
+
+    position: Vector
+    position_std: NotNegative = 0.0
+
+
+class AirframeEntry(_Strict):
+    """The ``[airframe]`` table: rotors listed one by one, or a named layout."""
+
+    axes: Axes = "FLU"
+    rotors: tuple[RotorEntry, ...] | None = None
+    layout: str | None = None
+    arm: Positive | None = None
+    order: Order = "px4"
+    imu: ImuEntry | None = None
+
+    @model_validator(mode="after")
+    def _one_description(self) -> "AirframeEntry":
+        if (self.rotors is None) == (self.layout is None):
+            raise ValueError(
+                "give either rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ] "
+                "or layout = 'quad-x' with arm = 0.2 (and order)"
+            )
+        if self.layout is not None and self.arm is None:
+            raise ValueError("layout needs arm, the distance of a rotor from the centre [m]")
+        if self.rotors is not None and not 3 <= len(self.rotors) <= 16:
+            raise ValueError(f"{len(self.rotors)} rotors; a multirotor has 3 to 16")
+        return self
+
+
+class LawEntry(_Strict):
+    """Rotor speed over command as a polynomial, lowest power first [rad/s]."""
+
+    polynomial: tuple[float, ...] = Field(min_length=2, max_length=6)
+
+
+class MotorsEntry(_Strict):
+    """The ``[motors]`` table."""
+
+    speed: Literal["measured", "commanded"] = "measured"
+    law: LawEntry | None = None
+    lag: NotNegative | None = None
+    delay: float | None = Field(default=None, ge=-0.1, le=0.1)
+    poles: int | None = Field(default=None, ge=2, le=60)
+
+    @model_validator(mode="after")
+    def _belongs_to_commands(self) -> "MotorsEntry":
+        if self.speed == "measured" and (self.law is not None or self.lag):
+            raise ValueError("law and lag belong to speed = 'commanded'; measured speed has both")
+        return self
+
+
+class ColumnEntry(_Strict):
+    """A column of the file: its name, its unit, and a factor applied before the unit."""
+
+    name: str
+    unit: str | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    range: tuple[float, float] | None = None
+
+
+class FlightEntry(_Strict):
+    """One flight: a file, and what is used of it."""
+
+    file: str
+    log: int | None = Field(default=None, ge=1)
+    start: float | None = None
+    end: float | None = None
+    axes: Axes = "FLU"
+    columns: dict[str, ColumnEntry | str] | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "FlightEntry":
+        if self.start is not None and self.end is not None and self.end <= self.start:
+            raise ValueError(f"end = {self.end} is not after start = {self.start}")
+        return self
+
+
+class ConfigurationEntry(_Strict):
+    """One ``[[configuration]]``: a mass and the flights flown with it."""
+
+    name: str = "A"
+    mass: Positive | Literal["unknown"]
+    mass_std: NotNegative = 0.0
+    flights: tuple[FlightEntry, ...] = Field(min_length=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_names(cls, data: Any) -> Any:
+        return _files_as_tables(data, ("flights",))
+
+
+class IdentificationEntry(_Strict):
+    """The ``[identification]`` table; what is not written has a good default."""
+
+    source: Literal["imu"] = "imu"
+    method: Literal["ols", "tls"] = "ols"
+    preset: Literal["paper"] | None = None
+    cutoff: Positive | None = None
+    r_sigma: Positive | None = None
+
+
+class Experiment(_Strict):
+    """The whole experiment, checked."""
+
+    name: str = "experiment"
+    airframe: AirframeEntry
+    motors: MotorsEntry = MotorsEntry()
+    identification: IdentificationEntry = IdentificationEntry()
+    configuration: tuple[ConfigurationEntry, ...] = Field(min_length=1)
+
+
+class AirframeFile(_Strict):
+    """A file with ``[airframe]`` and ``[motors]`` only, for ``identify LOG --airframe``."""
+
+    airframe: AirframeEntry
+    motors: MotorsEntry = MotorsEntry()
+
+
+def load_experiment(path: Path) -> Experiment:
+    """Return the experiment of a TOML file, its flights' paths made absolute.
+
+    Raises
+    ------
+    ExperimentError
+        If the file is missing, not TOML, or not an experiment; every place that is wrong is named.
+    """
+    experiment = _checked(Experiment, _read_toml(path), path)
+    return experiment.model_copy(
+        update={"configuration": tuple(_absolute(c, path.parent) for c in experiment.configuration)}
+    )
+
+
+def single_flight_experiment(
+    log: Path, *, mass: float | Literal["unknown"], airframe: Path
+) -> Experiment:
+    """Return the experiment of one log, a mass and an airframe file.
+
+    Raises
+    ------
+    ExperimentError
+        As `load_experiment`.
+    """
+    known = _checked(AirframeFile, _read_toml(airframe), airframe)
+    described = {
+        "name": log.stem,
+        "airframe": known.airframe,
+        "motors": known.motors,
+        "configuration": [{"mass": mass, "flights": [{"file": str(log.absolute())}]}],
+    }
+    return _checked(Experiment, described, airframe)
+
+
+def vehicle_of(airframe: AirframeEntry) -> Vehicle:
+    """Return the vehicle of an ``[airframe]`` table, converted to FLU."""
+    if airframe.layout is not None:
+        rotors = layout_rotors(airframe.layout, arm=airframe.arm or 0.0, order=airframe.order)
+    else:
+        rotors = tuple(_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
+    imu = airframe.imu
+    return Vehicle(
+        rotors=rotors,
+        imu_position=None if imu is None else _flu(imu.position, airframe.axes),
+        imu_position_std=0.0 if imu is None else imu.position_std,
+    )
+
+
+def motor_model_of(motors: MotorsEntry) -> MotorModel:
+    """Return how the motor channel becomes rotor speed."""
+    return MotorModel(
+        speed=motors.speed,
+        law=None if motors.law is None else motors.law.polynomial,
+        lag=motors.lag or 0.0,
+        delay=motors.delay,
+    )
+
+
+def read_options_of(flight: FlightEntry, motors: MotorsEntry) -> ReadOptions:
+    """Return what the log's reader is told."""
+    columns = None
+    if flight.columns is not None:
+        columns = {key: _column(value) for key, value in flight.columns.items()}
+    return ReadOptions(
+        log_number=flight.log, columns=columns, axes=flight.axes, motor_poles=motors.poles
+    )
+
+
+def _column(entry: ColumnEntry | str) -> ColumnSpec:
+    if isinstance(entry, str):
+        return ColumnSpec(name=entry)
+    return ColumnSpec(**entry.model_dump())
+
+
+def _rotor(entry: RotorEntry, axes: Axes) -> Rotor:
+    """Return a rotor in FLU, its axis normalised; up by default in either convention."""
+    up = (0.0, 0.0, 1.0)
+    axis = up if entry.axis is None else _flu(entry.axis, axes)
+    length = sum(component**2 for component in axis) ** 0.5
+    if length == 0:
+        raise ExperimentError("a rotor's axis is (0, 0, 0); give the direction of its thrust")
+    unit = (axis[0] / length, axis[1] / length, axis[2] / length)
+    return Rotor(position=_flu(entry.position, axes), spin=entry.spin, axis=unit, group=entry.group)
+
+
+def _flu(vector: Vector, axes: Axes) -> Vector:
+    """Return a vector in FLU: FRD is turned by half a turn about x."""
+    x, y, z = vector
+    return (x, -y, -z) if axes == "FRD" else vector
+
+
+def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationEntry:
+    flights = tuple(
+        flight.model_copy(update={"file": str((folder / flight.file).absolute())})
+        for flight in configuration.flights
+    )
+    return configuration.model_copy(update={"flights": flights})
+
+
+def _files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
+    """Return the table with plain file names written out as tables."""
+    if not isinstance(data, dict):
+        return data
+    table = dict(cast("dict[str, Any]", data))
+    for key in keys:
+        entries = table.get(key)
+        if isinstance(entries, list):
+            rows = cast("list[Any]", entries)
+            table[key] = [{"file": row} if isinstance(row, str) else row for row in rows]
+    return table
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ExperimentError(f"no file {path}; give the path of a TOML file") from None
+    except IsADirectoryError:
+        raise ExperimentError(f"{path} is a folder; give the TOML file in it") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ExperimentError(f"{path} cannot be read as text ({error}); expected TOML") from error
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ExperimentError(f"{path} is not valid TOML: {error}") from error
+
+
+def _checked(kind: type[Model], data: Any, path: Path) -> Model:
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        problems = [_problem(detail) for detail in error.errors()]
+        raise ExperimentError(f"{path.name}: " + "; ".join(problems)) from None
+
+
+_TABLES: tuple[type[BaseModel], ...] = (
+    Experiment,
+    AirframeEntry,
+    RotorEntry,
+    ImuEntry,
+    MotorsEntry,
+    LawEntry,
+    IdentificationEntry,
+    ConfigurationEntry,
+    FlightEntry,
+    ColumnEntry,
+)
+
+LATER: dict[str, str] = {
+    "validation": "flights kept for validation",
+    "payload": "known payloads",
+    "payload_of": "known payloads",
+    "weight": "several configurations in one estimate",
+    "terms": "a choice of terms",
+    "lag_std": "estimation of the motor lag",
+}
+"""Keys of the format that this version does not act on; it refuses them rather than ignore them."""
+
+
+def _problem(detail: ErrorDetails) -> str:
+    """Return one problem in words, with its place and, for a key, the nearest known one."""
+    place = _place(detail["loc"])
+    if detail["type"] == "extra_forbidden":
+        return f"unknown key {place}{_nearest(str(detail['loc'][-1]))}"
+    if detail["type"] == "missing":
+        return f"{place} is missing"
+    message = detail["msg"].removeprefix("Value error, ")
+    given = detail["input"]
+    shown = "" if isinstance(given, dict | list | tuple) else f" (it is {given!r})"
+    return f"{place}: {message}{shown}" if place else message
+
+
+def _nearest(key: str) -> str:
+    if key in LATER:
+        return f" ({LATER[key]} is not available in this version; take the key out)"
+    known = sorted({name for table in _TABLES for name in table.model_fields})
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    return f", did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(known)}"
+
+
+def _place(location: tuple[int | str, ...]) -> str:
+    """Return a place such as configuration[0].mass, without the checker's own words."""
+    words: list[str] = []
+    for part in location:
+        if isinstance(part, int):
+            words[-1:] = [f"{words[-1]}[{part}]"] if words else [f"[{part}]"]
+        elif part.isidentifier() and part not in ("float", "str", "ColumnEntry", "int"):
+            words.append(part)
+    return ".".join(words)

@@ -1,0 +1,130 @@
+"""From the flights of an experiment to factors: read, prepare, reduce, check, find the delay."""
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import optimize
+
+from rotorfit.estimation.factors import Factors, stack_factors
+from rotorfit.flight.data import FlightData
+from rotorfit.flight.log import FlightLog
+from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare, with_motors
+from rotorfit.identification.experiment import FlightEntry, MotorsEntry, read_options_of
+from rotorfit.identification.frame_check import check_frame
+from rotorfit.identification.rows import fit_rows
+from rotorfit.logs import read_log
+from rotorfit.model.reduce import BandPlan, band_factors
+from rotorfit.model.regressor import Regressor
+from rotorfit.model.vehicle import Vehicle
+
+EDGES = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.0, 30.0)
+"""Of the frequency bands [Hz]. A band must not end inside the control bandwidth; above 30 Hz the
+resolution of rotor speed takes over."""
+STRETCH = 5.0
+"""Longest stretch of one noise level [s]."""
+WIDEST_DELAY = 0.012
+"""The search for the delay of measured rotor speed goes this far both ways [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsedFlight:
+    """A flight as it enters the estimate."""
+
+    entry: FlightEntry
+    log: FlightLog
+    prepared: PreparedFlight
+
+
+def load_flight(
+    entry: FlightEntry, motors: MotorsEntry, vehicle: Vehicle, motor_model: MotorModel
+) -> UsedFlight:
+    """Read and prepare one flight.
+
+    Raises
+    ------
+    LogError, FlightError, FrameError
+        If it cannot be used; the message names the file.
+    """
+    log = read_log(Path(entry.file), options=read_options_of(entry, motors))
+    prepared = prepare(
+        log,
+        rotor_count=len(vehicle.rotors),
+        arm=vehicle.arm,
+        motors=motor_model,
+        window=(entry.start, entry.end),
+    )
+    return UsedFlight(entry=entry, log=log, prepared=prepared)
+
+
+def flight_bands(flights: list[UsedFlight], vehicle: Vehicle, delay: float | None) -> Factors:
+    """Return the band factors of all flights, calm and lively phases apart.
+
+    Parameters
+    ----------
+    flights
+        Of one configuration.
+    vehicle
+        Its geometry.
+    delay
+        Time by which the motor data lead [s]; None leaves each flight as it was prepared.
+    """
+    return stack_factors([_bands(flight.prepared, vehicle, delay) for flight in flights])
+
+
+def _bands(prepared: PreparedFlight, vehicle: Vehicle, delay: float | None) -> Factors:
+    data: FlightData = dataclasses.replace(prepared.data, segments=prepared.phases)
+    if delay is not None:
+        data = with_motors(data, prepared.motor_channel, lag=0.0, delay=delay)
+    top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
+    edges = (*(edge for edge in EDGES if edge < top), top)
+    return band_factors(data, vehicle, plan=BandPlan(edges=edges, longest=STRETCH))
+
+
+def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:
+    """Refuse the declared rotors if a flight contradicts them.
+
+    Raises
+    ------
+    FrameError
+        With the declaration that would fit.
+    """
+    for flight in flights:
+        check_frame(_bands(flight.prepared, vehicle, None), vehicle)
+
+
+def find_delay(
+    flights: list[UsedFlight], vehicle: Vehicle, model: Regressor, *, mass: float
+) -> tuple[float, float] | None:
+    """Return the delay of measured rotor speed that fits best, and its standard deviation [s].
+
+    By profile likelihood of the three angular accelerations. A positive delay: the gyro shows
+    what the rotors did that much later (its own filter, or early motor data). None where the
+    best lies at the edge of the search: the flights do not determine it.
+    """
+
+    def cost(delay: float) -> float:
+        factors = flight_bands(flights, vehicle, delay)
+        return -fit_rows(factors, model, mass=mass).log_likelihood
+
+    return _minimum(cost, WIDEST_DELAY)
+
+
+def _minimum(cost: Callable[[float], float], widest: float) -> tuple[float, float] | None:
+    """Return place and width of the minimum of a smooth function, None if it is at an edge."""
+    grid = np.linspace(-widest, widest, 7)
+    values = [cost(float(x)) for x in grid]
+    best = int(np.argmin(values))
+    if best in (0, len(grid) - 1):
+        return None
+    found = optimize.minimize_scalar(
+        cost,
+        bounds=(float(grid[best - 1]), float(grid[best + 1])),
+        method="bounded",
+        options={"xatol": 1e-4},
+    )
+    place, h = float(found.x), 1e-3
+    curvature = (cost(place - h) - 2.0 * float(found.fun) + cost(place + h)) / h**2
+    return place, float(1.0 / np.sqrt(max(curvature, 1e-6)))

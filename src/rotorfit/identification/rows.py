@@ -1,0 +1,184 @@
+r"""The estimate row by row: each group of equations solved for its own noisy signal.
+
+Until all rows are fitted at once, four linear regressions give what one flight tells:
+
+- the force rows, solved for m alpha: k_t, the first moments, the accelerometer's bias;
+- the roll and pitch rows about the CoM, solved for the angular acceleration: k_t / Ixx, k_t / Iyy,
+  the place of the rotor centre over the CoM, products of inertia;
+- the yaw row about the CoM, solved for its angular acceleration: k_d / Izz and J_r / Izz. The
+  scale of k_d and Izz alone is not in it: both are ratio-only here.
+
+About the CoM the specific force drops out of the moment rows (with f = sum k_t O_i^2 n_i):
+:math:`I_C \dot\omega + \omega \times I_C \omega = \sum (r_i - c) \times k_t O_i^2 n_i - \dots`,
+so that the place of the accelerometer cannot spoil the inertia.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.estimation.estimate import LinearProblem
+from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.estimation.reweighted import BandedFit, reweighted, scatter_covariance
+from rotorfit.model.regressor import Regressor
+
+ROWS = ("force", "roll", "pitch", "yaw")
+EQUATIONS = {
+    "force": (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
+    "roll": (0.0, 0.0, 0.0, 1.0, 0.0, 0.0),
+    "pitch": (0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+    "yaw": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+}
+OWN_INERTIA = {"roll": "Ixx", "pitch": "Iyy", "yaw": "Izz"}
+ACCEL_BIAS_STD = 0.2
+"""What is known of a calibrated accelerometer before the flight [m/s^2]: 20 mg."""
+MOUNTING_STD = 0.5
+"""The same sideways, where 3 degrees between IMU and rotor plane look like a bias [m/s^2]."""
+NUISANCE_STD = {
+    # The triangle inequality bounds (Izz - Iyy) / Ixx by one; products are a fraction of it.
+    "difference": 1.0,
+    "Ixy": 0.2,
+    "Ixz": 0.2,
+    "Iyz": 0.2,
+    "Jr": 0.003,
+}
+"""Deviation of the small terms of the roll and pitch rows, relative to that row's inertia."""
+CONTROL_BAND = (0.3, 15.0)
+"""Where explained and residual angular acceleration are compared [Hz]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowFits:
+    """The four fits, and the joint covariance of all their parameters.
+
+    Attributes
+    ----------
+    fits
+        By the names of `ROWS`.
+    excitation
+        rho of roll, pitch and yaw: explained over residual power of the angular acceleration
+        between 0.3 and 15 Hz. Disturbances beat the excitation where it is small.
+    covariance
+        Of the concatenated parameters: from the scatter of the blocks.
+    formal
+        The same from the bands' variances, block diagonal.
+    """
+
+    fits: Mapping[str, BandedFit]
+    excitation: Mapping[str, float]
+    covariance: Float[np.ndarray, "f f"]
+    formal: Float[np.ndarray, "f f"]
+
+    @property
+    def values(self) -> Float[np.ndarray, " f"]:
+        """All parameters, in the order of `names`."""
+        return np.concatenate([self.fits[row].estimate.values for row in ROWS])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Such as ``roll.kt``."""
+        return tuple(f"{row}.{name}" for row in ROWS for name in self.fits[row].estimate.names)
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of the three angular accelerations, for comparing delays."""
+        return sum(self.fits[row].log_likelihood for row in ROWS[1:])
+
+
+def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
+    """Return the four row fits of one configuration.
+
+    Parameters
+    ----------
+    factors
+        Of its flights, per stretch and frequency band.
+    model
+        The tensor of the vehicle with all effects.
+    mass
+        [kg]; 1 for an unknown mass, and every result is then per kilogram.
+    """
+    fits = {row: _fit_row(factors, model, row, mass) for row in ROWS}
+    influence = np.concatenate([fits[row].influence for row in ROWS], axis=1)
+    return RowFits(
+        fits=fits,
+        excitation={row: _excitation(fits[row], factors) for row in ROWS[1:]},
+        covariance=scatter_covariance(influence),
+        formal=_block_diagonal([fits[row].estimate.covariance for row in ROWS]),
+    )
+
+
+def _fit_row(factors: Factors, model: Regressor, row: str, mass: float) -> BandedFit:
+    if row == "force":
+        mapped, prior = _force_map(model, mass), _force_prior(mass)
+    else:
+        mapped = _moment_map(model, row)
+        prior = NUISANCE_STD if row in ("roll", "pitch") else {}
+    weights = np.array([EQUATIONS[row]])
+    problem = LinearProblem(
+        factors=(factors,),
+        tensors=(model.tensor,),
+        map=_without_dead(mapped, model, weights[0]),
+        weights=weights,
+    )
+    return reweighted(problem, prior_std=prior)
+
+
+def _force_map(model: Regressor, mass: float) -> ParameterMap:
+    """Return the map of the force rows: m alpha known, k_t, ms and the bias free."""
+    free = ("kt", "msx", "msy", "msz", "Fx_0", "Fy_0", "Fz_0")
+    return parameter_map(
+        model.names, {name: {(0, name): 1.0} for name in free}, {(0, "mass"): mass}
+    )
+
+
+def _force_prior(mass: float) -> dict[str, float]:
+    return {
+        "Fx_0": mass * MOUNTING_STD,
+        "Fy_0": mass * MOUNTING_STD,
+        "Fz_0": mass * ACCEL_BIAS_STD,
+    }
+
+
+def _moment_map(model: Regressor, row: str) -> ParameterMap:
+    """Return the map of one moment row about the CoM, its own inertia taken as one."""
+    own = OWN_INERTIA[row]
+    # The two other diagonal elements enter one row only by their difference.
+    first = {"roll": "Iyy", "pitch": "Izz", "yaw": "Ixx"}[row]
+    free = {name: {(0, name): 1.0} for name in ("kt", "kd", "Jr", "Ixy", "Ixz", "Iyz")}
+    free |= {f"kt_rotor_center_{a}": {(0, f"kt_rotor_center_{a}"): 1.0} for a in "xyz"}
+    free["difference"] = {(0, first): -1.0}
+    return parameter_map(model.names, free, {(0, own): 1.0})
+
+
+def _without_dead(
+    mapped: ParameterMap, model: Regressor, weights: Float[np.ndarray, " j"]
+) -> ParameterMap:
+    """Return the map without parameters that do not stand in these rows at all."""
+    used = np.flatnonzero(weights)
+    columns = np.einsum("pjz,pf->fjz", model.tensor[:, used], mapped.matrix[0])
+    for name, column in zip(mapped.names, columns, strict=True):
+        if not column.any():
+            mapped = mapped.without(name)
+    return mapped
+
+
+def _excitation(fit: BandedFit, factors: Factors) -> float:
+    """Return explained over residual power of a row's angular acceleration."""
+    low, high = CONTROL_BAND
+    inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
+    residual = float(fit.residual_power[inside].sum())
+    explained = float(fit.known_power[inside].sum()) - residual
+    return max(explained, 0.0) / max(residual, np.finfo(float).tiny)
+
+
+def _block_diagonal(blocks: list[Float[np.ndarray, "f f"]]) -> Float[np.ndarray, "g g"]:
+    size = sum(len(block) for block in blocks)
+    whole = np.zeros((size, size))
+    at = 0
+    for block in blocks:
+        whole[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    return whole

@@ -1,0 +1,67 @@
+"""From an estimate to words: how well is it known, why not better, and what to fly next."""
+
+from dataclasses import dataclass
+
+from rotorfit.identification.result import Verdict
+
+WEAK = 0.25
+"""Half-width of the interval, relative to value or scale, over which a parameter is weak."""
+HOPELESS = 1.0
+"""The same, over which it is not identified."""
+LEAST_EXCITATION = 5.0
+"""Below this ratio of explained to residual angular acceleration, disturbances beat the pilot."""
+
+ADVICE = {
+    "roll": "roll briskly: 20 s of quick left-right rolls, one or two a second",
+    "pitch": "pitch briskly: 20 s of quick nods forward and back, one or two a second",
+    "yaw": "yaw while rolling: fly 20 s of alternating turns",
+    "force": "climb and sink: 20 s of gentle thrust steps",
+    "scale": "nothing in the yaw equation fixes the scale; a measured Izz, or an estimate from "
+    "all equations at once, would",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """A verdict with its reason and advice."""
+
+    verdict: Verdict
+    reason: str | None = None
+    advice: str | None = None
+
+
+def judge(
+    value: float,
+    half_width: float,
+    *,
+    scale: float,
+    axis: str,
+    excitation: float | None = None,
+) -> Judgement:
+    """Return the verdict on one number.
+
+    Parameters
+    ----------
+    value, half_width
+        The estimate and half of its 95 % interval, in one unit.
+    scale
+        A size of the number that matters even where the number itself is near zero.
+    axis
+        Which motion determines it: a key of `ADVICE`.
+    excitation
+        rho of that axis; None where it does not apply.
+    """
+    if excitation is not None and excitation < LEAST_EXCITATION:
+        reason = (
+            f"the {axis} response to the rotors is only {excitation:.1f} times what they do not "
+            f"explain (at least {LEAST_EXCITATION:.0f} is needed)"
+        )
+        return Judgement(verdict="not-identified", reason=reason, advice=ADVICE[axis])
+    relative = half_width / max(abs(value), scale)
+    if not relative <= HOPELESS:
+        reason = "the interval is wider than the value itself"
+        return Judgement(verdict="not-identified", reason=reason, advice=ADVICE[axis])
+    if relative > WEAK:
+        reason = f"known only to +-{100 * relative:.0f} %"
+        return Judgement(verdict="weak", reason=reason, advice=ADVICE[axis])
+    return Judgement(verdict="identified")
