@@ -5,7 +5,7 @@ import pytest
 
 from rotorfit.errors import ExperimentError
 from rotorfit.simulation.scenarios import paper_vehicle, variant
-from rotorfit.simulation.sensors import TYPICAL
+from rotorfit.simulation.sensors import PERFECT, TYPICAL
 
 
 def test_paper_vehicle_b_is_table_2_within_its_scatter():
@@ -58,6 +58,8 @@ def test_impossible_vehicles_are_refused(change, message):
 def test_variants_grow_from_clean_to_real():
     simulated = paper_vehicle("A")
     assert variant(simulated, "clean")[0] == simulated
+    (lagging, _), sensors = variant(simulated, "lag")
+    assert (lagging.motor_lag, lagging.motor_delay, sensors) == (0.04, 0.01, PERFECT)
     assert variant(simulated, "noisy") == (simulated, TYPICAL)
     (disturbed, _), _ = variant(simulated, "disturbed")
     assert disturbed.disturbance_torque_std == (6e-3, 6e-3, 1.5e-3)

@@ -7,11 +7,11 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 
 from rotorfit.model.vehicle import Rotor, Spin, Vehicle
-from rotorfit.simulation.sensors import TYPICAL, Sensors
+from rotorfit.simulation.sensors import PERFECT, TYPICAL, Sensors
 from rotorfit.simulation.truth import Truth, with_payload
 
 Layout = Literal["quad-x", "hexa-x", "octo", "x8", "hexa-tilted"]
-Variant = Literal["clean", "noisy", "disturbed", "real"]
+Variant = Literal["clean", "lag", "noisy", "disturbed", "real"]
 
 PAPER_ARM: Final = 0.20
 
@@ -88,13 +88,16 @@ def variant(simulated: SimulatedVehicle, name: Variant) -> tuple[SimulatedVehicl
     simulated
         The vehicle to begin with.
     name
-        ``"clean"``: as it is, perfect sensors. ``"noisy"``: white sensor noise.
-        ``"disturbed"``: and a disturbing wrench. ``"real"``: and rotor inertia, drag, unequal
-        rotors, a bias of the accelerometer.
+        ``"clean"``: as it is, perfect sensors. ``"lag"``: and 10 ms until a command acts, for
+        studies of logs that hold commands only. ``"noisy"``: clean with white sensor noise.
+        ``"disturbed"``: noisy with a disturbing wrench. ``"real"``: disturbed with rotor inertia,
+        drag, unequal rotors, and a bias of the accelerometer.
     """
     truth, vehicle = simulated
     if name == "clean":
-        return simulated, Sensors()
+        return simulated, PERFECT
+    if name == "lag":
+        return SimulatedVehicle(replace(truth, motor_delay=0.01), vehicle), PERFECT
     if name == "noisy":
         return simulated, TYPICAL
     truth = replace(
