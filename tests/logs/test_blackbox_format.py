@@ -113,13 +113,29 @@ def test_a_corrupt_frame_costs_the_frames_up_to_the_next_complete_one():
     assert log.ended
 
 
-def test_a_number_of_six_bytes_is_refused():
+@pytest.mark.parametrize(
+    "frame",
+    [b"I\xa0\x80\x80\x80\x80\x00\x02\x00", b"I\x20\x02\x80\x80\x80\x80\x80\x00"],
+    ids=["first field", "last field"],
+)
+def test_a_number_of_six_bytes_is_refused(frame):
     recorder = encoder.Recorder()
     recorder.main_fields = [*encoder.MAIN_FIELDS[:2], ("x", 1, 0, 0, 0, 0)]
-    good = recorder.header() + b"I\x00\x01\x00"
-    log = decode(good + b"I\x20\x02\xff\xff\xff\xff\xff\x00")
-    assert log.main.values.tolist() == [[0, 1, 0]]
-    assert log.dropped_frames + log.trailing_bytes > 0
+    log = decode(recorder.header() + b"I\x00\x01\x00" + frame + b"I\x40\x03\x00")
+    assert log.main.values.tolist() == [[0, 1, 0], [64, 3, 0]]
+    assert log.dropped_frames == 1
+
+
+@pytest.mark.parametrize("jump", [20_000_000, -1])
+def test_time_that_jumps_within_a_stretch_drops_its_rest(jump):
+    recorder = encoder.Recorder(p_interval="1/1")
+    times = [1000, 2000, 3000, 3000 + jump, 4000 + jump, 40_000, 41_000]
+    zeros = [0] * (len(recorder.main_fields) - 2)
+    for i, time in enumerate(times):
+        recorder.record([i if i < 5 else i + 27, time, *zeros], is_intra=i in (0, 5))
+    log = decode(recorder.data)
+    assert log.main.values.tolist() == recorder.main[:3] + recorder.main[5:]
+    assert log.dropped_frames == 2
 
 
 def test_a_truncated_log_keeps_all_whole_frames():
