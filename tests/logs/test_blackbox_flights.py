@@ -122,7 +122,7 @@ def test_attitude_agrees_with_gyro_and_gravity(flight_data_dir, name):
     channels = read_blackbox(flight_data_dir / name).channels
     attitude, gyro, accel = (channels[key].values for key in ("attitude", "gyro", "accel"))
     time = channels["attitude"].time
-    rotation_body_to_world = Rotation.from_quat(attitude, scalar_first=True)
+    rotation_body_to_world = Rotation.from_quat(attitude[:, [1, 2, 3, 0]])
     step = 20
     turn = rotation_body_to_world[:-step].inv() * rotation_body_to_world[step:]
     rate = turn.as_rotvec() / (time[step:] - time[:-step])[:, None]
