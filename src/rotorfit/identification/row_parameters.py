@@ -198,12 +198,12 @@ def _systematic(
     imu = 1.96 * vehicle.imu_position_std
     result = np.zeros(len(names))
     for i, name in enumerate(names):
-        parts = []
+        parts: list[float] = []
         if name in AXIS_OF:
             rho = max(fits.excitation[AXIS_OF[name]], 1e-12)
-            parts.append(ATTENUATION * abs(values[i]) / rho)
+            parts.append(ATTENUATION * abs(float(values[i])) / rho)
         if name == "kt" or name.startswith(("I", "ms")):
-            parts.append(weighed * abs(values[i]))
+            parts.append(weighed * abs(float(values[i])))
         place = {"com_x": 0, "com_y": 1, "msx": 0, "msy": 1}.get(name)
         if place is not None and vehicle.imu_position is not None:
             parts.append(float(trim[place]) * (mass[0] if name.startswith("ms") else 1.0))

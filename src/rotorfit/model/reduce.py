@@ -136,7 +136,8 @@ class BandPlan:
     Attributes
     ----------
     edges
-        Of the bands [Hz]; lines below the first and above the last are not used.
+        Of the bands [Hz]; lines below the first and above the last are not used. A first edge of
+        0 keeps the lines up to the second edge, which hold the mean, as a band of their own.
     longest
         A stretch longer than this is cut into equal parts [s].
     fewest_lines
@@ -203,17 +204,20 @@ def _stretch_bands(
 
 def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tuple[int, int]]:
     """Return first and last (exclusive) line of each band, short bands merged upwards."""
-    marks = np.searchsorted(frequency, plan.edges)
+    marks = [int(mark) for mark in np.searchsorted(frequency, plan.edges)]
+    mean: list[tuple[int, int]] = []
+    if plan.edges[0] == 0.0:
+        mean = [(marks[0], marks[1])]
+        marks = marks[1:]
     bands: list[tuple[int, int]] = []
-    start = int(marks[0])
-    for mark in map(int, marks[1:]):
+    start = marks[0]
+    for mark in marks[1:]:
         if mark - start >= plan.fewest_lines:
             bands.append((start, mark))
             start = mark
-    end = int(marks[-1])
-    if bands and end > start:
-        bands[-1] = (bands[-1][0], end)
-    return bands
+    if bands and marks[-1] > start:
+        bands[-1] = (bands[-1][0], marks[-1])
+    return mean + bands if bands else []
 
 
 def _as_one_segment(blocks: Sequence[Factors]) -> Factors:

@@ -92,11 +92,12 @@ def _raw_signals(flight: FlightData, vehicle: Vehicle, rows: slice) -> Float[np.
     O = flight.rotor_speed[rows]
     layout = signal_layout(vehicle)
     N = len(vehicle.rotors)
-    Z = np.empty((len(w), len(layout)))
+    Z = np.empty((len(w), len(layout)), order="F")  # written and multiplied column by column
     Z[:, 0:3] = flight.specific_force[rows]
     Z[:, 3:6] = flight.angular_acceleration[rows]
     np.multiply(w, w, out=Z[:, 6:9])
-    np.multiply(w[:, [0, 0, 1]], w[:, [1, 2, 2]], out=Z[:, 9:12])
+    for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), start=9):
+        np.multiply(w[:, i], w[:, j], out=Z[:, column])
     np.multiply(O, O, out=Z[:, 12 : 12 + N])
     _fill_spin(Z, layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
     Z[:, -1] = 1.0

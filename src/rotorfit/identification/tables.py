@@ -1,0 +1,296 @@
+"""The parameters and derived numbers of a result, with verdicts, from what an estimator gave."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.estimation.total import EssentialEstimate
+from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
+from rotorfit.identification.paper import FREE
+from rotorfit.identification.result import Derived, Parameter
+from rotorfit.identification.row_parameters import AXIS_OF, Quantities, number_scale
+from rotorfit.identification.rows import ROWS, RowFits
+from rotorfit.identification.verdicts import ADVICE, Judgement, judge
+from rotorfit.model.parameters import DERIVED, PARAMETERS, ParameterInfo
+from rotorfit.model.vehicle import Vehicle
+
+SHARED = ("kt", "kd", "Jr", "motor_lag", "motor_delay")
+ROW_ORDER = (
+    *("kt", "kd", "Jr", "motor_lag", "motor_delay", "mass"),
+    *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
+    *("rotor_center_x", "rotor_center_y", "accel_bias_x", "accel_bias_y", "accel_bias_z"),
+)
+RATIOS = {"kd": ("kd_over_Izz", "Izz"), "Jr": ("Jr_over_Izz", "Izz"), "Izz": ("kd_over_Izz", "kd")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tables:
+    """What an estimator contributes to a result."""
+
+    parameters: tuple[Parameter, ...]
+    derived: tuple[Derived, ...]
+    covariance_names: tuple[str, ...]
+    covariance: Float[np.ndarray, "p p"]
+    settings: Mapping[str, object]
+    warnings: tuple[str, ...] = ()
+    diagnostics: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+def unit_of(info: ParameterInfo, entry: ConfigurationEntry) -> str:
+    """Return the unit, per kilogram where the mass is unknown."""
+    return f"{info.unit} per kg" if entry.mass == "unknown" and info.mass_power else info.unit
+
+
+def row_tables(
+    quantities: Quantities,
+    fits: RowFits,
+    entry: ConfigurationEntry,
+    *,
+    vehicle: Vehicle,
+    motors: MotorsEntry,
+    motor_delay: tuple[float, float] | None,
+) -> Tables:
+    """Return the tables of the row by row estimate."""
+    judged = _judgements(quantities, fits, entry, vehicle)
+    parameters = [
+        *_row_parameters(quantities, judged, entry),
+        *_motor_parameters(motors, motor_delay),
+        _given("mass", entry.mass, entry.mass_std, entry),
+    ]
+    parameters.sort(key=lambda p: ROW_ORDER.index(p.name))
+    known = [p.name for p in parameters if p.value is not None and p.name in quantities.names]
+    index = [quantities.index(name) for name in known]
+    std = quantities.half_width[index] / 1.96
+    return Tables(
+        parameters=tuple(parameters),
+        derived=_row_derived(quantities, judged, entry),
+        covariance_names=tuple(_full_name(name, entry) for name in known),
+        covariance=quantities.correlation[np.ix_(index, index)] * np.outer(std, std),
+        settings={"noise": "per phase and band", "band": "0 to 30 Hz", "stretch": "5 s"},
+        warnings=_row_warnings(fits, vehicle),
+        diagnostics={
+            **{f"excitation_{axis}": value for axis, value in fits.excitation.items()},
+            **{f"condition_{row}": fits.fits[row].estimate.condition_number for row in ROWS},
+        },
+    )
+
+
+def _judgements(
+    quantities: Quantities, fits: RowFits, entry: ConfigurationEntry, vehicle: Vehicle
+) -> dict[str, Judgement]:
+    """Return the verdict on every number."""
+    values = dict(zip(quantities.names, quantities.values.tolist(), strict=True))
+    mass = 1.0 if entry.mass == "unknown" else entry.mass
+    judged: dict[str, Judgement] = {}
+    for name, value, half in zip(
+        quantities.names, quantities.values.tolist(), quantities.half_width.tolist(), strict=True
+    ):
+        axis = AXIS_OF.get(name, "force")
+        judged[name] = judge(
+            value,
+            half,
+            scale=number_scale(name, values, mass=mass, arm=vehicle.arm),
+            axis=axis,
+            excitation=fits.excitation.get(axis),
+        )
+    return judged
+
+
+def _row_parameters(
+    quantities: Quantities, judged: Mapping[str, Judgement], entry: ConfigurationEntry
+) -> list[Parameter]:
+    parameters: list[Parameter] = []
+    for name, info in PARAMETERS.items():
+        if name in quantities.names:
+            parameters.append(_number_parameter(name, quantities, judged[name], entry))
+        elif name in RATIOS:
+            ratio, partner = RATIOS[name]
+            parameters.append(_ratio_parameter(name, info, partner, judged[ratio], entry))
+    return parameters
+
+
+def _number_parameter(
+    name: str, quantities: Quantities, judgement: Judgement, entry: ConfigurationEntry
+) -> Parameter:
+    i = quantities.index(name)
+    value, half = float(quantities.values[i]), float(quantities.half_width[i])
+    known = judgement.verdict != "not-identified"
+    return Parameter(
+        name=name,
+        configuration=None if name in SHARED else entry.name,
+        value=value if known else None,
+        std=half / 1.96 if known else None,
+        interval=(value - half, value + half) if known else None,
+        unit=unit_of(PARAMETERS[name], entry),
+        verdict=judgement.verdict,
+        reason=judgement.reason,
+        advice=judgement.advice,
+    )
+
+
+def _ratio_parameter(
+    name: str,
+    info: ParameterInfo,
+    partner: str,
+    ratio: Judgement,
+    entry: ConfigurationEntry,
+) -> Parameter:
+    """Return a parameter of the yaw row, which fixes it only relative to its partner."""
+    fixed = ratio.verdict != "not-identified"
+    return Parameter(
+        name=name,
+        configuration=None if name in SHARED else entry.name,
+        value=None,
+        std=None,
+        interval=None,
+        unit=unit_of(info, entry),
+        verdict="ratio-only" if fixed else "not-identified",
+        partner=partner if fixed else None,
+        reason="the yaw equation gives only ratios to Izz" if fixed else ratio.reason,
+        advice=ADVICE["scale"] if fixed else ratio.advice,
+    )
+
+
+def _motor_parameters(motors: MotorsEntry, delay: tuple[float, float] | None) -> list[Parameter]:
+    """Return lag and delay, given or found."""
+    parameters: list[Parameter] = []
+    for name, value in (("motor_lag", motors.lag), ("motor_delay", motors.delay)):
+        if value is not None:
+            parameters.append(
+                Parameter(
+                    name=name,
+                    configuration=None,
+                    value=value,
+                    std=None,
+                    interval=None,
+                    unit="s",
+                    verdict="given",
+                )
+            )
+    if delay is not None:
+        value, std = delay
+        parameters.append(
+            Parameter(
+                name="motor_delay",
+                configuration=None,
+                value=value,
+                std=std,
+                interval=(value - 1.96 * std, value + 1.96 * std),
+                unit="s",
+                verdict="identified",
+            )
+        )
+    return parameters
+
+
+def _given(name: str, value: float | str, std: float, entry: ConfigurationEntry) -> Parameter:
+    known = isinstance(value, float)
+    return Parameter(
+        name=name,
+        configuration=entry.name,
+        value=value if known else None,
+        std=std if known and std > 0 else None,
+        interval=(value - 1.96 * std, value + 1.96 * std) if known and std > 0 else None,
+        unit=PARAMETERS[name].unit,
+        verdict="given" if known else "not-identified",
+        reason=None if known else "everything scales with the mass",
+        advice=None if known else "weigh the vehicle as it flies, battery included",
+    )
+
+
+def _row_derived(
+    quantities: Quantities, judged: Mapping[str, Judgement], entry: ConfigurationEntry
+) -> tuple[Derived, ...]:
+    return tuple(_derived(name, info, quantities, judged, entry) for name, info in DERIVED.items())
+
+
+def _derived(
+    name: str,
+    info: ParameterInfo,
+    quantities: Quantities,
+    judged: Mapping[str, Judgement],
+    entry: ConfigurationEntry,
+) -> Derived:
+    known = name in quantities.names and judged[name].verdict != "not-identified"
+    value = half = 0.0
+    if known:
+        i = quantities.index(name)
+        value, half = float(quantities.values[i]), float(quantities.half_width[i])
+    return Derived(
+        name=name,
+        configuration=entry.name if name != "kd_over_kt" else None,
+        value=value if known else None,
+        std=half / 1.96 if known else None,
+        interval=(value - half, value + half) if known else None,
+        unit=unit_of(info, entry),
+    )
+
+
+def _row_warnings(fits: RowFits, vehicle: Vehicle) -> tuple[str, ...]:
+    doubts: list[str] = []
+    for axis, rho in fits.excitation.items():
+        if rho < 10.0:
+            doubts.append(
+                f"{axis}: the rotors explain only {rho:.1f} times what they do not; {ADVICE[axis]}"
+            )
+    if vehicle.imu_position is None:
+        doubts.append(
+            "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured "
+            "from it, and com_z is the height of the CoM over it; inertia about the CoM is free "
+            "of that choice"
+        )
+    return tuple(doubts)
+
+
+def paper_tables(essential: EssentialEstimate, entry: ConfigurationEntry) -> Tables:
+    """Return the tables of the paper's estimate: its values, its sigmas, what it removed."""
+    estimate = essential.estimate
+    parameters = [_paper_parameter(name, essential, entry) for name in FREE]
+    parameters.append(_given("mass", entry.mass, entry.mass_std, entry))
+    parameters.sort(key=lambda p: ROW_ORDER.index(p.name))
+    return Tables(
+        parameters=tuple(parameters),
+        derived=(),
+        covariance_names=tuple(_full_name(name, entry) for name in estimate.names),
+        covariance=estimate.covariance,
+        settings={
+            "estimator": "total least squares (Six et al. 2020, eq. 14-22)",
+            "row_weights": "one pass, by wrench component",
+            "rotor_inertia": False,
+            "motor_lag": False,
+            "removed_in_order": list(essential.removed),
+        },
+        warnings=(
+            "the standard deviations are the paper's (eq. 19-21): they leave out bias and "
+            "correlation between samples, and real errors are many times larger",
+        ),
+        diagnostics={"condition": estimate.condition_number},
+    )
+
+
+def _paper_parameter(
+    name: str, essential: EssentialEstimate, entry: ConfigurationEntry
+) -> Parameter:
+    estimate = essential.estimate
+    kept = name in estimate.names
+    value = estimate.value(name) if kept else None
+    std = float(estimate.std[estimate.names.index(name)]) if kept else None
+    interval = None
+    if value is not None and std is not None:
+        interval = (value - 1.96 * std, value + 1.96 * std)
+    return Parameter(
+        name=name,
+        configuration=None if name in SHARED else entry.name,
+        value=value,
+        std=std,
+        interval=interval,
+        unit=unit_of(PARAMETERS[name], entry),
+        verdict="identified" if kept else "removed",
+        reason=None if kept else "largest relative standard deviation (Six et al. 2020, III-B)",
+    )
+
+
+def _full_name(name: str, entry: ConfigurationEntry) -> str:
+    return name if name in SHARED else f"{name}@{entry.name}"
