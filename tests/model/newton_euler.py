@@ -41,8 +41,7 @@ def theta_of(body, shared_kt=0.0):
     theta |= dict(zip(("msx", "msy", "msz"), body.mass * body.com, strict=True))
     theta |= I
     theta |= {f"kt_{i + 1}": k - shared_kt for i, k in enumerate(body.kt)}
-    theta["kt_rotor_center_x"] = body.kt[0] * body.rotor_shift[0]
-    theta["kt_rotor_center_y"] = body.kt[0] * body.rotor_shift[1]
+    theta |= {f"kt_rotor_center_{a}": body.kt[0] * body.rotor_shift[i] for i, a in enumerate("xyz")}
     names = ("Fx_0", "Fy_0", "Fz_0", "Mx_0", "My_0", "Mz_0")
     return theta | dict(zip(names, body.constant, strict=True))
 

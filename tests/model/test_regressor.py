@@ -52,7 +52,7 @@ def test_regressor_times_parameters_is_newton_euler(seed, rotors, tilted, has_im
 def test_rotor_center_is_a_common_shift_of_all_rotors(seed, rotors, tilted):
     rng = np.random.default_rng(seed)
     vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
-    shift = np.array([*rng.normal(size=2) * 0.03, 0.0])
+    shift = rng.normal(size=3) * 0.03
     body = replace(ne.random_body(rng, rotors, equal_kt=True), rotor_shift=shift)
     motion = ne.random_motion(rng, SAMPLES, rotors)
     expected = ne.body_wrench(body, *motion[:3]) - ne.rotor_wrench(

@@ -137,8 +137,9 @@ def body_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 def rotor_thrust(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Thrust k_t O^2 n_i at r_i: one coefficient for all rotors, and one of each rotor's own."""
     blocks: dict[str, Block] = {"kt": _block(layout, {})}
-    for i, (r, n) in enumerate(zip(vehicle.positions, vehicle.axes, strict=True)):
-        wrench = -np.concatenate([n, np.cross(r, n)])
+    n = vehicle.axes
+    wrenches = -np.concatenate([n, np.cross(vehicle.positions, n)], axis=1)
+    for i, wrench in enumerate(wrenches):
         own = _block(layout, {})
         own[:, layout.index(f"O2_{i + 1}")] = wrench
         blocks[f"kt_{i + 1}"] = own
@@ -168,10 +169,10 @@ def rotor_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 def rotor_center(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Rotors displaced together by t: torque t x thrust, parameters k_t t_x, k_t t_y, k_t t_z."""
     blocks: dict[str, Block] = {}
+    columns = [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]
     for axis, direction in zip("xyz", np.eye(3), strict=True):
         block = _block(layout, {})
-        for i, n in enumerate(vehicle.axes):
-            block[MX:, layout.index(f"O2_{i + 1}")] = -np.cross(direction, n)
+        block[MX:, columns] = -np.cross(direction, vehicle.axes).T
         blocks[f"kt_rotor_center_{axis}"] = block
     return blocks
 
