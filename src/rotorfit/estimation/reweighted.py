@@ -73,7 +73,6 @@ def reweighted(
     J, y, rows = _block_equations(problem)
     names = problem.map.names
     information = _prior_information(names, prior_std or {})
-    svd = scaled_singular(J.reshape(-1, J.shape[2]), names)
     known = np.einsum("bm,bm->b", y, y)
     floor = RELATIVE_FLOOR * float(known.sum() / rows.sum()) + np.finfo(float).tiny
     variance = np.full(len(rows), float(known.sum() / rows.sum()))
@@ -88,6 +87,8 @@ def reweighted(
         variance = np.maximum(_smoothed_variance(power, rows, problem.factors[0]), floor)
         if np.all(np.abs(phi - before) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))):
             break
+    A, _ = _weighted_equations(J, y, variance, information)
+    svd = scaled_singular(A, names)
     scores = np.einsum("bmf,bm->bf", J, residual) / variance[:, None]
     return BandedFit(
         estimate=Estimate(
@@ -155,13 +156,26 @@ def _weighted_solution(
     their digits.
     """
     f = J.shape[2]
-    weight = 1.0 / np.sqrt(variance)
-    A = np.concatenate([(J * weight[:, None, None]).reshape(-1, f), np.diag(np.sqrt(information))])
-    b = np.concatenate([(y * weight[:, None]).reshape(-1), np.zeros(f)])
+    A, b = _weighted_equations(J, y, variance, information)
     lengths = np.linalg.norm(A, axis=0)
+    if (lengths == 0).any():
+        raise EstimationError("the flight does not move a parameter of this equation at all")
     Q, R = scipy.linalg.qr(A / lengths, mode="economic")
     inverse = scipy.linalg.solve_triangular(R, np.eye(f)) / lengths[:, None]
     return inverse @ (Q.T @ b), inverse @ inverse.T
+
+
+def _weighted_equations(
+    J: Float[np.ndarray, "b m f"],
+    y: Float[np.ndarray, "b m"],
+    variance: Float[np.ndarray, " b"],
+    information: Float[np.ndarray, " f"],
+) -> tuple[Float[np.ndarray, "n f"], Float[np.ndarray, " n"]]:
+    """Return the equations over their deviations, the prior's below them."""
+    f = J.shape[2]
+    weight = 1.0 / np.sqrt(variance)
+    A = np.concatenate([(J * weight[:, None, None]).reshape(-1, f), np.diag(np.sqrt(information))])
+    return A, np.concatenate([(y * weight[:, None]).reshape(-1), np.zeros(f)])
 
 
 def scatter_covariance(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import scipy
 from jaxtyping import Float
+from threadpoolctl import threadpool_limits
 
 import rotorfit
 from rotorfit.errors import ExperimentError, FlightWarning, RotorfitError
@@ -21,6 +22,7 @@ from rotorfit.identification.experiment import (
     vehicle_of,
 )
 from rotorfit.identification.flights import (
+    EDGES,
     UsedFlight,
     check_flights,
     find_delay,
@@ -69,7 +71,13 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
     RotorfitError
         One of its kinds, if the experiment, a log or a flight cannot be used.
     """
-    tell = progress or _silent
+    # The matrices are small: a second thread of the linear algebra only waits, at ten times the
+    # cost where another program uses the other cores.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _identify(experiment, progress or _silent)
+
+
+def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     configured = _configured(experiment, tell)
     tell("fitting")
     if _resolved_method(experiment) == "tls":
@@ -155,9 +163,9 @@ def _row_estimate(experiment: Experiment, configured: Configured) -> Tables:
     """Return the tables of the row by row estimate."""
     found = configured.motor_delay
     fits = _fits_at(configured, None if found is None else found[0])
-    quantities = _quantities(experiment, configured, fits)
+    quantities = _quantities(configured, fits)
     return row_tables(
-        _widened(experiment, configured, quantities),
+        _widened(configured, quantities),
         fits,
         configured.entry,
         vehicle=configured.vehicle,
@@ -166,13 +174,13 @@ def _row_estimate(experiment: Experiment, configured: Configured) -> Tables:
     )
 
 
-def _fits_at(configured: Configured, delay: float | None) -> RowFits:
+def _fits_at(configured: Configured, delay: float | None, *, top: float = np.inf) -> RowFits:
     factors = flight_bands(configured.flights, configured.vehicle, delay)
+    factors = factors.select(factors.band[:, 0] < top)
     return fit_rows(factors, configured.model, mass=configured.mass)
 
 
-def _quantities(experiment: Experiment, configured: Configured, fits: RowFits) -> Quantities:
-    del experiment
+def _quantities(configured: Configured, fits: RowFits) -> Quantities:
     return row_quantities(
         fits,
         configured.vehicle,
@@ -181,20 +189,20 @@ def _quantities(experiment: Experiment, configured: Configured, fits: RowFits) -
     )
 
 
-def _widened(experiment: Experiment, configured: Configured, quantities: Quantities) -> Quantities:
-    """Return the intervals widened by what half a sample of delay changes."""
-    if configured.motor_delay is None:
-        return quantities
-    half = 0.5 / configured.flights[0].prepared.data.sample_rate
-    shifts = [
-        _quantities(
-            experiment, configured, _fits_at(configured, configured.motor_delay[0] + sign * half)
-        ).values
-        - quantities.values
-        for sign in (-1.0, 1.0)
-    ]
-    shift: Float[np.ndarray, " q"] = np.sqrt((shifts[0] ** 2 + shifts[1] ** 2) / 2.0)
-    return dataclasses.replace(quantities, half_width=np.hypot(quantities.half_width, 2.0 * shift))
+def _widened(configured: Configured, quantities: Quantities) -> Quantities:
+    """Return the intervals widened by what settings change that could as well be others.
+
+    Half of the frequency range, and half a sample of delay both ways; twice the rms shift.
+    """
+    found = configured.motor_delay
+    delay = None if found is None else found[0]
+    trials = [_fits_at(configured, delay, top=0.5 * EDGES[-1])]
+    if delay is not None:
+        half = 0.5 / configured.flights[0].prepared.data.sample_rate
+        trials += [_fits_at(configured, delay + sign * half) for sign in (-1.0, 1.0)]
+    shifts = np.array([_quantities(configured, fits).values - quantities.values for fits in trials])
+    rms: Float[np.ndarray, " q"] = np.sqrt((shifts**2).mean(axis=0))
+    return dataclasses.replace(quantities, half_width=np.hypot(quantities.half_width, 2.0 * rms))
 
 
 def _result(experiment: Experiment, configured: Configured, tables: Tables) -> IdentificationResult:

@@ -19,8 +19,6 @@ from rotorfit.model.vehicle import Vehicle
 
 ATTENUATION = 1.5
 """Bias allowance: this over rho, as a share of the value (real flights: 0.5 to 1.8)."""
-ROTOR_SPREAD_STD = 0.01
-"""Rotors are taken as equal; their thrust coefficients differ by about this share."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,8 +191,6 @@ def _systematic(
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width of what no scatter within the flight shows."""
     weighed = 1.96 * mass[1] / mass[0]
-    trim = 1.96 * ROTOR_SPREAD_STD * np.abs(vehicle.positions).mean(axis=0)
-    trim = trim / np.sqrt(len(vehicle.rotors))
     imu = 1.96 * vehicle.imu_position_std
     result = np.zeros(len(names))
     for i, name in enumerate(names):
@@ -204,9 +200,6 @@ def _systematic(
             parts.append(ATTENUATION * abs(float(values[i])) / rho)
         if name == "kt" or name.startswith(("I", "ms")):
             parts.append(weighed * abs(float(values[i])))
-        place = {"com_x": 0, "com_y": 1, "msx": 0, "msy": 1}.get(name)
-        if place is not None and vehicle.imu_position is not None:
-            parts.append(float(trim[place]) * (mass[0] if name.startswith("ms") else 1.0))
         if name in ("com_z", "msz"):
             parts.append(imu * (mass[0] if name == "msz" else 1.0))
         result[i] = float(np.sqrt(sum(part**2 for part in parts)))

@@ -11,8 +11,14 @@ Until all rows are fitted at once, four linear regressions give what one flight 
 About the CoM the specific force drops out of the moment rows (with f = sum k_t O_i^2 n_i):
 :math:`I_C \dot\omega + \omega \times I_C \omega = \sum (r_i - c) \times k_t O_i^2 n_i - \dots`,
 so that the place of the accelerometer cannot spoil the inertia.
+
+Two passes. An angular acceleration that is not the one a row is solved for stands among the
+regressors, and its noise would pull that coefficient (first moments, products) towards zero. The
+second pass puts there what the rotors make of it by the first: free of the gyro's noise. And it
+lets the rotors differ by a little, as real ones do.
 """
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -46,8 +52,11 @@ NUISANCE_STD = {
     "Jr": 0.003,
 }
 """Deviation of the small terms of the roll and pitch rows, relative to that row's inertia."""
-CONTROL_BAND = (0.3, 15.0)
-"""Where explained and residual angular acceleration are compared [Hz]."""
+ROTOR_SPREAD_STD = 0.015
+"""Thrust coefficients of one vehicle's rotors differ by about this share."""
+PILOT_BAND = (0.3, 3.0)
+"""Where explained and residual angular acceleration are compared [Hz]: where a pilot moves the
+vehicle. Further up the gyro's own noise, differentiated, would hide a well flown axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +69,7 @@ class RowFits:
         By the names of `ROWS`.
     excitation
         rho of roll, pitch and yaw: explained over residual power of the angular acceleration
-        between 0.3 and 15 Hz. Disturbances beat the excitation where it is small.
+        between 0.3 and 3 Hz. Disturbances beat the excitation where it is small.
     covariance
         Of the concatenated parameters: from the scatter of the blocks.
     formal
@@ -100,7 +109,9 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
     mass
         [kg]; 1 for an unknown mass, and every result is then per kilogram.
     """
-    fits = {row: _fit_row(factors, model, row, mass) for row in ROWS}
+    first = {row: _fit_row(factors, model, row, mass) for row in ROWS[1:]}
+    predicted = _rotor_made(model, first)
+    fits = {row: _fit_row(factors, predicted[row], row, mass, first.get(row)) for row in ROWS}
     influence = np.concatenate([fits[row].influence for row in ROWS], axis=1)
     return RowFits(
         fits=fits,
@@ -110,12 +121,23 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
     )
 
 
-def _fit_row(factors: Factors, model: Regressor, row: str, mass: float) -> BandedFit:
+def _fit_row(
+    factors: Factors,
+    model: Regressor,
+    row: str,
+    mass: float,
+    first: BandedFit | None = None,
+) -> BandedFit:
+    """Return the fit of one row; given the first pass, rotors may differ."""
     if row == "force":
         mapped, prior = _force_map(model, mass), _force_prior(mass)
     else:
-        mapped = _moment_map(model, row)
-        prior = NUISANCE_STD if row in ("roll", "pitch") else {}
+        own_rotors = _rotor_names(model) if first is not None and row != "yaw" else ()
+        mapped = _moment_map(model, row, own_rotors)
+        prior = dict(NUISANCE_STD) if row != "yaw" else {}
+        if first is not None and own_rotors:
+            spread = ROTOR_SPREAD_STD * abs(first.estimate.value("kt"))
+            prior |= dict.fromkeys(own_rotors, spread)
     weights = np.array([EQUATIONS[row]])
     problem = LinearProblem(
         factors=(factors,),
@@ -142,7 +164,7 @@ def _force_prior(mass: float) -> dict[str, float]:
     }
 
 
-def _moment_map(model: Regressor, row: str) -> ParameterMap:
+def _moment_map(model: Regressor, row: str, own_rotors: tuple[str, ...] = ()) -> ParameterMap:
     """Return the map of one moment row about the CoM, its own inertia taken as one."""
     own = OWN_INERTIA[row]
     # The two other diagonal elements enter one row only by their difference.
@@ -150,6 +172,7 @@ def _moment_map(model: Regressor, row: str) -> ParameterMap:
     free = {name: {(0, name): 1.0} for name in ("kt", "kd", "Jr", "Ixy", "Ixz", "Iyz")}
     free |= {f"kt_rotor_center_{a}": {(0, f"kt_rotor_center_{a}"): 1.0} for a in "xyz"}
     free["difference"] = {(0, first): -1.0}
+    free |= {name: {(0, name): 1.0} for name in own_rotors}
     return parameter_map(model.names, free, {(0, own): 1.0})
 
 
@@ -165,9 +188,42 @@ def _without_dead(
     return mapped
 
 
+def _rotor_names(model: Regressor) -> tuple[str, ...]:
+    return tuple(name for name in model.names if name.startswith("kt_") and name[3:].isdigit())
+
+
+def _rotor_made(model: Regressor, first: Mapping[str, BandedFit]) -> dict[str, Regressor]:
+    """Return the model of each row with foreign angular accelerations as the rotors make them.
+
+    The three moment rows of the first pass, B z = 0 with unit diagonal, are solved for the
+    angular accelerations; the solution G z is put in their place, but for the row's own.
+    """
+    names = ("dwx", "dwy", "dwz")
+    columns = [model.layout.index(name) for name in names]
+    B = np.array([_fitted_row(model, row, first[row]) for row in ROWS[1:]])
+    G = -np.linalg.solve(B[:, columns], B)
+    G[:, columns] = 0.0
+    made: dict[str, Regressor] = {}
+    for row in ROWS:
+        swap = np.eye(len(model.layout))
+        for column, prediction, own in zip(columns, G, ROWS[1:], strict=True):
+            if own != row:
+                swap[column] = prediction
+        made[row] = dataclasses.replace(model, tensor=model.tensor @ swap)
+    return made
+
+
+def _fitted_row(model: Regressor, row: str, fit: BandedFit) -> Float[np.ndarray, " z"]:
+    """Return the equation of a moment row at its fitted parameters."""
+    mapped = _moment_map(model, row)
+    phi = dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
+    theta = mapped.theta(np.array([phi.get(name, 0.0) for name in mapped.names]))[0]
+    return np.einsum("p,pz->z", theta, model.tensor[:, 3 + ROWS.index(row) - 1])
+
+
 def _excitation(fit: BandedFit, factors: Factors) -> float:
     """Return explained over residual power of a row's angular acceleration."""
-    low, high = CONTROL_BAND
+    low, high = PILOT_BAND
     inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
     residual = float(fit.residual_power[inside].sum())
     explained = float(fit.known_power[inside].sum()) - residual
