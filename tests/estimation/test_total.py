@@ -128,11 +128,11 @@ def test_solution_and_sigmas_are_the_papers_dense_formulas(seed):
 
 
 def test_columns_of_very_different_size_keep_their_digits():
-    """The plain singular vector is off by 1e-7 here; the answer in scaled columns is not."""
+    """Columns of 1e7 beside columns of 0.5, against extended precision."""
     rng = np.random.default_rng(11)
-    sizes = np.array([1e6, 3e5, 20.0, 5.0, 0.3])
-    A = rng.normal(size=(600, 5)) * sizes
-    truth = 1.0 / sizes
+    sizes = np.array([1e7, 3e6, 60.0, 5.0, 0.5])
+    A = (rng.normal(size=(600, 5)) + 3.0 * rng.normal(size=(600, 1))) * sizes
+    truth = np.array([3e-6, 5e-8, 0.02, -0.004, 0.01])
     y = A @ truth + 0.05 * rng.normal(size=600)
     got = total(plain_problem(A, y)).values
     # (A^T A - s^2 1) chi = A^T y, with s^2 from its own fixed point, in extended precision.
