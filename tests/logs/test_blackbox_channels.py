@@ -213,7 +213,7 @@ def test_damage_is_noted(tmp_path):
     start = len(recorder.header()) + recorder.offsets[100]
     path = tmp_path / "log.bbl"
     path.write_bytes(recorder.data[: start + 20] + recorder.data[start + 26 : -3])
-    notes = read_blackbox(path).notes
+    notes = read_blackbox(path).warnings
     assert any(note.startswith("1 corrupt stretches: ") for note in notes)
     assert "27 frames dropped: they follow a corrupt one or are not credible" in notes
     assert any(note.startswith("no end-of-log event: ") for note in notes)

@@ -81,7 +81,9 @@ class FlightLog:
     metadata
         What the log says of vehicle, firmware and settings; for people to read.
     notes
-        What the reader met and did, one sentence each (corrupt frames, missing fields).
+        What the reader met and did, one sentence each (fields taken or left out).
+    warnings
+        What was damaged and passed over, one sentence each; part of every result.
     """
 
     path: Path
@@ -93,3 +95,4 @@ class FlightLog:
     seconds: float
     metadata: Mapping[str, str] = field(default_factory=dict[str, str])
     notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()

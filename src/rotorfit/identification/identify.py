@@ -246,7 +246,7 @@ def _record(flight: UsedFlight, configuration: str) -> FlightRecord:
             for s in data.segments
         ),
         cuts=tuple((c.start - zero, c.end - zero, c.reason) for c in flight.prepared.cuts),
-        warnings=(*flight.log.notes, *flight.prepared.warnings),
+        warnings=(*flight.log.warnings, *flight.prepared.warnings),
     )
 
 

@@ -12,7 +12,7 @@ from rotorfit.identification.paper import FREE
 from rotorfit.identification.result import Derived, Parameter
 from rotorfit.identification.row_parameters import AXIS_OF, Quantities, number_scale
 from rotorfit.identification.rows import ROWS, RowFits
-from rotorfit.identification.verdicts import ADVICE, Judgement, judge
+from rotorfit.identification.verdicts import ADVICE, LEAST_EXCITATION, Judgement, judge
 from rotorfit.model.parameters import DERIVED, PARAMETERS, ParameterInfo
 from rotorfit.model.vehicle import Vehicle
 
@@ -231,7 +231,7 @@ def _derived(
 def _row_warnings(fits: RowFits, vehicle: Vehicle) -> tuple[str, ...]:
     doubts: list[str] = []
     for axis, rho in fits.excitation.items():
-        if rho < 10.0:
+        if LEAST_EXCITATION <= rho < 2.0 * LEAST_EXCITATION:
             doubts.append(
                 f"{axis}: the rotors explain only {rho:.1f} times what they do not; {ADVICE[axis]}"
             )

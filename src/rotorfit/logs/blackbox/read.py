@@ -143,7 +143,8 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
         logs_in_file=log.logs_in_file,
         seconds=float(time[-1] - time[0]),
         metadata=_metadata(log.header.entries),
-        notes=(*_notes(log), *missing),
+        notes=(_frame_counts(log), *missing),
+        warnings=tuple(_damage(log)),
     )
 
 
@@ -186,8 +187,8 @@ def _metadata(entries: Mapping[str, str]) -> dict[str, str]:
     return metadata
 
 
-def _notes(log: BlackboxLog) -> list[str]:
-    """Return what the decoder met, one sentence each."""
+def _frame_counts(log: BlackboxLog) -> str:
+    """Return how many frames of each kind were read."""
     intra = int(log.is_intra.sum())
     counts = {
         "I": intra,
@@ -197,7 +198,12 @@ def _notes(log: BlackboxLog) -> list[str]:
         "H": len(log.home),
         "E": len(log.events),
     }
-    notes = ["frames read: " + ", ".join(f"{count} {letter}" for letter, count in counts.items())]
+    return "frames read: " + ", ".join(f"{count} {letter}" for letter, count in counts.items())
+
+
+def _damage(log: BlackboxLog) -> list[str]:
+    """Return what was damaged and passed over, one sentence each."""
+    notes: list[str] = []
     if log.damaged_stretches:
         notes.append(
             f"{log.damaged_stretches} corrupt stretches: {log.skipped_bytes} bytes skipped"
