@@ -1,4 +1,4 @@
-"""Which part of a flight is in the air, and where its character changes.
+"""Which part of a flight is in the air, where it rests, and where its character changes.
 
 In the air nothing but the rotors pushes: the specific force is the thrust, c sum O^2 along z, up
 to drag and the lever of the accelerometer. On the ground, in a hand or against a wall something
@@ -22,6 +22,8 @@ LOOK_CUTOFF = 8.0
 SHORTEST_FLIGHT = 0.3
 LONGEST_TOUCH = 0.15
 HARDEST_TOUCH = 5.0
+GUARD = 0.04
+"""Taken off where flight meets the ground [s]: the low-pass sees a contact only from half."""
 ACTIVITY_RATIO = 3.0
 SHORTEST_PHASE = 0.6
 
@@ -36,73 +38,141 @@ class Motion:
         [Hz]
     specific_force, angular_velocity
         Body axes FLU [m/s^2], [rad/s].
-    thrust
-        Sum of rotor speeds squared, or of commands squared: anything proportional to thrust.
+    rotor_speed
+        Or the commands: anything whose square is proportional to thrust.
     arm
         A length of the vehicle [m], for the force that rotation adds at the accelerometer.
+    stretches
+        Start and stop (exclusive) of the rows where every channel has data.
     """
 
     sample_rate: float
     specific_force: Float[np.ndarray, "n 3"]
     angular_velocity: Float[np.ndarray, "n 3"]
-    thrust: Float[np.ndarray, " n"]
+    rotor_speed: Float[np.ndarray, "n N"]
     arm: float
+    stretches: tuple[tuple[int, int], ...]
+
+    @property
+    def thrust(self) -> Float[np.ndarray, " n"]:
+        """Sum of the squared rotor speeds, proportional to thrust."""
+        return np.einsum("nr,nr->n", self.rotor_speed, self.rotor_speed)
 
 
-def airborne_rows(motion: Motion, stretches: tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Look:
+    """A stretch as the search sees it, all low-passed.
+
+    Attributes
+    ----------
+    excess
+        Force that the rotors do not explain, over what flight allows.
+    upward
+        Its part along z [m/s^2].
+    rates
+        Angular velocity [rad/s].
+    """
+
+    excess: Float[np.ndarray, " n"]
+    upward: Float[np.ndarray, " n"]
+    rates: Float[np.ndarray, "n 3"]
+
+
+def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
     """Return start and stop (exclusive) of every airborne stretch.
 
     Touches shorter than 0.15 s that look like a gust or a motor step are bridged; harder and
-    longer ones are cut out.
+    longer ones are cut out. Standing with motors that already push is not flight.
 
     Raises
     ------
     FlightError
-        If the rotors never turn, or the vehicle never leaves the ground.
+        If the vehicle never leaves the ground.
     """
-    if not float(motion.thrust.max(initial=0.0)) > 0:
-        raise FlightError(
-            "the motors never turn in this log (rotor speed or command is zero throughout); "
-            "give the log of a flight, or the columns that hold the motors"
-        )
-    excess = np.concatenate(
-        [_excess_force(motion, start, stop) for start, stop in stretches] or [np.full(0, np.inf)]
-    )
-    offsets = np.cumsum([0] + [stop - start for start, stop in stretches])
+    thrust = motion.thrust
+    c = thrust_to_force(motion, thrust)
+    shortest = max(int(SHORTEST_FLIGHT * motion.sample_rate), 3)
     found: list[tuple[int, int]] = []
-    for (start, _), first, last in zip(stretches, offsets[:-1], offsets[1:], strict=True):
-        flags = _bridged(excess[first:last], motion.sample_rate)
-        shortest = int(SHORTEST_FLIGHT * motion.sample_rate)
-        found += [(start + a, start + b) for a, b in true_runs(flags) if b - a >= shortest]
+    for start, stop in motion.stretches:
+        if stop - start < shortest:
+            continue
+        look = _look(motion, c * thrust[start:stop], start)
+        for run in true_runs(_bridged(look.excess, motion.sample_rate)):
+            a, b = _without_ground(look, run, motion.sample_rate)
+            if b - a >= shortest:
+                found.append((start + a, start + b))
     if not found:
         raise FlightError(
-            "no airborne part found: the specific force never follows the rotors; check motor "
-            "columns, units and axes, or set start and end of the flight yourself"
+            f"no airborne part found: nowhere for {SHORTEST_FLIGHT:g} s does the acceleration "
+            "follow the rotors; check the motor columns, the units and the axes, or set start "
+            "and end of the flight yourself"
         )
-    _refuse_grounded(motion, found)
+    _refuse_grounded(motion, thrust, found)
     return found
 
 
-def thrust_to_force(motion: Motion) -> float:
-    """Return c of a_z = c thrust, from the half of the flight that pushes hardest."""
-    fast = motion.thrust > 0.5 * np.percentile(motion.thrust, 90)
-    ratio = motion.specific_force[fast, 2] / motion.thrust[fast]
-    return float(np.median(ratio))
+def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return which samples push at least half as hard as the hardest three seconds.
+
+    A short flight in a long log must not be outvoted by the motors idling before it.
+    """
+    window = max(min(int(3.0 * motion.sample_rate), len(thrust) // 4), 1)
+    inside = np.zeros(len(thrust), dtype=bool)
+    for start, stop in motion.stretches:
+        inside[start:stop] = True
+    level = ndimage.uniform_filter1d(np.where(inside, thrust, 0.0), window, mode="nearest")
+    return inside & (thrust > 0.5 * level.max())
 
 
-def _excess_force(motion: Motion, start: int, stop: int) -> Float[np.ndarray, " n"]:
-    """Return the force that the rotors do not explain, relative to what flight allows."""
-    rows = slice(start, stop)
-    c = thrust_to_force(motion)
+def thrust_to_force(motion: Motion, thrust: Float[np.ndarray, " n"]) -> float:
+    """Return c of a_z = c thrust, from the part of the log that pushes hardest."""
+    fast = fast_rows(motion, thrust)
+    if not fast.any():
+        return 0.0
+    return float(np.median(motion.specific_force[fast, 2] / thrust[fast]))
+
+
+def misfit(motion: Motion) -> float:
+    """Return by how much a_z departs from the thrust where that is large [m/s^2]."""
+    thrust = motion.thrust
+    fast = fast_rows(motion, thrust)
+    if not fast.any():
+        return np.inf
+    c = thrust_to_force(motion, thrust)
+    return float(np.abs(motion.specific_force[fast, 2] - c * thrust[fast]).mean())
+
+
+def _look(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Look:
+    """Return what the search sees of a stretch that begins at `start`; thrust in m/s^2."""
     rate = motion.sample_rate
-    thrust = c * smooth(motion.thrust[rows, None], rate, LOOK_CUTOFF)[:, 0]
+    rows = slice(start, start + len(thrust))
     force = smooth(motion.specific_force[rows], rate, LOOK_CUTOFF)
     rates = motion.angular_velocity[rows]
-    spin = smooth((rates * rates) @ np.ones((3, 1)), rate, LOOK_CUTOFF)[:, 0]
-    force[:, 2] -= thrust
-    rotation = 0.5 * motion.arm * np.maximum(spin, 0.0)
-    allowed = 0.3 * GRAVITY + rotation + 0.15 * np.abs(thrust - GRAVITY)
-    return np.linalg.norm(force, axis=1) / allowed
+    squares: Float[np.ndarray, " m"] = np.einsum("ni,ni->n", rates, rates)
+    push = smooth(thrust[:, None], rate, LOOK_CUTOFF)[:, 0]
+    spin = np.maximum(smooth(squares[:, None], rate, LOOK_CUTOFF)[:, 0], 0.0)
+    upward = force[:, 2] - push
+    up, side = _allowed(push, spin, motion.arm)
+    return _Look(
+        excess=np.hypot(np.hypot(force[:, 0], force[:, 1]) / side, upward / up),
+        upward=upward,
+        rates=smooth(rates, rate, LOOK_CUTOFF),
+    )
+
+
+def _allowed(
+    push: Float[np.ndarray, " m"], spin: Float[np.ndarray, " m"], arm: float
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Return how far flight may depart from the thrust along z, and sideways [m/s^2].
+
+    Climb and descent change the thrust of a rotor by a third, drag pushes sideways while the
+    rotors work, and rotation adds force at an accelerometer off the centre.
+    """
+    common = 0.3 * GRAVITY + 0.5 * arm * spin
+    above, below = np.maximum(push - GRAVITY, 0.0), np.maximum(GRAVITY - push, 0.0)
+    up = common + 0.3 * above + 0.15 * below
+    side = common + 0.3 * np.clip(push, 0.0, 3.0 * GRAVITY)
+    return up, side
 
 
 def _bridged(excess: Float[np.ndarray, " n"], sample_rate: float) -> Bool[np.ndarray, " n"]:
@@ -116,38 +186,90 @@ def _bridged(excess: Float[np.ndarray, " n"], sample_rate: float) -> Bool[np.nda
     return flags
 
 
-def _refuse_grounded(motion: Motion, found: list[tuple[int, int]]) -> None:
-    """Raise if what looks like flight is a vehicle standing still with its motors running."""
+def _without_ground(look: _Look, run: tuple[int, int], sample_rate: float) -> tuple[int, int]:
+    """Return a run of flight without the standing, or the touch, that it begins or ends with."""
+    a, b = run
+    n, guard = len(look.excess), round(GUARD * sample_rate)
+    if a > 0:
+        a += guard + _standing(look, slice(a + guard, b), 2 * guard)
+    if b < n:
+        b -= guard + _standing(look, slice(b - guard - 1, a, -1), 2 * guard)
+    return a, b
+
+
+def _standing(look: _Look, rows: slice, last: int) -> int:
+    """Return for how many of the rows, from the first on, the vehicle still stands.
+
+    While motors spool up on the ground, the ground carries the rest of the weight and nothing
+    turns. What follows a throw or a bump turns at once.
+    """
+    rates = look.rates[rows]
+    if len(rates) == 0:
+        return 0
+    turned = rates - rates[0]
+    still = np.abs(turned).max(axis=1) < 0.05
+    carried = look.upward[rows] > 0.04 * GRAVITY
+    flying = np.flatnonzero(~(still & carried))
+    stood = int(flying[0]) if len(flying) else len(rates)
+    # The very last of it, when the ground carries next to nothing, is not seen.
+    return min(stood + last, len(rates)) if stood else 0
+
+
+def _refuse_grounded(
+    motion: Motion, thrust: Float[np.ndarray, " n"], found: list[tuple[int, int]]
+) -> None:
+    """Raise if what looks like flight is a vehicle on the ground or in a hand, motors running.
+
+    Whatever flies has motors that work against each other, and an acceleration that follows them.
+    """
     rows = np.concatenate([np.arange(a, b) for a, b in found])
-    thrust, az = motion.thrust[rows], motion.specific_force[rows, 2]
-    rates = motion.angular_velocity[rows]
-    change = float(thrust.std() / thrust.mean())
-    turning = float(np.sqrt(np.mean((rates - np.median(rates, axis=0)) ** 2)))
+    block = max(int(motion.sample_rate / LOOK_CUTOFF), 1)
+    az = _block_means(motion.specific_force[rows, 2:], block)[:, 0]
+    push = _block_means(thrust[rows, None], block)[:, 0]
+    speeds = _block_means(motion.rotor_speed[rows], block)
+    change = float(push.std() / push.mean())
+    steering = float((speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1e-12)).max())
     follows = 1.0
     if change > 0.03:
-        swing = thrust - thrust.mean()
-        follows = float(swing @ az / (swing @ swing)) / thrust_to_force(motion)
-    if follows < 0.2 or (change < 0.005 and turning < 0.01):
+        swing = push - push.mean()
+        follows = float(swing @ az / (swing @ swing)) / thrust_to_force(motion, thrust)
+    if follows < 0.2 or max(change, steering) < 0.004:
+        why = (
+            "its acceleration does not follow the rotors"
+            if follows < 0.2
+            else "the motors run at one speed throughout, as on the ground or in a hand"
+        )
         raise FlightError(
-            "the motors turn but the vehicle never flies (it stands still, or its acceleration "
-            "does not follow the rotors); give the log of a flight, or set start and end yourself"
+            f"the motors turn but the vehicle never flies ({why}); give the log of a flight, or "
+            "set start and end of the flight yourself"
         )
 
 
+def _block_means(values: Float[np.ndarray, "n k"], block: int) -> Float[np.ndarray, "m k"]:
+    """Return the means of consecutive blocks; what does not fill one is left out."""
+    whole = len(values) // block
+    return values[: whole * block].reshape(whole, block, -1).mean(axis=1)
+
+
 def rest_rows(motion: Motion, airborne: list[tuple[int, int]]) -> Bool[np.ndarray, " n"]:
-    """Return which samples are at rest: outside flight, quiet gyro, specific force steady at g."""
-    n = len(motion.thrust)
+    """Return which samples are at rest: outside flight, quiet gyro, steady at g, motors low."""
+    n = len(motion.rotor_speed)
     window = max(int(0.5 * motion.sample_rate), 8)
+    thrust = motion.thrust
+    push = thrust_to_force(motion, thrust) * thrust
     flying = np.zeros(n, dtype=bool)
     for a, b in airborne:
         flying[max(a - window, 0) : b + window] = True
     rest = np.zeros(n, dtype=bool)
-    for start in range(0, n - window + 1, window):
-        rows = slice(start, start + window)
-        quiet = float(motion.angular_velocity[rows].std(axis=0).max()) < 0.03
-        force = motion.specific_force[rows].mean(axis=0)
-        level = abs(float(np.linalg.norm(force)) - GRAVITY) < 0.1 * GRAVITY
-        rest[rows] = quiet and level and not flying[rows].any()
+    for begin, stop in motion.stretches:
+        for start in range(begin, stop - window + 1, window):
+            rows = slice(start, start + window)
+            quiet = float(motion.angular_velocity[rows].std(axis=0).max()) < 0.03
+            force = motion.specific_force[rows].mean(axis=0)
+            level = abs(float(np.linalg.norm(force)) - GRAVITY) < 0.1 * GRAVITY
+            # Outside the start and end that a user gives, a calm hover would pass for rest.
+            idle = float(push[rows].mean()) < 0.5 * GRAVITY
+            rest[rows] = quiet and level and idle and not flying[rows].any()
     return rest
 
 
@@ -170,14 +292,16 @@ def phase_edges(
     window = max(int(0.3 * sample_rate), 1)
     mean = ndimage.uniform_filter1d(power, window, mode="nearest")
     level = 0.5 * np.log(np.maximum(mean, np.finfo(float).tiny))
+    stride = max(window // 4, 1)
     edges = [0]
     row = shortest
     while row < n - shortest:
-        recent = level[max(edges[-1], row - int(10 * sample_rate)) : row]
+        # One value per stride is enough: the level is a mean over four of them.
+        recent = level[max(edges[-1], row - int(10 * sample_rate)) : row : stride]
         if abs(level[row] - np.median(recent)) > np.log(ACTIVITY_RATIO):
             edges.append(row)
             row += shortest
         else:
-            row += max(window // 4, 1)
+            row += stride
     edges.append(n)
     return list(pairwise(edges))

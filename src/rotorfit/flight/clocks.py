@@ -1,5 +1,6 @@
 """Channels on clocks of their own, brought to one uniform clock without bridging a gap."""
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,6 +11,10 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import FlightError
 from rotorfit.flight.log import Channel
 from rotorfit.flight.signals import true_runs
+
+FEWEST_SAMPLES = 8
+LARGEST_VALUE = 1e9
+"""No sensor reads this, in any unit: a sample beyond it is damaged, and treated as lost."""
 
 GAP_STEPS = 2.5
 """A step longer than this many median steps is a gap: a sample was lost."""
@@ -29,8 +34,8 @@ class UniformChannels:
     time
         In the log's own time [s]; steps over a gap are longer.
     values
-        Each channel by name; rows where a channel has no data nearby hold its last value and are
-        outside every stretch.
+        Each channel by name. Rows where a channel has no data nearby are outside every stretch;
+        do not use what stands there.
     stretches
         Start and stop (exclusive) of the rows without a gap in any channel.
     rates
@@ -47,30 +52,80 @@ class UniformChannels:
     gaps: tuple[tuple[float, float, str], ...]
 
 
-def uniform_channels(channels: Mapping[str, Channel], *, clock: str) -> UniformChannels:
-    """Return channels on the uniform clock of the one named `clock`.
+def usable_samples(channel: Channel, name: str) -> Channel:
+    """Return a channel's samples that are numbers, in time order, each time once.
 
     Raises
     ------
     FlightError
-        If a channel is too short, runs backwards, or they do not overlap in time.
+        If too few are left, or the clock runs backwards or stands still.
     """
-    clean = {name: _clean(channel, name) for name, channel in channels.items()}
-    steps = {name: float(np.median(np.diff(t))) for name, (t, _) in clean.items()}
-    time, sample_rate = _uniform_clock(clean[clock][0], steps[clock])
+    values = np.asarray(channel.values, dtype=float)
+    keep = np.isfinite(channel.time)
+    for column in values.T:
+        keep &= np.abs(column) < LARGEST_VALUE  # false for NaN, too
+    if not keep.all():
+        channel = dataclasses.replace(channel, time=channel.time[keep], values=values[keep])
+    t = np.asarray(channel.time, dtype=float)
+    if len(t) < FEWEST_SAMPLES:
+        raise FlightError(
+            f"channel {name} has {len(t)} usable samples ({channel.source}); at least a few "
+            "seconds of flight are needed: check that this channel was logged"
+        )
+    steps = np.diff(t)
+    if float(steps.min()) < 0:
+        i = int(np.flatnonzero(steps < 0)[0])
+        raise FlightError(
+            f"the clock of channel {name} runs backwards: {t[i]:.6f} s, then {t[i + 1]:.6f} s; "
+            "cut the log there, or export it again with one clock"
+        )
+    fresh = np.concatenate([[True], steps > 0])
+    if fresh.sum() < FEWEST_SAMPLES:
+        raise FlightError(
+            f"the clock of channel {name} stands still at {t[0]:.6f} s: it has {len(t)} samples "
+            f"but {int(fresh.sum())} different times; export the log with its time column"
+        )
+    if fresh.all():
+        return dataclasses.replace(channel, time=t, values=np.asarray(channel.values, dtype=float))
+    return dataclasses.replace(channel, time=t[fresh], values=channel.values[fresh].astype(float))
+
+
+def uniform_channels(
+    channels: Mapping[str, Channel], *, clock: str, optional: tuple[str, ...] = ()
+) -> UniformChannels:
+    """Return channels on the uniform clock of the one named `clock`.
+
+    Parameters
+    ----------
+    channels
+        Usable samples, see `usable_samples`.
+    clock
+        Name of the channel whose rate is taken.
+    optional
+        Channels that need not be there all the time; rows without them are NaN.
+
+    Raises
+    ------
+    FlightError
+        If the channels do not overlap in time.
+    """
+    steps = {name: float(np.median(np.diff(c.time))) for name, c in channels.items()}
+    time, sample_rate = _uniform_clock(channels[clock].time, steps[clock])
     valid = np.ones(len(time), dtype=bool)
     values: dict[str, Float[np.ndarray, "n k"]] = {}
     gaps: list[tuple[float, float, str]] = []
-    for name, (t, x) in clean.items():
-        values[name] = _resample(time, t, x, 1.0 / sample_rate)
-        valid &= _covered(time, t, GAP_STEPS * steps[name])
-        late = np.flatnonzero(np.diff(t) > GAP_STEPS * steps[name])
+    for name, channel in channels.items():
+        t, longest = channel.time, GAP_STEPS * steps[name]
+        covered = _covered(time, t, longest)
+        values[name] = _resample(time, t, channel.values, 1.0 / sample_rate)
+        if name in optional:
+            values[name] = np.where(covered[:, None], values[name], np.nan)
+            continue
+        valid &= covered
+        late = np.flatnonzero(np.diff(t) > longest)
         gaps += [(float(t[i]), float(t[i + 1]), name) for i in late]
     if not valid.any():
-        raise FlightError(
-            f"the channels {', '.join(channels)} never overlap in time; "
-            "the log's clocks do not belong together"
-        )
+        raise FlightError(_no_overlap(channels))
     return UniformChannels(
         sample_rate=sample_rate,
         time=time,
@@ -81,40 +136,30 @@ def uniform_channels(channels: Mapping[str, Channel], *, clock: str) -> UniformC
     )
 
 
-def _clean(channel: Channel, name: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n k"]]:
-    """Return a channel's samples that are numbers, in time order, each time once."""
-    keep = np.isfinite(channel.values).all(axis=1) & np.isfinite(channel.time)
-    t, x = channel.time[keep], channel.values[keep]
-    if len(t) < 8:
-        raise FlightError(
-            f"channel {name} has {len(t)} usable samples ({channel.source}); at least a few "
-            "seconds of flight are needed"
-        )
-    back = np.flatnonzero(np.diff(t) < 0)
-    if len(back):
-        i = int(back[0])
-        raise FlightError(
-            f"the clock of channel {name} runs backwards: {t[i]:.6f} s, then {t[i + 1]:.6f} s; "
-            "cut the log there, or export it again with one clock"
-        )
-    fresh = np.concatenate([[True], np.diff(t) > 0])
-    if fresh.sum() < 8:
-        raise FlightError(f"the clock of channel {name} stands still at {t[0]:.6f} s")
-    return t[fresh], x[fresh]
+def _no_overlap(channels: Mapping[str, Channel]) -> str:
+    """Return the message for channels that were never recorded at one time."""
+    spans = ", ".join(f"{k} {c.time[0]:.3f} to {c.time[-1]:.3f} s" for k, c in channels.items())
+    return (
+        f"the channels never overlap in time ({spans}): their clocks do not belong together; "
+        "export the log again with one clock for all channels"
+    )
 
 
 def _uniform_clock(
     t: Float[np.ndarray, " n"], step: float
 ) -> tuple[Float[np.ndarray, " m"], float]:
     """Return a clock that is uniform within every stretch between gaps, and its rate."""
-    breaks = np.flatnonzero(np.diff(t) > GAP_STEPS * step) + 1
-    edges = [0, *breaks.tolist(), len(t)]
-    spans = [(a, b) for a, b in pairwise(edges) if b - a > 1]
-    # Lost single samples are not gaps, so that durations count whole steps, not samples.
-    durations = [float(t[b - 1] - t[a]) for a, b in spans]
-    counts = [max(round(duration / step), 1) for duration in durations]
-    dt = sum(durations) / sum(counts)
-    parts = [t[a] + dt * np.arange(count + 1) for (a, _), count in zip(spans, counts, strict=True)]
+    steps = np.diff(t)
+    near = steps <= GAP_STEPS * step
+    # A single lost sample is not a gap: its step counts as two.
+    whole = np.maximum(np.round(steps[near] / step), 1.0)
+    dt = float(steps[near].sum() / whole.sum())
+    edges = [0, *(np.flatnonzero(~near) + 1).tolist(), len(t)]
+    parts: list[Float[np.ndarray, " p"]] = []
+    for a, b in pairwise(edges):
+        if b - a > 1:
+            # Never past the last sample, so that the clock cannot reach into the next stretch.
+            parts.append(t[a] + dt * np.arange(int((t[b - 1] - t[a]) / dt + 0.1) + 1))
     return np.concatenate(parts), 1.0 / dt
 
 
@@ -127,9 +172,13 @@ def _resample(
     """Return samples at `time`: the recorded ones where they are there, else linear between."""
     if len(t) == len(time) and float(np.abs(t - time).max()) < JITTER_STEPS * dt:
         return x
+    nearest = np.clip(np.searchsorted(t, time - JITTER_STEPS * dt), 0, len(t) - 1)
+    there = np.flatnonzero(np.abs(t[nearest] - time) < JITTER_STEPS * dt)
+    taken = nearest[there]
     values = np.empty((len(time), x.shape[1]))
     for k in range(x.shape[1]):
         values[:, k] = np.interp(time, t, x[:, k])
+        values[there, k] = x[taken, k]
     return values
 
 

@@ -1,29 +1,40 @@
 """FlightLog to FlightData, top to bottom: one clock, despiked, airborne, differentiated."""
 
+import contextlib
 import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from rotorfit.errors import FlightError, FrameError, LogError
+from rotorfit.errors import FlightError
 from rotorfit.flight.airborne import (
-    GRAVITY,
     SHORTEST_FLIGHT,
     Motion,
     airborne_rows,
+    misfit,
     phase_edges,
     rest_rows,
 )
-from rotorfit.flight.clocks import UniformChannels, uniform_channels
+from rotorfit.flight.checks import (
+    doubts_about,
+    refuse_absurd_sensors,
+    refuse_empty_window,
+    refuse_idle_motors,
+    refuse_missing_channels,
+    refuse_wrong_gravity,
+)
+from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
-from rotorfit.flight.log import FlightLog
+from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.motors import first_order_lag, shift_time, speed_from_command
 from rotorfit.flight.signals import central_difference, hampel
 
-FASTEST_TURN = 60.0
-"""No gyro of a multirotor reads more [rad/s]: a larger number is in another unit."""
+LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
+"""Of motors whose commands are all that is known, for the search of the flight only [s]."""
+
+Window = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +111,7 @@ def prepare(
     rotor_count: int,
     arm: float,
     motors: MotorModel | None = None,
-    window: tuple[float | None, float | None] = (None, None),
+    window: Window = (None, None),
 ) -> PreparedFlight:
     """Return the airborne part of a log on one clock, in SI units and FLU body axes.
 
@@ -128,38 +139,35 @@ def prepare(
         If gravity contradicts the axes.
     """
     motors = motors or MotorModel()
-    uniform = _uniform(log, rotor_count, motors)
-    _refuse_dead_channels(log, uniform)
-    spikes, clean = _despiked(uniform, motors)
-    speed = clean["motor"]
+    usable, spikes = _usable(log, rotor_count, motors)
+    uniform = uniform_channels(usable, clock="gyro", optional=("velocity",))
+    refuse_absurd_sensors(log, uniform)
+    speed = uniform.values["motor"]
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law)
-    data = _differentiated(uniform, clean, speed, log)
+    data = _differentiated(uniform, speed, _rotor_speed_std(log, motors))
     data = with_motors(data, speed, lag=motors.lag, delay=motors.delay or 0.0)
-    motion = Motion(
-        sample_rate=data.sample_rate,
-        specific_force=data.specific_force,
-        angular_velocity=data.angular_velocity,
-        thrust=np.einsum("nr,nr->n", data.rotor_speed, data.rotor_speed),
-        arm=arm,
+    motion = _motion(data, uniform, arm=arm, window=window)
+    refuse_idle_motors(motion)
+    refuse_wrong_gravity(motion)
+    flights = list(motion.stretches)
+    if window == (None, None):
+        flights = airborne_rows(_with_likely_lag(motion, motors))
+    bias = _gyro_bias(
+        data, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     )
-    flights = _flights(motion, uniform, window)
-    _refuse_wrong_gravity(data, flights)
-    rest = rest_rows(motion, flights)
-    bias = _gyro_bias(data, rest)
     if bias is not None:
-        data = dataclasses.replace(data, angular_velocity=data.angular_velocity - bias)
-    segments = _inner_segments(flights, uniform)
-    data = dataclasses.replace(data, segments=segments)
+        data = dataclasses.replace(data, angular_velocity=data.angular_velocity - np.array(bias))
+    data = dataclasses.replace(data, segments=_inner_segments(flights, uniform))
     return PreparedFlight(
         data=data,
         phases=_phases(data),
         motor_channel=speed,
-        gyro_bias=None if bias is None else (float(bias[0]), float(bias[1]), float(bias[2])),
+        gyro_bias=bias,
         spikes=spikes,
-        slowest_rate=min(uniform.rates.values()),
+        slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
         cuts=_cuts(data, uniform, window),
-        warnings=_warnings(data, uniform, bias),
+        warnings=doubts_about(data, uniform, bias),
     )
 
 
@@ -170,8 +178,12 @@ def with_motors(
 
     Lag and delay change nothing else: a trial of either costs only these columns.
     """
-    settled = shift_time(speed, data.sample_rate, delay)
-    turned = first_order_lag(settled, data.sample_rate, lag)
+    jumps = np.flatnonzero(np.diff(data.time) > 1.5 / data.sample_rate) + 1
+    pieces = [
+        first_order_lag(shift_time(piece, data.sample_rate, delay), data.sample_rate, lag)
+        for piece in np.split(speed, jumps)
+    ]
+    turned = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     return dataclasses.replace(
         data,
         rotor_speed=turned,
@@ -179,159 +191,106 @@ def with_motors(
     )
 
 
-def _uniform(log: FlightLog, rotor_count: int, motors: MotorModel) -> UniformChannels:
-    """Return the channels that are needed, on the gyro's clock made uniform."""
+def _usable(
+    log: FlightLog, rotor_count: int, motors: MotorModel
+) -> tuple[dict[str, Channel], dict[str, int]]:
+    """Return the channels that are needed, despiked, and how many samples that replaced."""
     motor_name = "rotor_speed" if motors.speed == "measured" else "command"
-    _refuse_missing(log, motor_name)
-    columns = log.channels[motor_name].values.shape[1]
-    if columns != rotor_count:
-        raise LogError(
-            f"the log has {columns} motors ({log.channels[motor_name].source}) but the airframe "
-            f"{rotor_count} rotors; list as many rotors as the log has motors, in its order"
-        )
-    wanted = {"gyro": "gyro", "accel": "accel", "motor": motor_name}
-    if "velocity" in log.channels:
-        wanted["velocity"] = "velocity"
-    return uniform_channels({k: log.channels[name] for k, name in wanted.items()}, clock="gyro")
-
-
-def _refuse_missing(log: FlightLog, motor_name: str) -> None:
-    """Raise where a channel that the model needs is not in the log."""
-    has = ", ".join(log.channels) or "none"
-    for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
-        if name not in log.channels:
-            raise LogError(
-                f"the log has no {what} (channel {name}; it has {has}); log the raw IMU, "
-                "or name its columns with a columns map"
-            )
-    if motor_name in log.channels:
-        return
-    other = "command" if motor_name == "rotor_speed" else "rotor_speed"
-    if other in log.channels:
-        use = "commanded" if other == "command" else "measured"
-        raise LogError(
-            f"the log has no {motor_name} channel but it has {other} "
-            f'({log.channels[other].source}); write speed = "{use}" under [motors]'
-        )
-    raise LogError(
-        f"the log has no motor data (neither rotor_speed nor command; it has {has}); log ESC "
-        "telemetry or motor outputs: without them only the motion is known, not what caused it"
-    )
-
-
-def _refuse_dead_channels(log: FlightLog, uniform: UniformChannels) -> None:
-    """Raise where a sensor never moves or reads what no vehicle can do."""
-    for name in ("gyro", "accel"):
-        values = uniform.values[name]
-        if float(np.ptp(values, axis=0).max()) == 0.0:
-            first = ", ".join(f"{v:g}" for v in values[0])
-            raise FlightError(
-                f"the {name} channel is constant ({first}) over the whole log; "
-                f"check its source: {log.channels[name].source}"
-            )
-    fastest = float(np.percentile(np.abs(uniform.values["gyro"]), 99))
-    if fastest > FASTEST_TURN:
-        raise FlightError(
-            f"the gyro reads up to {fastest:.0f} rad/s, which no vehicle turns; it looks like "
-            'deg/s: declare its unit (columns = { gyro_x = { name = "...", unit = "deg/s" } })'
-        )
-
-
-def _despiked(
-    uniform: UniformChannels, motors: MotorModel
-) -> tuple[dict[str, int], dict[str, Float[np.ndarray, "n k"]]]:
-    """Return how many samples were replaced in each channel, and the clean channels."""
-    counts: dict[str, int] = {}
-    clean: dict[str, Float[np.ndarray, "n k"]] = dict(uniform.values)
+    refuse_missing_channels(log, motor_name, rotor_count)
+    # Despiked as recorded: between slow samples a glitch is drawn out, and no longer a spike.
+    usable = {
+        key: usable_samples(log.channels[name], name)
+        for key, name in {"gyro": "gyro", "accel": "accel", "motor": motor_name}.items()
+    }
     # A command that jumps is a command; a measured speed that jumps and returns is a glitch.
     noisy = ("gyro", "accel", "motor") if motors.speed == "measured" else ("gyro", "accel")
-    for name in noisy:
-        clean[name], spikes = hampel(uniform.values[name])
-        counts[name] = int(spikes.sum())
-    return counts, clean
+    counts: dict[str, int] = {}
+    for key in noisy:
+        values, spikes = hampel(usable[key].values)
+        usable[key] = dataclasses.replace(usable[key], values=values)
+        counts[key] = int(spikes.sum())
+    if "velocity" in log.channels:
+        # Only looked at: a velocity that cannot be used is no reason to refuse the flight.
+        with contextlib.suppress(FlightError):
+            usable["velocity"] = usable_samples(log.channels["velocity"], "velocity")
+    return usable, counts
+
+
+def _rotor_speed_std(log: FlightLog, motors: MotorModel) -> float:
+    """Return the standard deviation of a measured rotor speed from its resolution [rad/s]."""
+    step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
+    return (step or 0.0) / 12.0**0.5
 
 
 def _differentiated(
-    uniform: UniformChannels,
-    clean: dict[str, Float[np.ndarray, "n k"]],
-    speed: Float[np.ndarray, "n N"],
-    log: FlightLog,
+    uniform: UniformChannels, speed: Float[np.ndarray, "n N"], rotor_speed_std: float
 ) -> FlightData:
     """Return the whole log as FlightData, without segments yet."""
-    source = log.channels.get("rotor_speed")
-    step = source.resolution if source is not None and source.resolution else 0.0
+    gyro = uniform.values["gyro"]
     return FlightData(
         sample_rate=uniform.sample_rate,
         time=uniform.time,
-        specific_force=clean["accel"],
-        angular_velocity=clean["gyro"],
-        angular_acceleration=central_difference(clean["gyro"], uniform.sample_rate),
+        specific_force=uniform.values["accel"],
+        angular_velocity=gyro,
+        angular_acceleration=central_difference(gyro, uniform.sample_rate),
         rotor_speed=speed,
         rotor_acceleration=speed,
         differentiation="central",
         segments=(),
-        rotor_speed_std=step / np.sqrt(12.0),
-        velocity=clean.get("velocity"),
+        rotor_speed_std=rotor_speed_std,
+        velocity=uniform.values.get("velocity"),
     )
 
 
-def _flights(
-    motion: Motion, uniform: UniformChannels, window: tuple[float | None, float | None]
-) -> list[tuple[int, int]]:
-    """Return the airborne stretches: as the user says, else as the data say."""
+def _motion(data: FlightData, uniform: UniformChannels, *, arm: float, window: Window) -> Motion:
+    """Return what the search for flight looks at, within the window."""
+    return Motion(
+        sample_rate=data.sample_rate,
+        specific_force=data.specific_force,
+        angular_velocity=data.angular_velocity,
+        rotor_speed=data.rotor_speed,
+        arm=arm,
+        stretches=_windowed(uniform, window),
+    )
+
+
+def _with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
+    """Return the motion with commands as late as the force says, where no lag was given.
+
+    For the search only: a command that leads the force by 80 ms looks like contact in every flip.
+    """
+    if motors.speed == "measured" or motors.lag > 0:
+        return motion
+    tried = [
+        dataclasses.replace(
+            motion, rotor_speed=first_order_lag(motion.rotor_speed, motion.sample_rate, lag)
+        )
+        for lag in LAGS_TRIED
+    ]
+    return min(tried, key=misfit)
+
+
+def _windowed(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int], ...]:
+    """Return the stretches without gaps, cut to the start and end that the user gives."""
     if window == (None, None):
-        return airborne_rows(motion, uniform.stretches)
+        return uniform.stretches
     since_start = uniform.time - uniform.time[0]
     start = -np.inf if window[0] is None else window[0]
     end = np.inf if window[1] is None else window[1]
     first, last = np.searchsorted(since_start, [start, end])
-    shortest = int(SHORTEST_FLIGHT * motion.sample_rate)
+    shortest = max(int(SHORTEST_FLIGHT * uniform.sample_rate), 3)
     clipped = [(max(a, int(first)), min(b, int(last))) for a, b in uniform.stretches]
-    kept = [(a, b) for a, b in clipped if b - a >= shortest]
-    if not kept:
-        raise FlightError(
-            f"no samples between start = {window[0]} and end = {window[1]} s: the log lasts "
-            f"{since_start[-1]:.1f} s from its first sample; choose a window inside it"
-        )
+    kept = tuple((a, b) for a, b in clipped if b - a >= shortest)
+    refuse_empty_window(kept, window, float(since_start[-1]))
     return kept
 
 
-def _refuse_wrong_gravity(data: FlightData, flights: list[tuple[int, int]]) -> None:
-    """Raise unless the thrust points along +z and is of the size of the weight."""
-    force = np.median(
-        np.concatenate([data.specific_force[a:b] for a, b in flights]), axis=0
-    ).astype(float)
-    size = float(np.linalg.norm(force))
-    seen = (
-        f"the median specific force in flight is ({force[0]:.2f}, {force[1]:.2f}, {force[2]:.2f})"
-    )
-    if force[2] < -0.7 * size:
-        raise FrameError(
-            f"{seen} m/s^2, but along the thrust (z up) it must be positive; these are FRD axes: "
-            'declare axes = "FRD" for this log'
-        )
-    if force[2] < 0.7 * size:
-        axis = "xyz"[int(np.argmax(np.abs(force)))]
-        raise FrameError(
-            f"{seen} m/s^2, mostly along {axis} instead of z (up along the thrust); the IMU is "
-            "mounted turned: rotate its axes in a columns map before you use the log"
-        )
-    if size < 0.3 * GRAVITY:
-        raise FlightError(
-            f"{seen} m/s^2, a tenth of gravity: it looks like units of g; declare the unit "
-            '(columns = { accel_x = { name = "...", unit = "g" } })'
-        )
-    if size > 3.0 * GRAVITY:
-        raise FlightError(
-            f"{seen} m/s^2, {size / GRAVITY:.0f} times gravity; check the accelerometer's unit"
-        )
-
-
-def _gyro_bias(data: FlightData, rest: np.ndarray) -> Float[np.ndarray, " 3"] | None:
+def _gyro_bias(data: FlightData, rest: Bool[np.ndarray, " n"]) -> tuple[float, float, float] | None:
     """Return the mean rate at rest, where at least half a second of rest was found."""
     if rest.sum() < 0.5 * data.sample_rate:
         return None
-    return np.median(data.angular_velocity[rest], axis=0)
+    x, y, z = data.angular_velocity[rest].mean(axis=0).tolist()
+    return x, y, z
 
 
 def _inner_segments(
@@ -353,9 +312,7 @@ def _phases(data: FlightData) -> tuple[Segment, ...]:
     return tuple(phases)
 
 
-def _cuts(
-    data: FlightData, uniform: UniformChannels, window: tuple[float | None, float | None]
-) -> tuple[Cut, ...]:
+def _cuts(data: FlightData, uniform: UniformChannels, window: Window) -> tuple[Cut, ...]:
     """Return the stretches that are not used, with the reason."""
     reason = "not airborne" if window == (None, None) else "outside start and end"
     t = data.time
@@ -367,52 +324,3 @@ def _cuts(
     for a, b in zip(edges[::2], edges[1::2], strict=True):
         cuts.append(Cut(start=float(t[a]), end=float(t[b - 1]), reason=reason))
     return tuple(sorted(cuts, key=lambda cut: cut.start))
-
-
-def _warnings(
-    data: FlightData, uniform: UniformChannels, bias: Float[np.ndarray, " 3"] | None
-) -> tuple[str, ...]:
-    """Return the doubts about a prepared flight."""
-    doubts: list[str] = []
-    if bias is None:
-        doubts.append(
-            "no second of rest was found: the gyro's bias is left in; leave the vehicle still on "
-            "the ground for two seconds before take-off"
-        )
-    elif float(np.abs(bias).max()) > 0.1:
-        doubts.append(
-            f"the gyro reads up to {float(np.abs(bias).max()):.2f} rad/s at rest (taken off); "
-            "calibrate it"
-        )
-    motor_rate, gyro_rate = uniform.rates["motor"], uniform.rates["gyro"]
-    if motor_rate < 0.4 * gyro_rate:
-        doubts.append(
-            f"motor data come at {motor_rate:.0f} Hz, the gyro at {gyro_rate:.0f} Hz: fast "
-            f"motion is used only up to {0.4 * motor_rate:.0f} Hz; log motors faster"
-        )
-    doubts += _scope_warnings(data)
-    return tuple(doubts)
-
-
-def _scope_warnings(data: FlightData) -> list[str]:
-    """Return a warning where the flight leaves the near-hover scope of the model."""
-    doubts: list[str] = []
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
-    thrust = np.einsum("nr,nr->n", data.rotor_speed[rows], data.rotor_speed[rows])
-    relative = thrust / np.median(thrust)
-    far = float(((relative > 1.8) | (relative < 0.3)).mean())
-    if far > 0.1:
-        doubts.append(
-            f"thrust is outside 0.3 to 1.8 times hover for {100 * far:.0f} % of the flight: fast "
-            "climbs and falls change the airflow through the rotors, which the model leaves out"
-        )
-    if data.velocity is not None:
-        velocity = data.velocity[rows]
-        speed = np.sqrt((velocity * velocity).sum(axis=1))
-        fast = float(np.percentile(speed, 95))
-        if fast > 5.0:
-            doubts.append(
-                f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air drag of the frame "
-                "counts, which the model leaves out: use a slower part of the flight"
-            )
-    return doubts

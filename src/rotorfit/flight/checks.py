@@ -1,0 +1,180 @@
+"""What makes a flight unusable, and what makes it doubtful: every message in one place."""
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import FlightError, FrameError, LogError
+from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
+from rotorfit.flight.clocks import UniformChannels
+from rotorfit.flight.data import FlightData
+from rotorfit.flight.log import FlightLog
+
+FASTEST_TURN = 40.0
+"""The gyros of multirotors end at 2000 deg/s, 35 rad/s; more is another unit [rad/s]."""
+
+
+def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -> None:
+    """Raise where a channel that the model needs is not in the log, or has other rotors."""
+    has = ", ".join(log.channels) or "none"
+    for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
+        if name not in log.channels:
+            raise LogError(
+                f"the log has no {what} (channel {name}; it has {has}); log the raw IMU, "
+                "or name its columns with a columns map"
+            )
+    if motor_name not in log.channels:
+        raise LogError(_no_motors(log, motor_name, has))
+    columns = log.channels[motor_name].values.shape[1]
+    if columns != rotor_count:
+        raise LogError(
+            f"the log has {columns} motors ({log.channels[motor_name].source}) but the airframe "
+            f"{rotor_count} rotors; list as many rotors as the log has motors, in its order"
+        )
+
+
+def _no_motors(log: FlightLog, motor_name: str, has: str) -> str:
+    """Return the message for a log without the motor channel that was asked for."""
+    other = "command" if motor_name == "rotor_speed" else "rotor_speed"
+    if other in log.channels:
+        use = "commanded" if other == "command" else "measured"
+        return (
+            f"the log has no {motor_name} channel but it has {other} "
+            f'({log.channels[other].source}); write speed = "{use}" under [motors]'
+        )
+    return (
+        f"the log has no motor data (neither rotor_speed nor command; it has {has}); log ESC "
+        "telemetry or motor outputs: without them only the motion is known, not what caused it"
+    )
+
+
+def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
+    """Raise where a sensor never moves or reads what no vehicle can do."""
+    for name in ("gyro", "accel"):
+        values = uniform.values[name]
+        if float(np.ptp(values, axis=0).max()) == 0.0:
+            first = ", ".join(f"{v:g}" for v in values[0])
+            raise FlightError(
+                f"the {name} channel is constant ({first}) over the whole log, where a sensor in "
+                f"flight never is; check its source: {log.channels[name].source}"
+            )
+    fastest = float(np.percentile(np.abs(uniform.values["gyro"]).max(axis=1), 99.8))
+    if fastest > FASTEST_TURN:
+        raise FlightError(
+            f"the gyro reads up to {fastest:.0f} rad/s, which no multirotor turns (below "
+            f"{FASTEST_TURN:.0f} was expected); it looks like deg/s: declare its unit "
+            '(columns = { gyro_x = { name = "...", unit = "deg/s" } })'
+        )
+
+
+def refuse_empty_window(
+    kept: tuple[tuple[int, int], ...], window: tuple[float | None, float | None], seconds: float
+) -> None:
+    """Raise if no samples lie between the start and the end that the user gives."""
+    start, end = window
+    if start is not None and end is not None and start >= end:
+        raise FlightError(
+            f"start = {start:g} s is not before end = {end:g} s: give the start of the flight "
+            "first, both in seconds since the first sample of the log"
+        )
+    if not kept:
+        first = "the first sample" if start is None else f"start = {start:g} s"
+        last = "the last sample" if end is None else f"end = {end:g} s"
+        raise FlightError(
+            f"no usable samples between {first} and {last}: the log lasts {seconds:.1f} s from "
+            "its first sample; choose a window inside it, outside its gaps"
+        )
+
+
+def refuse_idle_motors(motion: Motion) -> None:
+    """Raise if no motor turns where the flight should be."""
+    if not any(motion.rotor_speed[a:b].any() for a, b in motion.stretches):
+        raise FlightError(
+            "the motors never turn in this log (rotor speed or command is zero throughout); "
+            "give the log of a flight, or the columns that hold the motors"
+        )
+
+
+def refuse_wrong_gravity(motion: Motion) -> None:
+    """Raise unless the thrust points along +z and is of the size of the weight."""
+    fast = fast_rows(motion, motion.thrust)
+    force = np.median(motion.specific_force[fast], axis=0).astype(float)
+    size = float(np.linalg.norm(force))
+    seen = (
+        f"the median specific force where the rotors push is ({force[0]:.2f}, {force[1]:.2f}, "
+        f"{force[2]:.2f}) m/s^2"
+    )
+    if force[2] < -0.7 * size:
+        raise FrameError(
+            f"{seen}, but along the thrust (z up) it must be positive; these are FRD axes: "
+            'declare axes = "FRD" for this log'
+        )
+    if force[2] < 0.7 * size:
+        axis = "xyz"[int(np.argmax(np.abs(force)))]
+        raise FrameError(
+            f"{seen}, mostly along {axis} instead of z (up along the thrust); the IMU is "
+            "mounted turned: rotate its axes in a columns map before you use the log"
+        )
+    if size < 0.3 * GRAVITY:
+        raise FlightError(
+            f"{seen}, a tenth of gravity where about {GRAVITY:.1f} is expected: it looks like "
+            'units of g; declare the unit (columns = { accel_x = { name = "...", unit = "g" } })'
+        )
+    if size > 3.0 * GRAVITY:
+        raise FlightError(
+            f"{seen}, {size / GRAVITY:.0f} times gravity where about {GRAVITY:.1f} m/s^2 is "
+            "expected; check the accelerometer's unit and scale in the columns map"
+        )
+
+
+def doubts_about(
+    data: FlightData, uniform: UniformChannels, bias: tuple[float, float, float] | None
+) -> tuple[str, ...]:
+    """Return the doubts about a prepared flight, one sentence each."""
+    doubts: list[str] = []
+    if bias is None:
+        doubts.append(
+            "no second of rest was found: the gyro's bias is left in; leave the vehicle still on "
+            "the ground for two seconds before take-off"
+        )
+    elif max(map(abs, bias)) > 0.1:
+        doubts.append(
+            f"the gyro reads up to {max(map(abs, bias)):.2f} rad/s at rest (taken off); "
+            "calibrate it"
+        )
+    motor_rate, gyro_rate = uniform.rates["motor"], uniform.rates["gyro"]
+    if motor_rate < 0.4 * gyro_rate:
+        doubts.append(
+            f"motor data come at {motor_rate:.0f} Hz, the gyro at {gyro_rate:.0f} Hz: fast "
+            f"motion is used only up to {0.4 * motor_rate:.0f} Hz; log motors faster"
+        )
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    doubts += _thrust_doubts(data.rotor_speed[rows])
+    if data.velocity is not None:
+        doubts += _speed_doubts(data.velocity[rows])
+    return tuple(doubts)
+
+
+def _thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
+    """Return a doubt where thrust leaves the near-hover scope of the model."""
+    thrust: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", rotor_speed, rotor_speed)
+    hover = float(np.median(thrust))
+    far = float(((thrust > 1.8 * hover) | (thrust < 0.3 * hover)).mean())
+    if far <= 0.1:
+        return []
+    return [
+        f"thrust is outside 0.3 to 1.8 times hover for {100 * far:.0f} % of the flight: fast "
+        "climbs and falls change the airflow through the rotors, which the model leaves out"
+    ]
+
+
+def _speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
+    """Return a doubt where the vehicle flies so fast that drag counts."""
+    speed = np.sqrt((velocity * velocity).sum(axis=1))
+    known = speed[np.isfinite(speed)]
+    fast = float(np.percentile(known, 95)) if len(known) else 0.0
+    if fast <= 5.0:
+        return []
+    return [
+        f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air drag of the frame "
+        "counts, which the model leaves out: use a slower part of the flight"
+    ]
