@@ -1,14 +1,14 @@
 """Do the declared rotors explain the sign of the vehicle's response? Refuse what they contradict.
 
 Roll and pitch must accelerate with the torque of the thrusts, yaw with that of drag and spin-up.
-The check looks at the correlation of each angular acceleration with the torque that the declared
-rotors would make; where one is clearly negative, or another order of the motors explains the
-flight where the declared one does not, the declaration is wrong and every number would be.
+The check looks at the share of each angular acceleration that the torque of the declared rotors
+explains, and compares it with other declarations: spins reversed, axes turned, motors in another
+order. Where another one explains the flight much better, or the motors explain it but no torque
+of the declared rotors does, the declaration is wrong and every number would be.
 """
 
-import dataclasses
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
@@ -17,11 +17,17 @@ from jaxtyping import Float
 
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
-from rotorfit.model.regressor import MX, MY, MZ, Regressor, regressor
+from rotorfit.model.regressor import FZ, MX, MY, MZ, regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 CLEAR = 0.3
 """A share of the angular acceleration that is explained beyond doubt."""
+BETTER = 0.6
+"""Log of how many times less another declaration leaves unexplained, summed over the axes."""
+ALIKE = 0.02
+"""Declarations whose scores differ by less explain the flight equally well."""
+NEGLIGIBLE = 0.1
+"""An unexplained share below which two declarations are not told apart."""
 BAND = (0.3, 15.0)
 
 
@@ -34,46 +40,107 @@ class Response:
     yaw: float
 
     @property
-    def score(self) -> float:
-        """Sum over the axes: 3 is perfect."""
-        return self.roll + self.pitch + self.yaw
+    def shares(self) -> Float[np.ndarray, " 3"]:
+        """Roll, pitch, yaw."""
+        return np.array([self.roll, self.pitch, self.yaw])
 
     @property
-    def worst(self) -> float:
-        """The most contradictory axis."""
-        return min(self.roll, self.pitch, self.yaw)
+    def score(self) -> float:
+        """Sum over the axes: 3 is perfect."""
+        return float(self.shares.sum())
+
+    @property
+    def fits(self) -> bool:
+        """Whether at least two axes are explained: one may be so by chance in a gusty hover."""
+        return int((self.shares > CLEAR).sum()) >= 2
+
+    def gain_over(self, other: "Response") -> float:
+        """Return how much less this leaves unexplained, see `BETTER`."""
+        left = np.maximum(1.0 - np.array([other.shares, self.shares]), NEGLIGIBLE)
+        return float(np.log(left[0] / left[1]).sum())
 
 
-def response(factors: Factors, vehicle: Vehicle) -> Response:
-    """Return how the declared rotors explain the response of each axis."""
-    inside = (factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1])
-    R = factors.select(inside).total if inside.any() else factors.total
-    return _response(R, regressor(vehicle, effects=("thrust", "torque", "rotor_inertia")))
+def response(factors: Factors, vehicle: Vehicle, *, declared: Vehicle | None = None) -> Response:
+    """Return how rotors explain the response of each axis.
 
-
-def _response(R: Float[np.ndarray, "z z"], model: Regressor) -> Response:
+    Parameters
+    ----------
+    factors
+        Of the flight.
+    vehicle
+        Whose rotors are tried.
+    declared
+        The vehicle that the factors were made for, if it is another one: its spins are in the
+        signals of the rotors' spin-up.
+    """
+    R = _inside_band(factors)
+    model = regressor(vehicle, effects=("thrust", "torque", "rotor_inertia"))
     kt, kd, Jr = (-model.tensor[model.names.index(name)] for name in ("kt", "kd", "Jr"))
+    agree = float(vehicle.spins @ (declared or vehicle).spins) / len(vehicle.rotors)
+    # The signal of the rotors' spin-up holds the declared spins: it serves only all or none.
+    yaw = [kd[MZ], agree * Jr[MZ]] if abs(agree) == 1.0 else [kd[MZ]]
+    thrust = R @ kt[FZ]
     return Response(
-        roll=_signed_share(R, model.layout.index("dwx"), [kt[MX]]),
-        pitch=_signed_share(R, model.layout.index("dwy"), [kt[MY]]),
-        yaw=_signed_share(R, model.layout.index("dwz"), [kd[MZ], Jr[MZ]]),
+        roll=_signed_share(R, model.layout.index("dwx"), [kt[MX]], apart=thrust),
+        pitch=_signed_share(R, model.layout.index("dwy"), [kt[MY]], apart=thrust),
+        yaw=_signed_share(R, model.layout.index("dwz"), yaw, apart=thrust),
     )
 
 
-def _signed_share(
-    R: Float[np.ndarray, "z z"], target: int, drives: list[Float[np.ndarray, " z"]]
-) -> float:
-    """Return the share of a signal that drives with coefficients of one sign explain."""
-    y = R[:, target]
+def free_response(factors: Factors, vehicle: Vehicle) -> Response:
+    """Return what the squared speeds of the rotors explain, wherever the rotors are."""
+    R = _inside_band(factors)
+    model = regressor(vehicle, effects=("thrust",))
+    thrust = R @ -model.tensor[model.names.index("kt"), FZ]
+    squares = [i for i, name in enumerate(model.layout.names) if name.startswith("O2_")]
+    D = _apart(R[:, squares], thrust)
+    shares = [
+        _share(_apart(R[:, [model.layout.index(name)]], thrust)[:, 0], D)
+        for name in ("dwx", "dwy", "dwz")
+    ]
+    return Response(roll=shares[0], pitch=shares[1], yaw=shares[2])
+
+
+def _inside_band(factors: Factors) -> Float[np.ndarray, "z z"]:
+    inside = (factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1])
+    return factors.select(inside).total if inside.any() else factors.total
+
+
+def _apart(columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]) -> np.ndarray:
+    """Return columns without what is parallel to another one."""
+    size = float(from_ @ from_)
+    return columns if size == 0.0 else columns - np.outer(from_, from_ @ columns / size)
+
+
+def _share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
     total = float(y @ y)
     if total == 0.0:
         return 0.0
+    lengths = np.linalg.norm(D, axis=0)
+    D = D / np.where(lengths > 0, lengths, 1.0)
+    return float(y @ D @ scipy.linalg.pinv(D, rtol=1e-6) @ y) / total
+
+
+def _signed_share(
+    R: Float[np.ndarray, "z z"],
+    target: int,
+    drives: list[Float[np.ndarray, " z"]],
+    *,
+    apart: Float[np.ndarray, " z"],
+) -> float:
+    """Return the share of a signal that drives with coefficients of one sign explain.
+
+    What varies with the total thrust is left out: it acts on a CoM that is off the centre.
+    """
+    y = _apart(R[:, [target]], apart)[:, 0]
+    total = float(y @ y)
     shares = [0.0]
     for chosen in ([drives[0]], [drives[-1]], drives):
-        D = R @ np.array(chosen).T
-        if not np.all(np.linalg.norm(D, axis=0) > 0):
+        D = _apart(R @ np.array(chosen).T, apart)
+        lengths = np.linalg.norm(D, axis=0)
+        if total == 0.0 or not np.all(lengths > 0):
             continue
-        D = D / np.linalg.norm(D, axis=0)
+        D = D / lengths
         coefficients: Float[np.ndarray, " d"] = scipy.linalg.pinv(D) @ y
         if (coefficients > 0).all() or (coefficients < 0).all():
             explained = float(y @ D @ coefficients) / total
@@ -90,69 +157,96 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
         If the data contradict it; the message says which declaration would fit.
     """
     declared = response(factors, vehicle)
-    lost = declared.worst < CLEAR
-    if not lost:
-        return declared
-    best, words = max(
-        ((response(factors, other), words) for other, words in _alternatives(vehicle)),
-        key=lambda pair: pair[0].score,
-    )
-    contradicted = declared.worst < -CLEAR
-    beaten = best.score > declared.score + 1.0 and best.worst > CLEAR
-    if not (contradicted or beaten):
-        return declared
+    tried = [
+        (response(factors, other, declared=vehicle), words)
+        for other, words in _alternatives(vehicle)
+    ]
+    best = max((found for found, _ in tried), key=lambda found: found.score)
     seen = (
-        f"with the declared rotors roll, pitch and yaw respond {declared.roll:+.2f}, "
-        f"{declared.pitch:+.2f}, {declared.yaw:+.2f} (+1: as the model says, -1: reversed)"
+        f"with the declared rotors roll, pitch and yaw respond {_shown(declared)} "
+        "(+1: as the model says, -1: reversed)"
     )
-    if best.score > declared.score + 0.5:
+    if best.fits and best.gain_over(declared) > BETTER:
+        # The simplest that fit come first; where several fit alike, two are named.
+        alike = [words for found, words in tried if found.score > best.score - ALIKE][:2]
         raise FrameError(
-            f"{seen}; with {words} they would respond {best.roll:+.2f}, {best.pitch:+.2f}, "
-            f"{best.yaw:+.2f}: correct the rotors' order and spin, or the log's axes"
+            f"{seen}; with {', or with '.join(alike)}, they would respond {_shown(best)}: "
+            "correct the rotors' order and spin, or the log's axes"
         )
-    raise FrameError(f"{seen}; check the rotors' order and spin, and the axes of the gyro")
+    free = free_response(factors, vehicle)
+    if ((free.shares > 1.0 - CLEAR) & (declared.shares < CLEAR)).any():
+        raise FrameError(
+            f"{seen}; with free places of the rotors their speeds explain {_shown(free)}: "
+            "check the rotors' positions, order and spin, and the log's axes"
+        )
+    return declared
+
+
+def _shown(found: Response) -> str:
+    return f"{found.roll:+.2f}, {found.pitch:+.2f}, {found.yaw:+.2f}"
 
 
 def _alternatives(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
     """Yield other declarations of the same rotors, the simplest first, in words."""
-    for rotors, words in _orders(vehicle.rotors):
-        for spins_reversed in (False, True):
-            if words is None and not spins_reversed:
-                continue
-            turned = tuple(_reversed(r) for r in rotors) if spins_reversed else rotors
-            parts = [words] if words else []
-            parts += ["every spin reversed (props out instead of in)"] if spins_reversed else []
-            yield dataclasses.replace(vehicle, rotors=turned), " and ".join(parts)
+    rotors = vehicle.rotors
+    flipped = "every spin reversed (props out instead of in)"
+    yield _with_rotors(vehicle, map(_reversed, rotors)), flipped
     yield _mirrored(vehicle), "the gyro's y and z reversed (FRD axes where FLU is declared)"
+    for quarters in (1, 2, 3):
+        words = f"the rotors turned by {90 * quarters} degrees counter-clockwise (a turned IMU)"
+        turned = [_turned(rotor, quarters) for rotor in rotors]
+        yield _with_rotors(vehicle, turned), words
+        yield _with_rotors(vehicle, map(_reversed, turned)), f"{words} and {flipped}"
+    for order in _orders(len(rotors)):
+        ordered = [rotors[i] for i in order]
+        named = ", ".join(str(i + 1) for i in order)
+        words = f"your rotors listed in the order {named}"
+        yield _with_rotors(vehicle, ordered), words
+        yield _with_rotors(vehicle, map(_reversed, ordered)), f"{words} and {flipped}"
+        moved = [replace(o, spin=r.spin) for o, r in zip(ordered, rotors, strict=True)]
+        words = f"the positions alone, without the spins, listed in the order {named}"
+        yield _with_rotors(vehicle, moved), words
 
 
-def _orders(rotors: tuple[Rotor, ...]) -> Iterator[tuple[tuple[Rotor, ...], str | None]]:
-    """Yield the rotors in other orders: all of a quadrotor's, else only swaps of two."""
-    n = len(rotors)
+def _orders(n: int) -> list[tuple[int, ...]]:
+    """Return other orders of the rotors: all of a quadrotor's, else only swaps of two."""
     identity = tuple(range(n))
     if n <= 4:
-        orders = list(permutations(range(n)))
-    else:
-        orders = [identity]
-        for i in range(n):
-            for j in range(i + 1, n):
-                swapped = list(identity)
-                swapped[i], swapped[j] = j, i
-                orders.append(tuple(swapped))
-    for order in orders:
-        named = ", ".join(str(i + 1) for i in order)
-        words = None if order == identity else f"your rotors listed in the order {named}"
-        yield tuple(rotors[i] for i in order), words
+        return sorted(
+            (order for order in permutations(identity) if order != identity),
+            key=lambda order: sum(i != k for i, k in enumerate(order)),
+        )
+    orders: list[tuple[int, ...]] = []
+    for i in range(n):
+        for k in range(i + 1, n):
+            swapped = list(identity)
+            swapped[i], swapped[k] = k, i
+            orders.append(tuple(swapped))
+    return orders
+
+
+def _with_rotors(vehicle: Vehicle, rotors: Iterable[Rotor]) -> Vehicle:
+    return replace(vehicle, rotors=tuple(rotors))
 
 
 def _reversed(rotor: Rotor) -> Rotor:
-    return dataclasses.replace(rotor, spin="cw" if rotor.spin == "ccw" else "ccw")
+    return replace(rotor, spin="cw" if rotor.spin == "ccw" else "ccw")
+
+
+def _turned(rotor: Rotor, quarters: int) -> Rotor:
+    """Return a rotor turned by quarters of a turn about z, counter-clockwise from above."""
+    (x, y, z), (nx, ny, nz) = rotor.position, rotor.axis
+    for _ in range(quarters):
+        x, y, nx, ny = -y, x, -ny, nx
+    return replace(rotor, position=(x, y, z), axis=(nx, ny, nz))
 
 
 def _mirrored(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle that answers like this one seen by a gyro with y and z reversed."""
-    rotors = tuple(
-        dataclasses.replace(_reversed(r), position=(-r.position[0], r.position[1], r.position[2]))
-        for r in vehicle.rotors
-    )
-    return dataclasses.replace(vehicle, rotors=rotors)
+    return _with_rotors(vehicle, (_across(_reversed(rotor)) for rotor in vehicle.rotors))
+
+
+def _across(rotor: Rotor) -> Rotor:
+    """Return a rotor mirrored front to back."""
+    (x, y, z), (nx, ny, nz) = rotor.position, rotor.axis
+    return replace(rotor, position=(-x, y, z), axis=(-nx, ny, nz))
