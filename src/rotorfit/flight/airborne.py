@@ -191,13 +191,15 @@ def _without_ground(look: _Look, run: tuple[int, int], sample_rate: float) -> tu
     a, b = run
     n, guard = len(look.excess), round(GUARD * sample_rate)
     if a > 0:
-        a += guard + _standing(look, slice(a + guard, b), 2 * guard)
+        stood = _standing(look, slice(a + guard, b))
+        # Of the push-off the last is not seen, when the ground carries next to nothing.
+        a += guard + stood + (2 * guard if stood > 2 * guard else 0)
     if b < n:
-        b -= guard + _standing(look, slice(b - guard - 1, a, -1), 2 * guard)
+        b -= guard + _standing(look, slice(b - guard - 1, a, -1))
     return a, b
 
 
-def _standing(look: _Look, rows: slice, last: int) -> int:
+def _standing(look: _Look, rows: slice) -> int:
     """Return for how many of the rows, from the first on, the vehicle still stands.
 
     While motors spool up on the ground, the ground carries the rest of the weight and nothing
@@ -210,9 +212,7 @@ def _standing(look: _Look, rows: slice, last: int) -> int:
     still = np.abs(turned).max(axis=1) < 0.05
     carried = look.upward[rows] > 0.04 * GRAVITY
     flying = np.flatnonzero(~(still & carried))
-    stood = int(flying[0]) if len(flying) else len(rates)
-    # The very last of it, when the ground carries next to nothing, is not seen.
-    return min(stood + last, len(rates)) if stood else 0
+    return int(flying[0]) if len(flying) else len(rates)
 
 
 def _refuse_grounded(
