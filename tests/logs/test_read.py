@@ -29,14 +29,6 @@ def test_a_table_is_recognised_under_any_name(tmp_path):
         np.testing.assert_array_equal(log.channels["battery"].values[:, 0], [12, 11.5, 11])
 
 
-def test_parquet_is_recognised_under_any_name(tmp_path):
-    import polars
-
-    path = tmp_path / "flight.csv"
-    polars.DataFrame({"time": [0.0, 0.1], "battery": [12.0, 11.0]}).write_parquet(path)
-    assert read_log(path).channels["battery"].values.tolist() == [[12.0], [11.0]]
-
-
 def test_options_reach_the_table_reader(tmp_path):
     text = b"t,rotor_1,gyro_x,gyro_y,gyro_z\n0,7,1,2,3\n10,7,1,2,3\n"
     columns = {
@@ -186,19 +178,8 @@ def test_a_damaged_table_ends_in_a_log_or_a_log_error(tmp_path, damage):
     ends_well(written(tmp_path, content or b" "))
 
 
-@pytest.mark.parametrize("length", [4, 8, 100, -9, -8, -4, -1])
-def test_a_parquet_file_cut_off_anywhere_is_refused(tmp_path, length):
-    import polars
-
-    path = tmp_path / "log"
-    polars.DataFrame({"time": [0.0, 0.1], "battery": [12.0, 11.0]}).write_parquet(path)
-    path.write_bytes(path.read_bytes()[:length])
-    with pytest.raises(LogError, match=r"Parquet file (without its end: it was cut|\()"):
-        read_log(path)
-
-
 def test_importing_the_readers_is_cheap():
-    heavy = {"polars", "scipy", "pydantic", "rich", "typer"}
+    heavy = {"pyarrow", "scipy", "pydantic", "rich", "typer"}
     code = f"import sys, rotorfit.logs; print(sorted({heavy!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -1,9 +1,10 @@
 import hashlib
 import re
-import sys
 
 import numpy as np
-import polars
+import pyarrow
+import pyarrow.csv
+import pyarrow.parquet
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -94,8 +95,8 @@ def test_units_and_names_of_a_map_lead_to_the_same_log(tmp_path, kind):
     foreign |= {f"e{i}": columns[f"rotor_{i}"] * 60 / (2 * np.pi) * 7 for i in (1, 2, 3, 4)}
     foreign |= {f"m{i}": 1000 + 1000 * columns[f"command_{i}"] for i in (1, 2, 3, 4)}
     path = tmp_path / f"foreign.{kind}"
-    frame = polars.DataFrame(foreign)
-    frame.write_csv(path) if kind == "csv" else frame.write_parquet(path)
+    write = pyarrow.csv.write_csv if kind == "csv" else pyarrow.parquet.write_table
+    write(pyarrow.table(foreign), path)
     names = {"time": ColumnSpec(name="stamp", unit="us")}
     names |= {"battery": ColumnSpec(name="v", unit="mV")}
     names |= {f"gyro_{a}": ColumnSpec(name=f"g{a}", unit="deg/s") for a in AXES}
@@ -121,28 +122,6 @@ def test_scale_and_offset_come_before_the_unit(tmp_path):
     log = read_table(path, columns={"battery": spec})
     np.testing.assert_allclose(log.channels["battery"].values[:, 0], [1.005, 2.005, 3.005])
     assert log.channels["battery"].source == "columns raw x 10 + 5 [mV]"
-
-
-def test_parquet_clocks_and_gaps(tmp_path):
-    path = tmp_path / "a.parquet"
-    polars.DataFrame(
-        {
-            "time": polars.Series([0, 10_000, 20_000], dtype=polars.Duration("us")),
-            "battery": [12, None, 11],
-            "mode": ["a", "b", "c"],
-        }
-    ).write_parquet(path)
-    log = read_table(path)
-    np.testing.assert_allclose(log.channels["battery"].time, [0, 0.02])
-    np.testing.assert_array_equal(log.channels["battery"].values[:, 0], [12, 11])
-
-
-def test_parquet_dates_are_seconds_since_1970(tmp_path):
-    path = tmp_path / "a.parquet"
-    stamps = polars.Series([1_772_428_213_000, 1_772_428_213_010], dtype=polars.Datetime("ms"))
-    polars.DataFrame({"time": stamps, "battery": [12.0, 11.0]}).write_parquet(path)
-    time = read_table(path).channels["battery"].time
-    np.testing.assert_allclose(time - 1_772_428_213, [0, 0.01], atol=1e-6)
 
 
 # The many shapes of a CSV
@@ -539,22 +518,6 @@ def test_a_wrong_time_unit_of_a_map_is_refused_too(tmp_path):
 )
 def test_a_wrong_map_is_refused(tmp_path, columns, message):
     assert refusal(tmp_path, GYRO, columns=columns).startswith(message)
-
-
-def test_text_in_a_parquet_column_is_refused(tmp_path):
-    path = tmp_path / "a.parquet"
-    polars.DataFrame({"time": [0.0, 0.1], "battery": ["a", "b"]}).write_parquet(path)
-    message = "column 'battery' holds String, expected numbers: convert it first"
-    with pytest.raises(LogError, match=re.escape(message)):
-        read_table(path)
-
-
-def test_without_polars_parquet_is_refused_with_the_command_to_install_it(tmp_path, monkeypatch):
-    path = tmp_path / "a.parquet"
-    polars.DataFrame({"time": [0.0, 0.1], "battery": [1.0, 2.0]}).write_parquet(path)
-    monkeypatch.setitem(sys.modules, "polars", None)
-    with pytest.raises(LogError, match=re.escape("pip install 'rotorfit[parquet]', or save as")):
-        read_table(path)
 
 
 # Writing

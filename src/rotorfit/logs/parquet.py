@@ -1,22 +1,30 @@
-"""Columns of a Parquet file (with the extra ``parquet``)."""
+"""Columns of a Parquet file (with the extra ``parquet``).
 
-from __future__ import annotations
+pyarrow reads them: of the readers at hand it alone answers every damaged file with an exception.
+"""
 
-import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from importlib import import_module
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
 
-if TYPE_CHECKING:
-    import polars
-
 MAGIC: Final = b"PAR1"
 """The first four bytes of every Parquet file, and the last four."""
+
+_LARGEST_EXPANSION: Final = 100
+_ALWAYS_ALLOWED: Final = 64_000_000
+"""A table in memory may be so many times as large as its file, or have so many bytes."""
+
+# Types by their names in Arrow.
+_NUMBER: Final = re.compile(r"u?int\d+|halffloat|float|double|decimal\d+\(.*\)|null")
+_CLOCK: Final = re.compile(r"(?:timestamp|duration|time|date)(32)?(?:64)?\[(s|ms|us|ns|day)\b.*\]")
+_SECONDS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "day": 86400.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,10 +46,23 @@ class ParquetTable:
         """Return columns as numbers, NaN where the file has none.
 
         Durations and dates become seconds.
+
+        Raises
+        ------
+        LogError
+            If the file is damaged or declares more rows than can be meant, or a column holds
+            something else.
         """
-        frame = _read(self.data, list(names))
-        columns = [_as_float(frame[name]) for name in names]
-        return np.stack(columns, axis=1)
+        try:
+            file = _opened(self.data)
+            _check_size(file.metadata.num_rows, len(names), len(self.data))
+            table = file.read(columns=list(names), use_threads=False)
+            columns = [_as_float(name, table.column(name)) for name in names]
+            return np.stack(columns, axis=1)
+        except LogError:
+            raise
+        except Exception as error:
+            raise _damaged(error) from error
 
     def place(self, row: int) -> str:
         """Return the words for one row, counted from 0, as a person counts it."""
@@ -54,46 +75,51 @@ def open_parquet(data: bytes) -> ParquetTable:
     Raises
     ------
     LogError
-        If polars is not installed or cannot read the file.
+        If pyarrow is not installed or cannot read the file.
     """
     if not data.endswith(MAGIC):
         raise LogError("Parquet file without its end: it was cut off, copy or write it again")
-    return ParquetTable(data=data, names=tuple(_read(data, None, rows=0).columns))
-
-
-def _read(data: bytes, columns: list[str] | None, *, rows: int | None = None) -> polars.DataFrame:
     try:
-        import polars
-        from polars.exceptions import PanicException
+        import_module("pyarrow.parquet")
     except ImportError as error:
         raise LogError(
-            "reading Parquet needs polars: pip install 'rotorfit[parquet]', or save as CSV"
+            "reading Parquet needs pyarrow: pip install 'rotorfit[parquet]', or save as CSV"
         ) from error
-    # PanicException, polars' answer to some damaged files, is no Exception.
     try:
-        return polars.read_parquet(
-            io.BytesIO(data), columns=columns, n_rows=rows, use_pyarrow=False
-        )
-    except (Exception, PanicException) as error:
-        reason = str(error).partition("\n")[0]
-        raise LogError(f"damaged Parquet file ({reason}): write it again") from error
+        return ParquetTable(data=data, names=tuple(_opened(data).schema_arrow.names))
+    except Exception as error:
+        raise _damaged(error) from error
 
 
-def _as_float(column: polars.Series) -> Float[np.ndarray, " n"]:
-    import polars
+def _opened(data: bytes) -> Any:  # pyarrow has no types
+    buffer = import_module("pyarrow").BufferReader(data)
+    return import_module("pyarrow.parquet").ParquetFile(buffer)
 
-    if column.dtype == polars.Date:
-        column = column.cast(polars.Datetime("ns"))
-    if isinstance(column.dtype, polars.Datetime | polars.Duration):
-        return 1e-9 * _plain(column.dt.cast_time_unit("ns").to_physical())
-    if not column.dtype.is_numeric() and column.dtype != polars.Null:
+
+def _damaged(error: Exception) -> LogError:
+    """Return the refusal of a file that pyarrow cannot read, with its reason on one line."""
+    text = str(error).partition("\n")[0][:200]
+    reason = "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
+    return LogError(f"damaged Parquet file ({reason or type(error).__name__}): write it again")
+
+
+def _check_size(rows: int, columns: int, file_size: int) -> None:
+    """Raise if a small file declares a table that would fill the memory."""
+    needed = 8 * rows * columns
+    if rows < 0 or needed > max(_ALWAYS_ALLOWED, _LARGEST_EXPANSION * file_size):
         raise LogError(
-            f"column {column.name!r} holds {column.dtype}, expected numbers: convert it first"
+            f"Parquet file of {file_size} bytes declares {rows} rows, {needed / 1e6:.0f} MB: "
+            "damaged or no flight log; write it again, or save as CSV"
         )
-    return _plain(column)
 
 
-def _plain(column: polars.Series) -> Float[np.ndarray, " n"]:
-    import polars
-
-    return np.array(column.cast(polars.Float64).fill_null(float("nan")).to_numpy(), np.float64)
+def _as_float(name: str, column: Any) -> Float[np.ndarray, " n"]:
+    """Return an Arrow column of numbers as it is, and one of times in seconds."""
+    kind = str(column.type)
+    seconds = 1.0
+    if clock := _CLOCK.fullmatch(kind):
+        seconds = _SECONDS[clock[2]]
+        column = column.cast("int32" if clock[1] else "int64")
+    elif not _NUMBER.fullmatch(kind):
+        raise LogError(f"column {name!r} holds {kind}, expected numbers: convert it first")
+    return seconds * np.array(column.cast("float64", safe=False).to_numpy(), np.float64)
