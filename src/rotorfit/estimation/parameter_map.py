@@ -3,11 +3,13 @@
 Each configuration has its own theta (all parameters of the model, in the tensor's order); phi is
 what the estimator is free to choose. A weighed mass is the constant, a removed parameter has no
 column, a coefficient shared by two configurations is one phi for two thetas, and what is known to
-be a combination (say Iyy - Ixx) is one column with several entries.
+be a combination (say Iyy - Ixx) is one column with several entries. It is affine nearly always;
+the exceptions are products of two phi (an accelerometer bias times a first moment, a thrust
+coefficient times a displacement of the rotors).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -16,8 +18,19 @@ from rotorfit.errors import EstimationError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Product:
+    """A term factor * phi[first] * phi[second] of one entry of one configuration's theta."""
+
+    configuration: int
+    entry: int
+    first: int
+    second: int
+    factor: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterMap:
-    """The affine map theta_c = constant_c + matrix_c phi, one row c per configuration.
+    """The map theta_c = constant_c + matrix_c phi + products, one row c per configuration.
 
     Attributes
     ----------
@@ -26,21 +39,30 @@ class ParameterMap:
     constant
         theta at phi = 0.
     matrix
-        d theta / d phi.
+        d theta / d phi there.
+    products
+        The bilinear terms; none in an affine map.
     """
 
     names: tuple[str, ...]
     constant: Float[np.ndarray, "c p"]
     matrix: Float[np.ndarray, "c p f"]
+    products: tuple[Product, ...] = ()
 
     def theta(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "c p"]:
         """Return the parameters of each configuration at `phi`."""
-        return self.constant + self.matrix @ phi
+        theta = self.constant + self.matrix @ phi
+        for t in self.products:
+            theta[t.configuration, t.entry] += t.factor * phi[t.first] * phi[t.second]
+        return theta
 
     def jacobian(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "c p f"]:
-        """Return d theta / d phi at `phi` (the same everywhere, for an affine map)."""
-        del phi
-        return self.matrix
+        """Return d theta / d phi at `phi`."""
+        jacobian = self.matrix.copy()
+        for t in self.products:
+            jacobian[t.configuration, t.entry, t.first] += t.factor * phi[t.second]
+            jacobian[t.configuration, t.entry, t.second] += t.factor * phi[t.first]
+        return jacobian
 
     def without(self, name: str) -> "ParameterMap":
         """Return the map with the free parameter `name` removed (held at zero)."""
@@ -50,10 +72,24 @@ class ParameterMap:
         """Return the map with the free parameter `name` held at `value`."""
         column = self._column(name)
         keep = [i for i in range(len(self.names)) if i != column]
+        place = {old: new for new, old in enumerate(keep)}
+        constant = self.constant + self.matrix[:, :, column] * value
+        matrix = self.matrix[:, :, keep]
+        products: list[Product] = []
+        for t in self.products:
+            if column not in (t.first, t.second):
+                moved = {"first": place[t.first], "second": place[t.second]}
+                products.append(replace(t, **moved))
+            elif t.first == t.second:
+                constant[t.configuration, t.entry] += t.factor * value**2
+            else:
+                other = t.second if t.first == column else t.first
+                matrix[t.configuration, t.entry, place[other]] += t.factor * value
         return ParameterMap(
             names=tuple(self.names[i] for i in keep),
-            constant=self.constant + self.matrix[:, :, column] * value,
-            matrix=self.matrix[:, :, keep],
+            constant=constant,
+            matrix=matrix,
+            products=tuple(products),
         )
 
     def _column(self, name: str) -> int:
@@ -70,6 +106,7 @@ def parameter_map(
     given: Mapping[tuple[int, str], float],
     *,
     configurations: int = 1,
+    products: Mapping[tuple[int, str], Sequence[tuple[float, str, str]]] | None = None,
 ) -> ParameterMap:
     """Return the map in which each free parameter moves the named entries of theta.
 
@@ -84,6 +121,8 @@ def parameter_map(
         The entries of theta that are known, with their values; all others rest at zero.
     configurations
         How many there are.
+    products
+        For each entry of theta its bilinear terms ``(factor, free name, free name)``.
 
     Raises
     ------
@@ -98,7 +137,19 @@ def parameter_map(
     for f, moves in enumerate(free.values()):
         for (c, name), factor in moves.items():
             matrix[c, _entry(index, name), f] = factor
-    return ParameterMap(names=tuple(free), constant=constant, matrix=matrix)
+    place = {name: i for i, name in enumerate(free)}
+    terms = [
+        Product(
+            configuration=c,
+            entry=_entry(index, name),
+            first=_entry(place, first),
+            second=_entry(place, second),
+            factor=factor,
+        )
+        for (c, name), parts in (products or {}).items()
+        for factor, first, second in parts
+    ]
+    return ParameterMap(names=tuple(free), constant=constant, matrix=matrix, products=tuple(terms))
 
 
 def _entry(index: Mapping[str, int], name: str) -> int:

@@ -1,0 +1,294 @@
+r"""The default estimator: errors-in-variables likelihood per frequency band.
+
+The equations are B(theta) z = 0 with B linear in theta. Of the signals z some are noisy (for a
+flight: the six accelerations); M(theta) is B restricted to them. Solved for the noisy signals, the
+residual of a row is their own error,
+
+.. math:: e = M(\theta)^{-1} B(\theta) z,
+
+which unlike B z cannot be made small by shrinking theta. Its variance in every block (stretch of
+flight and frequency band) is estimated from the residuals themselves, and theta minimises
+:math:`\sum_b n_b \sum_k \log v_{bk}(\theta)`, the likelihood with those variances put in. Since
+:math:`|N^{-1/2} e| = |(M N M^T)^{-1/2} B z|`, this is structured errors in variables with the noise
+of every band unknown.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.estimate import Estimate, scaled_singular
+from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.parameter_map import ParameterMap
+
+MOST_ITERATIONS = 100
+SMALLEST_STEP = 1e-3
+"""The iteration ends when no parameter moves by more than this share of its deviation."""
+FEW_ROWS = 28
+"""Blocks with fewer rows (14 lines) borrow half of their neighbours' in the same stretch."""
+RELATIVE_FLOOR = 1e-20
+"""Smallest variance, relative to the noisy signal's own: a simulation may be exact."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandedProblem:
+    """What the estimator is handed; it knows of no drone.
+
+    Attributes
+    ----------
+    factors
+        One per configuration, a block per stretch and frequency band.
+    tensors
+        A_p of each configuration.
+    map
+        From the free parameters to each configuration's theta.
+    noisy
+        Which signals carry the noise, as many as there are equations.
+    prior_mean, prior_std
+        Of free parameters that are known beforehand.
+    """
+
+    factors: tuple[Factors, ...]
+    tensors: tuple[Float[np.ndarray, "p j z"], ...]
+    map: ParameterMap
+    noisy: tuple[int, ...]
+    prior_mean: Mapping[str, float]
+    prior_std: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandedEstimate:
+    """An estimate, and what each block had to say to it.
+
+    Attributes
+    ----------
+    estimate
+        Free parameters with the covariance of the fit.
+    influence
+        First-order change of each parameter if a block were counted twice; blocks of all
+        configurations, one after the other.
+    variance
+        Of each noisy signal's error in each block.
+    signal_power, residual_power
+        Sum of squares of each noisy signal, and of its error, in each block.
+    log_likelihood
+        Up to a constant; for comparing models and delays on the same flights.
+    iterations
+        Until the steps were small.
+    """
+
+    estimate: Estimate
+    influence: Float[np.ndarray, "b f"]
+    variance: Float[np.ndarray, "b k"]
+    signal_power: Float[np.ndarray, "b k"]
+    residual_power: Float[np.ndarray, "b k"]
+    log_likelihood: float
+    iterations: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _State:
+    """The likelihood and its linearisation at one point."""
+
+    phi: Float[np.ndarray, " f"]
+    residual: Float[np.ndarray, "b m k"]
+    variance: Float[np.ndarray, "b k"]
+    cost: float
+
+
+def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEstimate:
+    """Return the estimate, by Levenberg-Marquardt steps on the likelihood.
+
+    Parameters
+    ----------
+    problem
+        Factors, tensors, map.
+    start
+        Free parameters to begin with; a crude guess is enough.
+
+    Raises
+    ------
+    EstimationError
+        If the equations cannot be solved for the noisy signals, or the iteration does not settle.
+    """
+    state = _evaluate(problem, start)
+    damping = 1e-3
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        A, b = _linearised(problem, state)
+        step, std = _damped_step(A, b, damping)
+        trial = _evaluate_or_none(problem, state.phi + step)
+        settled = bool(np.all(np.abs(step) <= SMALLEST_STEP * std))
+        if trial is not None and trial.cost <= state.cost + 1e-9 * abs(state.cost):
+            state, damping = trial, max(damping / 10.0, 1e-9)
+        elif not settled:
+            damping *= 10.0
+            if damping < 1e9:
+                continue
+            settled = True
+        if settled:
+            return _finished(problem, state, iteration)
+    raise EstimationError(
+        f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
+        "remove a term, or fly more motion"
+    )
+
+
+def _evaluate_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State | None:
+    try:
+        return _evaluate(problem, phi)
+    except EstimationError:
+        return None
+
+
+def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
+    """Return residuals, variances and cost at `phi`."""
+    theta = problem.map.theta(phi)
+    residuals: list[Float[np.ndarray, "b m k"]] = []
+    variances: list[Float[np.ndarray, "b k"]] = []
+    cost = _prior_cost(problem, phi)
+    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
+        G, _ = _solved(tensor, theta[c], problem.noisy)
+        e = factors.R @ G.T
+        v = _variance(e, factors, problem.noisy)
+        cost += float(np.sum(factors.rows[:, None] * np.log(v)))
+        residuals.append(e)
+        variances.append(v)
+    if not np.isfinite(cost):
+        raise EstimationError("the likelihood is not finite here")
+    return _State(
+        phi=phi,
+        residual=np.concatenate(residuals),
+        variance=np.concatenate(variances),
+        cost=cost,
+    )
+
+
+def _solved(
+    tensor: Float[np.ndarray, "p j z"], theta: Float[np.ndarray, " p"], noisy: Sequence[int]
+) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "k j"]]:
+    """Return M^-1 B and M^-1."""
+    B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, tensor)
+    both = np.concatenate([B, np.eye(len(B))], axis=1)
+    try:
+        solved: Float[np.ndarray, "k g"] = scipy.linalg.solve(B[:, list(noisy)], both)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise EstimationError("the equations cannot be solved for the noisy signals") from error
+    return solved[:, : B.shape[1]], solved[:, B.shape[1] :]
+
+
+def _variance(
+    e: Float[np.ndarray, "b m k"], factors: Factors, noisy: Sequence[int]
+) -> Float[np.ndarray, "b k"]:
+    """Return each block's mean square error per noisy signal, borrowing where rows are few."""
+    power = np.einsum("bmk,bmk->bk", e, e)
+    count = factors.rows.astype(float)
+    few = factors.rows < FEW_ROWS
+    same = factors.segment[1:] == factors.segment[:-1]
+    total, rows = power.copy(), count.copy()
+    for here, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        share = 0.5 * (same & few[here])
+        total[here] += share[:, None] * power[other]
+        rows[here] += share * count[other]
+    signal = np.einsum("bmk,bmk->k", factors.R[:, :, list(noisy)], factors.R[:, :, list(noisy)])
+    floor = RELATIVE_FLOOR * signal / count.sum() + np.finfo(float).tiny
+    return np.maximum(total / rows[:, None], floor)
+
+
+def _prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
+    mean, std = _prior(problem)
+    known = np.isfinite(std)
+    return float(np.sum(((phi - mean)[known] / std[known]) ** 2))
+
+
+def _prior(
+    problem: BandedProblem,
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
+    names = problem.map.names
+    mean = np.array([problem.prior_mean.get(name, 0.0) for name in names])
+    std = np.array([problem.prior_std.get(name, np.inf) for name in names])
+    return mean, std
+
+
+def _linearised(
+    problem: BandedProblem, state: _State
+) -> tuple[Float[np.ndarray, "n f"], Float[np.ndarray, " n"]]:
+    """Return the weighted equations A step = b, the prior's below them."""
+    J = _jacobian(problem, state.phi)
+    weight = 1.0 / np.sqrt(state.variance)
+    f = J.shape[-1]
+    mean, std = _prior(problem)
+    A = np.concatenate([(J * weight[:, None, :, None]).reshape(-1, f), np.diag(1.0 / std)])
+    b = np.concatenate(
+        [-(state.residual * weight[:, None, :]).reshape(-1), (mean - state.phi) / std]
+    )
+    return A, b
+
+
+def _jacobian(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "b m k f"]:
+    """Return d e / d phi: d (M^-1 B) = M^-1 (dB - dM M^-1 B)."""
+    theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
+    noisy = list(problem.noisy)
+    parts: list[Float[np.ndarray, "b m k f"]] = []
+    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
+        G, inverse = _solved(tensor, theta[c], noisy)
+        dB = np.einsum("pjz,pf->fjz", tensor, dtheta[c])
+        dG = inverse @ (dB - dB[:, :, noisy] @ G)
+        flat = factors.R @ dG.transpose(2, 1, 0).reshape(dG.shape[2], -1)
+        parts.append(flat.reshape(len(factors), factors.R.shape[1], len(noisy), len(phi)))
+    return np.concatenate(parts)
+
+
+def _damped_step(
+    A: Float[np.ndarray, "n f"], b: Float[np.ndarray, " n"], damping: float
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
+    """Return a Levenberg-Marquardt step and the parameters' deviations, columns scaled."""
+    lengths = np.linalg.norm(A, axis=0)
+    if (lengths == 0).any():
+        raise EstimationError("the flights do not move a parameter at all; remove its term")
+    R, right = _triangular(A / lengths, b)
+    f = len(lengths)
+    stacked = np.concatenate([R, np.sqrt(damping) * np.eye(f)])
+    solution = scipy.linalg.lstsq(stacked, np.concatenate([right, np.zeros(f)]))
+    root = np.linalg.pinv(R)
+    return solution[0] / lengths, np.linalg.norm(root, axis=1) / lengths
+
+
+def _triangular(
+    A: Float[np.ndarray, "n f"], b: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, "f f"], Float[np.ndarray, " f"]]:
+    """Return R and Q^T b of A = Q R."""
+    f = A.shape[1]
+    whole = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
+    return whole[:f, :f], whole[:f, f]
+
+
+def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedEstimate:
+    """Return the estimate at the minimum, with covariance and influences."""
+    A, _ = _linearised(problem, state)
+    svd = scaled_singular(A, problem.map.names)
+    root = (svd.Vt.T / svd.s) / svd.lengths[:, None]
+    covariance = root @ root.T
+    J = _jacobian(problem, state.phi)
+    scores = -np.einsum("bmkf,bmk->bf", J, state.residual / state.variance[:, None, :])
+    noisy = list(problem.noisy)
+    signals = np.concatenate([factors.R[:, :, noisy] for factors in problem.factors])
+    return BandedEstimate(
+        estimate=Estimate(
+            names=problem.map.names,
+            values=state.phi,
+            covariance=covariance,
+            condition_number=svd.condition_number,
+            weak_directions=svd.Vt[::-1][:3],
+            weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
+        ),
+        influence=scores @ covariance,
+        variance=state.variance,
+        signal_power=np.einsum("bmk,bmk->bk", signals, signals),
+        residual_power=np.einsum("bmk,bmk->bk", state.residual, state.residual),
+        log_likelihood=-0.5 * state.cost,
+        iterations=iterations,
+    )

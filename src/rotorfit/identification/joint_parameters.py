@@ -1,0 +1,224 @@
+"""From the joint estimate to physical numbers with intervals.
+
+Half-width^2 = (larger of 1.96 formal and t scatter)^2 + (1.5 |value| / rho)^2 + tolerances^2.
+Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands. rho:
+explained over residual angular acceleration of the axis, whose lack pulls every estimate of that
+axis to one side. What a change of settings shifts is added by the recipe.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.propagate import numerical_jacobian
+from rotorfit.estimation.reweighted import scatter_covariance
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.identification.joint import JointConfiguration
+from rotorfit.identification.rows import PILOT_BAND
+from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_about
+
+ATTENUATION = 1.5
+"""Bias allowance: this over rho, as a share of the value (real flights: 0.5 to 1.8)."""
+AXES = ("roll", "pitch", "yaw")
+AXIS_OF: Mapping[str, str] = {
+    **{name: "roll" for name in ("Ixx", "Ixx_com", "Ixx_over_kt", "Ixy", "Ixy_com")},
+    **{name: "roll" for name in ("Ixz", "Ixz_com")},
+    **{name: "pitch" for name in ("Iyy", "Iyy_com", "Iyy_over_kt", "Iyz", "Iyz_com")},
+    **{name: "yaw" for name in ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr")},
+    **{name: "yaw" for name in ("kd_over_Izz", "Jr_over_Izz")},
+}
+"""Whose excitation decides how far a number can be trusted."""
+SHARED_NUMBERS = ("kt", "kd", "Jr", "kd_over_kt")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Numbers:
+    """Physical numbers of all configurations, with their intervals.
+
+    Attributes
+    ----------
+    names
+        ``kt`` for what is shared, ``Ixx_com@A`` for what belongs to a configuration.
+    values, half_width
+        SI; half of the 95 % interval.
+    correlation
+        Between them, from the covariance of the fit.
+    excitation
+        rho of each configuration and axis, by ``roll@A``.
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " q"]
+    half_width: Float[np.ndarray, " q"]
+    correlation: Float[np.ndarray, "q q"]
+    excitation: Mapping[str, float]
+
+    def index(self, name: str) -> int:
+        """Return the place of one number."""
+        return self.names.index(name)
+
+    def rho(self, name: str) -> float | None:
+        """Return the excitation that a number depends on; None where it needs none."""
+        base, _, configuration = name.partition("@")
+        axis = AXIS_OF.get(base)
+        if axis is None:
+            return None
+        if configuration:
+            return self.excitation[f"{axis}@{configuration}"]
+        return max(value for key, value in self.excitation.items() if key.startswith(axis))
+
+
+def joint_numbers(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    mass_std: Mapping[str, float],
+) -> Numbers:
+    """Return the physical numbers of a joint estimate."""
+    estimate = fit.estimate
+    names = tuple(physical(estimate.values, estimate.names, configurations))
+    values = np.array(list(physical(estimate.values, estimate.names, configurations).values()))
+    jacobian = numerical_jacobian(
+        lambda phi: np.array(list(physical(phi, estimate.names, configurations).values())),
+        estimate.values,
+        estimate.std,
+    )
+    formal = jacobian @ estimate.covariance @ jacobian.T
+    blocks, free = len(fit.influence), max(len(fit.influence) - len(estimate.names), 1)
+    scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T * (blocks / free)
+    std = np.sqrt(np.diagonal(formal))
+    random = np.maximum(1.96 * std, float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(scatter)))
+    safe = np.where(std > 0, std, 1.0)
+    numbers = Numbers(
+        names=names,
+        values=values,
+        half_width=random,
+        correlation=formal / np.outer(safe, safe),
+        excitation=excitation(fit, configurations),
+    )
+    return _with_systematic(numbers, configurations, mass_std)
+
+
+def physical(
+    phi: Float[np.ndarray, " f"],
+    phi_names: Sequence[str],
+    configurations: Sequence[JointConfiguration],
+) -> dict[str, float]:
+    """Return every physical number at the free parameters `phi`."""
+    p = dict(zip(phi_names, phi.tolist(), strict=True))
+    out = {name: p[name] for name in ("kt", "kd", "Jr")}
+    out["kd_over_kt"] = p["kd"] / p["kt"]
+    for configuration in configurations:
+        own = {
+            name.removesuffix(f"@{configuration.name}"): value
+            for name, value in p.items()
+            if name.endswith(f"@{configuration.name}")
+        }
+        numbers = _own_numbers({**own, **out}, configuration)
+        out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
+    return out
+
+
+def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> dict[str, float]:
+    """Return the numbers of one configuration: its own parameters and what follows from them."""
+    mass = configuration.mass
+    com = np.array([p["msx"], p["msy"], p["msz"]]) / mass
+    elements = np.array([p[name] for name in INERTIA])
+    about_com = inertia_about(elements, -mass, com)
+    names = ("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z")
+    out = {name: p[name] for name in (*names, "rotor_center_x", "rotor_center_y") if name in p}
+    out |= {f"com_{axis}": float(c) for axis, c in zip("xyz", com, strict=True)}
+    out |= {f"{name}_com": float(v) for name, v in zip(INERTIA, about_com, strict=True)}
+    for name, v in zip(("Ixx", "Iyy", "Izz"), about_com[:3], strict=True):
+        out[f"{name}_over_kt"] = float(v) / p["kt"]
+    out["kd_over_Izz"] = p["kd"] / float(about_com[2])
+    out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
+    lift = float(configuration.vehicle.axes[:, 2].sum())
+    out["hover_speed"] = float(np.sqrt(mass * GRAVITY / (lift * max(p["kt"], 1e-300))))
+    return out
+
+
+def excitation(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, float]:
+    """Return explained over residual power of the angular accelerations, where a pilot flies."""
+    low, high = PILOT_BAND
+    rho: dict[str, float] = {}
+    first = 0
+    for configuration in configurations:
+        band = configuration.factors.band
+        rows = np.arange(first, first + len(band))
+        first += len(band)
+        chosen = rows[(band[:, 1] > low) & (band[:, 0] < high)]
+        for k, axis in enumerate(AXES, start=3):
+            residual = float(fit.residual_power[chosen, k].sum())
+            explained = float(fit.signal_power[chosen, k].sum()) - residual
+            share = max(explained, 0.0) / max(residual, np.finfo(float).tiny)
+            rho[f"{axis}@{configuration.name}"] = share
+    return rho
+
+
+def _with_systematic(
+    numbers: Numbers,
+    configurations: Sequence[JointConfiguration],
+    mass_std: Mapping[str, float],
+) -> Numbers:
+    """Return the numbers with the half-width of what no scatter within the flights shows."""
+    by_name = {c.name: c for c in configurations}
+    extra = np.zeros(len(numbers.names))
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        value = abs(float(numbers.values[i]))
+        parts: list[float] = []
+        rho = numbers.rho(name)
+        if rho is not None:
+            parts.append(ATTENUATION * value / max(rho, 1e-12))
+        if base in ("kt", "kd", "Jr") or (base.startswith(("I", "ms")) and "over" not in base):
+            owners = [by_name[owner]] if owner else list(configurations)
+            relative = max(mass_std[c.name] / c.mass for c in owners)
+            parts.append(1.96 * relative * value)
+        if base in ("com_z", "msz"):
+            c = by_name[owner]
+            imu = 1.96 * c.vehicle.imu_position_std
+            parts.append(imu * (c.mass if base == "msz" else 1.0))
+        extra[i] = float(np.sqrt(sum(part**2 for part in parts)))
+    return Numbers(
+        names=numbers.names,
+        values=numbers.values,
+        half_width=np.hypot(numbers.half_width, extra),
+        correlation=numbers.correlation,
+        excitation=numbers.excitation,
+    )
+
+
+def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> float:
+    """Return the size of a number below which its relative error does not matter."""
+    base, _, owner = name.partition("@")
+    base = base.removesuffix("_com")
+    if base in ("msx", "msy", "msz"):
+        return mass * arm / 50.0
+    if base.startswith(("com_", "rotor_center_")):
+        return arm / 50.0
+    if base.startswith("accel_bias_"):
+        return 0.2
+    if base == "Jr":
+        return _diagonal(numbers, owner)[2] / 1000.0
+    if base == "Jr_over_Izz":
+        return 1e-3
+    if base in ("Ixy", "Ixz", "Iyz"):
+        i, j = INERTIA_PLACES[INERTIA.index(base)]
+        diagonal = _diagonal(numbers, owner)
+        return float(np.sqrt(diagonal[i] * diagonal[j])) / 20.0
+    return 0.0
+
+
+def _diagonal(numbers: Numbers, owner: str) -> list[float]:
+    """Return the sizes of the diagonal inertia of a configuration (any, for shared numbers)."""
+    own = owner or next(name for name in numbers.names if "@" in name).partition("@")[2]
+    return [
+        abs(float(numbers.values[numbers.index(f"{name}_com@{own}")]))
+        for name in ("Ixx", "Iyy", "Izz")
+    ]
