@@ -18,9 +18,11 @@ from rotorfit.logs import ColumnSpec, ReadOptions
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Spin, Vehicle
 
-Vector = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+# Strict: neither true nor "1.285" is a number.
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Finite, Field(gt=0)]
+NotNegative = Annotated[Finite, Field(ge=0)]
+Vector = tuple[Finite, Finite, Finite]
 Axes = Literal["FLU", "FRD"]
 Model = TypeVar("Model", bound=BaseModel)
 Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
@@ -65,15 +67,34 @@ class AirframeEntry(_Strict):
             )
         if self.layout is not None and self.arm is None:
             raise ValueError("layout needs arm, the distance of a rotor from the centre [m]")
-        if self.rotors is not None and not 3 <= len(self.rotors) <= 16:
-            raise ValueError(f"{len(self.rotors)} rotors; a multirotor has 3 to 16")
+        if self.rotors is None:
+            self._refuse_unknown_layout()
+        else:
+            self._refuse_odd_rotors(self.rotors)
         return self
+
+    def _refuse_unknown_layout(self) -> None:
+        try:
+            layout_rotors(self.layout or "", arm=self.arm or 1.0, order=self.order)
+        except ExperimentError as error:
+            raise ValueError(str(error)) from error
+
+    def _refuse_odd_rotors(self, rotors: tuple[RotorEntry, ...]) -> None:
+        if not 3 <= len(rotors) <= 16:
+            raise ValueError(f"{len(rotors)} rotors; a multirotor has 3 to 16")
+        if {"arm", "order"} & self.model_fields_set:
+            raise ValueError("arm and order belong to layout; listed rotors have positions")
+        places = [rotor.position for rotor in rotors]
+        for number, place in enumerate(places, start=1):
+            first = places.index(place) + 1
+            if first != number:
+                raise ValueError(f"rotors {first} and {number} are both at {list(place)}")
 
 
 class LawEntry(_Strict):
     """Rotor speed over command as a polynomial, lowest power first [rad/s]."""
 
-    polynomial: tuple[float, ...] = Field(min_length=2, max_length=6)
+    polynomial: tuple[Finite, ...] = Field(min_length=2, max_length=6)
 
 
 class MotorsEntry(_Strict):
@@ -82,7 +103,7 @@ class MotorsEntry(_Strict):
     speed: Literal["measured", "commanded"] = "measured"
     law: LawEntry | None = None
     lag: NotNegative | None = None
-    delay: float | None = Field(default=None, ge=-0.1, le=0.1)
+    delay: Finite | None = Field(default=None, ge=-0.1, le=0.1)
     poles: int | None = Field(default=None, ge=2, le=60)
 
     @model_validator(mode="after")
@@ -97,9 +118,9 @@ class ColumnEntry(_Strict):
 
     name: str
     unit: str | None = None
-    scale: float = 1.0
-    offset: float = 0.0
-    range: tuple[float, float] | None = None
+    scale: Finite = 1.0
+    offset: Finite = 0.0
+    range: tuple[Finite, Finite] | None = None
 
 
 class FlightEntry(_Strict):
@@ -107,8 +128,8 @@ class FlightEntry(_Strict):
 
     file: str
     log: int | None = Field(default=None, ge=1)
-    start: float | None = None
-    end: float | None = None
+    start: Finite | None = None
+    end: Finite | None = None
     axes: Axes = "FLU"
     columns: dict[str, ColumnEntry | str] | None = None
 
@@ -131,6 +152,13 @@ class ConfigurationEntry(_Strict):
     @classmethod
     def _plain_names(cls, data: Any) -> Any:
         return _files_as_tables(data, ("flights",))
+
+    @model_validator(mode="after")
+    def _each_flight_once(self) -> "ConfigurationEntry":
+        for number, flight in enumerate(self.flights):
+            if flight in self.flights[:number]:
+                raise ValueError(f"flight {flight.file!r} is listed twice; it would count twice")
+        return self
 
 
 class IdentificationEntry(_Strict):
@@ -291,8 +319,7 @@ def _checked(kind: type[Model], data: Any, path: Path) -> Model:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        problems = [_problem(detail) for detail in error.errors()]
-        raise ExperimentError(f"{path.name}: " + "; ".join(problems)) from None
+        raise ExperimentError(f"{path.name}: " + "; ".join(_problems(error.errors()))) from None
 
 
 _TABLES: tuple[type[BaseModel], ...] = (
@@ -319,17 +346,57 @@ LATER: dict[str, str] = {
 """Keys of the format that this version does not act on; it refuses them rather than ignore them."""
 
 
-def _problem(detail: ErrorDetails) -> str:
-    """Return one problem in words, with its place and, for a key, the nearest known one."""
-    place = _place(detail["loc"])
+LATER_VALUES: dict[str, str] = {
+    "banded": "the estimate from all equations at once",
+    "mocap": "motion capture as the source",
+}
+"""Values of the format that this version does not know yet."""
+
+EXPECTED: dict[str, str] = {
+    "tuple_type": "should be a list [ ... ]",
+    "model_type": "should be a table { ... }",
+    "dict_type": "should be a table { ... }",
+    "string_type": 'should be text in "quotes"',
+    "too_short": "has too few entries",
+}
+"""The checker's types in the words of TOML."""
+
+
+def _problems(details: list[ErrorDetails]) -> list[str]:
+    """Return every problem in words, once for each place."""
+    by_place: dict[str, list[ErrorDetails]] = {}
+    for detail in details:
+        if not _is_echo(detail):
+            by_place.setdefault(_place(detail["loc"]), []).append(detail)
+    return [_problem(place, found) for place, found in by_place.items()]
+
+
+def _is_echo(detail: ErrorDetails) -> bool:
+    """Whether a problem only repeats another one: a list that is empty without its bad entries."""
+    given = detail["input"]
+    if detail["type"] == "too_short":
+        return bool(given) and detail.get("ctx", {}).get("actual_length") == 0
+    return detail["type"] == "string_type" and isinstance(given, dict)
+
+
+def _problem(place: str, details: list[ErrorDetails]) -> str:
+    """Return the problem at one place, with the nearest known key for an unknown one."""
+    detail = details[0]
     if detail["type"] == "extra_forbidden":
         return f"unknown key {place}{_nearest(str(detail['loc'][-1]))}"
     if detail["type"] == "missing":
         return f"{place} is missing"
-    message = detail["msg"].removeprefix("Value error, ")
     given = detail["input"]
+    if isinstance(given, str) and given in LATER_VALUES:
+        return f"{place}: {LATER_VALUES[given]} ({given!r}) is not available in this version"
+    message = ", or ".join(_expected(d) for d in details)
     shown = "" if isinstance(given, dict | list | tuple) else f" (it is {given!r})"
     return f"{place}: {message}{shown}" if place else message
+
+
+def _expected(detail: ErrorDetails) -> str:
+    message = detail["msg"].removeprefix("Value error, ")
+    return EXPECTED.get(detail["type"], message.replace("Input should", "should", 1))
 
 
 def _nearest(key: str) -> str:
