@@ -1,0 +1,140 @@
+"""The banded likelihood: its Jacobian, its oracle, exactness, coverage."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.banded import BandedProblem, _evaluate, _jacobian, banded
+from rotorfit.estimation.factors import Factors, time_block_factors, triangular_factors
+from rotorfit.estimation.parameter_map import parameter_map
+
+
+def line_problem(x, y, *, block_rows=50, prior_std=None):
+    """The line y = slope x + offset with y noisy: one equation, signals (y, x, 1)."""
+    Z = np.column_stack([y, x, np.ones_like(x)])
+    tensor = np.zeros((3, 1, 3))
+    tensor[0, 0, 0] = 1.0  # y itself
+    tensor[1, 0, 1] = -1.0  # slope
+    tensor[2, 0, 2] = -1.0  # offset
+    mapped = parameter_map(
+        ("y", "slope", "offset"),
+        {"slope": {(0, "slope"): 1.0}, "offset": {(0, "offset"): 1.0}},
+        {(0, "y"): 1.0},
+    )
+    return BandedProblem(
+        factors=(time_block_factors(Z, block_rows=block_rows),),
+        tensors=(tensor,),
+        map=mapped,
+        noisy=(0,),
+        prior_mean={},
+        prior_std=prior_std or {},
+    )
+
+
+def random_problem(seed, *, products=False):
+    """Two noisy equations in five signals, nonlinear through M(theta)."""
+    rng = np.random.default_rng(seed)
+    tensor = rng.normal(size=(5, 2, 5))
+    names = ("m", "a", "b", "c", "d")
+    free = {"p": {(0, "a"): 1.0}, "q": {(0, "b"): 1.0, (0, "c"): 0.5}, "r": {(0, "d"): 1.0}}
+    terms = {(0, "c"): [(0.3, "p", "q"), (-0.2, "r", "r")]} if products else {}
+    R = triangular_factors(rng.normal(size=(4, 30, 5)))
+    factors = Factors(
+        R=R,
+        rows=np.full(4, 30),
+        segment=np.array([0, 0, 1, 1]),
+        band=np.tile([0.0, 1.0], (4, 1)),
+    )
+    return BandedProblem(
+        factors=(factors,),
+        tensors=(tensor,),
+        map=parameter_map(names, free, {(0, "m"): 3.0}, products=terms),
+        noisy=(0, 1),
+        prior_mean={},
+        prior_std={},
+    )
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), products=st.booleans())
+def test_jacobian_is_the_derivative_of_the_residual(seed, products):
+    problem = random_problem(seed, products=products)
+    phi = np.random.default_rng(seed + 1).normal(size=3) * 0.1
+    J = _jacobian(problem, phi)
+    for f in range(3):
+        step = np.zeros(3)
+        step[f] = 1e-6
+        difference = (
+            _evaluate(problem, phi + step).residual - _evaluate(problem, phi - step).residual
+        ) / 2e-6
+        scale = np.abs(J[..., f]).max() + np.abs(difference).max()
+        np.testing.assert_allclose(J[..., f], difference, atol=2e-5 * scale)
+
+
+def test_one_noise_level_gives_ordinary_least_squares():
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=400)
+    y = 2.0 * x - 0.5 + 0.1 * rng.normal(size=400)
+    fit = banded(line_problem(x, y, block_rows=400), np.array([0.0, 0.0]))
+    slope, offset = np.polyfit(x, y, 1)
+    np.testing.assert_allclose(fit.estimate.values, [slope, offset], rtol=1e-6)
+    _, covariance = np.polyfit(x, y, 1, cov="unscaled")
+    residual = y - slope * x - offset
+    expected = covariance * (residual @ residual) / 400
+    np.testing.assert_allclose(fit.estimate.covariance, expected, rtol=1e-5)
+
+
+def test_quiet_blocks_count_more_than_loud_ones():
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=2000)
+    loud = np.repeat([0.01, 1.0], 1000)
+    errors = {"banded": [], "ordinary": []}
+    for _ in range(20):
+        y = 3.0 * x + loud * rng.normal(size=2000)
+        fit = banded(line_problem(x, y, block_rows=100), np.array([1.0, 0.0]))
+        errors["banded"].append(fit.estimate.value("slope") - 3.0)
+        errors["ordinary"].append(np.polyfit(x, y, 1)[0] - 3.0)
+    assert np.std(errors["banded"]) < 0.05 * np.std(errors["ordinary"])
+
+
+def test_interval_covers_the_slope():
+    rng = np.random.default_rng(2)
+    x = rng.normal(size=1000)
+    level = np.repeat(rng.uniform(0.05, 0.5, size=20), 50)
+    inside = 0
+    for _ in range(200):
+        y = 3.0 * x + level * rng.normal(size=1000)
+        fit = banded(line_problem(x, y), np.array([1.0, 0.0]))
+        inside += abs(fit.estimate.values[0] - 3.0) < 1.96 * fit.estimate.std[0]
+    assert 180 <= inside <= 199  # 0.90 to 0.995 of 200; the noise of 20 blocks is estimated
+
+
+def test_exact_equations_are_met_to_rounding():
+    x = np.linspace(-1.0, 1.0, 200)
+    fit = banded(line_problem(x, 1e-3 * x + 7.0), np.array([5.0, -20.0]))
+    np.testing.assert_allclose(fit.estimate.values, [1e-3, 7.0], rtol=1e-9, atol=1e-12)
+
+
+def test_prior_holds_what_the_data_leave_open():
+    x = np.full(200, 2.0)  # slope and offset cannot be told apart
+    y = 5.0 + 0.1 * np.random.default_rng(3).normal(size=200)
+    fit = banded(line_problem(x, y, prior_std={"offset": 1e-6}), np.array([0.0, 0.0]))
+    assert fit.estimate.value("slope") == pytest.approx(2.5, abs=0.02)
+
+
+def test_a_parameter_that_nothing_moves_is_named_as_such():
+    x = np.zeros(200)
+    y = np.random.default_rng(4).normal(size=200)
+    with pytest.raises(EstimationError, match="do not move a parameter"):
+        banded(line_problem(x, y), np.array([0.0, 0.0]))
+
+
+def test_products_are_carried_through_fixing_a_parameter():
+    problem = random_problem(5, products=True)
+    phi = np.array([0.2, -0.4, 0.7])
+    whole = problem.map.theta(phi)
+    for name, value, rest in (("p", 0.2, [1, 2]), ("q", -0.4, [0, 2]), ("r", 0.7, [0, 1])):
+        fixed = problem.map.fixed(name, value)
+        np.testing.assert_allclose(fixed.theta(phi[rest]), whole, rtol=1e-13)
