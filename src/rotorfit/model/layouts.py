@@ -83,7 +83,7 @@ def layout_rotors(layout: str, *, arm: float, order: str = "px4") -> tuple[Rotor
             f"no layout {layout!r} in the motor order {order!r}; known: {known}; "
             "or list the rotors with position and spin"
         )
-    return tuple(_rotor(angle, spin, arm) for angle, spin in seats)
+    return tuple(_rotor(float(angle), spin, arm) for angle, spin in seats)
 
 
 def _rotor(angle_deg: float, spin: Spin, arm: float) -> Rotor:

@@ -1,0 +1,92 @@
+"""Experiments on simulated and real flights: written as files, read back, identified."""
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+from rotorfit.errors import FlightWarning
+from rotorfit.identification.experiment import load_experiment
+from rotorfit.identification.identify import identify
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.simulation import (
+    Scenario,
+    SimulatedFlight,
+    SimulatedVehicle,
+    layout_vehicle,
+    paper_vehicle,
+    simulate_flight,
+    variant,
+    write_flight_table,
+)
+
+VEHICLES = ("A", "B", "quad-x", "hexa-x", "octo", "x8", "hexa-tilted")
+
+
+def simulated_vehicle(name: str) -> SimulatedVehicle:
+    return paper_vehicle(name) if name in ("A", "B") else layout_vehicle(name)
+
+
+def simulated(name: str, kind: str = "clean", *, seed: int, **scenario: object) -> SimulatedFlight:
+    """Return a flight of a named vehicle with the sensors of a variant."""
+    flown, sensors = variant(simulated_vehicle(name), kind)
+    return simulate_flight(*flown, Scenario(**{"sensors": sensors, **scenario}), seed=seed)
+
+
+def airframe_table(vehicle: Vehicle) -> str:
+    rotors = ", ".join(_rotor(rotor) for rotor in vehicle.rotors)
+    imu = f"imu = {{ position = {list(vehicle.imu_position)} }}\n" if vehicle.imu_position else ""
+    return f"[airframe]\nrotors = [{rotors}]\n{imu}"
+
+
+def experiment_file(
+    path: Path,
+    vehicle: Vehicle,
+    flights: Sequence[Path],
+    *,
+    mass: float | str,
+    extra: str = "",
+) -> Path:
+    """Write an experiment with one configuration."""
+    files = ", ".join(f'"{flight}"' for flight in flights)
+    weight = f'"{mass}"' if isinstance(mass, str) else repr(float(mass))
+    text = f"{airframe_table(vehicle)}\n{extra}\n[[configuration]]\nmass = {weight}\n"
+    path.write_text(f"{text}flights = [{files}]\n", encoding="utf-8")
+    return path
+
+
+def identified(
+    folder: Path,
+    flights: Sequence[SimulatedFlight],
+    *,
+    vehicle: Vehicle | None = None,
+    mass: float | str | None = None,
+    extra: str = "",
+) -> IdentificationResult:
+    """Write flights and an experiment into a folder, and identify from the files."""
+    tables: list[Path] = []
+    for number, flight in enumerate(flights):
+        tables.append(folder / f"flight{number}.csv")
+        tables[-1].unlink(missing_ok=True)
+        write_flight_table(flight, tables[-1])
+    first = flights[0]
+    path = experiment_file(
+        folder / "experiment.toml",
+        vehicle or first.vehicle,
+        [table.relative_to(folder) for table in tables],
+        mass=first.truth.mass if mass is None else mass,
+        extra=extra,
+    )
+    return quietly_identified(path)
+
+
+def quietly_identified(path: Path) -> IdentificationResult:
+    """Identify; doubts about a flight are expected, other warnings are not."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FlightWarning)
+        return identify(load_experiment(path))
+
+
+def _rotor(rotor: Rotor) -> str:
+    place, axis = list(rotor.position), list(rotor.axis)
+    return f'{{ position = {place}, spin = "{rotor.spin}", axis = {axis} }}'

@@ -1,0 +1,318 @@
+"""The experiment file: what is accepted, and what is refused in which words."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from rotorfit.errors import ExperimentError
+from rotorfit.identification.experiment import (
+    load_experiment,
+    motor_model_of,
+    read_options_of,
+    single_flight_experiment,
+    vehicle_of,
+)
+
+LAYOUT = 'layout = "quad-x"\narm = 0.2'
+FLIGHT = 'mass = 1.2\nflights = ["a.csv"]'
+THREE = (
+    'rotors = [ { position = [0, -0.2, 0.01], spin = "ccw" },'
+    ' { position = [0.2, 0.1, 0.01], spin = "cw" },'
+    ' { position = [-0.2, 0.1, 0.01], spin = "cw", axis = [0.0, 0.3, 0.4], group = "rear" } ]'
+)
+
+
+def written(folder, *, airframe=LAYOUT, motors="", identification="", flights=FLIGHT, top=""):
+    path = folder / "experiment.toml"
+    path.write_text(
+        f"{top}\n[airframe]\n{airframe}\n[motors]\n{motors}\n"
+        f"[identification]\n{identification}\n[[configuration]]\n{flights}\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+def refusal(path):
+    with pytest.raises(ExperimentError) as caught:
+        load_experiment(path)
+    return str(caught.value)
+
+
+def test_every_key_is_read(tmp_path):
+    experiment = load_experiment(
+        written(
+            tmp_path,
+            top='name = "two"',
+            airframe=f'axes = "FLU"\n{THREE}\nimu = {{ position = [1, 2, 3], position_std = 0.1 }}',
+            motors='speed = "commanded"\nlaw = { polynomial = [0, 900, 50] }\nlag = 0.04\n'
+            "delay = 0.01\npoles = 14",
+            identification='source = "imu"\nmethod = "tls"\npreset = "paper"\ncutoff = 4\n'
+            "r_sigma = 100",
+            flights='name = "B"\nmass = 1.4\nmass_std = 0.002\nflights = [ "a.csv", '
+            '{ file = "b.csv",'
+            ' log = 2, start = 1, end = 9.5, axes = "FRD", columns = { gyro_x = "GX",'
+            ' accel_x = { name = "AX", unit = "g", scale = 2, offset = 1,'
+            " range = [-16, 16] } } } ]",
+        )
+    )
+    assert experiment.name == "two"
+    vehicle = vehicle_of(experiment.airframe)
+    assert vehicle.imu_position == (1.0, 2.0, 3.0)
+    assert vehicle.imu_position_std == 0.1
+    assert vehicle.rotors[2].axis == pytest.approx((0.0, 0.6, 0.8))
+    assert vehicle.rotors[2].group == "rear"
+    motors = motor_model_of(experiment.motors)
+    assert (motors.speed, motors.law) == ("commanded", (0.0, 900.0, 50.0))
+    assert (motors.lag, motors.delay) == (0.04, 0.01)
+    asked = experiment.identification
+    assert (asked.method, asked.preset, asked.cutoff, asked.r_sigma) == ("tls", "paper", 4.0, 100.0)
+    configuration = experiment.configuration[0]
+    assert (configuration.name, configuration.mass_std) == ("B", 0.002)
+    options = read_options_of(configuration.flights[1], experiment.motors)
+    assert (options.log_number, options.axes, options.motor_poles) == (2, "FRD", 14)
+    assert options.columns["gyro_x"].name == "GX"
+    column = options.columns["accel_x"]
+    assert (column.name, column.unit, column.scale, column.offset) == ("AX", "g", 2.0, 1.0)
+    assert column.range == (-16.0, 16.0)
+    assert (configuration.flights[1].start, configuration.flights[1].end) == (1.0, 9.5)
+
+
+def test_defaults_are_the_plain_ones(tmp_path):
+    experiment = load_experiment(written(tmp_path))
+    assert experiment.name == "experiment"
+    assert experiment.airframe.axes == "FLU"
+    assert experiment.airframe.order == "px4"
+    assert experiment.motors.speed == "measured"
+    assert experiment.identification.method == "ols"
+    assert experiment.configuration[0].name == "A"
+    assert vehicle_of(experiment.airframe).imu_position is None
+
+
+@pytest.mark.parametrize("mass", ["1.285", "2", '"unknown"'])
+def test_mass_is_a_number_or_unknown(tmp_path, mass):
+    loaded = load_experiment(written(tmp_path, flights=f'mass = {mass}\nflights = ["a"]'))
+    assert repr(loaded.configuration[0].mass) in (mass, mass.replace('"', "'"), f"{mass}.0")
+
+
+@pytest.mark.parametrize(
+    ("mass", "words"),
+    [
+        ("mass = 0", "mass: should be greater than 0, or should be 'unknown' (it is 0)"),
+        ("mass = -1.2", "mass: should be greater than 0"),
+        ("mass = nan", "mass: should be a finite number"),
+        ("mass = inf", "mass: should be a finite number"),
+        ("mass = true", "mass: should be a valid number"),
+        ('mass = "1.2"', "mass: should be a valid number"),
+        ('mass = "heavy"', "should be 'unknown' (it is 'heavy')"),
+        ("", "configuration[0].mass is missing"),
+    ],
+)
+def test_a_wrong_mass_is_refused_once(tmp_path, mass, words):
+    message = refusal(written(tmp_path, flights=f'{mass}\nflights = ["a.csv"]'))
+    assert words in message
+    assert message.count(";") == 0
+    assert message.startswith("experiment.toml: ")
+
+
+@pytest.mark.parametrize(
+    ("part", "text", "words"),
+    [
+        ("top", 'nam = "x"', "unknown key nam, did you mean 'name'?"),
+        ("airframe", f"{LAYOUT}\nimu = {{ posiion = [0, 0, 0] }}", "did you mean 'position'?"),
+        ("airframe", f"{LAYOUT}\naxis = [0, 0, 1]", "unknown key airframe.axis, did you mean"),
+        ("motors", 'sped = "measured"', "unknown key motors.sped, did you mean 'speed'?"),
+        ("identification", "cutof = 3", "identification.cutof, did you mean 'cutoff'?"),
+        ("flights", f"{FLIGHT}\nmas_std = 1", "configuration[0].mas_std, did you mean 'mass_std'?"),
+        ("flights", f"{FLIGHT}\nqqqq = 1", "qqqq; known keys: airframe, arm, axes"),
+        (
+            "flights",
+            'mass = 1\nflights = [ { file = "a",'
+            ' columns = { gyro_x = { name = "g", scal = 2 } } } ]',
+            "unknown key configuration[0].flights[0].columns.gyro_x.scal, did you mean 'scale'?",
+        ),
+    ],
+)
+def test_unknown_keys_are_refused_with_the_nearest(tmp_path, part, text, words):
+    assert words in refusal(written(tmp_path, **{part: text}))
+
+
+@pytest.mark.parametrize(
+    ("part", "key", "reason"),
+    [
+        ("flights", 'validation = ["b.csv"]', "flights kept for validation"),
+        ("flights", "payload = []", "known payloads"),
+        ("flights", 'payload_of = "A"', "known payloads"),
+        ("flights", "weight = 2.0", "several configurations in one estimate"),
+        ("identification", 'terms = ["drag"]', "a choice of terms"),
+        ("motors", "lag_std = 0.01", "estimation of the motor lag"),
+    ],
+)
+def test_keys_of_later_versions_are_refused_with_the_reason(tmp_path, part, key, reason):
+    text = f"{FLIGHT}\n{key}" if part == "flights" else key
+    message = refusal(written(tmp_path, **{part: text}))
+    assert f"({reason} is not available in this version; take the key out)" in message
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ('method = "banded"', "from all equations at once ('banded') is not available"),
+        ('source = "mocap"', "motion capture as the source ('mocap') is not available"),
+        ('method = "magic"', "should be 'ols' or 'tls' (it is 'magic')"),
+        ('preset = "papers"', "should be 'paper' (it is 'papers')"),
+        ("cutoff = 0", "cutoff: should be greater than 0"),
+        ('r_sigma = "x"', "r_sigma: should be a valid number"),
+    ],
+)
+def test_wrong_settings_are_refused(tmp_path, key, words):
+    assert words in refusal(written(tmp_path, identification=key))
+
+
+@pytest.mark.parametrize(
+    ("airframe", "words"),
+    [
+        ("", "give either rotors = [ { position"),
+        (f"{LAYOUT}\n{THREE}", "give either rotors = [ { position"),
+        ('layout = "quad-x"', "layout needs arm"),
+        ('layout = "quad-x"\narm = -0.2', "arm: should be greater than 0"),
+        (
+            'layout = "qad-x"\narm = 0.2',
+            "no layout 'qad-x' in the motor order 'px4'; known: quad-x",
+        ),
+        ('layout = "hexa-x"\narm = 1\norder = "betaflight"', "or list the rotors with position"),
+        (f'{LAYOUT}\norder = "pix4"', "should be 'px4', 'ardupilot', 'betaflight', 'crazyflie' or"),
+        (f'{LAYOUT}\naxes = "NED"', "axes: should be 'FLU' or 'FRD' (it is 'NED')"),
+        (f"{LAYOUT}\nimu = {{ position = [0, 0] }}", "airframe.imu.position[2] is missing"),
+        (f"{LAYOUT}\nimu = {{ position = [0, 0, nan] }}", "position[2]: should be a finite number"),
+        (
+            f"{LAYOUT}\nimu = {{ position = [0, 0, 0], position_std = -1 }}",
+            "should be greater than or equal to 0",
+        ),
+        ("rotors = []", "0 rotors; a multirotor has 3 to 16"),
+        ('rotors = "four"', "airframe.rotors: should be a list [ ... ]"),
+        ("rotors = [1, 2, 3]", "rotors[0]: should be a table { ... } (it is 1)"),
+        (THREE.replace("cw", "CW"), "rotors[0].spin: should be 'ccw' or 'cw' (it is 'cCW')"),
+        (f"{THREE}\narm = 0.2", "arm and order belong to layout"),
+        (f'{THREE}\norder = "px4"', "arm and order belong to layout"),
+        (THREE.replace("-0.2, 0.1", "0.2, 0.1"), "rotors 2 and 3 are both at [0.2, 0.1, 0.01]"),
+    ],
+)
+def test_wrong_airframes_are_refused(tmp_path, airframe, words):
+    assert words in refusal(written(tmp_path, airframe=airframe))
+
+
+def test_a_rotor_without_direction_is_refused(tmp_path):
+    rotors = THREE.replace("[0.0, 0.3, 0.4]", "[0, 0, 0]")
+    with pytest.raises(ExperimentError, match="give the direction of its thrust"):
+        vehicle_of(load_experiment(written(tmp_path, airframe=rotors)).airframe)
+
+
+@pytest.mark.parametrize(
+    ("motors", "words"),
+    [
+        ('speed = "guessed"', "should be 'measured' or 'commanded'"),
+        ("lag = 0.04", "law and lag belong to speed = 'commanded'"),
+        ("law = { polynomial = [0, 1] }", "law and lag belong to speed = 'commanded'"),
+        ('speed = "commanded"\nlag = -1', "should be greater than or equal to 0"),
+        ('speed = "commanded"\nlaw = { polynomial = [1] }', "polynomial: has too few entries"),
+        ("delay = 0.5", "should be less than or equal to 0.1"),
+        ("poles = 1", "should be greater than or equal to 2"),
+    ],
+)
+def test_wrong_motors_are_refused(tmp_path, motors, words):
+    assert words in refusal(written(tmp_path, motors=motors))
+
+
+@pytest.mark.parametrize(
+    ("flights", "words"),
+    [
+        ("", "flights is missing"),
+        ("flights = []", "configuration[0].flights: has too few entries"),
+        ('flights = "a.csv"', "flights: should be a list [ ... ] (it is 'a.csv')"),
+        ("flights = [3]", "flights[0]: should be a table { ... } (it is 3)"),
+        ('flights = [ { fil = "a" } ]', "configuration[0].flights[0].file is missing"),
+        ('flights = [ { file = "a", log = 0 } ]', "should be greater than or equal to 1"),
+        ('flights = [ { file = "a", start = 3, end = 3 } ]', "end = 3.0 is not after start = 3.0"),
+        ('flights = [ { file = "a", axes = "NED" } ]', "should be 'FLU' or 'FRD'"),
+        ('flights = [ "a", "b", { file = "a" } ]', "flight 'a' is listed twice"),
+    ],
+)
+def test_wrong_flights_are_refused(tmp_path, flights, words):
+    assert words in refusal(written(tmp_path, flights=f"mass = 1.0\n{flights}"))
+
+
+def test_two_parts_of_one_log_are_two_flights(tmp_path):
+    flights = 'flights = [ { file = "a", end = 9 }, { file = "a", start = 9 } ]'
+    experiment = load_experiment(written(tmp_path, flights=f"mass = 1.0\n{flights}"))
+    assert len(experiment.configuration[0].flights) == 2
+
+
+def test_several_problems_are_all_named(tmp_path):
+    message = refusal(written(tmp_path, motors="poles = 1", flights="mass = 0\nflights = []"))
+    for place in ("motors.poles", "configuration[0].mass", "configuration[0].flights"):
+        assert place in message
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"[airframe", "is not valid TOML: "),
+        (b"\xff\xfe\x00", "cannot be read as text"),
+        (b"", "airframe is missing; configuration is missing"),
+        (b"\xef\xbb\xbfname = 3", 'name: should be text in "quotes"'),
+    ],
+)
+def test_files_that_are_no_experiment_are_refused(tmp_path, content, words):
+    path = tmp_path / "experiment.toml"
+    path.write_bytes(content)
+    assert words in refusal(path)
+
+
+def test_missing_files_and_folders_are_refused(tmp_path):
+    assert refusal(tmp_path / "none.toml").startswith("no file ")
+    assert refusal(tmp_path).endswith("is a folder; give the TOML file in it")
+
+
+def test_flights_are_relative_to_the_file(tmp_path, monkeypatch):
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    absolute = (tmp_path / "b.csv").as_posix()
+    flights = f'mass = 1.0\nflights = [ "logs/a.csv", "{absolute}" ]'
+    path = written(tmp_path, flights=flights)
+    for given in (path, Path("..") / "experiment.toml"):
+        loaded = load_experiment(given).configuration[0].flights
+        assert Path(loaded[0].file).is_absolute()
+        assert Path(loaded[0].file).resolve() == (tmp_path / "logs" / "a.csv").resolve()
+        assert Path(loaded[1].file) == tmp_path / "b.csv"
+
+
+def mirrored(match):
+    x, y, z = (float(part) for part in match[1].split(","))
+    return f"[{x}, {-y}, {-z}]"
+
+
+def test_an_frd_airframe_equals_its_flu_twin(tmp_path):
+    body = f"{THREE}\nimu = {{ position = [0.01, 0.02, 0.03] }}"
+    flu = load_experiment(written(tmp_path, airframe=body)).airframe
+    turned = re.sub(r"\[([-0-9., ]+)\]", mirrored, body)
+    assert turned != body
+    frd = load_experiment(written(tmp_path, airframe=f'axes = "FRD"\n{turned}')).airframe
+    assert vehicle_of(frd) == vehicle_of(flu)
+    assert vehicle_of(frd).rotors[0].axis == (0.0, 0.0, 1.0)
+
+
+def test_one_log_needs_a_mass_and_an_airframe_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    airframe = tmp_path / "airframe.toml"
+    airframe.write_text(f"[airframe]\n{LAYOUT}\n[motors]\npoles = 14\n")
+    made = single_flight_experiment(Path("LOG7.BFL"), mass=0.5, airframe=airframe)
+    assert made.name == "LOG7"
+    assert Path(made.configuration[0].flights[0].file) == tmp_path / "LOG7.BFL"
+    assert made.motors.poles == 14
+    for mass in (0.0, -1.0, float("nan")):
+        with pytest.raises(ExperimentError, match=r"airframe.toml: configuration\[0\].mass"):
+            single_flight_experiment(Path("a"), mass=mass, airframe=airframe)
+    airframe.write_text(f"[airframe]\n{LAYOUT}\n[[configuration]]\n{FLIGHT}\n")
+    with pytest.raises(ExperimentError, match="unknown key configuration"):
+        single_flight_experiment(Path("a"), mass=0.5, airframe=airframe)
