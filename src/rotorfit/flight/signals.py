@@ -41,7 +41,7 @@ def hampel(
         deviation = np.abs(x - median)
         local = ndimage.median_filter(deviation, SCALE_WIDTH, mode="nearest")
         low, high = np.percentile(x, [1.0, 99.0])
-        floor = max(0.25 * float(np.percentile(deviation, 95)), 1e-3 * float(high - low))
+        floor = max(0.4 * float(np.percentile(deviation, 95)), 1e-3 * float(high - low))
         bad = deviation > SPIKE_THRESHOLD * 1.4826 * np.maximum(local, floor)
         clean[bad, column] = median[bad]
         spikes |= bad

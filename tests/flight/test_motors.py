@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+
+from rotorfit.flight.motors import first_order_lag, shift_time, speed_from_command
+
+
+def test_the_lag_is_the_exact_recursion_of_a_held_command():
+    held = np.random.default_rng(0).uniform(0, 800, (300, 4))
+    lagged = first_order_lag(held, 200.0, 0.04)
+    speed = held[0].copy()
+    for row in range(300):
+        assert lagged[row] == pytest.approx(speed, rel=1e-12)
+        speed = held[row] + (speed - held[row]) * np.exp(-0.005 / 0.04)
+
+
+def test_the_lag_answers_a_step_as_the_differential_equation_does():
+    t = np.arange(200) / 500
+    held = np.where(t < 0.1, 100.0, 600.0)[:, None]
+    expected = np.where(t < 0.1, 100.0, 600.0 - 500.0 * np.exp(-(t - 0.1) / 0.03))
+    assert first_order_lag(held, 500.0, 0.03)[:, 0] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("lag", [0.0, -1.0])
+def test_without_lag_the_command_is_the_speed(lag):
+    held = np.ones((3, 4))
+    assert first_order_lag(held, 200.0, lag) is held
+
+
+def test_motors_start_settled():
+    assert first_order_lag(np.full((50, 2), 7.0), 200.0, 0.1) == pytest.approx(7.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.0123, -0.004])
+def test_a_delay_shows_a_ramp_as_it_was(delay):
+    t = np.arange(400) / 200
+    shifted = shift_time(np.stack([3 * t, -t], axis=1), 200.0, delay)
+    assert shifted[10:-10, 0] == pytest.approx(3 * (t - delay)[10:-10])
+    assert shifted[10:-10, 1] == pytest.approx(-(t - delay)[10:-10])
+
+
+def test_no_delay_changes_nothing():
+    x = np.ones((3, 1))
+    assert shift_time(x, 200.0, 0.0) is x
+
+
+def test_the_law_is_a_polynomial_of_the_command():
+    u = np.linspace(0, 1, 5)[:, None] * np.ones(4)
+    assert speed_from_command(u, (50.0, 900.0, -100.0)) == pytest.approx(50 + 900 * u - 100 * u**2)
+    assert speed_from_command(u, (0.0, 1.0)) == pytest.approx(u)
