@@ -227,18 +227,19 @@ def _refuse_grounded(
     az = _block_means(motion.specific_force[rows, 2:], block)[:, 0]
     push = _block_means(thrust[rows, None], block)[:, 0]
     speeds = _block_means(motion.rotor_speed[rows], block)
+    rates = _block_means(motion.angular_velocity[rows], block)
+    turning = float(rates.std(axis=0).max())
     change = float(push.std() / push.mean())
     steering = float((speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1e-12)).max())
-    follows = 1.0
     if change > 0.03:
         swing = push - push.mean()
         follows = float(swing @ az / (swing @ swing)) / thrust_to_force(motion, thrust)
-    if follows < 0.2 or max(change, steering) < 0.004:
-        why = (
-            "its acceleration does not follow the rotors"
-            if follows < 0.2
-            else "the motors run at one speed throughout, as on the ground or in a hand"
-        )
+        why = "its acceleration does not follow the rotors" if follows < 0.2 else ""
+    else:
+        why = "it does not turn at all, and its thrust stays the same" if turning < 0.01 else ""
+    if max(change, steering) < 0.004:
+        why = "the motors run at one speed throughout, as on the ground or in a hand"
+    if why:
         raise FlightError(
             f"the motors turn but the vehicle never flies ({why}); give the log of a flight, or "
             "set start and end of the flight yourself"
