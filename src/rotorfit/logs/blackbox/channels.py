@@ -23,6 +23,16 @@ GYRO_FIELDS: Final = ("gyroADC", "gyroData")
 ACCEL_FIELDS: Final = ("accUnfiltered", "accADC", "accSmooth")
 ROTOR_FIELDS: Final = ("omegaUnfiltered", "omega")
 BATTERY_FIELDS: Final = ("vbatLatest", "vbat")
+_OTHER_FIELDS: Final = ("motor", "eRPM", "extPos", "quat", "imuQuaternion")
+MAX_COLUMNS: Final = 12
+"""Most rotors; INAV has as many outputs."""
+
+FIELDS: Final = frozenset(
+    name
+    for base in (*GYRO_FIELDS, *ACCEL_FIELDS, *ROTOR_FIELDS, *BATTERY_FIELDS, *_OTHER_FIELDS)
+    for name in (base, *(f"{base}[{i}]" for i in range(MAX_COLUMNS)))
+)
+"""The fields that make the channels; the others need not be kept."""
 
 
 def read_channels(log: BlackboxLog) -> tuple[dict[str, Channel], list[str]]:
@@ -74,12 +84,13 @@ def _vector(
 ) -> tuple[str, Int[np.ndarray, "n k"]] | None:
     """Return the first of some array fields that the log has, with its columns [0], [1], ...
 
-    Without `count`, as many columns as there are; with it, that many or none.
+    Without `count`, as many columns as there are, `MAX_COLUMNS` at most; with it, that many or
+    none.
     """
     names = log.main.names
     for base in bases:
         size = 0
-        while (count is None or size < count) and f"{base}[{size}]" in names:
+        while size < (count or MAX_COLUMNS) and f"{base}[{size}]" in names:
             size += 1
         if size and (count is None or size == count):
             columns = [log.main.column(f"{base}[{i}]") for i in range(size)]
@@ -103,7 +114,8 @@ def _gyro(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     per_count = _gyro_scale(log.header)
     if per_count is None:
         return "header line gyro_scale is missing or no number"
-    others = [b for b in ("gyroADCafterRpm", "gyroUnfilt") if f"{b}[0]" in log.main.names]
+    declared = log.header.frames["I"].names
+    others = [b for b in ("gyroADCafterRpm", "gyroUnfilt") if f"{b}[0]" in declared]
     source = f"{base}[0..2], filtered as the header says, {math.degrees(per_count):.6g} deg/s"
     source += "".join(f"; the log also has {other}" for other in others)
     return _scaled(time, raw, per_count, source)

@@ -1,14 +1,15 @@
 """One log of a Blackbox file as arrays: every field of every frame."""
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Bool, Int, UInt32
 
 from rotorfit.errors import LogError
-from rotorfit.logs.blackbox.encodings import ByteIndex, index_bytes, read_frames
-from rotorfit.logs.blackbox.events import LOGGING_RESUME, Event
+from rotorfit.logs.blackbox.encodings import read_frames
+from rotorfit.logs.blackbox.events import LOGGING_RESUME, MAX_EVENTS, Event
 from rotorfit.logs.blackbox.header import (
     MAX_BYTES,
     FrameDefinition,
@@ -23,7 +24,7 @@ from rotorfit.logs.blackbox.predict import (
     position_after_intra,
     wrap,
 )
-from rotorfit.logs.blackbox.scan import DAMAGE, Scan, scan_frames
+from rotorfit.logs.blackbox.scan import DAMAGE, Window, scan_frames
 
 MAX_TIME_JUMP: Final = 10_000_000
 """Longest credible time between consecutive main frames [us]."""
@@ -39,22 +40,32 @@ class Table:
     ----------
     names
         Of the fields.
-    values
-        One row per frame in the order of the file, one column per field; as recorded, no units.
+    signed
+        Whether a field is a signed integer.
+    bits
+        One row per frame in the order of the file, one column per field: the 32 bits of each
+        integer, signed or not.
     positions
         Of the first field of each frame [bytes from the first frame of the log].
     """
 
     names: tuple[str, ...]
-    values: Int[np.ndarray, "n k"]
+    signed: tuple[bool, ...]
+    bits: UInt32[np.ndarray, "n k"]
     positions: Int[np.ndarray, " n"]
 
     def __len__(self) -> int:
-        return len(self.values)
+        return len(self.bits)
+
+    @property
+    def values(self) -> Int[np.ndarray, "n k"]:
+        """All fields of all frames; as recorded, no units."""
+        return wrap(self.bits.astype(np.int64), self.signed)
 
     def column(self, name: str) -> Int[np.ndarray, " n"]:
         """Return one field of all frames."""
-        return self.values[:, self.names.index(name)]
+        i = self.names.index(name)
+        return self.bits[:, i].astype(np.int32 if self.signed[i] else np.uint32).astype(np.int64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +112,34 @@ class BlackboxLog:
     logs_in_file: int
 
 
-def decode(data: bytes | memoryview, *, log_number: int | None = None) -> BlackboxLog:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Written:
+    """Frames of one kind (I and P are one) before prediction.
+
+    Attributes
+    ----------
+    is_intra
+        Which are I frames.
+    damages
+        Number of damaged stretches of the log before each frame.
+    positions
+        Of the first field [bytes from the first frame of the log].
+    bits
+        Fields as they are written.
+    bad
+        Whether a number of the frame cannot be.
+    """
+
+    is_intra: Bool[np.ndarray, " n"]
+    damages: Int[np.ndarray, " n"]
+    positions: Int[np.ndarray, " n"]
+    bits: UInt32[np.ndarray, "n k"]
+    bad: Bool[np.ndarray, " n"]
+
+
+def decode(
+    data: bytes, *, log_number: int | None = None, fields: Collection[str] | None = None
+) -> BlackboxLog:
     """Decode one log of a Blackbox file.
 
     Parameters
@@ -110,18 +148,20 @@ def decode(data: bytes | memoryview, *, log_number: int | None = None) -> Blackb
         The whole file.
     log_number
         Which log, from 1; may be left out if there is only one.
+    fields
+        Of the main frames, those to keep besides loopIteration and time; of the other frames no
+        field is kept then. None: every field of every frame.
 
     Returns
     -------
     BlackboxLog
-        Every field of every frame that can be read.
+        Every frame that can be read.
 
     Raises
     ------
     LogError
         If there is no such log, the choice is missing, or the header cannot be used.
     """
-    data = bytes(data)
     if len(data) > MAX_BYTES:
         raise LogError(
             f"Blackbox file has {len(data)} bytes, expected {MAX_BYTES} at most: "
@@ -129,27 +169,26 @@ def decode(data: bytes | memoryview, *, log_number: int | None = None) -> Blackb
         )
     ranges = find_logs(data)
     number = _chosen(len(ranges), log_number)
-    header = read_header(data, *ranges[number - 1])
-    body = data[header.data_start : header.stop]
-    index = index_bytes(body)
-    scan = scan_frames(body, index, header)
-    main, is_intra, dropped = _main_frames(scan, index, header)
-    slow, bad_slow = _plain_frames("S", scan, index, header)
-    home, bad_home = _plain_frames("H", scan, index, header)
-    gps, bad_gps = _gps_frames(scan, index, header, main=main, home=home)
+    whole = read_header(data, *ranges[number - 1])
+    header = replace(whole, frames=_kept(whole, fields))
+    written, events, damages, last = _read(data, whole, header)
+    main, is_intra, dropped = _main_frames(written["IP"], events, header)
+    slow, bad_slow = _plain_frames("S", written, header)
+    home, bad_home = _plain_frames("H", written, header)
+    gps, bad_gps = _gps_frames(written, header, main=main, home=home)
     return BlackboxLog(
-        header=header,
+        header=whole,
         main=main,
         is_intra=is_intra,
         slow=slow,
         gps=gps,
         home=home,
-        events=scan.events,
-        damaged_stretches=int((scan.letters == DAMAGE).sum()),
-        skipped_bytes=scan.skipped_bytes,
+        events=events,
+        damaged_stretches=damages[0],
+        skipped_bytes=damages[1],
         dropped_frames=dropped + bad_slow + bad_home + bad_gps,
-        trailing_bytes=scan.trailing_bytes,
-        ended=scan.ended,
+        trailing_bytes=whole.stop - whole.data_start - (last.stop if last else 0),
+        ended=last is not None and last.ended,
         log_number=number,
         logs_in_file=len(ranges),
     )
@@ -173,37 +212,118 @@ def _chosen(count: int, log_number: int | None) -> int:
     return number
 
 
+def _kept(header: Header, fields: Collection[str] | None) -> dict[str, FrameDefinition]:
+    """Return the definitions of all frames, with the fields that are to be kept."""
+    if fields is None:
+        return dict(header.frames)
+    # What P frames and the other motors refer to belongs to the fields.
+    wanted = {*fields, "loopIteration", "time", "motor[0]"}
+    return {
+        letter: definition.only(wanted if letter in "IP" else ())
+        for letter, definition in header.frames.items()
+    }
+
+
+def _read(
+    data: bytes, whole: Header, kept: Header
+) -> tuple[dict[str, _Written], tuple[Event, ...], tuple[int, int], Window | None]:
+    """Return all frames by their letters, the events, the damage, and the last window.
+
+    The damage is the number of its stretches and of the bytes skipped.
+    """
+    kinds = ["IP", *(letter for letter in "SGH" if letter in whole.frames)]
+    parts: dict[str, list[_Written]] = {letters: [] for letters in kinds}
+    events: list[Event] = []
+    stretches = skipped = 0
+    window = None
+    for window in scan_frames(data, whole):
+        for letters in kinds:
+            parts[letters].append(_read_window(letters, window, whole, kept, stretches))
+        events.extend(window.events)
+        stretches += int((window.letters == DAMAGE).sum())
+        skipped += window.skipped_bytes
+        if len(events) > MAX_EVENTS:
+            raise LogError(
+                f"Blackbox log has more than {MAX_EVENTS} events, expected some dozens: "
+                "it is damaged, copy it from the recorder again"
+            )
+    written = {letters: _joined(parts.pop(letters), letters, kept) for letters in kinds}
+    return written, tuple(events), (stretches, skipped), window
+
+
+def _read_window(
+    letters: str, window: Window, whole: Header, kept: Header, damages_before: int
+) -> _Written:
+    """Return the frames of one kind in one part of the log."""
+    chosen = np.isin(window.letters, np.frombuffer(letters.encode(), np.uint8))
+    kind, starts = window.letters[chosen], window.starts[chosen]
+    bits = np.zeros((len(starts), len(kept.frames[letters[0]].names)), np.uint32)
+    bad = np.zeros(len(starts), bool)
+    for letter in letters:
+        rows = kind == ord(letter)
+        if rows.any():
+            definition = whole.frames[letter]
+            values, bad[rows] = read_frames(
+                window.index, starts[rows], definition, whole.data_version
+            )
+            names = kept.frames[letter].names
+            columns = [i for i, name in enumerate(definition.names) if name in set(names)]
+            bits[rows] = values[:, columns].astype(np.uint32)
+    damages = damages_before + np.cumsum(window.letters == DAMAGE)[chosen]
+    return _Written(
+        is_intra=kind == ord("I"),
+        damages=damages.astype(np.int32),
+        positions=(window.origin + starts).astype(np.int32),
+        bits=bits,
+        bad=bad,
+    )
+
+
+def _joined(parts: list[_Written], letters: str, kept: Header) -> _Written:
+    """Return the frames of all parts of the log together."""
+    if not parts:
+        none, width = np.zeros(0, np.int32), len(kept.frames[letters[0]].names)
+        no = np.zeros(0, bool)
+        bits = np.zeros((0, width), np.uint32)
+        return _Written(is_intra=no, damages=none, positions=none, bits=bits, bad=no)
+    return _Written(
+        is_intra=np.concatenate([part.is_intra for part in parts]),
+        damages=np.concatenate([part.damages for part in parts]),
+        positions=np.concatenate([part.positions for part in parts]),
+        bits=np.concatenate([part.bits for part in parts]),
+        bad=np.concatenate([part.bad for part in parts]),
+    )
+
+
 def _main_frames(
-    scan: Scan, index: ByteIndex, header: Header
+    written: _Written, events: tuple[Event, ...], header: Header
 ) -> tuple[Table, Bool[np.ndarray, " n"], int]:
     """Return I and P frames with their values, which are I frames, and how many were left out."""
-    letters, starts = scan.letters, scan.starts
-    relevant = np.isin(letters, np.frombuffer(b"IP?", np.uint8))
-    letters, starts = letters[relevant], starts[relevant]
-    read = len(letters) - int((letters == DAMAGE).sum())
-    usable = _has_history(letters, header.i_interval)
-    letters, starts = letters[usable], starts[usable]
-    is_intra = letters == ord("I")
-    intra = header.frames["I"]
-    inter = header.frames.get("P", intra)
-    written = np.empty((len(starts), len(intra.names)), np.int64)
-    bad = np.zeros(len(starts), bool)
-    for rows, definition in ((is_intra, intra), (~is_intra, inter)):
-        written[rows], bad[rows] = read_frames(index, starts[rows], definition, header.data_version)
-    values = main_values(written, is_intra, header)
-    table = Table(names=intra.names, values=values, positions=starts)
-    keep = _credible(table, is_intra, bad, scan.events)
-    table = Table(names=intra.names, values=values[keep], positions=starts[keep])
-    return table, is_intra[keep], read - len(table)
+    usable = _has_history(written.is_intra, written.damages, header.i_interval)
+    is_intra, positions = written.is_intra[usable], written.positions[usable]
+    bits = main_values(written.bits[usable], is_intra, header)
+    definition = header.frames["I"]
+    table = _table(definition, bits, positions)
+    keep = _credible(table, is_intra, written.bad[usable], events)
+    if not keep.all():
+        table = _table(definition, bits[keep], positions[keep])
+    return table, is_intra[keep], len(usable) - len(table)
 
 
-def _has_history(letters: UInt8[np.ndarray, " n"], i_interval: int) -> Bool[np.ndarray, " n"]:
+def _table(
+    definition: FrameDefinition, bits: UInt32[np.ndarray, "n k"], positions: Int[np.ndarray, " n"]
+) -> Table:
+    return Table(names=definition.names, signed=definition.signed, bits=bits, positions=positions)
+
+
+def _has_history(
+    is_intra: Bool[np.ndarray, " n"], damages: Int[np.ndarray, " n"], i_interval: int
+) -> Bool[np.ndarray, " n"]:
     """Return which main frames are I frames, or P frames in unbroken succession to one."""
-    is_intra = letters == ord("I")
     after_intra = position_after_intra(is_intra)
-    after_damage = position_after_intra(letters == DAMAGE)
-    follows = (after_damage < 0) | (after_intra < after_damage)
-    return (after_intra >= 0) & (after_intra < i_interval) & follows & (letters != DAMAGE)
+    intra_before = np.arange(len(is_intra), dtype=np.int32) - np.maximum(after_intra, 0)
+    unbroken = damages == damages[intra_before]
+    return (after_intra >= 0) & (after_intra < i_interval) & unbroken
 
 
 def _credible(
@@ -219,9 +339,9 @@ def _credible(
     step = np.diff(time, prepend=time[:1]) % (1 << 32)  # the clock overflows after 71 minutes
     bad = bad | (~is_intra & (step > MAX_TIME_JUMP))
     rows = np.flatnonzero(is_intra)
-    stretch = np.cumsum(is_intra) - 1
+    stretch = np.cumsum(is_intra, dtype=np.int32) - 1
     intra_bad = bad[rows] | ~_intra_in_line(table, rows, events)
-    doubts = np.cumsum(bad)
+    doubts = np.cumsum(bad, dtype=np.int32)
     before = doubts[rows] - bad[rows]
     return (doubts == before[stretch]) & ~intra_bad[stretch]
 
@@ -234,11 +354,12 @@ def _intra_in_line(
     One that does not is accepted all the same if logging was resumed in between, or if it agrees
     with the I frame after it although that does not continue the accepted ones either.
     """
-    time = table.column("time")[rows].tolist()
-    iteration = table.column("loopIteration")[rows].tolist()
+    # Views give out one Python integer at a time, lists would hold them all.
+    time = table.column("time")[rows].data
+    iteration = table.column("loopIteration")[rows].data
     resumed = [e.position for e in events if e.kind == LOGGING_RESUME]
     positions = table.positions[rows]
-    resumes = np.searchsorted(np.array(resumed, np.int64), positions).tolist()
+    resumes = np.searchsorted(np.array(resumed, np.int64), positions).data
 
     def continues(a: int, b: int) -> bool:
         in_time = (time[b] - time[a]) % (1 << 32) <= MAX_TIME_JUMP
@@ -252,40 +373,33 @@ def _intra_in_line(
     return accepted
 
 
-def _plain_frames(letter: str, scan: Scan, index: ByteIndex, header: Header) -> tuple[Table, int]:
+def _plain_frames(letter: str, written: dict[str, _Written], header: Header) -> tuple[Table, int]:
     """Return the S or H frames, and how many were left out."""
-    if letter not in header.frames:
+    if letter not in written:
         return _empty_table(), 0
-    definition = header.frames[letter]
-    written, starts, dropped = _read(letter, scan, index, header)
-    values = wrap(add_constants(written, definition, header), definition.signed)
-    return Table(names=definition.names, values=values, positions=starts), dropped
+    definition, frames = header.frames[letter], written[letter]
+    good = ~frames.bad
+    values = add_constants(frames.bits[good].astype(np.int64), definition, header)
+    table = _table(definition, values.astype(np.uint32), frames.positions[good])
+    return table, int(frames.bad.sum())
 
 
 def _gps_frames(
-    scan: Scan, index: ByteIndex, header: Header, *, main: Table, home: Table
+    written: dict[str, _Written], header: Header, *, main: Table, home: Table
 ) -> tuple[Table, int]:
     """Return the G frames, and how many were left out."""
-    if "G" not in header.frames:
+    if "G" not in written:
         return _empty_table(), 0
-    definition: FrameDefinition = header.frames["G"]
-    written, starts, dropped = _read("G", scan, index, header)
+    frames = written["G"]
+    good = ~frames.bad
+    positions = frames.positions[good]
     values = gps_values(
-        written,
+        frames.bits[good].astype(np.int64),
         header,
-        home=_latest(home, ("GPS_home[0]", "GPS_home[1]"), starts),
-        main_time=_latest(main, ("time",), starts)[:, 0],
+        home=_latest(home, ("GPS_home[0]", "GPS_home[1]"), positions),
+        main_time=_latest(main, ("time",), positions)[:, 0],
     )
-    return Table(names=definition.names, values=values, positions=starts), dropped
-
-
-def _read(
-    letter: str, scan: Scan, index: ByteIndex, header: Header
-) -> tuple[Int[np.ndarray, "n k"], Int[np.ndarray, " n"], int]:
-    """Return the fields as written of all frames of one kind, their positions, and the dropped."""
-    starts = scan.starts[scan.letters == ord(letter)]
-    written, bad = read_frames(index, starts, header.frames[letter], header.data_version)
-    return written[~bad], starts[~bad], int(bad.sum())
+    return _table(header.frames["G"], values.astype(np.uint32), positions), int(frames.bad.sum())
 
 
 def _latest(
@@ -300,4 +414,5 @@ def _latest(
 
 
 def _empty_table() -> Table:
-    return Table(names=(), values=np.zeros((0, 0), np.int64), positions=np.zeros(0, np.int64))
+    none = np.zeros((0, 0), np.uint32)
+    return Table(names=(), signed=(), bits=none, positions=np.zeros(0, np.int32))

@@ -7,6 +7,10 @@ from typing import Final
 EVENT: Final = ord("E")
 LOG_END: Final = 255
 LOGGING_RESUME: Final = 14
+MAX_EVENT_BYTES: Final = 64
+"""No event is longer."""
+MAX_EVENTS: Final = 100_000
+"""Most events of one log; an hour of flight has some dozens."""
 
 # Payload by event number: "u" unsigned and "s" signed variable byte, a digit so many raw bytes.
 _PAYLOADS: Final[dict[int, tuple[str, str]]] = {

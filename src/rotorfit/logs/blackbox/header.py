@@ -1,7 +1,7 @@
 """Where the logs of a Blackbox file begin, and what their text headers declare."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
@@ -14,8 +14,10 @@ MAX_BYTES: Final = 1 << 30
 """Largest file that is decoded; positions are 32-bit integers."""
 MAX_FIELDS: Final = 512
 """Most fields of one frame: INDIflight logs 182, Betaflight some 50."""
-MAX_UNWRITTEN: Final = 8
-"""Most fields of one frame that take no byte, so that no file unpacks without limit."""
+MAX_UNWRITTEN: Final = 2
+"""Most fields of one frame that take no byte, so that no file unpacks without limit.
+
+The firmware has one, loopIteration of the P frames."""
 MAX_INTERVAL: Final = 65536
 """Longest cycle between two I frames [loop iterations]; the firmware has 16 bits for it."""
 DEFAULT_I_INTERVAL: Final = 32
@@ -105,6 +107,16 @@ class FrameDefinition:
     signed: tuple[bool, ...]
     predictors: tuple[Predictor, ...]
     encodings: tuple[Encoding, ...]
+
+    def only(self, names: Collection[str]) -> "FrameDefinition":
+        """Return the definition with some of the fields."""
+        kept = [i for i, name in enumerate(self.names) if name in names]
+        return FrameDefinition(
+            names=tuple(self.names[i] for i in kept),
+            signed=tuple(self.signed[i] for i in kept),
+            predictors=tuple(self.predictors[i] for i in kept),
+            encodings=tuple(self.encodings[i] for i in kept),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,11 +9,15 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Int, UInt32
 
 from rotorfit.logs.blackbox.header import FrameDefinition, Header, Predictor
 
 _WRAP: Final = 1 << 32
+
+_BLOCK_FRAMES: Final = 1 << 14
+_BLOCK_STRETCHES: Final = 32
+"""Frames, or else stretches, that are computed together at least."""
 
 # prediction = (a previous + b before that) / 2, rounded toward zero as in C
 _WEIGHTS: Final = {
@@ -72,15 +76,17 @@ def add_motor_0(
 
 def position_after_intra(is_intra: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
     """Return how many frames before each frame the last I frame is; -1 before the first."""
-    number = np.arange(len(is_intra))
-    last = np.maximum.accumulate(np.where(is_intra, number, -1)) if len(number) else number
-    return np.where(last < 0, -1, number - last)
+    number = np.arange(len(is_intra), dtype=np.int32)
+    last = (
+        np.maximum.accumulate(np.where(is_intra, number, np.int32(-1))) if len(number) else number
+    )
+    return np.where(last < 0, np.int32(-1), number - last)
 
 
 def main_values(
-    written: Int[np.ndarray, "n k"], is_intra: Bool[np.ndarray, " n"], header: Header
-) -> Int[np.ndarray, "n k"]:
-    """Return the values of the main frames.
+    written: UInt32[np.ndarray, "n k"], is_intra: Bool[np.ndarray, " n"], header: Header
+) -> UInt32[np.ndarray, "n k"]:
+    """Return the values of the main frames, some ten thousand frames at a time.
 
     Parameters
     ----------
@@ -95,8 +101,24 @@ def main_values(
     Returns
     -------
     values
-        Of every field, as 32-bit integers.
+        Of every field, the 32 bits.
     """
+    values = np.empty_like(written)
+    # So many stretches at once that their number outweighs that of the steps from I to I frame.
+    least = max(_BLOCK_FRAMES, _BLOCK_STRETCHES * header.i_interval)
+    begin = 0
+    for end in (*np.flatnonzero(is_intra).tolist(), len(written)):
+        if end - begin >= least or end == len(written):
+            block = written[begin:end].astype(np.int64)
+            values[begin:end] = _stretches(block, is_intra[begin:end], header).astype(np.uint32)
+            begin = end
+    return values
+
+
+def _stretches(
+    written: Int[np.ndarray, "n k"], is_intra: Bool[np.ndarray, " n"], header: Header
+) -> Int[np.ndarray, "n k"]:
+    """Return the values of the main frames from an I frame up to before another."""
     values = np.empty_like(written)
     intra = header.frames["I"]
     first = add_motor_0(add_constants(written[is_intra], intra, header), intra)

@@ -1,5 +1,6 @@
 """Blackbox files: recognise, list and read them."""
 
+import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,10 +9,10 @@ from typing import Final
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import FlightLog
-from rotorfit.logs.blackbox.channels import read_channels, seconds
+from rotorfit.logs.blackbox.channels import FIELDS, read_channels, seconds
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
 from rotorfit.logs.blackbox.header import LOG_START, find_logs, read_header
-from rotorfit.logs.files import read_bytes, sha256_of
+from rotorfit.logs.files import read_bytes
 
 _LISTED: Final = 8
 """Most logs that an error message lists."""
@@ -123,7 +124,7 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
     if log_number is None and data.count(LOG_START) > 1:
         raise LogError(f"{path}: {_choice(_entries(data))}")
     try:
-        log = decode(data, log_number=log_number)
+        log = decode(data, log_number=log_number, fields=FIELDS)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
     if len(log.main) == 0:
@@ -136,7 +137,7 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
     time = seconds(log)
     return FlightLog(
         path=path,
-        sha256=sha256_of(path),
+        sha256=hashlib.sha256(data).hexdigest(),
         format="blackbox",
         channels=channels,
         log_number=log.log_number,

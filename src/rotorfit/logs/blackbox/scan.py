@@ -1,8 +1,9 @@
 """Where the frames of a log begin and end, across damage."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
 
@@ -17,40 +18,49 @@ from rotorfit.logs.blackbox.encodings import (
     read_tag2_3s32,
     read_tag8_4s16,
 )
-from rotorfit.logs.blackbox.events import EVENT, LOG_END, Event, read_event
+from rotorfit.logs.blackbox.events import EVENT, LOG_END, MAX_EVENT_BYTES, Event, read_event
 from rotorfit.logs.blackbox.header import Encoding, FrameDefinition, Header
 
 DAMAGE: Final = ord("?")
 """Stands among the letters of the frames where bytes had to be skipped."""
 
+WINDOW: Final = 1 << 20
+"""Bytes whose frames are found and read together; their index takes some twenty times as many."""
+
 _RUN, _MASKED_RUN, _TABLE = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scan:
-    """The frames of one log in the order of the file.
+class Window:
+    """The frames that begin in one part of a log, in the order of the file.
 
     Attributes
     ----------
+    index
+        Of the bytes of this part, and enough more for its last frame.
+    origin
+        Where the part begins [bytes from the first frame of the log].
     letters
         Kind of each frame as ASCII, or `DAMAGE`.
     starts
-        Position after the letter [bytes from the first frame].
+        Position after the letter [bytes from `origin`].
     events
         Of the E frames, which are not among the others.
     skipped_bytes
         In damaged stretches.
-    trailing_bytes
-        After the end-of-log event, or of the frame that was being written when recording stopped.
+    stop
+        After the last whole frame so far [bytes from the first frame of the log].
     ended
-        Whether there is an end-of-log event.
+        Whether an end-of-log event was met.
     """
 
+    index: ByteIndex
+    origin: int
     letters: UInt8[np.ndarray, " n"]
     starts: Int[np.ndarray, " n"]
     events: tuple[Event, ...]
     skipped_bytes: int
-    trailing_bytes: int
+    stop: int
     ended: bool
 
 
@@ -66,8 +76,8 @@ class _Walk:
     longest: int
 
 
-def scan_frames(data: bytes, index: ByteIndex, header: Header) -> Scan:
-    """Find all frames of one log.
+def scan_frames(data: bytes, header: Header) -> Iterator[Window]:
+    """Find all frames of one log, part by part, so that only one part is indexed at a time.
 
     A frame is accepted if another frame, or the end of the log, follows it at once. Otherwise
     the search goes on one byte after the letter with which it seemed to begin.
@@ -75,24 +85,40 @@ def scan_frames(data: bytes, index: ByteIndex, header: Header) -> Scan:
     Parameters
     ----------
     data
-        The log without its header.
-    index
-        Of the same bytes.
+        The whole file.
     header
-        With the definition of each kind of frame.
+        With the definition of each kind of frame, and the range of the log in the file.
 
-    Returns
-    -------
-    Scan
+    Yields
+    ------
+    Window
         All frames that look whole; whether their values make sense is not known yet.
     """
     walks = {ord(k): _walk(d, header.data_version) for k, d in header.frames.items()}
+    overlap = max(MAX_EVENT_BYTES, *(walk.longest for walk in walks.values())) + 2
+    size = header.stop - header.data_start
+    origin = stop = 0
+    ended = False
+    while origin < size and not ended:
+        first = header.data_start + origin
+        part = data[first : min(first + WINDOW + overlap, header.stop)]
+        window, origin = _scan_part(part, walks, origin, stop)
+        stop, ended = window.stop, window.ended
+        yield window
+
+
+def _scan_part(
+    data: bytes, walks: Mapping[int, _Walk], origin: int, stop_before: int
+) -> tuple[Window, int]:
+    """Return the frames that begin in the first `WINDOW` bytes, and where to go on."""
+    index = index_bytes(data)
     markers = frozenset(walks) | {EVENT}
     search = re.compile(b"[" + re.escape(bytes(sorted(markers))) + b"]").search
     rank, ends = index.rank.data, index.ends.data
-    letters, starts, events = bytearray(), list[int](), list[Event]()
-    position = good = skipped = 0
-    while position < len(data) and not (events and events[-1].kind == LOG_END):
+    letters, starts, events = bytearray(), array("q"), list[Event]()
+    position, good, skipped, is_last = 0, stop_before - origin, 0, False
+    limit = min(len(data), WINDOW)
+    while position < limit and not is_last:
         letter, event = data[position], None
         if letter == EVENT:
             event, stop = read_event(data, position)
@@ -113,16 +139,19 @@ def scan_frames(data: bytes, index: ByteIndex, header: Header) -> Scan:
             letters.append(letter)
             starts.append(position + 1)
         else:
-            events.append(event)
+            events.append(replace(event, position=origin + position))
         position = good = stop
-    return Scan(
+    window = Window(
+        index=index,
+        origin=origin,
         letters=np.frombuffer(bytes(letters), np.uint8),
         starts=np.array(starts, np.int64),
         events=tuple(events),
         skipped_bytes=skipped,
-        trailing_bytes=len(data) - good,
-        ended=bool(events) and events[-1].kind == LOG_END,
+        stop=origin + good,
+        ended=is_last,
     )
+    return window, origin + position
 
 
 def _frame_stop(data: bytes, rank: memoryview, ends: memoryview, walk: _Walk, start: int) -> int:
