@@ -146,6 +146,7 @@ class ConfigurationEntry(_Strict):
     name: str = "A"
     mass: Positive | Literal["unknown"]
     mass_std: NotNegative = 0.0
+    weight: Positive = 1.0
     flights: tuple[FlightEntry, ...] = Field(min_length=1)
 
     @model_validator(mode="before")
@@ -165,7 +166,7 @@ class IdentificationEntry(_Strict):
     """The ``[identification]`` table; what is not written has a good default."""
 
     source: Literal["imu"] = "imu"
-    method: Literal["ols", "tls"] = "ols"
+    method: Literal["banded", "ols", "tls"] = "ols"
     preset: Literal["paper"] | None = None
     cutoff: Positive | None = None
     r_sigma: Positive | None = None
@@ -339,7 +340,6 @@ LATER: dict[str, str] = {
     "validation": "flights kept for validation",
     "payload": "known payloads",
     "payload_of": "known payloads",
-    "weight": "several configurations in one estimate",
     "terms": "a choice of terms",
     "lag_std": "estimation of the motor lag",
 }
@@ -347,7 +347,6 @@ LATER: dict[str, str] = {
 
 
 LATER_VALUES: dict[str, str] = {
-    "banded": "the estimate from all equations at once",
     "mocap": "motion capture as the source",
 }
 """Values of the format that this version does not know yet."""

@@ -12,7 +12,12 @@ from rotorfit.estimation.factors import Factors, stack_factors
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare, with_motors
-from rotorfit.identification.experiment import FlightEntry, MotorsEntry, read_options_of
+from rotorfit.identification.experiment import (
+    ConfigurationEntry,
+    FlightEntry,
+    MotorsEntry,
+    read_options_of,
+)
 from rotorfit.identification.frame_check import check_frame
 from rotorfit.identification.rows import fit_rows
 from rotorfit.logs import read_log
@@ -36,6 +41,56 @@ class UsedFlight:
     entry: FlightEntry
     log: FlightLog
     prepared: PreparedFlight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Configured:
+    """One configuration with its flights, ready for an estimator."""
+
+    entry: ConfigurationEntry
+    flights: list[UsedFlight]
+
+    @property
+    def mass(self) -> float:
+        """[kg]; 1 where it is unknown, and everything is then per kilogram."""
+        return 1.0 if self.entry.mass == "unknown" else self.entry.mass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """All that was flown, and with what.
+
+    Attributes
+    ----------
+    vehicle, model
+        The geometry and its tensor.
+    motors
+        As declared.
+    configurations
+        In the order of the experiment.
+    motor_delay
+        Delay of measured rotor speed with its standard deviation [s], where it was found.
+    """
+
+    vehicle: Vehicle
+    model: Regressor
+    motors: MotorsEntry
+    configurations: tuple[Configured, ...]
+    motor_delay: tuple[float, float] | None = None
+
+    @property
+    def searches_delay(self) -> bool:
+        """Whether the delay of the motor data is to be found from the flights."""
+        return self.motors.speed == "measured" and self.motors.delay is None
+
+    @property
+    def delay(self) -> float | None:
+        """The delay that was found [s]; None leaves the flights as they were prepared."""
+        return None if self.motor_delay is None else self.motor_delay[0]
+
+    def bands(self, delay: float | None = None) -> tuple[Factors, ...]:
+        """Return the band factors of each configuration, motor data moved by `delay`."""
+        return tuple(flight_bands(c.flights, self.vehicle, delay) for c in self.configurations)
 
 
 def load_flight(
@@ -95,9 +150,7 @@ def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:
         check_frame(_bands(flight.prepared, vehicle, None), vehicle)
 
 
-def find_delay(
-    flights: list[UsedFlight], vehicle: Vehicle, model: Regressor, *, mass: float
-) -> tuple[float, float] | None:
+def find_delay(flown: Flown) -> tuple[float, float] | None:
     """Return the delay of measured rotor speed that fits best, and its standard deviation [s].
 
     By profile likelihood of the three angular accelerations. A positive delay: the gyro shows
@@ -106,8 +159,11 @@ def find_delay(
     """
 
     def cost(delay: float) -> float:
-        factors = flight_bands(flights, vehicle, delay)
-        return -fit_rows(factors, model, mass=mass).log_likelihood
+        fits = [
+            fit_rows(factors, flown.model, mass=configured.mass)
+            for factors, configured in zip(flown.bands(delay), flown.configurations, strict=True)
+        ]
+        return -sum(fit.log_likelihood for fit in fits)
 
     return _minimum(cost, WIDEST_DELAY)
 

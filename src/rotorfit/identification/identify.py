@@ -4,56 +4,36 @@ import dataclasses
 import platform
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy
-from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
 import rotorfit
-from rotorfit.errors import ExperimentError, FlightWarning, RotorfitError
+from rotorfit.errors import FlightWarning, RotorfitError
+from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.experiment import (
-    ConfigurationEntry,
     Experiment,
+    FlightEntry,
     motor_model_of,
     vehicle_of,
 )
 from rotorfit.identification.flights import (
-    EDGES,
+    Configured,
+    Flown,
     UsedFlight,
     check_flights,
     find_delay,
-    flight_bands,
     load_flight,
 )
-from rotorfit.identification.paper import PaperSettings, paper_estimate
 from rotorfit.identification.result import FlightRecord, IdentificationResult
-from rotorfit.identification.row_parameters import Quantities, row_quantities
-from rotorfit.identification.rows import RowFits, fit_rows
-from rotorfit.identification.tables import Tables, paper_tables, row_tables
-from rotorfit.model.regressor import Regressor, regressor
+from rotorfit.identification.tables import Tables
+from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Vehicle
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Configured:
-    """One configuration, ready for an estimator."""
-
-    entry: ConfigurationEntry
-    vehicle: Vehicle
-    model: Regressor
-    flights: list[UsedFlight]
-    motor_delay: tuple[float, float] | None
-
-    @property
-    def mass(self) -> float:
-        """[kg]; 1 where it is unknown, and everything is then per kilogram."""
-        return 1.0 if self.entry.mass == "unknown" else self.entry.mass
 
 
 def identify(experiment: Experiment, *, progress: Progress | None = None) -> IdentificationResult:
@@ -78,52 +58,45 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
 
 
 def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
-    configured = _configured(experiment, tell)
+    method = resolved_method(experiment)
+    flown = _flown(experiment, tell)
+    if method != "tls" and flown.searches_delay:
+        tell("timing the rotor speed against the gyro")
+        flown = dataclasses.replace(flown, motor_delay=find_delay(flown))
     tell("fitting")
-    if _resolved_method(experiment) == "tls":
-        tables = paper_tables(
-            paper_estimate(
-                configured.flights,
-                configured.vehicle,
-                configured.model,
-                mass=configured.mass,
-                settings=_paper_settings(experiment),
-            ),
-            configured.entry,
-        )
-    else:
-        tables = _row_estimate(experiment, configured)
-    return _result(experiment, configured, tables)
+    tables = ESTIMATES[method](experiment, flown)
+    return _result(experiment, flown, tables)
 
 
 def _silent(words: str) -> None:
     del words
 
 
-def _configured(experiment: Experiment, tell: Progress) -> Configured:
-    """Read, prepare and check the flights of the configuration."""
-    entry = _only_configuration(experiment)
+def _flown(experiment: Experiment, tell: Progress) -> Flown:
+    """Read, prepare and check the flights of every configuration."""
     vehicle = vehicle_of(experiment.airframe)
-    motors = motor_model_of(experiment.motors)
-    flights: list[UsedFlight] = []
-    for flight in entry.flights:
-        tell(f"reading {Path(flight.file).name}")
-        try:
-            flights.append(load_flight(flight, experiment.motors, vehicle, motors))
-        except RotorfitError as error:
-            raise _with_file(error, flight.file) from error
-    tell("checking axes and rotors")
-    check_flights(flights, vehicle)
-    model = regressor(vehicle)
-    configured = Configured(
-        entry=entry, vehicle=vehicle, model=model, flights=flights, motor_delay=None
+    configurations: list[Configured] = []
+    for entry in experiment.configuration:
+        flights = [_loaded(experiment, flight, vehicle, tell) for flight in entry.flights]
+        tell("checking axes and rotors")
+        check_flights(flights, vehicle)
+        configurations.append(Configured(entry=entry, flights=flights))
+    return Flown(
+        vehicle=vehicle,
+        model=regressor(vehicle),
+        motors=experiment.motors,
+        configurations=tuple(configurations),
     )
-    search = motors.speed == "measured" and motors.delay is None
-    if not search or _resolved_method(experiment) == "tls":
-        return configured
-    tell("timing the rotor speed against the gyro")
-    delay = find_delay(flights, vehicle, model, mass=configured.mass)
-    return dataclasses.replace(configured, motor_delay=delay)
+
+
+def _loaded(
+    experiment: Experiment, flight: FlightEntry, vehicle: Vehicle, tell: Progress
+) -> UsedFlight:
+    tell(f"reading {Path(flight.file).name}")
+    try:
+        return load_flight(flight, experiment.motors, vehicle, motor_model_of(experiment.motors))
+    except RotorfitError as error:
+        raise _with_file(error, flight.file) from error
 
 
 def _with_file(error: RotorfitError, file: str) -> RotorfitError:
@@ -132,88 +105,19 @@ def _with_file(error: RotorfitError, file: str) -> RotorfitError:
     return error if name in str(error) else type(error)(f"{name}: {error}")
 
 
-def _only_configuration(experiment: Experiment) -> ConfigurationEntry:
-    if len(experiment.configuration) > 1:
-        names = ", ".join(entry.name for entry in experiment.configuration)
-        raise ExperimentError(
-            f"{len(experiment.configuration)} configurations ({names}): this version identifies "
-            "one at a time; leave one [[configuration]] in the file"
-        )
-    return next(iter(experiment.configuration))
-
-
-def _resolved_method(experiment: Experiment) -> str:
-    return (
-        "tls" if experiment.identification.preset == "paper" else (experiment.identification.method)
+def _result(experiment: Experiment, flown: Flown, tables: Tables) -> IdentificationResult:
+    doubts = (*tables.warnings, *_mass_warning(flown))
+    records = tuple(
+        _record(flight, configured.entry.name)
+        for configured in flown.configurations
+        for flight in configured.flights
     )
-
-
-def _paper_settings(experiment: Experiment) -> PaperSettings:
-    """Return the paper's settings with what the experiment overrides."""
-    given = experiment.identification
-    default = PaperSettings()
-    keep_all = given.preset is None and given.r_sigma is None
-    return PaperSettings(
-        cutoff=given.cutoff or default.cutoff,
-        r_sigma=None if keep_all else given.r_sigma or default.r_sigma,
-    )
-
-
-def _row_estimate(experiment: Experiment, configured: Configured) -> Tables:
-    """Return the tables of the row by row estimate."""
-    found = configured.motor_delay
-    fits = _fits_at(configured, None if found is None else found[0])
-    quantities = _quantities(configured, fits)
-    return row_tables(
-        _widened(configured, quantities),
-        fits,
-        configured.entry,
-        vehicle=configured.vehicle,
-        motors=experiment.motors,
-        motor_delay=found,
-    )
-
-
-def _fits_at(configured: Configured, delay: float | None, *, top: float = np.inf) -> RowFits:
-    factors = flight_bands(configured.flights, configured.vehicle, delay)
-    factors = factors.select(factors.band[:, 0] < top)
-    return fit_rows(factors, configured.model, mass=configured.mass)
-
-
-def _quantities(configured: Configured, fits: RowFits) -> Quantities:
-    return row_quantities(
-        fits,
-        configured.vehicle,
-        mass=configured.mass,
-        mass_std=configured.entry.mass_std,
-    )
-
-
-def _widened(configured: Configured, quantities: Quantities) -> Quantities:
-    """Return the intervals widened by what settings change that could as well be others.
-
-    Half of the frequency range, and half a sample of delay both ways; twice the rms shift.
-    """
-    found = configured.motor_delay
-    delay = None if found is None else found[0]
-    trials = [_fits_at(configured, delay, top=0.5 * EDGES[-1])]
-    if delay is not None:
-        half = 0.5 / configured.flights[0].prepared.data.sample_rate
-        trials += [_fits_at(configured, delay + sign * half) for sign in (-1.0, 1.0)]
-    shifts = np.array([_quantities(configured, fits).values - quantities.values for fits in trials])
-    rms: Float[np.ndarray, " q"] = np.sqrt((shifts**2).mean(axis=0))
-    return dataclasses.replace(quantities, half_width=np.hypot(quantities.half_width, 2.0 * rms))
-
-
-def _result(experiment: Experiment, configured: Configured, tables: Tables) -> IdentificationResult:
-    doubts = (*tables.warnings, *_mass_warning(configured))
-    records = tuple(_record(flight, configured.entry.name) for flight in configured.flights)
     for record in records:
         for doubt in record.warnings:
             warnings.warn(f"{Path(record.file).name}: {doubt}", FlightWarning, stacklevel=3)
     return IdentificationResult(
         name=experiment.name,
-        method=_resolved_method(experiment),
+        method=resolved_method(experiment),
         parameters=tables.parameters,
         derived=tables.derived,
         flights=records,
@@ -226,8 +130,8 @@ def _result(experiment: Experiment, configured: Configured, tables: Tables) -> I
     )
 
 
-def _mass_warning(configured: Configured) -> tuple[str, ...]:
-    if configured.entry.mass != "unknown":
+def _mass_warning(flown: Flown) -> tuple[str, ...]:
+    if all(c.entry.mass != "unknown" for c in flown.configurations):
         return ()
     return ("the mass is unknown: forces, moments and inertia are per kilogram of it",)
 

@@ -87,7 +87,9 @@ def joint_numbers(
         estimate.std,
     )
     formal = jacobian @ estimate.covariance @ jacobian.T
-    blocks, free = len(fit.influence), max(len(fit.influence) - len(estimate.names), 1)
+    # A block holds an equation for each noisy signal: that many parameters cost one block.
+    blocks = len(fit.influence)
+    free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)
     scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T * (blocks / free)
     std = np.sqrt(np.diagonal(formal))
     random = np.maximum(1.96 * std, float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(scatter)))

@@ -6,9 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.estimation.total import EssentialEstimate
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.identification.paper import FREE
 from rotorfit.identification.result import Derived, Parameter
 from rotorfit.identification.row_parameters import AXIS_OF, Quantities, number_scale
 from rotorfit.identification.rows import ROWS, RowFits
@@ -56,8 +54,8 @@ def row_tables(
     judged = _judgements(quantities, fits, entry, vehicle)
     parameters = [
         *_row_parameters(quantities, judged, entry),
-        *_motor_parameters(motors, motor_delay),
-        _given("mass", entry.mass, entry.mass_std, entry),
+        *motor_parameters(motors, motor_delay),
+        given_parameter("mass", entry.mass, entry.mass_std, entry),
     ]
     parameters.sort(key=lambda p: ROW_ORDER.index(p.name))
     known = [p.name for p in parameters if p.value is not None and p.name in quantities.names]
@@ -66,7 +64,7 @@ def row_tables(
     return Tables(
         parameters=tuple(parameters),
         derived=_row_derived(quantities, judged, entry),
-        covariance_names=tuple(_full_name(name, entry) for name in known),
+        covariance_names=tuple(full_name(name, entry) for name in known),
         covariance=quantities.correlation[np.ix_(index, index)] * np.outer(std, std),
         settings={"noise": "per phase and band", "band": "0 to 30 Hz", "stretch": "5 s"},
         warnings=_row_warnings(fits, vehicle),
@@ -153,7 +151,7 @@ def _ratio_parameter(
     )
 
 
-def _motor_parameters(motors: MotorsEntry, delay: tuple[float, float] | None) -> list[Parameter]:
+def motor_parameters(motors: MotorsEntry, delay: tuple[float, float] | None) -> list[Parameter]:
     """Return lag and delay, given or found."""
     parameters: list[Parameter] = []
     for name, value in (("motor_lag", motors.lag), ("motor_delay", motors.delay)):
@@ -185,7 +183,10 @@ def _motor_parameters(motors: MotorsEntry, delay: tuple[float, float] | None) ->
     return parameters
 
 
-def _given(name: str, value: float | str, std: float, entry: ConfigurationEntry) -> Parameter:
+def given_parameter(
+    name: str, value: float | str, std: float, entry: ConfigurationEntry
+) -> Parameter:
+    """Return a parameter that the user gave, or left unknown."""
     known = isinstance(value, float)
     return Parameter(
         name=name,
@@ -244,53 +245,6 @@ def _row_warnings(fits: RowFits, vehicle: Vehicle) -> tuple[str, ...]:
     return tuple(doubts)
 
 
-def paper_tables(essential: EssentialEstimate, entry: ConfigurationEntry) -> Tables:
-    """Return the tables of the paper's estimate: its values, its sigmas, what it removed."""
-    estimate = essential.estimate
-    parameters = [_paper_parameter(name, essential, entry) for name in FREE]
-    parameters.append(_given("mass", entry.mass, entry.mass_std, entry))
-    parameters.sort(key=lambda p: ROW_ORDER.index(p.name))
-    return Tables(
-        parameters=tuple(parameters),
-        derived=(),
-        covariance_names=tuple(_full_name(name, entry) for name in estimate.names),
-        covariance=estimate.covariance,
-        settings={
-            "estimator": "total least squares (Six et al. 2020, eq. 14-22)",
-            "row_weights": "one pass, by wrench component",
-            "rotor_inertia": False,
-            "motor_lag": False,
-            "removed_in_order": list(essential.removed),
-        },
-        warnings=(
-            "the standard deviations are the paper's (eq. 19-21): they leave out bias and "
-            "correlation between samples, and real errors are many times larger",
-        ),
-        diagnostics={"condition": estimate.condition_number},
-    )
-
-
-def _paper_parameter(
-    name: str, essential: EssentialEstimate, entry: ConfigurationEntry
-) -> Parameter:
-    estimate = essential.estimate
-    kept = name in estimate.names
-    value = estimate.value(name) if kept else None
-    std = float(estimate.std[estimate.names.index(name)]) if kept else None
-    interval = None
-    if value is not None and std is not None:
-        interval = (value - 1.96 * std, value + 1.96 * std)
-    return Parameter(
-        name=name,
-        configuration=None if name in SHARED else entry.name,
-        value=value,
-        std=std,
-        interval=interval,
-        unit=unit_of(PARAMETERS[name], entry),
-        verdict="identified" if kept else "removed",
-        reason=None if kept else "largest relative standard deviation (Six et al. 2020, III-B)",
-    )
-
-
-def _full_name(name: str, entry: ConfigurationEntry) -> str:
+def full_name(name: str, entry: ConfigurationEntry) -> str:
+    """Return the name of a parameter in covariances, such as ``Ixx@A``."""
     return name if name in SHARED else f"{name}@{entry.name}"

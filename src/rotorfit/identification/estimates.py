@@ -1,0 +1,151 @@
+"""The three estimators, each from what was flown to the tables of a result."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.identification.experiment import Experiment
+from rotorfit.identification.flights import EDGES, Flown
+from rotorfit.identification.joint import JointConfiguration, joint_estimate
+from rotorfit.identification.joint_parameters import Numbers, joint_numbers
+from rotorfit.identification.joint_tables import joint_tables
+from rotorfit.identification.paper import PaperSettings, paper_estimate, paper_tables
+from rotorfit.identification.row_parameters import Quantities, row_quantities
+from rotorfit.identification.rows import RowFits, fit_rows
+from rotorfit.identification.tables import Tables, row_tables
+
+
+def resolved_method(experiment: Experiment) -> str:
+    """Return the method of an experiment; the preset of the paper brings its own."""
+    given = experiment.identification
+    return "tls" if given.preset == "paper" else given.method
+
+
+def joint_result(experiment: Experiment, flown: Flown) -> Tables:
+    """Return the tables of the joint likelihood of all equations and configurations."""
+    fit, joint = _joint_fit(flown, flown.delay)
+    numbers = _joint_numbers(flown, fit, joint)
+    return joint_tables(
+        _joint_widened(flown, numbers),
+        fit,
+        joint,
+        [c.entry for c in flown.configurations],
+        motors=experiment.motors,
+        motor_delay=flown.motor_delay,
+    )
+
+
+def _joint_fit(
+    flown: Flown, delay: float | None, *, top: float = np.inf
+) -> tuple[BandedEstimate, list[JointConfiguration]]:
+    """Return the fit at a motor delay, with the bands that begin under `top` [Hz]."""
+    joint = [
+        JointConfiguration(
+            name=configured.entry.name,
+            mass=configured.mass,
+            factors=factors.select(factors.band[:, 0] < top),
+            model=flown.model,
+            vehicle=flown.vehicle,
+        )
+        for factors, configured in zip(flown.bands(delay), flown.configurations, strict=True)
+    ]
+    starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
+    return joint_estimate(joint, starts), joint
+
+
+def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfiguration]) -> Numbers:
+    return joint_numbers(fit, joint, {c.entry.name: c.entry.mass_std for c in flown.configurations})
+
+
+def _joint_widened(flown: Flown, numbers: Numbers) -> Numbers:
+    """Return the intervals widened by what settings shift that could as well be others."""
+    shifts = [
+        _joint_numbers(flown, *_joint_fit(flown, delay, top=top)).values - numbers.values
+        for delay, top in _other_settings(flown)
+    ]
+    return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, shifts))
+
+
+def _other_settings(flown: Flown) -> list[tuple[float | None, float]]:
+    """Return delay and upper edge of the trials: half the range, half a sample both ways."""
+    trials: list[tuple[float | None, float]] = [(flown.delay, 0.5 * EDGES[-1])]
+    if flown.delay is not None:
+        rate = flown.configurations[0].flights[0].prepared.data.sample_rate
+        trials += [(flown.delay + sign * 0.5 / rate, np.inf) for sign in (-1.0, 1.0)]
+    return trials
+
+
+def _wider(
+    half_width: Float[np.ndarray, " q"], shifts: list[Float[np.ndarray, " q"]]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width with twice the rms shift."""
+    rms: Float[np.ndarray, " q"] = np.sqrt((np.array(shifts) ** 2).mean(axis=0))
+    return np.hypot(half_width, 2.0 * rms)
+
+
+def row_result(experiment: Experiment, flown: Flown) -> Tables:
+    """Return the tables of the estimate row by row."""
+    if len(flown.configurations) > 1:
+        names = ", ".join(c.entry.name for c in flown.configurations)
+        raise ExperimentError(
+            f'method = "ols" takes one configuration, not {len(flown.configurations)} ({names}); '
+            'use "banded" or "tls", or leave one [[configuration]] in the file'
+        )
+    configured = next(iter(flown.configurations))
+    fits = _rows_at(flown, flown.delay)
+    quantities = _row_quantities(flown, fits)
+    shifts = [
+        _row_quantities(flown, _rows_at(flown, delay, top=top)).values - quantities.values
+        for delay, top in _other_settings(flown)
+    ]
+    return row_tables(
+        dataclasses.replace(quantities, half_width=_wider(quantities.half_width, shifts)),
+        fits,
+        configured.entry,
+        vehicle=flown.vehicle,
+        motors=experiment.motors,
+        motor_delay=flown.motor_delay,
+    )
+
+
+def _rows_at(flown: Flown, delay: float | None, *, top: float = np.inf) -> RowFits:
+    factors = flown.bands(delay)[0]
+    factors = factors.select(factors.band[:, 0] < top)
+    return fit_rows(factors, flown.model, mass=flown.configurations[0].mass)
+
+
+def _row_quantities(flown: Flown, fits: RowFits) -> Quantities:
+    configured = flown.configurations[0]
+    return row_quantities(
+        fits, flown.vehicle, mass=configured.mass, mass_std=configured.entry.mass_std
+    )
+
+
+def paper_result(experiment: Experiment, flown: Flown) -> Tables:
+    """Return the tables of total least squares, the paper's way."""
+    settings = _paper_settings(experiment)
+    return paper_tables(paper_estimate(flown, settings=settings), flown)
+
+
+def _paper_settings(experiment: Experiment) -> PaperSettings:
+    """Return the paper's settings with what the experiment overrides."""
+    given = experiment.identification
+    default = PaperSettings()
+    keep_all = given.preset is None and given.r_sigma is None
+    return PaperSettings(
+        cutoff=given.cutoff or default.cutoff,
+        r_sigma=None if keep_all else given.r_sigma or default.r_sigma,
+    )
+
+
+ESTIMATES: Final[dict[str, Callable[[Experiment, Flown], Tables]]] = {
+    "banded": joint_result,
+    "ols": row_result,
+    "tls": paper_result,
+}
+"""The estimators by the names of ``method``."""
