@@ -149,8 +149,8 @@ def _look(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Look:
     force = smooth(motion.specific_force[rows], rate, LOOK_CUTOFF)
     rates = motion.angular_velocity[rows]
     squares: Float[np.ndarray, " m"] = np.einsum("ni,ni->n", rates, rates)
-    push = smooth(thrust[:, None], rate, LOOK_CUTOFF)[:, 0]
-    spin = np.maximum(smooth(squares[:, None], rate, LOOK_CUTOFF)[:, 0], 0.0)
+    push, spin = smooth(np.stack([thrust, squares], axis=1), rate, LOOK_CUTOFF).T
+    spin = np.maximum(spin, 0.0)
     upward = force[:, 2] - push
     up, side = _allowed(push, spin, motion.arm)
     return _Look(

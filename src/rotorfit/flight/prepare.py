@@ -139,8 +139,7 @@ def prepare(
         If gravity contradicts the axes.
     """
     motors = motors or MotorModel()
-    usable, spikes = _usable(log, rotor_count, motors)
-    uniform = uniform_channels(usable, clock="gyro", optional=("velocity",))
+    uniform, spikes = _uniform(log, rotor_count, motors)
     refuse_absurd_sensors(log, uniform)
     speed = uniform.values["motor"]
     if motors.speed == "commanded" and motors.law is not None:
@@ -191,14 +190,17 @@ def with_motors(
     )
 
 
-def _usable(
+def _uniform(
     log: FlightLog, rotor_count: int, motors: MotorModel
-) -> tuple[dict[str, Channel], dict[str, int]]:
-    """Return the channels that are needed, despiked, and how many samples that replaced."""
+) -> tuple[UniformChannels, dict[str, int]]:
+    """Return the channels that are needed, despiked, on the gyro's clock made uniform.
+
+    And how many samples of each channel were replaced.
+    """
     motor_name = "rotor_speed" if motors.speed == "measured" else "command"
     refuse_missing_channels(log, motor_name, rotor_count)
     # Despiked as recorded: between slow samples a glitch is drawn out, and no longer a spike.
-    usable = {
+    usable: dict[str, Channel] = {
         key: usable_samples(log.channels[name], name)
         for key, name in {"gyro": "gyro", "accel": "accel", "motor": motor_name}.items()
     }
@@ -213,7 +215,7 @@ def _usable(
         # Only looked at: a velocity that cannot be used is no reason to refuse the flight.
         with contextlib.suppress(FlightError):
             usable["velocity"] = usable_samples(log.channels["velocity"], "velocity")
-    return usable, counts
+    return uniform_channels(usable, clock="gyro", optional=("velocity",)), counts
 
 
 def _rotor_speed_std(log: FlightLog, motors: MotorModel) -> float:

@@ -1,9 +1,12 @@
 """Small tools on sampled signals: despiking, differences, zero-phase smoothing."""
 
+from functools import cache
+
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage, signal
 
+LONG = 100_000
 MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51
 SPIKE_THRESHOLD = 6.0
@@ -68,12 +71,20 @@ def smooth(
     values: Float[np.ndarray, "n k"], sample_rate: float, cutoff: float
 ) -> Float[np.ndarray, "n k"]:
     """Return the values through a zero-phase second-order low-pass (for looking, not fitting)."""
-    cutoff = min(cutoff, 0.45 * sample_rate)
-    sos = signal.butter(2, cutoff, fs=sample_rate, output="sos")
+    sos = _low_pass(sample_rate, cutoff)
+    pad = min(9, len(values) - 1)
+    if len(values) < LONG:
+        return signal.sosfiltfilt(sos, values, axis=0, padlen=pad)
     result = np.empty_like(values)
-    for k in range(values.shape[1]):  # one column after the other: a long log fills the memory
-        result[:, k] = signal.sosfiltfilt(sos, values[:, k], padlen=min(9, len(values) - 1))
+    for k in range(values.shape[1]):  # one after the other: a long log fills the memory
+        result[:, k] = signal.sosfiltfilt(sos, values[:, k], padlen=pad)
     return result
+
+
+@cache
+def _low_pass(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
+    """Return a second-order Butterworth filter; logs with many gaps ask for it often."""
+    return signal.butter(2, min(cutoff, 0.45 * sample_rate), fs=sample_rate, output="sos")
 
 
 def true_runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
