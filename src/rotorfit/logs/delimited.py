@@ -5,11 +5,11 @@ import io
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
 
@@ -162,24 +162,27 @@ def _fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndar
     gaps = _gaps_in_even_rows(table)
     if gaps is None:
         return None
-    rows = io.BytesIO(_with_nan_in_gaps(table) if gaps else table.text)
-    rows.seek(0 if gaps else table.start)
+    rows = io.BytesIO(_with_nan_in_gaps(table, gaps) if len(gaps) else table.text)
+    rows.seek(0 if len(gaps) else table.start)
+    # numpy is a fifth faster when it need not pick columns.
+    every = len(columns) == len(table.names)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            return np.loadtxt(
+            numbers = np.loadtxt(
                 rows,
                 delimiter=table.delimiter,
-                usecols=list(columns),
+                usecols=None if every else list(columns),
                 ndmin=2,
                 encoding="latin-1",
             )
     except (ValueError, UserWarning):
         return None
+    return numbers[:, columns] if every else numbers
 
 
-def _gaps_in_even_rows(table: DelimitedText) -> bool | None:
-    """Tell whether any cell is empty; None if a line has not one cell for each name.
+def _gaps_in_even_rows(table: DelimitedText) -> Int[np.ndarray, " g"] | None:
+    """Return the ends of the empty cells, counted from the rows; None if the rows are uneven.
 
     numpy.loadtxt looks only at the columns it is asked for, and knows no empty cells.
     """
@@ -194,19 +197,14 @@ def _gaps_in_even_rows(table: DelimitedText) -> bool | None:
         return None
     if not is_end[ends[ends < len(text)]].all():
         return None
-    return bool((np.diff(separators, prepend=-1) == 1).any())
+    return separators[np.diff(separators, prepend=-1) == 1]
 
 
-def _with_nan_in_gaps(table: DelimitedText) -> bytes:
+def _with_nan_in_gaps(table: DelimitedText, gaps: Int[np.ndarray, " g"]) -> bytes:
     """Return the rows of numbers with "nan" in their empty cells."""
-    delimiter = (table.delimiter or " ").encode()
-    # The line feed in front makes the first row like the others.
-    rows = _NEWLINE + table.text[table.start :].removesuffix(_NEWLINE) + _NEWLINE
-    # Twice: of three delimiters in a row, one pass sees only the first two.
-    for _ in range(2):
-        rows = rows.replace(delimiter + delimiter, delimiter + b"nan" + delimiter)
-    rows = rows.replace(delimiter + _NEWLINE, delimiter + b"nan\n")
-    return rows.replace(_NEWLINE + delimiter, b"\nnan" + delimiter)[1:]
+    rows = table.text[table.start :]
+    pieces = (rows[a:b] for a, b in pairwise([0, *gaps.tolist(), len(rows)]))
+    return b"nan".join(pieces)
 
 
 def _careful_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"]:
