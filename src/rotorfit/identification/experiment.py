@@ -6,6 +6,7 @@ message names the place in the file. Paths of flights are relative to the file.
 
 import difflib
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast
 
@@ -82,7 +83,7 @@ class AirframeEntry(_Strict):
     def _refuse_odd_rotors(self, rotors: tuple[RotorEntry, ...]) -> None:
         if not 3 <= len(rotors) <= 16:
             raise ValueError(f"{len(rotors)} rotors; a multirotor has 3 to 16")
-        if {"arm", "order"} & self.model_fields_set:
+        if self.arm is not None or self.order != "px4":
             raise ValueError("arm and order belong to layout; listed rotors have positions")
         places = [rotor.position for rotor in rotors]
         for number, place in enumerate(places, start=1):
@@ -148,11 +149,12 @@ class ConfigurationEntry(_Strict):
     mass_std: NotNegative = 0.0
     weight: Positive = 1.0
     flights: tuple[FlightEntry, ...] = Field(min_length=1)
+    validation: tuple[FlightEntry, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
     def _plain_names(cls, data: Any) -> Any:
-        return _files_as_tables(data, ("flights",))
+        return _files_as_tables(data, ("flights", "validation"))
 
     @model_validator(mode="after")
     def _each_flight_once(self) -> "ConfigurationEntry":
@@ -180,6 +182,14 @@ class Experiment(_Strict):
     motors: MotorsEntry = MotorsEntry()
     identification: IdentificationEntry = IdentificationEntry()
     configuration: tuple[ConfigurationEntry, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> "Experiment":
+        names = [entry.name for entry in self.configuration]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two configurations are named {name!r}; give each its own name")
+        return self
 
 
 class AirframeFile(_Strict):
@@ -221,6 +231,18 @@ def single_flight_experiment(
         "configuration": [{"mass": mass, "flights": [{"file": str(log.absolute())}]}],
     }
     return _checked(Experiment, described, airframe)
+
+
+def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
+    """Return the experiment that a result was made from.
+
+    Raises
+    ------
+    ExperimentError
+        If the settings are not those of an experiment.
+    """
+    described = {key: value for key, value in settings.items() if key != "used"}
+    return _checked(Experiment, described, Path("settings of the result"))
 
 
 def vehicle_of(airframe: AirframeEntry) -> Vehicle:
@@ -281,11 +303,18 @@ def _flu(vector: Vector, axes: Axes) -> Vector:
 
 
 def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationEntry:
-    flights = tuple(
-        flight.model_copy(update={"file": str((folder / flight.file).absolute())})
-        for flight in configuration.flights
+    def moved(flights: tuple[FlightEntry, ...]) -> tuple[FlightEntry, ...]:
+        return tuple(
+            flight.model_copy(update={"file": str((folder / flight.file).absolute())})
+            for flight in flights
+        )
+
+    return configuration.model_copy(
+        update={
+            "flights": moved(configuration.flights),
+            "validation": moved(configuration.validation),
+        }
     )
-    return configuration.model_copy(update={"flights": flights})
 
 
 def _files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
@@ -337,7 +366,6 @@ _TABLES: tuple[type[BaseModel], ...] = (
 )
 
 LATER: dict[str, str] = {
-    "validation": "flights kept for validation",
     "payload": "known payloads",
     "payload_of": "known payloads",
     "terms": "a choice of terms",

@@ -130,12 +130,17 @@ def flight_bands(flights: list[UsedFlight], vehicle: Vehicle, delay: float | Non
 
 
 def _bands(prepared: PreparedFlight, vehicle: Vehicle, delay: float | None) -> Factors:
-    data: FlightData = dataclasses.replace(prepared.data, segments=prepared.phases)
-    if delay is not None:
-        data = with_motors(data, prepared.motor_channel, lag=0.0, delay=delay)
+    data = dataclasses.replace(retimed(prepared, delay), segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
     return band_factors(data, vehicle, plan=BandPlan(edges=edges, longest=STRETCH))
+
+
+def retimed(prepared: PreparedFlight, delay: float | None) -> FlightData:
+    """Return a flight with its measured rotor speed moved by `delay` [s]; None leaves it."""
+    if delay is None:
+        return prepared.data
+    return with_motors(prepared.data, prepared.motor_channel, lag=0.0, delay=delay)
 
 
 def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:

@@ -30,6 +30,7 @@ from rotorfit.identification.flights import (
 )
 from rotorfit.identification.result import FlightRecord, IdentificationResult
 from rotorfit.identification.tables import Tables
+from rotorfit.identification.validate import validation_comparisons, validation_rows
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -65,7 +66,12 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
         flown = dataclasses.replace(flown, motor_delay=find_delay(flown))
     tell("fitting")
     tables = ESTIMATES[method](experiment, flown)
-    return _result(experiment, flown, tables)
+    result = _result(experiment, flown, tables)
+    if not any(entry.validation for entry in experiment.configuration):
+        return result
+    tell("validating on flights kept apart")
+    comparisons = validation_comparisons(result, experiment)
+    return dataclasses.replace(result, validation=validation_rows(comparisons))
 
 
 def _silent(words: str) -> None:

@@ -113,6 +113,10 @@ def physical(
     p = dict(zip(phi_names, phi.tolist(), strict=True))
     out = {name: p[name] for name in ("kt", "kd", "Jr")}
     out["kd_over_kt"] = p["kd"] / p["kt"]
+    spread = {name: value for name, value in p.items() if name.startswith("spread_")}
+    mean = sum(spread.values()) / max(len(spread), 1)
+    for name, value in spread.items():
+        out[name.replace("spread", "kt")] = p["kt"] * (1.0 + value - mean)
     for configuration in configurations:
         own = {
             name.removesuffix(f"@{configuration.name}"): value
@@ -178,7 +182,11 @@ def _with_systematic(
         rho = numbers.rho(name)
         if rho is not None:
             parts.append(ATTENUATION * value / max(rho, 1e-12))
-        if base in ("kt", "kd", "Jr") or (base.startswith(("I", "ms")) and "over" not in base):
+        if (
+            base.startswith("kt")
+            or base in ("kd", "Jr")
+            or (base.startswith(("I", "ms")) and "over" not in base)
+        ):
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)
             parts.append(1.96 * relative * value)

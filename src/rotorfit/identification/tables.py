@@ -11,12 +11,13 @@ from rotorfit.identification.result import Derived, Parameter
 from rotorfit.identification.row_parameters import AXIS_OF, Quantities, number_scale
 from rotorfit.identification.rows import ROWS, RowFits
 from rotorfit.identification.verdicts import ADVICE, LEAST_EXCITATION, Judgement, judge
-from rotorfit.model.parameters import DERIVED, PARAMETERS, ParameterInfo
+from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS, ParameterInfo
 from rotorfit.model.vehicle import Vehicle
 
 SHARED = ("kt", "kd", "Jr", "motor_lag", "motor_delay")
 ROW_ORDER = (
-    *("kt", "kd", "Jr", "motor_lag", "motor_delay", "mass"),
+    *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
+    *("motor_lag", "motor_delay", "mass"),
     *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
     *("rotor_center_x", "rotor_center_y", "accel_bias_x", "accel_bias_y", "accel_bias_z"),
 )

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 INERTIA: Final = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 FIRST_MOMENTS: Final = ("msx", "msy", "msz")
+MOST_ROTORS: Final = 16
 INERTIA_PLACES: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -22,6 +23,10 @@ class ParameterInfo:
 
 PARAMETERS: Final[dict[str, ParameterInfo]] = {
     "kt": ParameterInfo("N s^2/rad^2", 1, "thrust coefficient of a rotor"),
+    **{
+        f"kt_{i}": ParameterInfo("N s^2/rad^2", 1, f"thrust coefficient of rotor {i}")
+        for i in range(1, MOST_ROTORS + 1)
+    },
     "kd": ParameterInfo("N m s^2/rad^2", 1, "drag torque coefficient of a rotor"),
     "Jr": ParameterInfo("kg m^2", 1, "spin inertia of a rotor with its motor bell"),
     "mass": ParameterInfo("kg", 1, "mass"),

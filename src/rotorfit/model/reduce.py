@@ -1,7 +1,7 @@
 """A flight to its factors, in one pass over the samples and in bounded memory."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -98,6 +98,14 @@ def time_factors(
         ]
         parts.append(_as_one_segment(blocks))
     return _stacked(parts)
+
+
+def filtered_signals(
+    flight: FlightData, vehicle: Vehicle, segment: Segment, lowpass: LowPass
+) -> Float[np.ndarray, "n z"]:
+    """Return the low-passed signals of every sample of a segment, for looking at a flight."""
+    every = replace(lowpass, samples_per_period=None)
+    return np.concatenate(list(_filtered_chunks(flight, vehicle, segment, (every, 1))))
 
 
 def _filtered_chunks(

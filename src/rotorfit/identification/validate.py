@@ -1,0 +1,252 @@
+"""Does the model predict flights it has not seen? Body wrench against rotor wrench (P16)."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.identification.comparison import COMPONENTS, SHOWN, WrenchComparison
+from rotorfit.identification.experiment import (
+    Experiment,
+    FlightEntry,
+    experiment_of_settings,
+    motor_model_of,
+    vehicle_of,
+)
+from rotorfit.identification.flights import UsedFlight, load_flight, retimed
+from rotorfit.identification.result import IdentificationResult, Parameter
+from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
+from rotorfit.model.reduce import LowPass, filtered_signals
+from rotorfit.model.regressor import Regressor, regressor
+
+CUTOFF = 3.0
+"""Low-pass of both sides [Hz], the paper's."""
+BODY = ("mass", *FIRST_MOMENTS, *INERTIA)
+NEEDS = {
+    "Fz": ("kt", "mass"),
+    "Mx": ("kt", "Ixx"),
+    "My": ("kt", "Iyy"),
+    "Mz": ("kd", "Izz"),
+}
+"""Without these a component cannot be predicted, and no error is given for it."""
+WHITENESS_LAGS = 10
+
+
+def validate_file(
+    result: IdentificationResult,
+    path: Path,
+    *,
+    configuration: str | None = None,
+    cutoff: float = CUTOFF,
+) -> WrenchComparison:
+    """Return how a result predicts a flight that its fit has not seen.
+
+    Parameters
+    ----------
+    result
+        With the settings of its experiment, by which the flight is read and prepared.
+    path
+        The flight's log.
+    configuration
+        In which it was flown; may be left out where the result has one.
+    cutoff
+        Low-pass of both sides [Hz].
+
+    Raises
+    ------
+    ExperimentError
+        If the flight was used in the fit, or the configuration is not in the result.
+    """
+    experiment = experiment_of_settings(result.settings)
+    entry = FlightEntry(file=str(path.absolute()))
+    used = _loaded(experiment, entry)
+    refuse_fitted(used, {record.sha256 for record in result.flights})
+    return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
+
+
+def refuse_fitted(used: UsedFlight, fitted: set[str]) -> None:
+    """Raise if a validation flight made the parameters it is to judge."""
+    if used.log.sha256 in fitted:
+        raise ExperimentError(
+            f"{Path(used.entry.file).name} was used in the fit: it cannot validate it; "
+            "keep another flight apart for validation"
+        )
+
+
+def fitted_comparisons(result: IdentificationResult) -> list[WrenchComparison]:
+    """Return the comparisons on the flights of the fit itself, read again, for figures.
+
+    Raises
+    ------
+    ExperimentError
+        If a log has changed since the fit.
+    """
+    experiment = experiment_of_settings(result.settings)
+    hashes = {record.file: record.sha256 for record in result.flights}
+    comparisons: list[WrenchComparison] = []
+    for configuration in experiment.configuration:
+        for entry in configuration.flights:
+            used = _loaded(experiment, entry)
+            if used.log.sha256 != hashes.get(entry.file):
+                raise ExperimentError(
+                    f"{Path(entry.file).name} has changed since the fit; identify again"
+                )
+            comparisons.append(
+                compare_wrenches(result, used, configuration=configuration.name, fitted=True)
+            )
+    return comparisons
+
+
+def validation_comparisons(
+    result: IdentificationResult, experiment: Experiment
+) -> list[WrenchComparison]:
+    """Return the comparisons on the flights that the experiment keeps for validation."""
+    fitted = {record.sha256 for record in result.flights}
+    comparisons: list[WrenchComparison] = []
+    for configuration in experiment.configuration:
+        for entry in configuration.validation:
+            used = _loaded(experiment, entry)
+            refuse_fitted(used, fitted)
+            comparisons.append(compare_wrenches(result, used, configuration=configuration.name))
+    return comparisons
+
+
+def _loaded(experiment: Experiment, entry: FlightEntry) -> UsedFlight:
+    return load_flight(
+        entry,
+        experiment.motors,
+        vehicle_of(experiment.airframe),
+        motor_model_of(experiment.motors),
+    )
+
+
+def validation_rows(comparisons: list[WrenchComparison]) -> tuple[dict[str, Any], ...]:
+    """Return the ``validation`` list of a result's file."""
+    return tuple(
+        {
+            "configuration": c.configuration,
+            "flight": c.flight,
+            "relative_error": dict(c.relative_error),
+            "whiteness": dict(c.whiteness),
+        }
+        for c in comparisons
+    )
+
+
+def compare_wrenches(
+    result: IdentificationResult,
+    used: UsedFlight,
+    *,
+    configuration: str | None = None,
+    cutoff: float = CUTOFF,
+    fitted: bool = False,
+) -> WrenchComparison:
+    """Return both sides of the equations of motion on one prepared flight."""
+    owner = _owner(result, configuration)
+    known = _known(result, owner)
+    vehicle = vehicle_of(experiment_of_settings(result.settings).airframe)
+    model = regressor(vehicle)
+    data = retimed(used.prepared, _found_delay(result))
+    lowpass = LowPass(cutoff=cutoff)
+    parts = [filtered_signals(data, vehicle, segment, lowpass) for segment in data.segments]
+    Z = np.concatenate(parts)
+    body, rotors = _wrenches(_without_bias(Z, known), model, known)
+    time = np.concatenate([data.time[s.start : s.stop] for s in data.segments]) - data.time[0]
+    predicted = [c for c in SHOWN if all(name in known for name in NEEDS[c])]
+    error = {c: _relative_error(body, rotors, c) for c in predicted}
+    step = max(round(data.sample_rate / cutoff), 1)
+    return WrenchComparison(
+        configuration=owner,
+        flight=Path(used.entry.file).name,
+        sha256=used.log.sha256,
+        used_in_fit=fitted,
+        time=time,
+        body_wrench=body,
+        rotor_wrench=rotors,
+        relative_error=error,
+        whiteness={c: _whiteness((body - rotors)[::step, COMPONENTS.index(c)]) for c in predicted},
+    )
+
+
+def _owner(result: IdentificationResult, configuration: str | None) -> str:
+    """Return the configuration to take the body from."""
+    names = list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
+    if configuration is None and len(names) == 1:
+        return names[0]
+    if configuration in names:
+        return str(configuration)
+    raise ExperimentError(
+        f"the result has the configurations {', '.join(names)}; say in which of them the flight "
+        "was flown (--configuration NAME)"
+    )
+
+
+def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
+    """Return the values of a configuration; what was removed as unessential counts as zero."""
+    known: dict[str, float] = {}
+    for p in result.parameters:
+        if p.configuration not in (None, owner):
+            continue
+        value = _value(p)
+        if value is not None:
+            known[p.name] = value
+    if "mass" not in known:
+        known["mass"] = 1.0
+    return known
+
+
+def _found_delay(result: IdentificationResult) -> float | None:
+    """Return the motor delay that the fit found; a given one is in the preparation already."""
+    for p in result.parameters:
+        if p.name == "motor_delay" and p.verdict == "identified":
+            return p.value
+    return None
+
+
+def _value(parameter: Parameter) -> float | None:
+    return 0.0 if parameter.verdict == "removed" else parameter.value
+
+
+def _without_bias(
+    Z: Float[np.ndarray, "n z"], known: Mapping[str, float]
+) -> Float[np.ndarray, "n z"]:
+    """Return the signals with the accelerometer's bias taken off the specific force."""
+    bias = np.array([known.get(f"accel_bias_{axis}", 0.0) for axis in "xyz"])
+    clean = Z.copy()
+    clean[:, :3] -= bias
+    return clean
+
+
+def _wrenches(
+    Z: Float[np.ndarray, "n z"], model: Regressor, known: Mapping[str, float]
+) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "n 6"]]:
+    """Return the body wrench and the rotor wrench."""
+    body = {name: known.get(name, 0.0) for name in BODY}
+    own = {name: v for name, v in known.items() if name[:3] == "kt_" and name[3:].isdigit()}
+    rotors = {**(own or {"kt": known.get("kt", 0.0)})}
+    rotors |= {name: known.get(name, 0.0) for name in ("kd", "Jr")}
+    for axis in "xy":
+        place = known.get(f"rotor_center_{axis}", 0.0)
+        rotors[f"kt_rotor_center_{axis}"] = known.get("kt", 0.0) * place
+    return model.residual(Z, body), -model.residual(Z, rotors)
+
+
+def _relative_error(
+    body: Float[np.ndarray, "n 6"], rotors: Float[np.ndarray, "n 6"], component: str
+) -> float:
+    """Return the norm of the difference over that of the rotor wrench (Table III)."""
+    i = COMPONENTS.index(component)
+    size = float(np.linalg.norm(rotors[:, i]))
+    return float(np.linalg.norm(body[:, i] - rotors[:, i])) / max(size, np.finfo(float).tiny)
+
+
+def _whiteness(residual: Float[np.ndarray, " n"]) -> float:
+    """Return the largest autocorrelation of a residual sampled once per cut-off period."""
+    x = residual - residual.mean()
+    power = float(x @ x)
+    if len(x) <= WHITENESS_LAGS or power == 0.0:
+        return 0.0
+    return max(abs(float(x[lag:] @ x[:-lag])) for lag in range(1, WHITENESS_LAGS + 1)) / power
