@@ -19,7 +19,13 @@ from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.joint import JointConfiguration
 from rotorfit.identification.rows import PILOT_BAND
-from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_about
+from rotorfit.model.parameters import (
+    DERIVED,
+    INERTIA,
+    INERTIA_PLACES,
+    PARAMETERS,
+    inertia_about,
+)
 
 ATTENUATION = 1.5
 """Bias allowance: this over rho, as a share of the value (real flights: 0.5 to 1.8)."""
@@ -182,11 +188,7 @@ def _with_systematic(
         rho = numbers.rho(name)
         if rho is not None:
             parts.append(ATTENUATION * value / max(rho, 1e-12))
-        if (
-            base.startswith("kt")
-            or base in ("kd", "Jr")
-            or (base.startswith(("I", "ms")) and "over" not in base)
-        ):
+        if (PARAMETERS | DERIVED)[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)
             parts.append(1.96 * relative * value)
