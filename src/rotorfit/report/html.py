@@ -1,0 +1,112 @@
+"""A result as one HTML page that needs nothing else: no network, no font, no library."""
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rotorfit.identification.comparison import WrenchComparison
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.logs.files import write_whole
+from rotorfit.report.correlations import correlation_section
+from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
+from rotorfit.report.parameters import parameter_tables
+from rotorfit.report.provenance import method_words, provenance_of
+from rotorfit.report.summary import summary_of
+from rotorfit.report.svg import clean
+from rotorfit.report.used import used_flights
+from rotorfit.report.vehicle import vehicle_drawings
+from rotorfit.report.words import VERDICT_MEANING, configurations
+from rotorfit.report.wrenches import wrench_figures
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def report_html(
+    result: IdentificationResult,
+    *,
+    comparisons: Sequence[WrenchComparison] = (),
+    paper: bool | None = None,
+) -> str:
+    """Return a result as one self-contained HTML page.
+
+    Parameters
+    ----------
+    result
+        What was identified.
+    comparisons
+        Body wrench against rotor wrench on flights, for the figures over time.
+    paper
+        Whether the tables of Six et al. 2020 stand beside ours; None: where the preset ``paper``
+        was used on a vehicle with the names and masses of theirs.
+    """
+    with_paper = is_paper_vehicle(result) if paper is None else paper
+    script = template_text("plot.js")
+    page = _environment().get_template("page.html")
+    html = page.render(
+        result=result,
+        method=method_words(result.method),
+        seconds=sum(flight.seconds_used for flight in result.flights),
+        configurations=configurations(result),
+        meanings=VERDICT_MEANING,
+        summary=summary_of(result),
+        tables=parameter_tables(result),
+        vehicle=vehicle_drawings(result),
+        figures=wrench_figures(comparisons),
+        paper=paper_section(result, comparisons) if with_paper else None,
+        correlations=correlation_section(result),
+        flights=used_flights(result),
+        provenance=provenance_of(result, tuple(comparisons)),
+        style=template_text("page.css") + template_text("figure.css"),
+        script=script,
+        script_hash=_fingerprint(script),
+    )
+    return clean(html)
+
+
+def write_report(
+    path: Path,
+    result: IdentificationResult,
+    *,
+    comparisons: Sequence[WrenchComparison] = (),
+    paper: bool | None = None,
+    force: bool = False,
+) -> None:
+    """Write the page of `report_html`, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and `force` is false, or cannot be written.
+    """
+    html = report_html(result, comparisons=comparisons, paper=paper)
+    write_whole(path, html, force=force)
+
+
+def template_text(name: str) -> str:
+    """Return a file of the templates as it is."""
+    return (TEMPLATES / name).read_text(encoding="utf-8")
+
+
+@cache
+def _environment() -> "Environment":
+    # Inside the function: the command line must not wait for it when it only prints help.
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _fingerprint(script: str) -> str:
+    """Return what the page's content policy knows its one script by; no other one may run."""
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()

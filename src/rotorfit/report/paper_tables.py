@@ -1,0 +1,167 @@
+"""Section 4: Tables I, II and III of Six et al. 2020 beside ours."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+from rotorfit.identification.comparison import SHOWN, WrenchComparison
+from rotorfit.identification.result import IdentificationResult, Parameter
+from rotorfit.report.paper_numbers import (
+    ILLEGIBLE,
+    MASSES,
+    TABLE_1,
+    TABLE_2,
+    TABLE_2_MOCAP,
+    TABLE_3,
+    Entry,
+)
+from rotorfit.report.words import configurations, file_name, known, title_of, unit_words
+from rotorfit.report.wrenches import error_words
+
+ORDER = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "kt", "kd")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperRow:
+    """The paper's number beside ours, all in words."""
+
+    name: str
+    title: str
+    unit: str
+    paper: str
+    paper_sigma: str
+    mocap: str
+    ours: str
+    our_sigma: str
+    difference: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperTable:
+    """One of the paper's tables of parameters, for one configuration."""
+
+    name: str
+    configuration: str
+    rows: tuple[PaperRow, ...]
+    note: str
+    has_mocap: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperSection:
+    """Tables I or II, and III."""
+
+    tables: tuple[PaperTable, ...]
+    errors: tuple[tuple[str, str, tuple[str, ...]], ...]
+    error_note: str
+    components: tuple[str, ...] = SHOWN
+
+
+def is_paper_vehicle(result: IdentificationResult) -> bool:
+    """Whether the paper's preset was used on configurations named and weighed as the paper's."""
+    settings = cast("Mapping[str, Any]", result.settings.get("identification") or {})
+    names = configurations(result)
+    if settings.get("preset") != "paper" or not names:
+        return False
+    return all(name in MASSES and _weighs(result, name, MASSES[name]) for name in names)
+
+
+def _weighs(result: IdentificationResult, configuration: str, mass: float) -> bool:
+    found = [
+        known(p.value)
+        for p in result.parameters
+        if p.name == "mass" and p.configuration == configuration
+    ]
+    return any(value is not None and abs(value - mass) < 0.01 * mass for value in found)
+
+
+def paper_section(
+    result: IdentificationResult, comparisons: Sequence[WrenchComparison]
+) -> PaperSection:
+    """Return the paper's tables beside ours: I for one configuration, II for two at once."""
+    names = [name for name in configurations(result) if name in MASSES]
+    both = len(names) > 1
+    source, name = (TABLE_2, "Table II") if both else (TABLE_1, "Table I")
+    return PaperSection(
+        tables=tuple(
+            PaperTable(
+                name=name,
+                configuration=configuration,
+                rows=_rows(result, configuration, source[configuration], with_mocap=both),
+                note=ILLEGIBLE[name],
+                has_mocap=both,
+            )
+            for configuration in names
+        ),
+        errors=_errors(comparisons),
+        error_note=ILLEGIBLE["Table III"],
+    )
+
+
+def _rows(
+    result: IdentificationResult,
+    configuration: str,
+    paper: Mapping[str, Entry],
+    *,
+    with_mocap: bool,
+) -> tuple[PaperRow, ...]:
+    ours = {p.name: p for p in result.parameters if p.configuration in (None, configuration)}
+    mocap = TABLE_2_MOCAP[configuration] if with_mocap else {}
+    return tuple(
+        _row(name, ours.get(name), paper.get(name), mocap.get(name))
+        for name in ORDER
+        if name in paper or name in ours
+    )
+
+
+def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | None) -> PaperRow:
+    value = None if ours is None else known(ours.value)
+    std = None if ours is None else known(ours.std)
+    sigma = 100 * std / abs(value) if std is not None and value else None
+    apart = 100 * (value - paper[0]) / abs(paper[0]) if value is not None and paper else None
+    return PaperRow(
+        name=name,
+        title=title_of(name),
+        unit="" if ours is None else unit_words(ours.unit),
+        paper="dropped" if paper is None else _scientific(paper[0]),
+        paper_sigma=_two(None if paper is None else paper[1]),
+        mocap=_scientific(None if mocap is None else mocap[0]),
+        ours=_scientific(value) if ours is None or value is not None else ours.verdict,
+        our_sigma=_two(sigma),
+        difference="" if apart is None else f"{apart:+.1f} %".replace("-", "−"),
+    )
+
+
+def _scientific(value: float | None) -> str:
+    """Return a number as the paper prints it: three digits and a power of ten."""
+    if value is None:
+        return ""
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    powers = str(exponent).translate(str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻"))
+    return f"{value / 10.0**exponent:.2f}·10{powers}".replace("-", "−")
+
+
+def _two(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _errors(
+    comparisons: Sequence[WrenchComparison],
+) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
+    """Return Table III: the paper's rows, then ours."""
+    rows = [
+        ("paper", where, tuple(f"{e[n]:.2f} %" if n in e else "–" for n in SHOWN))
+        for where, e in TABLE_3.items()
+    ]
+    rows += [
+        (
+            "rotorfit",
+            f"{file_name(c.flight)} ({c.configuration})",
+            tuple(error_words(c, n) for n in SHOWN),
+        )
+        for c in comparisons
+    ]
+    return tuple(rows)

@@ -1,0 +1,199 @@
+"""Section 1: what was identified; one table for the rotors, and per configuration its body."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.report.intervals import axis_of, axis_range, interval_bar
+from rotorfit.report.words import (
+    Number,
+    configurations,
+    known,
+    number_of,
+    title_of,
+    twin_of,
+    unit_words,
+)
+
+COM_FIRST = (
+    *("com_x", "com_y", "com_z"),
+    *("Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One line of a table."""
+
+    name: str
+    title: str
+    number: Number | None
+    unit: str
+    bar: str | None
+    verdict: str
+    partner: str | None
+    note: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Note:
+    """Why some verdicts are not better and what to do, once for all rows that share it."""
+
+    mark: str
+    names: tuple[str, ...]
+    reason: str | None
+    advice: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterTable:
+    """A table with its notes."""
+
+    title: str
+    explanation: str
+    rows: tuple[Row, ...]
+    notes: tuple[Note, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Entry:
+    """A number with its verdict, before it is laid out."""
+
+    number: Parameter | Derived
+    verdict: str
+    partner: str | None = None
+    reason: str | None = None
+    advice: str | None = None
+
+
+def parameter_tables(result: IdentificationResult) -> tuple[ParameterTable, ...]:
+    """Return the tables: rotors, then each body about its CoM, then at the origin."""
+    tables = [
+        _table(
+            "Rotors",
+            "What all rotors and configurations share.",
+            [
+                *[_of_parameter(p) for p in result.parameters if p.configuration is None],
+                *_shared_derived(result),
+            ],
+        )
+    ]
+    for name in configurations(result):
+        tables += _body_tables(result, name)
+    return tuple(table for table in tables if table.rows)
+
+
+def _body_tables(result: IdentificationResult, configuration: str) -> list[ParameterTable]:
+    own = [p for p in result.parameters if p.configuration == configuration]
+    derived = {d.name: d for d in result.derived if d.configuration == configuration}
+    parameters = {p.name: p for p in own}
+    about_com = [_of_body(derived[n], parameters) for n in COM_FIRST if n in derived]
+    mass = [_of_parameter(p) for p in own if p.name == "mass"]
+    others = [
+        _Entry(number=d, verdict="")
+        for d in derived.values()
+        if d.name not in (*COM_FIRST, *_ROTOR_DERIVED) and known(d.value) is not None
+    ]
+    body = f"Body, configuration {configuration}"
+    return [
+        _table(
+            body, "Mass, centre of mass, inertia about the centre of mass.", [*mass, *about_com]
+        ),
+        _table(
+            f"{body}: as the equations have it",
+            "First moments and inertia at the body origin, and what belongs to the sensors.",
+            [*[_of_parameter(p) for p in own if p.name != "mass"], *others],
+        ),
+    ]
+
+
+_ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total")
+
+
+def _shared_derived(result: IdentificationResult) -> list[_Entry]:
+    """Return the derived numbers of the rotors, where there is one."""
+    return [
+        _Entry(number=d, verdict="")
+        for d in result.derived
+        if (d.configuration is None or d.name in _ROTOR_DERIVED) and known(d.value) is not None
+    ]
+
+
+def _of_parameter(parameter: Parameter) -> _Entry:
+    return _Entry(
+        number=parameter,
+        verdict=parameter.verdict,
+        partner=parameter.partner,
+        reason=parameter.reason,
+        advice=parameter.advice,
+    )
+
+
+def _of_body(derived: Derived, parameters: dict[str, Parameter]) -> _Entry:
+    """Return a derived number with the verdict of the parameter that speaks for it."""
+    twin = parameters.get(twin_of(derived.name))
+    verdict = body_verdict(derived, twin)
+    if twin is None or verdict == "identified":
+        return _Entry(number=derived, verdict=verdict)
+    return _Entry(
+        number=derived,
+        verdict=verdict,
+        partner=twin.partner if verdict == "ratio-only" else None,
+        reason=twin.reason,
+        advice=twin.advice,
+    )
+
+
+def body_verdict(derived: Derived, twin: Parameter | None) -> str:
+    """Return the verdict on a derived number: its twin's, unless only one of them is known."""
+    verdict = "" if twin is None else twin.verdict
+    if known(derived.value) is None:
+        return verdict if verdict in ("ratio-only", "removed") else "not-identified"
+    return verdict if verdict in ("weak", "given") else "identified"
+
+
+def _table(title: str, explanation: str, entries: Sequence[_Entry]) -> ParameterTable:
+    axes: dict[str, list[Parameter | Derived]] = {}
+    for entry in entries:
+        axes.setdefault(axis_of(entry.number.name), []).append(entry.number)
+    notes = _notes(entries)
+    marks = {(n.reason, n.advice): n.mark for n in notes}
+    return ParameterTable(
+        title=title,
+        explanation=explanation,
+        rows=tuple(
+            _row(e, axes[axis_of(e.number.name)], marks.get((e.reason, e.advice), ""))
+            for e in entries
+        ),
+        notes=notes,
+    )
+
+
+def _row(entry: _Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
+    number = entry.number
+    return Row(
+        name=number.name,
+        title=title_of(number.name),
+        number=number_of(number.value, number.interval),
+        unit=unit_words(number.unit),
+        bar=interval_bar(number, axis_range(kin), entry.verdict or "plain"),
+        verdict=entry.verdict,
+        partner=entry.partner,
+        note=mark,
+    )
+
+
+def _notes(entries: Sequence[_Entry]) -> tuple[Note, ...]:
+    """Return reasons and advice, each once, lettered in the order of the rows."""
+    groups: dict[tuple[str | None, str | None], list[str]] = {}
+    for entry in entries:
+        if entry.reason or entry.advice:
+            groups.setdefault((entry.reason, entry.advice), []).append(entry.number.name)
+    return tuple(
+        Note(mark=_letter(i), names=tuple(names), reason=reason, advice=advice)
+        for i, ((reason, advice), names) in enumerate(groups.items())
+    )
+
+
+def _letter(index: int) -> str:
+    return chr(ord("a") + index) if index < 26 else f"a{index - 25}"

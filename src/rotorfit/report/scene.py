@@ -1,0 +1,158 @@
+"""What there is to draw of a vehicle: rotors, IMU, centre of mass, payloads, in metres.
+
+Everything is in body axes FLU, from the point that the rotor positions are measured from.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import ValidationError
+
+from rotorfit.errors import RotorfitError
+from rotorfit.identification.experiment import AirframeEntry, vehicle_of
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.report.words import configurations, half_width, known
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Payload:
+    """A known mass [kg] at a place [m]."""
+
+    mass: float
+    position: Point
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """What a configuration adds to the drawing.
+
+    Attributes
+    ----------
+    com
+        None where it is not known in all three directions.
+    covariance
+        Of `com` [m^2]; 95 % of it is drawn.
+    """
+
+    configuration: str
+    com: Point | None
+    covariance: Float[np.ndarray, "3 3"]
+    payloads: tuple[Payload, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """The whole drawing in metres."""
+
+    vehicle: Vehicle
+    bodies: tuple[Body, ...]
+    imu: Point
+    imu_is_given: bool
+
+    @property
+    def center(self) -> Point:
+        """Mean of the rotor positions."""
+        x, y, z = self.vehicle.positions.mean(axis=0).tolist()
+        return (x, y, z)
+
+
+def scene_of(result: IdentificationResult) -> Scene | None:
+    """Return what there is to draw, None where the settings do not describe a vehicle."""
+    try:
+        airframe = AirframeEntry.model_validate(result.settings.get("airframe"))
+        vehicle = vehicle_of(airframe)
+    except (ValidationError, RotorfitError):
+        return None
+    shift = _origin_shift(result, vehicle)
+    return Scene(
+        vehicle=vehicle,
+        bodies=tuple(
+            _body(result, name, shift, flip=airframe.axes == "FRD")
+            for name in configurations(result)
+        ),
+        imu=vehicle.imu_position or shift,
+        imu_is_given=vehicle.imu_position is not None,
+    )
+
+
+def _origin_shift(result: IdentificationResult, vehicle: Vehicle) -> Point:
+    """Return where the result's origin is in the frame of the rotor positions.
+
+    Without a known IMU position the origin is the IMU, and the rotor centre was estimated.
+    """
+    if vehicle.imu_position is not None:
+        return (0.0, 0.0, 0.0)
+    values = {p.name: known(p.value) for p in result.parameters}
+    x, y = values.get("rotor_center_x"), values.get("rotor_center_y")
+    return (-(x or 0.0), -(y or 0.0), 0.0)
+
+
+def _body(result: IdentificationResult, name: str, shift: Point, *, flip: bool) -> Body:
+    found = [_com(result, name, axis) for axis in "xyz"]
+    com = None
+    if all(value is not None for value, _ in found):
+        x, y, z = ((value or 0.0) + s for (value, _), s in zip(found, shift, strict=True))
+        com = (x, y, z)
+    std = np.array([(half or 0.0) / 1.96 for _, half in found])
+    return Body(
+        configuration=name,
+        com=com,
+        covariance=_correlation(result, name) * np.outer(std, std),
+        payloads=_payloads(result.settings, name, flip=flip),
+    )
+
+
+def _com(
+    result: IdentificationResult, configuration: str, axis: str
+) -> tuple[float | None, float | None]:
+    """Return one coordinate of the centre of mass and half of its interval."""
+    derived = {d.name: d for d in result.derived if d.configuration == configuration}
+    if f"com_{axis}" in derived:
+        number = derived[f"com_{axis}"]
+        return known(number.value), half_width(number)
+    own = {p.name: p for p in result.parameters if p.configuration == configuration}
+    moment, mass = own.get(f"ms{axis}"), own.get("mass")
+    value = None if moment is None else known(moment.value)
+    kilograms = None if mass is None else known(mass.value)
+    if moment is None or value is None or not kilograms:
+        return None, None
+    half = half_width(moment)
+    return value / kilograms, None if half is None else half / kilograms
+
+
+def _correlation(result: IdentificationResult, configuration: str) -> Float[np.ndarray, "3 3"]:
+    """Return the correlation of the centre of mass, that of the first moments where it is known."""
+    names = [f"ms{axis}@{configuration}" for axis in "xyz"]
+    out = np.eye(3)
+    for i, a in enumerate(names):
+        for j, b in enumerate(names):
+            if i != j and a in result.covariance_names and b in result.covariance_names:
+                p, q = result.covariance_names.index(a), result.covariance_names.index(b)
+                scale = float(np.sqrt(result.covariance[p, p] * result.covariance[q, q]))
+                value = float(result.covariance[p, q]) / scale if scale > 0 else 0.0
+                out[i, j] = np.clip(value, -1.0, 1.0) if np.isfinite(value) else 0.0
+    return out
+
+
+def _payloads(
+    settings: Mapping[str, Any], configuration: str, *, flip: bool
+) -> tuple[Payload, ...]:
+    """Return the payloads of a configuration, where the settings have them in a form we know."""
+    out: list[Payload] = []
+    for entry in cast("list[Any]", settings.get("configuration") or []):
+        if not isinstance(entry, Mapping):
+            continue
+        table = cast("Mapping[str, Any]", entry)
+        if table.get("name") != configuration:
+            continue
+        for item in cast("list[Any]", table.get("payload") or []):
+            x, y, z = (float(c) for c in item["position"])
+            place = (x, -y, -z) if flip else (x, y, z)
+            out.append(Payload(mass=float(item["mass"]), position=place))
+    return tuple(out)

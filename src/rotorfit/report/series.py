@@ -1,0 +1,136 @@
+"""Long series made small for display: extremes per column, and a compact encoding."""
+
+import base64
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rotorfit.identification.comparison import SHOWN, WrenchComparison
+from rotorfit.report.svg import decimal
+
+MOST_COLUMNS = 8192
+"""Columns kept in a page: two numbers each, more than any screen shows at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """What a flight's figure shows: by component the two wrenches and their difference.
+
+    Attributes
+    ----------
+    time
+        Since the log's first sample [s].
+    values
+        By ``"Fz body"``, ``"Fz rotor"``, ``"Fz error"`` and so on [N, N m].
+    gap
+        A longer step than this is a cut, over which no line is drawn [s].
+    """
+
+    time: Float[np.ndarray, " n"]
+    values: dict[str, Float[np.ndarray, " n"]]
+    gap: float
+
+
+def series_of(comparison: WrenchComparison) -> Series:
+    """Return the series of a comparison's figure, without samples that are not numbers."""
+    index = [("Fx", "Fy", "Fz", "Mx", "My", "Mz").index(name) for name in SHOWN]
+    body, rotor = comparison.body_wrench[:, index], comparison.rotor_wrench[:, index]
+    usable = np.isfinite(np.column_stack([comparison.time, body, rotor])).all(axis=1)
+    time, body, rotor = comparison.time[usable], body[usable], rotor[usable]
+    steps = np.diff(time)
+    values: dict[str, Float[np.ndarray, " n"]] = {}
+    for i, name in enumerate(SHOWN):
+        values[f"{name} body"] = body[:, i]
+        values[f"{name} rotor"] = rotor[:, i]
+        values[f"{name} error"] = body[:, i] - rotor[:, i]
+    return Series(
+        time=time, values=values, gap=3.0 * float(np.median(steps)) if len(steps) else 1.0
+    )
+
+
+def thinned(series: Series, *, columns: int = MOST_COLUMNS) -> Series:
+    """Return the series with at most two samples per column of time: its extremes.
+
+    All values keep one time axis: a column stands at its first sample and its middle.
+    """
+    if len(series.time) <= 2 * columns:
+        return series
+    starts = column_starts(series, columns)
+    stops = np.append(starts[1:], len(series.time))
+    middle = np.maximum((starts + stops) // 2, starts)
+    time = np.column_stack([series.time[starts], series.time[middle]]).ravel()
+    values = {key: extremes(v, starts).ravel() for key, v in series.values.items()}
+    width = float(series.time[-1] - series.time[0]) / columns
+    return Series(time=time, values=values, gap=max(series.gap, 2.0 * width))
+
+
+def column_starts(series: Series, columns: int) -> Int[np.ndarray, " k"]:
+    """Return where columns of equal time begin; a cut begins one too."""
+    time = series.time
+    span = max(float(time[-1] - time[0]), 1e-9)
+    column = np.minimum(((time - time[0]) / span * columns).astype(int), columns - 1)
+    new = (np.diff(column) > 0) | (np.diff(time) > series.gap)
+    return np.concatenate([[0], np.flatnonzero(new) + 1])
+
+
+def extremes(
+    values: Float[np.ndarray, " n"], starts: Int[np.ndarray, " k"]
+) -> Float[np.ndarray, "k 2"]:
+    """Return least and greatest of each column, in the order that follows its slope."""
+    low = np.minimum.reduceat(values, starts)
+    high = np.maximum.reduceat(values, starts)
+    last = np.append(starts[1:], len(values)) - 1
+    falls = values[last] < values[starts]
+    return np.where(falls[:, None], np.stack([high, low], 1), np.stack([low, high], 1))
+
+
+def path_of(
+    series: Series,
+    key: str,
+    *,
+    size: tuple[float, float],
+    span: tuple[float, float],
+    columns: int = 720,
+) -> str:
+    """Return a series as the data of an SVG path, broken at cuts.
+
+    Parameters
+    ----------
+    series, key
+        Which series.
+    size
+        Width and height of its panel [px].
+    span
+        Least and greatest value of the panel.
+    columns
+        Of the reduction.
+    """
+    if not len(series.time):
+        return ""
+    starts = column_starts(series, columns)
+    t0, t1 = float(series.time[0]), float(series.time[-1])
+    x = (series.time[starts] - t0) / max(t1 - t0, 1e-9) * size[0]
+    pairs = extremes(series.values[key], starts)
+    y = (span[1] - pairs) / max(span[1] - span[0], 1e-12) * size[1]
+    broken = np.concatenate(
+        [[True], series.time[starts[1:]] - series.time[starts[1:] - 1] > series.gap]
+    )
+    parts: list[str] = []
+    for xi, (first, second), new in zip(x.tolist(), y.tolist(), broken.tolist(), strict=True):
+        parts.append(f"{'M' if new else 'L'}{decimal(xi)} {first:.1f}V{second:.1f}")
+    return "".join(parts)
+
+
+def encoded(values: Float[np.ndarray, " n"]) -> dict[str, float | str]:
+    """Return values as 16-bit integers in base64: value = low + (integer + 32768) step."""
+    low = float(values.min()) if len(values) else 0.0
+    step = (float(values.max()) - low) / 65535.0 if len(values) else 0.0
+    integers = np.zeros(len(values)) if step <= 0 else np.rint((values - low) / step)
+    data = (integers - 32768).astype("<i2").tobytes()
+    return {"low": low, "step": step, "data": base64.b64encode(data).decode()}
+
+
+def encoded_time(time: Float[np.ndarray, " n"]) -> str:
+    """Return times as 32-bit floats in base64."""
+    return base64.b64encode(time.astype("<f4").tobytes()).decode()

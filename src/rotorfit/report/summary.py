@@ -1,0 +1,145 @@
+"""The top of the page: what is known and what is not, in plain sentences."""
+
+from dataclasses import dataclass
+
+from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.report.parameters import body_verdict
+from rotorfit.report.words import (
+    VERDICT_MEANING,
+    configurations,
+    half_width,
+    known,
+    number_of,
+    percent,
+    percent_words,
+    title_of,
+    twin_of,
+    unit_words,
+)
+
+SUBJECTS = {
+    "kt": "thrust coefficient",
+    "kd": "drag torque coefficient",
+    "Jr": "rotor inertia",
+    "motor_lag": "motor lag",
+    "motor_delay": "motor delay",
+    "Ixx_com": "roll inertia",
+    "Iyy_com": "pitch inertia",
+    "Izz_com": "yaw inertia",
+    "Izz": "the yaw inertia",
+    "mass": "mass",
+}
+DIRECTIONS = {"com_x": ("forward", "back"), "com_y": ("left", "right"), "com_z": ("up", "down")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One sentence: a subject, what is known of it, and what to do where it is not."""
+
+    verdict: str
+    subject: str
+    words: str
+    advice: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """Findings on the rotors and on each configuration, and how many verdicts of each kind."""
+
+    groups: tuple[tuple[str, tuple[Finding, ...]], ...]
+    counts: tuple[tuple[str, int, str], ...]
+
+
+def summary_of(result: IdentificationResult) -> Summary:
+    """Return the plain-language summary."""
+    shared = [p for p in result.parameters if p.configuration is None]
+    groups = [("Rotors", tuple(_finding(p, p) for p in shared))]
+    names = configurations(result)
+    for name in names:
+        title = "Body" if len(names) == 1 else f"Body, configuration {name}"
+        groups.append((title, tuple(_body(result, name))))
+    verdicts = [p.verdict for p in result.parameters]
+    counts = tuple(
+        (word, verdicts.count(word), meaning)
+        for word, meaning in VERDICT_MEANING.items()
+        if word in verdicts
+    )
+    return Summary(groups=tuple(g for g in groups if g[1]), counts=counts)
+
+
+def _body(result: IdentificationResult, configuration: str) -> list[Finding]:
+    parameters = {p.name: p for p in result.parameters if p.configuration == configuration}
+    derived = {d.name: d for d in result.derived if d.configuration == configuration}
+    findings = [_finding(p, p) for n, p in parameters.items() if n == "mass"]
+    if all(name in derived for name in DIRECTIONS):
+        findings.append(_com(derived, parameters))
+    for name in ("Ixx_com", "Iyy_com", "Izz_com"):
+        twin = parameters.get(twin_of(name))
+        if twin is not None:
+            findings.append(_finding(derived.get(name, twin), twin))
+    return findings
+
+
+def _finding(number: Parameter | Derived, twin: Parameter) -> Finding:
+    """Return the sentence on one number; `twin` is the parameter with its verdict."""
+    verdict = twin.verdict if number is twin else _verdict_of(number, twin)
+    subject = SUBJECTS.get(number.name, title_of(number.name))
+    return Finding(
+        verdict=verdict,
+        subject=subject[0].upper() + subject[1:],
+        words=_words(number, verdict, twin.partner),
+        advice=twin.advice if verdict in ("weak", "ratio-only", "not-identified") else None,
+    )
+
+
+def _verdict_of(number: Parameter | Derived, twin: Parameter) -> str:
+    return body_verdict(number, twin) if isinstance(number, Derived) else number.verdict
+
+
+def _words(number: Parameter | Derived, verdict: str, partner: str | None) -> str:
+    unit = unit_words(number.unit)
+    shown = f"{number_of(number.value, None) or ''} {unit}".strip()
+    if verdict == "given":
+        return f"given, {shown}"
+    if verdict == "ratio-only":
+        other = SUBJECTS.get(partner or "", title_of(partner or "another parameter"))
+        return f"known only as a ratio to {other}"
+    if verdict == "removed":
+        return "left out as unessential"
+    share = percent(number)
+    if verdict not in ("identified", "weak"):
+        return "not known"
+    if share is None:
+        return f"known: {shown}"
+    only = "only " if verdict == "weak" else ""
+    if share > 100:
+        return f"known {only}to ± {number_of(half_width(number), None)} {unit}".rstrip()
+    return f"known {only}to {percent_words(share)}"
+
+
+def _com(derived: dict[str, Derived], parameters: dict[str, Parameter]) -> Finding:
+    """Return where the centre of mass is, in millimetres and directions."""
+    verdicts = [body_verdict(derived[n], parameters.get(twin_of(n))) for n in DIRECTIONS]
+    words: list[str] = []
+    for name, (positive, negative) in DIRECTIONS.items():
+        value, half = known(derived[name].value), half_width(derived[name])
+        if value is None:
+            words.append(f"{positive} or {negative} not known")
+        else:
+            margin = "" if half is None else f" ± {_mm(half)}"
+            words.append(f"{_mm(abs(value))}{margin} mm {positive if value >= 0 else negative}")
+    order = ("not-identified", "ratio-only", "removed", "weak", "identified", "given")
+    worst = min(verdicts, key=order.index)
+    advice = [
+        p.advice for n in DIRECTIONS if (p := parameters.get(twin_of(n))) is not None and p.advice
+    ]
+    return Finding(
+        verdict=worst,
+        subject="Centre of mass",
+        words=f"{', '.join(words)} of the origin",
+        advice="; ".join(dict.fromkeys(advice)) if worst != "identified" and advice else None,
+    )
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.1f}"

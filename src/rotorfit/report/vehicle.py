@@ -1,0 +1,354 @@
+"""Section 2: the vehicle to scale, from above and from the side, and its centre close up."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+
+import numpy as np
+
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.report.scene import Body, Point, Scene, scene_of
+from rotorfit.report.svg import drawing, label, nice_step, tag
+
+SIZE = 440.0
+MARGIN = 46.0
+CHI95 = 2.4477
+"""Standard deviations of a two-dimensional 95 % ellipse."""
+TOP = ((1, -1.0), (0, 1.0))
+"""Seen from above: to the right is -y, up is x."""
+SIDE = ((0, 1.0), (2, 1.0))
+"""Seen from the vehicle's right: to the right is x, up is z."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """A direction to look from, and a scale."""
+
+    right: tuple[int, float]
+    up: tuple[int, float]
+    scale: float
+    middle: tuple[float, float]
+    width: float
+    height: float
+
+    def flat(self, point: Point) -> tuple[float, float]:
+        """Return the point in the plane of the drawing [m]."""
+        return (
+            self.right[1] * point[self.right[0]],
+            self.up[1] * point[self.up[0]],
+        )
+
+    def place(self, point: Point) -> tuple[float, float]:
+        """Return where a point is drawn [px]."""
+        a, b = self.flat(point)
+        x = self.width / 2 + (a - self.middle[0]) * self.scale
+        y = self.height / 2 - (b - self.middle[1]) * self.scale
+        return x, y
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleDrawings:
+    """The drawings, and what their caption says."""
+
+    views: tuple[tuple[str, str], ...]
+    bodies: tuple[Body, ...]
+    imu_is_given: bool
+    arms: str
+    radius: float
+
+
+def vehicle_drawings(result: IdentificationResult) -> VehicleDrawings | None:
+    """Return the drawings of the vehicle, None where the settings do not describe one."""
+    scene = scene_of(result)
+    if scene is None:
+        return None
+    views = (
+        ("From above, front up", whole_view(scene, TOP)),
+        ("From its right side, front to the right", whole_view(scene, SIDE)),
+        ("Centre of mass, close up, from above", close_view(scene, TOP)),
+        ("Centre of mass, close up, from the side", close_view(scene, SIDE)),
+    )
+    return VehicleDrawings(
+        views=views if any(b.com for b in scene.bodies) else views[:2],
+        bodies=scene.bodies,
+        imu_is_given=scene.imu_is_given,
+        arms=_arm_words(scene),
+        radius=rotor_radius(scene),
+    )
+
+
+def rotor_radius(scene: Scene) -> float:
+    """Return a radius to draw rotors with: they nearly touch; the settings do not have it [m]."""
+    flat = scene.vehicle.positions[:, :2]
+    apart = np.linalg.norm(flat[:, None] - flat[None], axis=2)
+    apart = apart[apart > 1e-3]
+    return 0.42 * float(apart.min()) if apart.size else 0.1
+
+
+def whole_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) -> str:
+    """Return the whole vehicle, from above or from the side."""
+    radius = rotor_radius(scene)
+    points = [rotor.position for rotor in scene.vehicle.rotors]
+    edges = [
+        (x + a, y + b, z)
+        for x, y, z in points
+        for a in (-radius, radius)
+        for b in (-radius, radius)
+    ]
+    loads = [p.position for body in scene.bodies for p in body.payloads]
+    top = axes == TOP
+    # The side is as wide as the top is high, so that both have one scale in the common case.
+    view = _fitted([*edges, *loads, scene.imu], axes, height=SIZE if top else 250.0)
+    parts = [_arms(scene, view, named=top)]
+    parts += _rotors(scene, view, radius, top=top)
+    parts += _payloads(scene, view)
+    parts += _centers(scene, view, symbol=5.0)
+    name = "from above" if top else "from the side"
+    return _view_svg(view, parts, f"Vehicle {name}, to scale")
+
+
+def close_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) -> str:
+    """Return the surroundings of the centre of mass, much enlarged."""
+    points: list[Point] = [scene.imu, scene.center]
+    for body in scene.bodies:
+        if body.com is not None:
+            std = CHI95 * np.sqrt(np.diag(body.covariance).clip(min=0))
+            x, y, z = body.com
+            points += [
+                (x - std[0], y - std[1], z - std[2]),
+                (x + std[0], y + std[1], z + std[2]),
+            ]
+    view = _fitted(points, axes, height=300.0, least=0.01)
+    parts = _centers(scene, view, symbol=9.0)
+    name = "from above" if axes == TOP else "from the side"
+    return _view_svg(view, parts, f"Centre of mass with its uncertainty, {name}")
+
+
+def _fitted(
+    points: Sequence[Point],
+    axes: tuple[tuple[int, float], tuple[int, float]],
+    *,
+    height: float,
+    least: float = 0.05,
+) -> View:
+    """Return the largest view that holds all points."""
+    (i, a), (j, b) = axes
+    flat = np.array([(a * p[i], b * p[j]) for p in points])
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    extent = np.maximum(high - low, least)
+    scale = float(min((SIZE - 2 * MARGIN) / extent[0], (height - 2 * MARGIN) / extent[1]))
+    x, y = (0.5 * (low + high)).tolist()
+    return View(right=axes[0], up=axes[1], scale=scale, middle=(x, y), width=SIZE, height=height)
+
+
+def _view_svg(view: View, parts: Sequence[str], words: str) -> str:
+    attributes: dict[str, str | float] = {
+        "class": "vehicle",
+        "role": "img",
+        "aria-label": words,
+        "data-scale": f"{view.scale:.9g}",
+    }
+    return drawing(
+        view.width, view.height, attributes, *parts, _scale_bar(view), _axis_arrows(view)
+    )
+
+
+def _arms(scene: Scene, view: View, *, named: bool) -> str:
+    """Return a line from the rotor centre to each rotor; from above with its length."""
+    parts: list[str] = []
+    cx, cy = view.place(scene.center)
+    for rotor in scene.vehicle.rotors:
+        x, y = view.place(rotor.position)
+        parts.append(tag("path", {"class": "arm", "d": f"M{cx:.2f} {cy:.2f}L{x:.2f} {y:.2f}"}))
+    if named:
+        for length, (x, y) in _arm_labels(scene, view).items():
+            parts.append(label(length, {"class": "arm-length middle halo", "x": x, "y": y + 4}))
+    return tag("g", {"class": "arms"}, *parts)
+
+
+def _arm_labels(scene: Scene, view: View) -> dict[str, tuple[float, float]]:
+    """Return each different arm length, and a place beside the first arm that has it."""
+    center = np.array(scene.center)
+    out: dict[str, tuple[float, float]] = {}
+    cx, cy = view.place(scene.center)
+    for rotor in scene.vehicle.rotors:
+        length = f"{np.linalg.norm(np.array(rotor.position)[:2] - center[:2]):.3f} m"
+        x, y = view.place(rotor.position)
+        out.setdefault(length, (cx + 0.42 * (x - cx), cy + 0.42 * (y - cy)))
+    return out
+
+
+def _arm_words(scene: Scene) -> str:
+    offsets = (scene.vehicle.positions - np.array(scene.center))[:, :2]
+    lengths = np.hypot(offsets[:, 0], offsets[:, 1])
+    low, high = float(lengths.min()), float(lengths.max())
+    return f"{low:.3f} m" if high - low < 5e-4 else f"{low:.3f} to {high:.3f} m"
+
+
+def _rotors(scene: Scene, view: View, radius: float, *, top: bool) -> list[str]:
+    """Return the rotors with numbers; stacked ones share a circle and list their numbers."""
+    stacks: dict[tuple[float, ...], list[int]] = {}
+    for i, rotor in enumerate(scene.vehicle.rotors):
+        at = view.place(rotor.position)
+        stacks.setdefault(tuple(round(c, 1) for c in at), []).append(i)
+    parts: list[str] = []
+    for members in stacks.values():
+        draw = _rotor_above if top else _rotor_beside
+        parts.append(draw(scene, view, radius, members))
+    return parts
+
+
+def _rotor_above(scene: Scene, view: View, radius: float, members: list[int]) -> str:
+    rotors = scene.vehicle.rotors
+    x, y = view.place(rotors[members[0]].position)
+    r = radius * view.scale
+    parts = [tag("circle", {"class": "disc", "cx": x, "cy": y, "r": r})]
+    for depth, i in enumerate(members):
+        parts.append(_spin_arrow(x, y, r * (0.8 - 0.22 * depth), rotors[i].spin))
+    numbers = "/".join(str(i + 1) for i in members)
+    spins = "/".join(rotors[i].spin for i in members)
+    parts.append(label(numbers, {"class": "rotor-number middle halo", "x": x, "y": y + 3}))
+    parts.append(label(spins, {"class": "rotor-spin middle halo", "x": x, "y": y + 19}))
+    return tag("g", {"class": f"rotor {rotors[members[0]].spin}", "data-rotors": numbers}, *parts)
+
+
+def _rotor_beside(scene: Scene, view: View, radius: float, members: list[int]) -> str:
+    rotor = scene.vehicle.rotors[members[0]]
+    x, y = view.place(rotor.position)
+    r = radius * view.scale
+    lean = float(np.degrees(np.arctan2(rotor.axis[0], rotor.axis[2])))
+    blade = tag(
+        "ellipse",
+        {
+            "class": "disc",
+            "cx": x,
+            "cy": y,
+            "rx": r,
+            "ry": 4.0,
+            "transform": f"rotate({lean:.1f} {x:.2f} {y:.2f})",
+        },
+    )
+    numbers = ", ".join(str(i + 1) for i in members)
+    word = label(numbers, {"class": "rotor-number small middle halo", "x": x, "y": y - 9})
+    return tag("g", {"class": "rotor side"}, blade, word)
+
+
+def _spin_arrow(x: float, y: float, r: float, spin: str) -> str:
+    """Return an arc of 250 degrees with a head; on the page, seen from above, ccw is ccw."""
+    turn = 1.0 if spin == "ccw" else -1.0
+    start, end = turn * 0.25 * pi, turn * (0.25 + 250 / 180) * pi
+    x0, y0 = x + r * cos(start), y - r * sin(start)
+    x1, y1 = x + r * cos(end), y - r * sin(end)
+    sweep = 0 if spin == "ccw" else 1
+    arc = f"M{x0:.2f} {y0:.2f}A{r:.2f} {r:.2f} 0 1 {sweep} {x1:.2f} {y1:.2f}"
+    heading = end + turn * pi / 2
+    head = [
+        (x1 + 9 * cos(heading), y1 - 9 * sin(heading)),
+        (x1 + 5 * cos(end), y1 - 5 * sin(end)),
+        (x1 - 5 * cos(end), y1 + 5 * sin(end)),
+    ]
+    points = " ".join(f"{a:.2f},{b:.2f}" for a, b in head)
+    return tag(
+        "g",
+        {"class": f"spin {spin}"},
+        tag("path", {"class": "arc", "d": arc}),
+        tag("polygon", {"class": "head", "points": points}),
+    )
+
+
+def _payloads(scene: Scene, view: View) -> list[str]:
+    parts: list[str] = []
+    for body in scene.bodies:
+        for load in body.payloads:
+            x, y = view.place(load.position)
+            parts.append(
+                tag("rect", {"class": "payload", "x": x - 6, "y": y - 6, "width": 12, "height": 12})
+            )
+            words = f"{load.mass:g} kg"
+            parts.append(label(words, {"class": "payload-mass middle halo", "x": x, "y": y + 22}))
+    return parts
+
+
+def _centers(scene: Scene, view: View, *, symbol: float) -> list[str]:
+    """Return rotor centre, IMU, and each centre of mass with its ellipse."""
+    x, y = view.place(scene.center)
+    s = 1.5 * symbol
+    cross = f"M{x - s:.2f} {y:.2f}H{x + s:.2f}M{x:.2f} {y - s:.2f}V{y + s:.2f}"
+    parts = [tag("path", {"class": "rotor-center", "d": cross})]
+    x, y = view.place(scene.imu)
+    box = {"x": x - symbol * 0.8, "y": y - symbol * 0.8}
+    parts.append(
+        tag("rect", {"class": "imu", **box, "width": symbol * 1.6, "height": symbol * 1.6})
+    )
+    for number, body in enumerate(scene.bodies):
+        if body.com is not None:
+            parts.append(_com(body, view, symbol, number))
+    return parts
+
+
+def _com(body: Body, view: View, symbol: float, number: int) -> str:
+    """Return the sign of a centre of mass, a circle in four quarters, on its ellipse."""
+    assert body.com is not None
+    x, y = view.place(body.com)
+    project = np.zeros((2, 3))
+    project[0, view.right[0]], project[1, view.up[0]] = view.right[1], view.up[1]
+    size, turn = np.linalg.eigh(project @ body.covariance @ project.T)
+    minor, major = (CHI95 * view.scale * np.sqrt(size.clip(min=0))).tolist()
+    angle = -float(np.degrees(np.arctan2(turn[1, 1], turn[0, 1])))
+    r = 0.62 * symbol
+    quarters = (
+        f"M{x:.2f} {y:.2f}V{y - r:.2f}A{r:.2f} {r:.2f} 0 0 1 {x + r:.2f} {y:.2f}Z"
+        f"M{x:.2f} {y:.2f}V{y + r:.2f}A{r:.2f} {r:.2f} 0 0 1 {x - r:.2f} {y:.2f}Z"
+    )
+    return tag(
+        "g",
+        {"class": f"com body-{number % 4}"},
+        tag(
+            "ellipse",
+            {
+                "class": "uncertainty",
+                "cx": x,
+                "cy": y,
+                "rx": major,
+                "ry": minor,
+                "transform": f"rotate({angle:.2f} {x:.2f} {y:.2f})",
+            },
+        ),
+        tag("circle", {"class": "ring", "cx": x, "cy": y, "r": r}),
+        tag("path", {"class": "quarters", "d": quarters}),
+    )
+
+
+def _scale_bar(view: View) -> str:
+    """Return a bar of a round length, in metres."""
+    length = nice_step(0.7 * SIZE / view.scale, 3)
+    x1 = view.width - 16
+    x0, y = x1 - length * view.scale, view.height - 14
+    words = f"{length:g} m" if length >= 0.02 else f"{length:g} m ({1e3 * length:g} mm)"
+    path = f"M{x0:.2f} {y - 4}V{y + 4}M{x0:.2f} {y}H{x1:.2f}M{x1:.2f} {y - 4}V{y + 4}"
+    return tag(
+        "g",
+        {"class": "scale-bar", "data-metres": f"{length:g}"},
+        tag("path", {"d": path}),
+        label(words, {"class": "middle halo", "x": (x0 + x1) / 2, "y": y - 8}),
+    )
+
+
+def _axis_arrows(view: View) -> str:
+    """Return the two axes of the drawing in its corner."""
+    x, y, n = 34.0, view.height - 20.0, 30.0
+    right = "xyz"[view.right[0]]
+    up = "xyz"[view.up[0]]
+    # Seen from above y points to the left; the arrow does too.
+    sign = view.right[1]
+    x = x if sign > 0 else x + n
+    tip = x + sign * n
+    d = f"M{x} {y}H{tip}M{tip - sign * 5} {y - 4}L{tip} {y}L{tip - sign * 5} {y + 4}"
+    d += f"M{x} {y}V{y - n}M{x - 4} {y - n + 5}L{x} {y - n}L{x + 4} {y - n + 5}"
+    return tag(
+        "g",
+        {"class": "axes"},
+        tag("path", {"d": d}),
+        label(right, {"class": "middle", "x": tip + sign * 9, "y": y + 4}),
+        label(up, {"class": "middle", "x": x, "y": y - n - 6}),
+    )
