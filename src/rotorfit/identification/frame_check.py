@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
-from rotorfit.model.regressor import FZ, MX, MY, MZ, regressor
+from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 CLEAR = 0.3
@@ -60,45 +60,45 @@ class Response:
         return float(np.log(left[0] / left[1]).sum())
 
 
-def response(factors: Factors, vehicle: Vehicle, *, declared: Vehicle | None = None) -> Response:
-    """Return how rotors explain the response of each axis.
-
-    Parameters
-    ----------
-    factors
-        Of the flight.
-    vehicle
-        Whose rotors are tried.
-    declared
-        The vehicle that the factors were made for, if it is another one: its spins are in the
-        signals of the rotors' spin-up.
-    """
-    R = _inside_band(factors)
-    model = regressor(vehicle, effects=("thrust", "torque", "rotor_inertia"))
-    kt, kd, Jr = (-model.tensor[model.names.index(name)] for name in ("kt", "kd", "Jr"))
-    agree = float(vehicle.spins @ (declared or vehicle).spins) / len(vehicle.rotors)
-    # The signal of the rotors' spin-up holds the declared spins: it serves only all or none.
-    yaw = [kd[MZ], agree * Jr[MZ]] if abs(agree) == 1.0 else [kd[MZ]]
-    thrust = R @ kt[FZ]
-    return Response(
-        roll=_signed_share(R, model.layout.index("dwx"), [kt[MX]], apart=thrust),
-        pitch=_signed_share(R, model.layout.index("dwy"), [kt[MY]], apart=thrust),
-        yaw=_signed_share(R, model.layout.index("dwz"), yaw, apart=thrust),
-    )
+def response(factors: Factors, vehicle: Vehicle) -> Response:
+    """Return how the declared rotors explain the response of each axis."""
+    return _response(_inside_band(factors), vehicle, declared=vehicle)
 
 
 def free_response(factors: Factors, vehicle: Vehicle) -> Response:
     """Return what the squared speeds of the rotors explain, wherever the rotors are."""
-    R = _inside_band(factors)
-    model = regressor(vehicle, effects=("thrust",))
-    thrust = R @ -model.tensor[model.names.index("kt"), FZ]
-    squares = [i for i, name in enumerate(model.layout.names) if name.startswith("O2_")]
-    D = _apart(R[:, squares], thrust)
+    R, layout = _inside_band(factors), signal_layout(vehicle)
+    squares = R[:, _square_columns(vehicle)]
+    thrust = squares @ vehicle.axes[:, 2]
     shares = [
-        _share(_apart(R[:, [model.layout.index(name)]], thrust)[:, 0], D)
+        _share(_apart(R[:, [layout.index(name)]], thrust)[:, 0], _apart(squares, thrust))
         for name in ("dwx", "dwy", "dwz")
     ]
     return Response(roll=shares[0], pitch=shares[1], yaw=shares[2])
+
+
+def _response(R: Float[np.ndarray, "z z"], vehicle: Vehicle, *, declared: Vehicle) -> Response:
+    """Return how rotors explain the response, from the signals made for the declared ones."""
+    layout = signal_layout(declared)
+    squares = R[:, _square_columns(declared)]
+    n, s = vehicle.axes, vehicle.spins
+    thrust = squares @ n[:, 2]
+    torque = squares @ np.cross(vehicle.positions, n)
+    yaw = [squares @ (-s * n[:, 2])]
+    agree = float(s @ declared.spins) / len(s)
+    if abs(agree) == 1.0:
+        # The signal of the rotors' spin-up holds the declared spins: it serves all or none.
+        yaw.append(-agree * R[:, layout.index("dHz")])
+    return Response(
+        roll=_signed_share(R[:, layout.index("dwx")], [torque[:, 0]], apart=thrust),
+        pitch=_signed_share(R[:, layout.index("dwy")], [torque[:, 1]], apart=thrust),
+        yaw=_signed_share(R[:, layout.index("dwz")], yaw, apart=thrust),
+    )
+
+
+def _square_columns(vehicle: Vehicle) -> list[int]:
+    layout = signal_layout(vehicle)
+    return [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]
 
 
 def _inside_band(factors: Factors) -> Float[np.ndarray, "z z"]:
@@ -122,8 +122,7 @@ def _share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
 
 
 def _signed_share(
-    R: Float[np.ndarray, "z z"],
-    target: int,
+    target: Float[np.ndarray, " z"],
     drives: list[Float[np.ndarray, " z"]],
     *,
     apart: Float[np.ndarray, " z"],
@@ -132,11 +131,11 @@ def _signed_share(
 
     What varies with the total thrust is left out: it acts on a CoM that is off the centre.
     """
-    y = _apart(R[:, [target]], apart)[:, 0]
-    total = float(y @ y)
+    columns = _apart(np.column_stack([target, *drives]), apart)
+    y, total = columns[:, 0], float(columns[:, 0] @ columns[:, 0])
     shares = [0.0]
-    for chosen in ([drives[0]], [drives[-1]], drives):
-        D = _apart(R @ np.array(chosen).T, apart)
+    for chosen in ([1], [-1], list(range(1, len(drives) + 1))):
+        D = columns[:, chosen]
         lengths = np.linalg.norm(D, axis=0)
         if total == 0.0 or not np.all(lengths > 0):
             continue
@@ -156,25 +155,24 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     FrameError
         If the data contradict it; the message says which declaration would fit.
     """
-    declared = response(factors, vehicle)
-    tried = [
-        (response(factors, other, declared=vehicle), words)
-        for other, words in _alternatives(vehicle)
-    ]
+    R = _inside_band(factors)
+    declared = _response(R, vehicle, declared=vehicle)
+    tried = [(_tried(R, other, vehicle, declared), words) for other, words in _others(vehicle)]
     best = max((found for found, _ in tried), key=lambda found: found.score)
+    free = free_response(factors, vehicle)
     seen = (
         f"with the declared rotors roll, pitch and yaw respond {_shown(declared)} "
         "(+1: as the model says, -1: reversed)"
     )
-    if best.fits and best.gain_over(declared) > BETTER:
+    better = best.fits and best.gain_over(declared) > BETTER
+    if better and not _hidden(best, free):
         # The simplest that fit come first; where several fit alike, two are named.
         alike = [words for found, words in tried if found.score > best.score - ALIKE][:2]
         raise FrameError(
             f"{seen}; with {', or with '.join(alike)}, they would respond {_shown(best)}: "
             "correct the rotors' order and spin, or the log's axes"
         )
-    free = free_response(factors, vehicle)
-    if ((free.shares > 1.0 - CLEAR) & (declared.shares < CLEAR)).any():
+    if better or _hidden(declared, free):
         raise FrameError(
             f"{seen}; with free places of the rotors their speeds explain {_shown(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
@@ -182,11 +180,31 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     return declared
 
 
+def _tried(
+    R: Float[np.ndarray, "z z"], other: Vehicle, vehicle: Vehicle, declared: Response
+) -> Response:
+    """Return the response of another declaration.
+
+    For another pattern of spins the spin-up cannot be tried: where drag alone explains half of
+    what is explained with it, that is not held against it.
+    """
+    found = _response(R, other, declared=vehicle)
+    same_pattern = abs(float(other.spins @ vehicle.spins)) == len(vehicle.rotors)
+    if same_pattern or found.yaw < 0.5 * declared.yaw:
+        return found
+    return replace(found, yaw=max(found.yaw, declared.yaw))
+
+
+def _hidden(found: Response, free: Response) -> bool:
+    """Whether the rotors explain an axis that a declaration does not."""
+    return bool(((free.shares > 1.0 - CLEAR) & (found.shares < CLEAR)).any())
+
+
 def _shown(found: Response) -> str:
     return f"{found.roll:+.2f}, {found.pitch:+.2f}, {found.yaw:+.2f}"
 
 
-def _alternatives(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
+def _others(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
     """Yield other declarations of the same rotors, the simplest first, in words."""
     rotors = vehicle.rotors
     flipped = "every spin reversed (props out instead of in)"
@@ -204,8 +222,9 @@ def _alternatives(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
         yield _with_rotors(vehicle, ordered), words
         yield _with_rotors(vehicle, map(_reversed, ordered)), f"{words} and {flipped}"
         moved = [replace(o, spin=r.spin) for o, r in zip(ordered, rotors, strict=True)]
-        words = f"the positions alone, without the spins, listed in the order {named}"
-        yield _with_rotors(vehicle, moved), words
+        if moved != ordered:
+            words = f"the positions alone, without the spins, listed in the order {named}"
+            yield _with_rotors(vehicle, moved), words
 
 
 def _orders(n: int) -> list[tuple[int, ...]]:
