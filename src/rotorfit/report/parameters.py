@@ -157,13 +157,12 @@ def _table(title: str, explanation: str, entries: Sequence[_Entry]) -> Parameter
     for entry in entries:
         axes.setdefault(axis_of(entry.number.name), []).append(entry.number)
     notes = _notes(entries)
-    marks = {(n.reason, n.advice): n.mark for n in notes}
+    marks = {name: note.mark for note in notes for name in note.names}
     return ParameterTable(
         title=title,
         explanation=explanation,
         rows=tuple(
-            _row(e, axes[axis_of(e.number.name)], marks.get((e.reason, e.advice), ""))
-            for e in entries
+            _row(e, axes[axis_of(e.number.name)], marks.get(e.number.name, "")) for e in entries
         ),
         notes=notes,
     )
@@ -190,7 +189,12 @@ def _notes(entries: Sequence[_Entry]) -> tuple[Note, ...]:
         if entry.reason or entry.advice:
             groups.setdefault((entry.reason, entry.advice), []).append(entry.number.name)
     return tuple(
-        Note(mark=_letter(i), names=tuple(names), reason=reason, advice=advice)
+        Note(
+            mark=_letter(i),
+            names=tuple(names),
+            reason=None if reason is None else reason.replace("+-", "± "),
+            advice=advice,
+        )
         for i, ((reason, advice), names) in enumerate(groups.items())
     )
 

@@ -53,11 +53,11 @@ class Summary:
 def summary_of(result: IdentificationResult) -> Summary:
     """Return the plain-language summary."""
     shared = [p for p in result.parameters if p.configuration is None]
-    groups = [("Rotors", tuple(_finding(p, p) for p in shared))]
+    groups = [("Rotors", _merged([_finding(p, p) for p in shared]))]
     names = configurations(result)
     for name in names:
         title = "Body" if len(names) == 1 else f"Body, configuration {name}"
-        groups.append((title, tuple(_body(result, name))))
+        groups.append((title, _merged(_body(result, name))))
     verdicts = [p.verdict for p in result.parameters]
     counts = tuple(
         (word, verdicts.count(word), meaning)
@@ -65,6 +65,23 @@ def summary_of(result: IdentificationResult) -> Summary:
         if word in verdicts
     )
     return Summary(groups=tuple(g for g in groups if g[1]), counts=counts)
+
+
+def _merged(findings: list[Finding]) -> tuple[Finding, ...]:
+    """Return the findings, those in one sentence of which the same is said with an advice."""
+    groups: dict[tuple[str, str, str | None], list[str]] = {}
+    for i, f in enumerate(findings):
+        key = (f.verdict, f.words if f.advice else f"{f.words}\0{i}", f.advice)
+        groups.setdefault(key, []).append(f.subject)
+    return tuple(
+        Finding(
+            verdict=verdict,
+            subject=" and ".join([names[0], *(n[0].lower() + n[1:] for n in names[1:])]),
+            words=words.split("\0")[0],
+            advice=advice,
+        )
+        for (verdict, words, advice), names in groups.items()
+    )
 
 
 def _body(result: IdentificationResult, configuration: str) -> list[Finding]:

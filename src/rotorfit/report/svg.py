@@ -66,9 +66,11 @@ def nice_step(span: float, count: int) -> float:
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Return round numbers between two ends, about `count` of them."""
+    """Return round numbers between two ends, about `count` of them and at least two."""
     step = nice_step(high - low, count)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    if last <= first and count < 20 and high > low:
+        return ticks(low, high, 2 * count)
     return [i * step for i in range(first, last + 1)]
 
 

@@ -97,10 +97,10 @@ def whole_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) 
     ]
     loads = [p.position for body in scene.bodies for p in body.payloads]
     top = axes == TOP
-    # The side is as wide as the top is high, so that both have one scale in the common case.
-    view = _fitted([*edges, *loads, scene.imu], axes, height=SIZE if top else 250.0)
-    parts = [_arms(scene, view, named=top)]
+    view = _fitted([*edges, *loads, scene.imu], axes, height=SIZE if top else 220.0)
+    parts = [_arms(scene, view)]
     parts += _rotors(scene, view, radius, top=top)
+    parts += _arm_labels(scene, view, radius) if top else []
     parts += _payloads(scene, view)
     parts += _centers(scene, view, symbol=5.0)
     name = "from above" if top else "from the side"
@@ -118,7 +118,7 @@ def close_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) 
                 (x - std[0], y - std[1], z - std[2]),
                 (x + std[0], y + std[1], z + std[2]),
             ]
-    view = _fitted(points, axes, height=300.0, least=0.01)
+    view = _fitted(points, axes, height=338.0, least=0.01)
     parts = _centers(scene, view, symbol=9.0)
     name = "from above" if axes == TOP else "from the side"
     return _view_svg(view, parts, f"Centre of mass with its uncertainty, {name}")
@@ -153,29 +153,35 @@ def _view_svg(view: View, parts: Sequence[str], words: str) -> str:
     )
 
 
-def _arms(scene: Scene, view: View, *, named: bool) -> str:
-    """Return a line from the rotor centre to each rotor; from above with its length."""
+def _arms(scene: Scene, view: View) -> str:
+    """Return a line from the rotor centre to each rotor."""
+    cx, cy = view.place(scene.center)
+    ends = (view.place(rotor.position) for rotor in scene.vehicle.rotors)
+    lines = (
+        tag("path", {"class": "arm", "d": f"M{cx:.2f} {cy:.2f}L{x:.2f} {y:.2f}"}) for x, y in ends
+    )
+    return tag("g", {"class": "arms"}, *lines)
+
+
+def _arm_labels(scene: Scene, view: View, radius: float) -> list[str]:
+    """Return each different arm length once, beside the part of its arm that no disc hides."""
+    cx, cy = view.place(scene.center)
+    lengths: set[str] = set()
     parts: list[str] = []
-    cx, cy = view.place(scene.center)
     for rotor in scene.vehicle.rotors:
         x, y = view.place(rotor.position)
-        parts.append(tag("path", {"class": "arm", "d": f"M{cx:.2f} {cy:.2f}L{x:.2f} {y:.2f}"}))
-    if named:
-        for length, (x, y) in _arm_labels(scene, view).items():
-            parts.append(label(length, {"class": "arm-length middle halo", "x": x, "y": y + 4}))
-    return tag("g", {"class": "arms"}, *parts)
-
-
-def _arm_labels(scene: Scene, view: View) -> dict[str, tuple[float, float]]:
-    """Return each different arm length, and a place beside the first arm that has it."""
-    center = np.array(scene.center)
-    out: dict[str, tuple[float, float]] = {}
-    cx, cy = view.place(scene.center)
-    for rotor in scene.vehicle.rotors:
-        length = f"{np.linalg.norm(np.array(rotor.position)[:2] - center[:2]):.3f} m"
-        x, y = view.place(rotor.position)
-        out.setdefault(length, (cx + 0.42 * (x - cx), cy + 0.42 * (y - cy)))
-    return out
+        pixels = float(np.hypot(x - cx, y - cy))
+        words = f"{pixels / view.scale:.3f} m"
+        if pixels < 1.0 or words in lengths:
+            continue
+        lengths.add(words)
+        ux, uy = (x - cx) / pixels, (y - cy) / pixels
+        along = max(0.5 * (pixels - radius * view.scale), 0.3 * pixels)
+        # Words are wider than high: they stand further off beside an upright arm.
+        aside = 11.0 + 17.0 * abs(uy)
+        place = {"x": cx + along * ux + aside * uy, "y": cy + along * uy - aside * ux + 4}
+        parts.append(label(words, {"class": "arm-length middle halo", **place}))
+    return parts
 
 
 def _arm_words(scene: Scene) -> str:

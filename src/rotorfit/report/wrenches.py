@@ -108,11 +108,11 @@ def _component(comparison: WrenchComparison, series: Series, name: str, top: flo
         {"class": "component"},
         label(f"{title} [{unit}]", {"class": "panel-title", "x": LEFT, "y": top + 16}),
         label(
-            f"relative error {error}",
+            f"error {error}",
             {"class": "panel-error right", "x": WIDTH - RIGHT, "y": top + 16},
         ),
-        _panel(series, (f"{name} body", f"{name} rotor"), top=main, height=MAIN, count=4),
-        _panel(series, (f"{name} error",), top=main + MAIN + GAP, height=ERROR, count=2),
+        _panel(series, (f"{name} body", f"{name} rotor"), top=main, height=MAIN, count=5),
+        _panel(series, (f"{name} error",), top=main + MAIN + GAP, height=ERROR, count=3),
     )
 
 

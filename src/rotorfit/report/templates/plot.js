@@ -28,7 +28,7 @@ function ticks(low, high, count) {
   for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i += 1) {
     out.push({ value: i * step, label: tickLabel(i * step, step) });
   }
-  return out;
+  return out.length > 1 || count > 20 ? out : ticks(low, high, 2 * count);
 }
 
 // First index whose time is not before t.
