@@ -19,7 +19,7 @@ from rotorfit.identification.experiment import (
     read_options_of,
 )
 from rotorfit.identification.frame_check import check_frame
-from rotorfit.identification.rows import fit_rows
+from rotorfit.identification.rows import PILOT_BAND, fit_rows
 from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import Regressor
@@ -160,15 +160,27 @@ def find_delay(flown: Flown) -> tuple[float, float] | None:
 
     By profile likelihood of the three angular accelerations. A positive delay: the gyro shows
     what the rotors did that much later (its own filter, or early motor data). None where the
-    best lies at the edge of the search: the flights do not determine it.
+    best lies at the edge of the search: the flights do not determine it. The autopilot's answer
+    to gusts, later than the gusts, looks like a delay: the deviation holds what the best place
+    moves by where only frequencies are used at which the pilot moves the vehicle.
     """
+    found = _best_delay(flown, np.inf)
+    if found is None:
+        return None
+    slow = _best_delay(flown, PILOT_BAND[1])
+    shift = 0.0 if slow is None else slow[0] - found[0]
+    return found[0], float(np.hypot(found[1], shift))
+
+
+def _best_delay(flown: Flown, top: float) -> tuple[float, float] | None:
+    """Return the best delay by the bands that begin below `top` [Hz]."""
 
     def cost(delay: float) -> float:
-        fits = [
-            fit_rows(factors, flown.model, mass=configured.mass)
-            for factors, configured in zip(flown.bands(delay), flown.configurations, strict=True)
-        ]
-        return -sum(fit.log_likelihood for fit in fits)
+        total = 0.0
+        for factors, configured in zip(flown.bands(delay), flown.configurations, strict=True):
+            below = factors.select(factors.band[:, 0] < top)
+            total -= fit_rows(below, flown.model, mass=configured.mass).log_likelihood
+        return total
 
     return _minimum(cost, WIDEST_DELAY)
 
