@@ -5,10 +5,9 @@ import math
 import tempfile
 from pathlib import Path
 
-import typer
-
 from rotorfit.cli.identify import quiet_identify
-from rotorfit.errors import OutputError
+from rotorfit.cli.outputs import refuse_output_folder
+from rotorfit.cli.terminal import say, show
 from rotorfit.identification.experiment import load_experiment
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
 from rotorfit.logs.files import write_whole
@@ -37,15 +36,15 @@ def run(output: Path | None, *, seed: int, force: bool, as_json: bool) -> None:
     """Fly, write the files, identify from them, and print."""
     if output is not None:
         _demonstrate(output, seed=seed, force=force, as_json=as_json)
-        typer.echo(f"wrote {', '.join(FILES)} to {output}", err=True)
+        say(f"wrote {', '.join(FILES)} to {output}")
         return
     with tempfile.TemporaryDirectory() as folder:
         _demonstrate(Path(folder), seed=seed, force=True, as_json=as_json)
 
 
 def _demonstrate(folder: Path, *, seed: int, force: bool, as_json: bool) -> None:
-    _refuse_existing(folder, force=force)
-    typer.echo(f"flying a simulated quadrotor for {SECONDS:.0f} s ...", err=True)
+    refuse_output_folder(folder, FILES, force=force)
+    say(f"flying a simulated quadrotor for {SECONDS:.0f} s ...")
     truth, vehicle, flight = _flown(seed)
     experiment = folder / "experiment.toml"
     write_whole(folder / "flight.csv", flight_table(flight), force=force)
@@ -55,23 +54,10 @@ def _demonstrate(folder: Path, *, seed: int, force: bool, as_json: bool) -> None
     result = quiet_identify(load_experiment(experiment))
     result.save(folder / "result.json", force=force)
     if as_json:
-        typer.echo(result.to_json(), nl=False)
+        show(result.to_json().rstrip())
         return
-    typer.echo(result_text(result))
-    typer.echo(_beside(result, true_values(truth)))
-
-
-def _refuse_existing(folder: Path, *, force: bool) -> None:
-    """Refuse before the work begins; make the folder where it is missing."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be made a folder ({error}); name another") from error
-    there = [name for name in FILES if (folder / name).exists()]
-    if there and not force:
-        raise OutputError(
-            f"{folder} already holds {', '.join(there)}; name another folder, or pass --force"
-        )
+    show(result_text(result))
+    show(_beside(result, true_values(truth)))
 
 
 def _flown(seed: int) -> tuple[Truth, Vehicle, SimulatedFlight]:

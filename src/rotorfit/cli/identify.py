@@ -1,5 +1,6 @@
 """rotorfit identify: parse, call, print."""
 
+import math
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,16 +8,23 @@ from typing import Literal
 
 import typer
 
+from rotorfit.cli.outputs import refuse_output_file
 from rotorfit.cli.progress import steps
-from rotorfit.errors import ExperimentError, OutputError, RotorfitWarning
+from rotorfit.cli.terminal import say, show
+from rotorfit.errors import ExperimentError, RotorfitWarning
 from rotorfit.identification.experiment import (
+    ConfigurationEntry,
     Experiment,
+    MotorsEntry,
     load_experiment,
     single_flight_experiment,
 )
 from rotorfit.identification.identify import identify
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.logs.files import read_head
 from rotorfit.report.text import result_text
+
+Window = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,26 +32,33 @@ class IdentifyRequest:
     """What the user asked for, as the command line gave it."""
 
     source: Path
-    output: Path | None
-    mass: str | None
-    airframe: Path | None
-    log: int | None
-    method: Literal["ols", "tls"] | None
-    preset: Literal["paper"] | None
-    force: bool
-    as_json: bool
+    output: Path | None = None
+    mass: str | None = None
+    airframe: Path | None = None
+    log: int | None = None
+    window: Window = (None, None)
+    speed: Literal["measured", "commanded"] | None = None
+    method: Literal["banded", "ols", "tls"] | None = None
+    preset: Literal["paper"] | None = None
+    force: bool = False
+    as_json: bool = False
+
+    @property
+    def is_experiment(self) -> bool:
+        """Whether the source is an experiment file, going by its name."""
+        return self.source.suffix.lower() == ".toml"
 
 
 def run(request: IdentifyRequest) -> None:
     """Identify, print the result, and write it where asked."""
-    _refuse_existing(request.output, force=request.force)
     experiment = _with_options(_experiment(request), request)
+    if request.output is not None:
+        refuse_output_file(request.output, inputs=_inputs(experiment, request), force=request.force)
     result = quiet_identify(experiment)
     if request.output is not None:
         result.save(request.output, force=request.force)
-    typer.echo(result.to_json() if request.as_json else result_text(result), nl=False)
-    if request.output is not None:
-        typer.echo(f"wrote {request.output}", err=True)
+        say(f"wrote {request.output}")
+    show((result.to_json() if request.as_json else result_text(result)).rstrip())
 
 
 def quiet_identify(experiment: Experiment) -> IdentificationResult:
@@ -53,59 +68,96 @@ def quiet_identify(experiment: Experiment) -> IdentificationResult:
         return identify(experiment, progress=tell)
 
 
-def _refuse_existing(path: Path | None, *, force: bool) -> None:
-    """Refuse to overwrite before the work begins, not after it."""
-    if path is not None and path.exists() and not force:
-        raise OutputError(f"{path} exists; choose another name, or pass --force to overwrite it")
+def _inputs(experiment: Experiment, request: IdentifyRequest) -> list[Path]:
+    """Return every file that is read, none of which may be written over."""
+    flights = [
+        Path(flight.file)
+        for entry in experiment.configuration
+        for flight in (*entry.flights, *entry.validation)
+    ]
+    return [request.source, *([request.airframe] if request.airframe else []), *flights]
 
 
 def _experiment(request: IdentifyRequest) -> Experiment:
-    if request.mass is None and request.airframe is None:
-        if request.source.suffix.lower() != ".toml":
-            raise ExperimentError(
-                f"{request.source} is not an experiment file (.toml); for a log give its mass and "
-                "airframe too: rotorfit identify LOG --mass KG --airframe AIRFRAME.toml"
-            )
+    if request.is_experiment:
+        _refuse_options_of_a_log(request)
         return load_experiment(request.source)
+    read_head(request.source, 1)  # a log that is not there is said before what else is missing
     if request.mass is None or request.airframe is None:
-        missing = "--mass KG" if request.mass is None else "--airframe AIRFRAME.toml"
-        raise typer.BadParameter(f"a log also needs {missing}")
+        missing = [
+            words
+            for words, given in (
+                ("--mass KG", request.mass),
+                ("--airframe AIRFRAME.toml", request.airframe),
+            )
+            if given is None
+        ]
+        raise typer.BadParameter(
+            f"a log also needs {' and '.join(missing)} (an experiment file ends in .toml)"
+        )
     return single_flight_experiment(
         request.source, mass=_mass(request.mass), airframe=request.airframe
     )
+
+
+def _refuse_options_of_a_log(request: IdentifyRequest) -> None:
+    given = {
+        "--mass": request.mass,
+        "--airframe": request.airframe,
+        "--start": request.window[0],
+        "--end": request.window[1],
+    }
+    for option, value in given.items():
+        if value is not None:
+            raise typer.BadParameter(
+                f"{option} belongs to a log; {request.source.name} is an experiment file, "
+                "which says it itself"
+            )
 
 
 def _mass(text: str) -> float | Literal["unknown"]:
     if text == "unknown":
         return "unknown"
     try:
-        return float(text)
+        mass = float(text)
     except ValueError:
         raise typer.BadParameter(
             f'{text!r} is not a mass; give kilograms such as 0.428, or "unknown"',
             param_hint="--mass",
         ) from None
+    if not (math.isfinite(mass) and mass > 0):
+        raise ExperimentError(
+            f"--mass is {text}, expected more than 0 kg; weigh the vehicle as it flies, battery "
+            'included, or give "unknown"'
+        )
+    return mass
 
 
 def _with_options(experiment: Experiment, request: IdentifyRequest) -> Experiment:
     """Return the experiment with what the command line overrides."""
-    chosen = {
-        key: value
-        for key, value in (("method", request.method), ("preset", request.preset))
-        if value is not None
-    }
-    update: dict[str, object] = {}
-    if chosen:
-        update["identification"] = experiment.identification.model_copy(update=chosen)
-    if request.log is not None:
-        update["configuration"] = tuple(
-            entry.model_copy(
-                update={
-                    "flights": tuple(
-                        flight.model_copy(update={"log": request.log}) for flight in entry.flights
-                    )
-                }
-            )
-            for entry in experiment.configuration
-        )
-    return experiment.model_copy(update=update)
+    method = {"method": request.method, "preset": request.preset}
+    chosen = {key: value for key, value in method.items() if value is not None}
+    return experiment.model_copy(
+        update={
+            "identification": experiment.identification.model_copy(update=chosen),
+            "motors": _motors(experiment.motors, request),
+            "configuration": tuple(_chosen(c, request) for c in experiment.configuration),
+        }
+    )
+
+
+def _motors(motors: MotorsEntry, request: IdentifyRequest) -> MotorsEntry:
+    """Return the motors with the speed that was asked for."""
+    if request.speed is None:
+        return motors
+    # Law and lag turn commands into speed: measured speed has no use for them.
+    idle = {"law": None, "lag": None} if request.speed == "measured" else {}
+    return motors.model_copy(update={"speed": request.speed, **idle})
+
+
+def _chosen(entry: ConfigurationEntry, request: IdentifyRequest) -> ConfigurationEntry:
+    """Return a configuration with the log and the window that were asked for in its flights."""
+    given = {"log": request.log, "start": request.window[0], "end": request.window[1]}
+    update = {key: value for key, value in given.items() if value is not None}
+    flights = tuple(flight.model_copy(update=update) for flight in entry.flights)
+    return entry.model_copy(update={"flights": flights})

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import typer
 
+from rotorfit.cli.terminal import one_line, say, show
 from rotorfit.errors import FlightError, LogError, RotorfitError
 from rotorfit.flight.log import CHANNELS, Channel, FlightLog
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
@@ -55,8 +56,8 @@ class LogReport:
 
     @property
     def usable(self) -> bool:
-        """Whether any sample of the sensors is left."""
-        return any(c.samples > 1 for c in self.channels if c.name in NEEDED)
+        """Whether any channel has samples left."""
+        return any(channel.samples > 1 for channel in self.channels)
 
 
 def run(paths: list[Path], *, log_number: int | None, as_json: bool) -> None:
@@ -68,14 +69,16 @@ def run(paths: list[Path], *, log_number: int | None, as_json: bool) -> None:
             report = _report(path, log_number)
         except RotorfitError as error:
             failed = True
-            typer.echo(f"rotorfit: {' '.join(str(error).split())}", err=True)
+            say(f"rotorfit: {one_line(str(error))}")
             continue
-        failed |= isinstance(report, LogReport) and not report.usable
+        if isinstance(report, LogReport) and not report.usable:
+            failed = True
+            say(f"rotorfit: {path}: no usable sample in it: copy the log again")
         reports.append(_plain(report))
         if not as_json:
-            typer.echo(_text(report))
-    if as_json:
-        typer.echo(json.dumps(reports, indent=1, allow_nan=False))
+            show(_text(report))
+    if as_json and reports:
+        show(json.dumps(reports, indent=1, allow_nan=False))
     if failed:
         raise typer.Exit(1)
 

@@ -1,12 +1,12 @@
 """The command line: one command a question. Heavy imports happen inside the commands."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 import rotorfit
+from rotorfit.cli.terminal import internal_error, interruptible, print_any_name, refuse
 from rotorfit.errors import RotorfitError
 
 app = typer.Typer(
@@ -23,19 +23,14 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist
 
 
 def main() -> None:
-    """Run the command line; a refusal is one line on stderr and exit code 1."""
+    """Run the command line; a refusal is one line on stderr and exit code 1, never a traceback."""
+    print_any_name()
     try:
         app()
     except RotorfitError as error:
-        typer.echo(f"rotorfit: {' '.join(str(error).split())}", err=True)
-        sys.exit(1)
-    except BrokenPipeError:
-        # The reader of our output (such as head) has gone: nothing is wrong.
-        sys.stderr.close()
-        sys.exit(0)
-    except KeyboardInterrupt:
-        typer.echo("rotorfit: stopped; nothing was written", err=True)
-        sys.exit(1)
+        refuse(error)
+    except Exception as error:  # a fault of ours: nobody else stands behind us to catch it
+        internal_error(error)
 
 
 def _version(wanted: bool) -> None:
@@ -54,6 +49,7 @@ def _options(
 
 
 @app.command()
+@interruptible()
 def identify(
     source: Annotated[Path, typer.Argument(help="An experiment file (.toml), or one flight log.")],
     output: Annotated[
@@ -66,11 +62,26 @@ def identify(
         Path | None, typer.Option(help="With a log: file with [airframe] and [motors].")
     ] = None,
     log: Annotated[
-        int | None, typer.Option(min=1, help="With a log file of several logs: which, from 1.")
+        int | None, typer.Option(min=1, help="In a file of several logs: which, from 1.")
+    ] = None,
+    start: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="With a log: use it from here [s since its first sample]."),
+    ] = None,
+    end: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="With a log: use it up to here [s since its first sample]."),
+    ] = None,
+    speed: Annotated[
+        Literal["measured", "commanded"] | None,
+        typer.Option(help="Rotor speed from telemetry or from motor commands; else [motors] says."),
     ] = None,
     method: Annotated[
-        Literal["ols", "tls"] | None,
-        typer.Option(help="ols: row by row (default); tls: total least squares of all rows."),
+        Literal["banded", "ols", "tls"] | None,
+        typer.Option(
+            help="ols: equation by equation; banded: all equations and configurations at once; "
+            "tls: total least squares, as the paper. Else the experiment file says."
+        ),
     ] = None,
     preset: Annotated[
         Literal["paper"] | None,
@@ -93,6 +104,8 @@ def identify(
             mass=mass,
             airframe=airframe,
             log=log,
+            window=(start, end),
+            speed=speed,
             method=method,
             preset=preset,
             force=force,
@@ -102,6 +115,7 @@ def identify(
 
 
 @app.command()
+@interruptible()
 def inspect(
     logs: Annotated[list[Path], typer.Argument(help="Flight logs of any format.")],
     log: Annotated[
@@ -116,6 +130,7 @@ def inspect(
 
 
 @app.command()
+@interruptible()
 def demo(
     output: Annotated[
         Path | None,

@@ -1,135 +1,190 @@
 """A result on one screen: what is known, how well, and what to do about the rest."""
 
-import math
+import textwrap
+from collections.abc import Container, Iterable, Mapping
+from typing import Any
 
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
-
-ROTOR_PARAMETERS = ("kt", "kd", "Jr", "motor_lag", "motor_delay")
-ROTOR_DERIVED = ("kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
-BODY_DERIVED = (
-    *("com_x", "com_y", "com_z"),
-    *("Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com"),
+from rotorfit.report.parameters import COM_FIRST, body_verdict
+from rotorfit.report.words import (
+    VERDICT_MEANING,
+    configurations,
+    file_name,
+    known,
+    number_of,
+    twin_of,
 )
-BODY_PARAMETERS = ("mass",)
-PAPER_BODY = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+
+ROTOR_DERIVED = ("kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
+DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")
+"""Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
+
+Line = tuple[Parameter | Derived, str]
+"""A number with the words that follow its unit."""
 
 
 def result_text(result: IdentificationResult) -> str:
     """Return a result as text for a terminal."""
-    lines = [_title(result), ""]
-    lines += ["Rotors", *_rotor_lines(result), ""]
-    for configuration in _configurations(result):
-        lines += [f"Body, configuration {configuration}", *_body_lines(result, configuration), ""]
-    doubts = _doubts(result)
-    if doubts:
-        lines += ["To know", *doubts]
-    return "\n".join(lines).rstrip() + "\n"
+    sections = [
+        textwrap.wrap(_title(result), WIDTH),
+        _table("Rotors", _rotor_lines(result)),
+        *(
+            _table(f"Body, configuration {name}", _body_lines(result, name))
+            for name in configurations(result)
+        ),
+        _listed("Flights kept apart: what is left unexplained", map(_validated, result.validation)),
+        _listed("What the verdicts mean", _meanings(result)),
+        _listed("What to do next", _advice(result)),
+        _listed("To know", _doubts(result)),
+    ]
+    return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
 
 def _title(result: IdentificationResult) -> str:
     seconds = sum(flight.seconds_used for flight in result.flights)
     count = len(result.flights)
     flights = "1 flight" if count == 1 else f"{count} flights"
-    return f"{result.name}: {flights}, {seconds:.1f} s in the air, method {result.method}"
+    return (
+        f"{result.name}: {flights}, {seconds:.1f} s in the air, method {result.method}; "
+        "+- is half of the 95 % interval"
+    )
 
 
-def _configurations(result: IdentificationResult) -> list[str]:
-    names = [p.configuration for p in result.parameters if p.configuration is not None]
-    return list(dict.fromkeys(names))
+def _rotor_lines(result: IdentificationResult) -> list[Line]:
+    shared = [p for p in result.parameters if p.configuration is None]
+    # Numbers of one configuration stand with the rotors where there is no other.
+    own = {None, *configurations(result)} if len(configurations(result)) < 2 else {None}
+    return [*map(_of_parameter, shared), *_rotor_derived(result, own)]
 
 
-def _rotor_lines(result: IdentificationResult) -> list[str]:
-    parameters = [p for p in result.parameters if p.name in ROTOR_PARAMETERS]
-    derived = [d for d in result.derived if d.name in ROTOR_DERIVED and d.value is not None]
-    return [_line(p, p.verdict, _partner(p)) for p in parameters] + [
-        _line(d, "", "") for d in derived
+def _rotor_derived(result: IdentificationResult, owners: Container[str | None]) -> list[Line]:
+    return [
+        (d, "")
+        for d in result.derived
+        if d.name in ROTOR_DERIVED and d.configuration in owners and known(d.value) is not None
     ]
 
 
-def _body_lines(result: IdentificationResult, configuration: str) -> list[str]:
+def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
+    """Return the mass, what is about the CoM, and what has no number about the CoM."""
     parameters = {p.name: p for p in result.parameters if p.configuration == configuration}
     derived = {d.name: d for d in result.derived if d.configuration == configuration}
-    lines = [_line(parameters[n], parameters[n].verdict, "") for n in BODY_PARAMETERS]
-    if not derived:
-        return lines + [
-            _line(parameters[n], parameters[n].verdict, "") for n in PAPER_BODY if n in parameters
-        ]
-    for name in BODY_DERIVED:
-        twin = parameters.get(_twin(name))
-        verdict = "" if twin is None else twin.verdict
-        shown = verdict if derived[name].value is None or verdict == "weak" else "identified"
-        lines.append(_line(derived[name], shown, "" if twin is None else _partner(twin)))
-    return lines
+    about_com = [derived[name] for name in COM_FIRST if name in derived]
+    twins = {twin_of(d.name) for d in about_com}
+    others = [p for name, p in parameters.items() if name not in {"mass", *twins}]
+    several = len(configurations(result)) > 1
+    return [
+        *(_of_parameter(p) for name, p in parameters.items() if name == "mass"),
+        *(_of_body(d, parameters.get(twin_of(d.name))) for d in about_com),
+        *map(_of_parameter, others),
+        *(_rotor_derived(result, {configuration}) if several else []),
+    ]
 
 
-def _twin(derived: str) -> str:
-    """Return the parameter whose verdict speaks for a derived number."""
-    return derived.replace("com_", "ms") if derived.startswith("com_") else derived[:-4]
+def _of_parameter(parameter: Parameter) -> Line:
+    return parameter, _verdict(parameter.verdict, parameter.partner)
 
 
-def _partner(parameter: Parameter) -> str:
-    return f" with {parameter.partner}" if parameter.partner else ""
+def _of_body(derived: Derived, twin: Parameter | None) -> Line:
+    return derived, _verdict(body_verdict(derived, twin), None if twin is None else twin.partner)
 
 
-def _line(number: Parameter | Derived, verdict: str, tail: str) -> str:
-    shown = with_interval(number.value, number.interval)
-    unit = "" if number.unit == "1" else number.unit
-    return f"  {number.name:<15} {shown:>24}  {unit:<14} {verdict}{tail}".rstrip()
+def _verdict(verdict: str, partner: str | None) -> str:
+    return f"{verdict} with {partner}" if verdict == "ratio-only" and partner else verdict
+
+
+def _table(title: str, lines: list[Line]) -> list[str]:
+    """Return numbers one below the other, units and verdicts each in their column."""
+    if not lines:
+        return []
+    units = [_unit(number) for number, _ in lines]
+    names = max(15, *(len(number.name) for number, _ in lines))
+    room = max(14, *map(len, units))
+    rows = [
+        f"  {number.name:<{names}} {with_interval(number.value, number.interval):>24}  "
+        f"{unit:<{room}} {words}"
+        for (number, words), unit in zip(lines, units, strict=True)
+    ]
+    return [title, *(row.rstrip() for row in rows)]
+
+
+def _unit(number: Parameter | Derived) -> str:
+    return "" if number.unit == "1" else number.unit
 
 
 def with_interval(value: float | None, interval: tuple[float, float] | None) -> str:
     """Return a value and half of its interval, digits cut to two of the half-width.
+
+    An interval that is not even about the value is written out.
 
     Examples
     --------
     >>> with_interval(2.656e-7, (2.604e-7, 2.708e-7))
     '(2.656 +- 0.052)e-07'
     """
-    if value is None:
+    number = number_of(value, interval)
+    if number is None:
         return "-"
-    if interval is None:
-        return f"{value:.6g}"
-    half = 0.5 * (interval[1] - interval[0])
-    largest = max(abs(value), half)
-    if largest == 0:
-        return "0"
-    exponent = math.floor(math.log10(largest))
-    plain = -3 <= exponent <= 4
-    scale = 1.0 if plain else 10.0**exponent
-    digits = _digits(half / scale) if half > 0 else 6
-    body = f"{value / scale:.{digits}f} +- {half / scale:.{digits}f}"
-    return body if plain else f"({body})e{exponent:+03d}"
+    body = number.value
+    if number.half:
+        body += f" ({number.low} to {number.high})" if number.low else f" +- {number.half}"
+    if number.exponent:
+        body = f"({body})" if number.half else body
+        body += f"e{number.exponent:+03d}"
+    return body.replace("−", "-")
 
 
-def _digits(half: float) -> int:
-    """Return the decimals that show two digits of a half-width."""
-    return min(max(1 - math.floor(math.log10(half)), 0), 12)
+def _validated(row: Mapping[str, Any]) -> str:
+    """Return what one flight that was kept apart says."""
+    errors: Mapping[str, float | None] = row.get("relative_error", {})
+    shown = ", ".join(f"{k} {100.0 * v:.1f} %" for k, v in errors.items() if v is not None)
+    return f"{file_name(str(row.get('flight', '')))} ({row.get('configuration')}): {shown}"
+
+
+def _meanings(result: IdentificationResult) -> list[str]:
+    met = {p.verdict for p in result.parameters}
+    return [f"{verdict}: {VERDICT_MEANING[verdict]}" for verdict in DOUBTFUL if verdict in met]
+
+
+def _advice(result: IdentificationResult) -> list[str]:
+    """Return each advice once, after the numbers that it is for and what is wrong with them."""
+    shown = {twin_of(d.name): d.name for d in result.derived if d.name in COM_FIRST}
+    groups: dict[str, dict[str, list[str]]] = {}
+    for p in result.parameters:
+        if p.advice is None or p.verdict not in DOUBTFUL:
+            continue
+        names = groups.setdefault(p.advice, {}).setdefault(_wrong(p), [])
+        name = shown.get(p.name, p.name)
+        names += [name] if name not in names else []
+    return [
+        "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
+        for advice, group in groups.items()
+    ]
+
+
+def _wrong(parameter: Parameter) -> str:
+    # How wide a weak interval is, is seen in the table.
+    return parameter.verdict if parameter.verdict == "weak" else parameter.reason or "-"
 
 
 def _doubts(result: IdentificationResult) -> list[str]:
-    """Return reasons, advice and warnings, each once, wrapped."""
-    words: list[str] = []
-    for advice, names in _by_advice(result).items():
-        words.append(f"{', '.join(names)}: {advice}")
-    words += result.warnings
+    """Return the warnings of the result and its flights, without advice that was given already."""
+    doubts = list(result.warnings)
     for flight in result.flights:
-        name = flight.file.replace("\\", "/").rsplit("/", maxsplit=1)[-1]
-        words += [f"{name}: {doubt}" for doubt in flight.warnings]
-    return [line for text in dict.fromkeys(words) for line in _wrapped(text)]
+        doubts += [f"{file_name(flight.file)}: {doubt}" for doubt in flight.warnings]
+    for parameter in result.parameters:
+        if parameter.advice:
+            doubts = [doubt.replace(f"; {parameter.advice}", "") for doubt in doubts]
+    return list(dict.fromkeys(doubts))
 
 
-def _by_advice(result: IdentificationResult) -> dict[str, list[str]]:
-    """Return the parameters that are not well known, by what to do about them."""
-    groups: dict[str, list[str]] = {}
-    for p in result.parameters:
-        if p.advice is not None and p.verdict in ("ratio-only", "not-identified"):
-            reason = f"{p.reason}; " if p.reason else ""
-            groups.setdefault(f"{reason}{p.advice}", []).append(p.name)
-    return groups
+def _listed(title: str, texts: Iterable[str]) -> list[str]:
+    lines = [line for text in texts for line in _wrapped(text)]
+    return [title, *lines] if lines else []
 
 
 def _wrapped(text: str) -> list[str]:
-    import textwrap
-
-    return textwrap.wrap(text, WIDTH, initial_indent="  - ", subsequent_indent="    ")
+    return textwrap.wrap(
+        text, WIDTH, initial_indent="  - ", subsequent_indent="    ", break_on_hyphens=False
+    )

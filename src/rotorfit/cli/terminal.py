@@ -1,0 +1,70 @@
+"""What is printed, and how a command ends: refused, interrupted, or with nobody reading."""
+
+import os
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from io import TextIOWrapper
+from typing import NoReturn
+
+import typer
+
+DEBUG = "ROTORFIT_DEBUG"
+STOPPED = 130
+"""The exit code of a program that Ctrl-C ended, by custom of the shells."""
+
+
+def show(text: str) -> None:
+    """Print a result on stdout."""
+    typer.echo(text)
+
+
+def say(words: str) -> None:
+    """Print a line on stderr; nobody reading it is no reason to stop."""
+    with suppress(OSError):
+        typer.echo(words, err=True)
+
+
+def refuse(error: Exception) -> NoReturn:
+    """End with exit code 1 and one line that says why."""
+    say(f"rotorfit: {one_line(str(error))}")
+    sys.exit(1)
+
+
+def internal_error(error: Exception) -> NoReturn:
+    """End with exit code 1 and one line instead of a traceback, unless one is asked for."""
+    if os.environ.get(DEBUG):
+        raise error
+    words = ": ".join(word for word in (type(error).__name__, one_line(str(error))) if word)
+    say(
+        f"rotorfit: internal error ({words}); please report it with the log, "
+        f"run with {DEBUG}=1 for details"
+    )
+    sys.exit(1)
+
+
+def one_line(words: str) -> str:
+    """Return text without line breaks or runs of blanks."""
+    return " ".join(words.split())
+
+
+def print_any_name() -> None:
+    """Let stdout and stderr print every file name, in ASCII too: what they lack is escaped."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+@contextmanager
+def interruptible() -> Generator[None]:
+    """End quietly where the user stops the command, or its reader (such as head) has gone."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say("rotorfit: stopped")
+        raise typer.Exit(STOPPED) from None
+    except BrokenPipeError:
+        # Python would complain once more when it flushes stdout at the end.
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(0) from None
