@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from html import escape
 
 NAMESPACE = "http://www.w3.org/2000/svg"
-Attributes = Mapping[str, str | float]
+Attributes = Mapping[str, str | float | int]
 
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -50,7 +50,7 @@ def standalone(inline: str, style: str) -> str:
     )
 
 
-def decimal(value: float) -> str:
+def decimal(value: float | int) -> str:
     """Return a coordinate with at most two decimals."""
     digits = f"{value:.2f}".rstrip("0").rstrip(".")
     return "0" if digits == "-0" else digits
@@ -81,5 +81,5 @@ def tick_label(value: float, step: float) -> str:
     return digits.replace("-", "\u2212") if float(digits) else f"{0:.{decimals}f}"
 
 
-def _value(value: str | float) -> str:
+def _value(value: str | float | int) -> str:
     return escape(clean(value)) if isinstance(value, str) else decimal(value)

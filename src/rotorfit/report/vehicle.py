@@ -268,7 +268,7 @@ def _payloads(scene: Scene, view: View) -> list[str]:
         for load in body.payloads:
             x, y = view.place(load.position)
             parts.append(
-                tag("rect", {"class": "payload", "x": x - 6, "y": y - 6, "width": 12, "height": 12})
+                tag("rect", {"class": "payload", "x": x - 6, "y": y - 6, "width": 12.0, "height": 12.0})
             )
             words = f"{load.mass:g} kg"
             parts.append(label(words, {"class": "payload-mass middle halo", "x": x, "y": y + 22}))

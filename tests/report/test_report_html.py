@@ -1,0 +1,283 @@
+"""The page: complete, safe, small, quick, and in need of nothing outside itself."""
+
+import dataclasses
+import re
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
+
+from rotorfit.errors import OutputError
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.report.html import report_html, write_report
+from rotorfit.report.parameters import parameter_tables
+from rotorfit.report.summary import summary_of
+from rotorfit.report.words import number_of
+
+HOSTILE = st.one_of(
+    st.text(min_size=1, max_size=60),
+    st.sampled_from(
+        [
+            "<script>alert(1)</script>",
+            '"><img src=x onerror=alert(1)>',
+            "</script><script>alert(1)//",
+            "<!--",
+            "]]>&lt;",
+            "{{ 7*7 }}{% include 'page.html' %}",
+            "\x00\x0b\ud800\u202e",
+            "javascript:alert(1)",
+        ]
+    ),
+)
+
+
+class Page(HTMLParser):
+    """Elements, text outside scripts and styles, and attributes of a page."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self.rows: list[list[str]] = []
+        self._skip = False
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        self._skip = tag in ("script", "style")
+        if tag == "tr":
+            self.rows.append([])
+
+    def handle_endtag(self, tag: str) -> None:
+        self._skip = False
+
+    def handle_data(self, data: str) -> None:
+        if not self._skip:
+            self.words.append(data)
+            if self.rows:
+                self.rows[-1].append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.words)
+
+    def count(self, tag: str) -> int:
+        return sum(name == tag for name, _ in self.elements)
+
+
+def test_every_parameter_stands_in_the_page_with_its_verdict_and_unit() -> None:
+    result = a_result()
+    page = Page(report_html(result))
+    rows = [" ".join(" ".join(row).split()) for row in page.rows]
+    for p in result.parameters:
+        found = [row for row in rows if f" {p.name} " in f" {row} "]
+        assert any(p.verdict in row for row in found), p.name
+        if p.partner:
+            assert any(f"{p.verdict} with {p.partner}" in row for row in found)
+        number = number_of(p.value, p.interval)
+        if number is not None:
+            assert any(str(number) in row for row in found), p.name
+    for word in (*(d.name for d in result.derived), "kg m²", "N s²/rad²"):
+        assert word in page.text
+    assert result.warnings[0] in page.text
+
+
+def test_the_tables_have_inertia_about_the_com_before_inertia_at_the_origin() -> None:
+    titles = [table.title for table in parameter_tables(a_result())]
+    assert titles == [
+        "Rotors",
+        "Body, configuration A",
+        "Body, configuration A: as the equations have it",
+        "Body, configuration B",
+        "Body, configuration B: as the equations have it",
+    ]
+    body = parameter_tables(a_result())[1]
+    assert [row.name for row in body.rows][:5] == ["mass", "com_x", "com_y", "com_z", "Ixx_com"]
+
+
+def test_the_summary_says_how_well_and_what_to_do() -> None:
+    (_, rotors), (_, body), _ = summary_of(a_result()).groups
+    sentences = {f.subject: (f.words, f.advice) for f in (*rotors, *body)}
+    assert sentences["Thrust coefficient"] == ("known to 0.6 %", None)
+    words, advice = sentences["Drag torque coefficient"]
+    assert words == "known only as a ratio to the yaw inertia"
+    assert advice is not None and advice.startswith("yaw while rolling")
+    assert sentences["Yaw inertia"][0] == "not known"
+    com = sentences["Centre of mass"][0]
+    assert com == "10.0 ± 1.0 mm forward, 10.0 ± 1.0 mm left, 10.0 ± 1.0 mm up of the origin"
+
+
+def test_counts_of_verdicts_are_those_of_the_result() -> None:
+    result = a_result()
+    for word, count, _ in summary_of(result).counts:
+        assert count == sum(p.verdict == word for p in result.parameters) > 0
+
+
+def test_no_number_is_nan_or_infinite() -> None:
+    result = a_result()
+    nan, inf = float("nan"), float("inf")
+    odd = dataclasses.replace(
+        result,
+        parameters=(
+            *result.parameters,
+            parameter("motor_lag", None, value=nan, std=nan, interval=(nan, nan)),
+            parameter("motor_delay", None, value=0.0, std=inf, interval=(-inf, inf)),
+        ),
+        covariance=result.covariance * nan,
+        diagnostics={"excitation_roll": nan, "condition_roll": inf},
+    )
+    comparison = a_comparison(seconds=5)
+    comparison.body_wrench[100:200] = nan
+    comparison = dataclasses.replace(comparison, relative_error={"Fz": nan}, whiteness={"Fz": inf})
+    html = report_html(odd, comparisons=[comparison], paper=True)
+    html = html.replace("default-src 'none'", "")
+    visible = re.sub(r'"data": "[^"]*"|"time": "[^"]*"|sha256-[^\']*', "", html)
+    visible = re.sub(r"<style>.*?</style>|<script>.*?</script>", "", visible, flags=re.S)
+    assert not re.search(r"\b(nan|inf|infinity|none)\b", visible, flags=re.I)
+    assert "motor_delay" in html
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(name=HOSTILE, configuration=HOSTILE, file=HOSTILE, words=HOSTILE)
+def test_hostile_names_stay_words(name: str, configuration: str, file: str, words: str) -> None:
+    result = a_result(name=name, configurations=(configuration,), file=file, words=words)
+    comparison = a_comparison(configuration=configuration, flight=file, seconds=0.2)
+    plain = a_comparison(flight="plain", seconds=0.2)
+    page = Page(report_html(result, comparisons=[comparison], paper=True))
+    tame = Page(report_html(a_result(configurations=("A2",)), comparisons=[plain], paper=True))
+    for tag in ("script", "style", "img", "iframe", "link", "form", "object", "meta"):
+        assert page.count(tag) == tame.count(tag), tag
+    for _, attributes in page.elements:
+        assert not any(key.startswith("on") for key in attributes)
+    page_bytes = report_html(result).encode()
+    assert b"\x00" not in page_bytes
+
+
+def test_nothing_points_outside() -> None:
+    html = report_html(a_result(), comparisons=[a_comparison(seconds=2)], paper=True)
+    assert not re.search(r"https?:", html)
+    assert not re.search(r"\bsrc\s*=|@import|url\(", html)
+    links = re.findall(r'href="([^"]*)"', html)
+    anchors = set(re.findall(r'<section id="([^"]*)"', html))
+    assert len(links) == 7
+    assert all(link.startswith("#") and link[1:] in anchors for link in links)
+    assert "default-src 'none'" in html
+
+
+def test_folders_of_the_flights_stay_private() -> None:
+    html = report_html(a_result(file="/home/someone/logs/A1.csv"))
+    assert "someone" not in html
+    assert "A1.csv" in html
+
+
+def test_every_drawing_is_well_formed() -> None:
+    html = report_html(a_result(), comparisons=[a_comparison(seconds=5)], paper=True)
+    drawings = re.findall(r"<svg viewBox.*?</svg>(?=\s*<|\w)", html, flags=re.S)
+    assert len(drawings) > 20
+    body = html[html.index("<body>") :]
+    for name in ("vehicle", "heat-map", "time-bar"):
+        start = body.index(f'class="{name}"')
+        opening = body.rindex("<svg", 0, start)
+        ElementTree.fromstring(body[opening : body.index("</svg>", start) + 6])
+
+
+def test_two_flights_make_a_small_page_quickly() -> None:
+    comparisons = [a_comparison(seed=1), a_comparison(configuration="B", seed=2)]
+    result = a_result()
+    report_html(result)
+    start = time.perf_counter()
+    html = report_html(result, comparisons=comparisons, paper=True)
+    assert time.perf_counter() - start < 5.0
+    assert len(html.encode()) < 3_000_000
+
+
+def test_a_long_fast_flight_stays_small_too() -> None:
+    html = report_html(a_result(), comparisons=[a_comparison(seconds=600, rate=1000)])
+    assert len(html.encode()) < 1_500_000
+
+
+def test_the_sections_and_their_order() -> None:
+    html = report_html(a_result(), comparisons=[a_comparison(seconds=2)], paper=True)
+    assert re.findall(r'<section id="([^"]*)"', html) == [
+        "summary", "parameters", "vehicle", "wrenches", "paper", "correlations", "flights",
+        "provenance",
+    ]  # fmt: skip
+    titles = [re.sub(r"<[^>]*>", "", t) for t in re.findall(r"<h2.*?</h2>", html)]
+    assert titles == [
+        "In short",
+        "What was identified",
+        "The vehicle, to scale",
+        "Motion against rotors",
+        "Beside the paper",
+        "What the flights tell apart",
+        "What was used of each flight",
+        "Settings, versions, fingerprints",
+    ]
+
+
+def test_the_paper_stands_beside_its_own_vehicle_only() -> None:
+    result = a_result(configurations=("A",))
+    assert 'id="paper"' in report_html(result)
+    assert 'id="paper"' not in report_html(result, paper=False)
+    other = a_result(configurations=("mine",))
+    assert 'id="paper"' not in report_html(other)
+    heavy = dataclasses.replace(
+        result,
+        parameters=tuple(
+            dataclasses.replace(p, value=2.0) if p.name == "mass" else p for p in result.parameters
+        ),
+    )
+    assert 'id="paper"' not in report_html(heavy)
+
+
+def test_numbers_of_the_paper_are_shown_with_their_difference() -> None:
+    result = a_result(configurations=("A",))
+    page = Page(report_html(result))
+    rows = [" ".join(" ".join(row).split()) for row in page.rows]
+    kt = next(row for row in rows if row.startswith("kt N s²/rad² 3.46"))
+    assert kt == "kt N s²/rad² 3.46·10⁻⁶ 0.05 3.63·10⁻⁶ 0.28 +4.9 %"
+    assert any(row.startswith("paper B alone, on B 4.40 % 20.99 % 10.70 % 45.19 %") for row in rows)
+    assert "is not legible in our copy" in page.text
+
+
+def test_without_vehicle_or_comparison_the_page_says_so() -> None:
+    page = Page(report_html(a_result(settings={})))
+    assert "do not describe a vehicle" in page.text
+    assert "No flight was compared" in page.text
+    assert page.count("svg") > 20
+
+
+def test_a_result_that_knows_nothing_is_reported() -> None:
+    nothing = a_result(
+        parameters=(parameter("kt", None, **UNKNOWN, verdict="not-identified"),),
+        derived=(), flights=(), covariance_names=(), covariance=a_result().covariance[:0, :0],
+        warnings=(), diagnostics={}, versions={},
+    )  # fmt: skip
+    page = Page(report_html(nothing))
+    assert "not-identified" in page.text
+    assert "0 flights" in page.text
+
+
+def test_writing_refuses_to_replace(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    write_report(path, a_result())
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match="is there already"):
+        write_report(path, a_result(name="other"))
+    assert path.read_bytes() == before
+    write_report(path, a_result(name="other"), force=True)
+    assert b"<h1>other</h1>" in path.read_bytes()
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_the_report_of_a_saved_result_is_the_same(tmp_path: Path) -> None:
+    result = a_result()
+    result.save(tmp_path / "result.json")
+    loaded = IdentificationResult.load(tmp_path / "result.json")
+    assert report_html(loaded) == report_html(result)
+    assert len(ROTORS) == 4
