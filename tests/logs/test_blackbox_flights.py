@@ -50,7 +50,13 @@ def read_with_orangebox(path) -> dict[str, list[tuple[int, ...]]]:
     return frames
 
 
-@pytest.mark.parametrize("name", LOGS)
+LONGEST = "betaflight/LOG00007.BFL"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == LONGEST)) for name in LOGS],
+)
 def test_every_field_of_every_frame_equals_orangebox(flight_data_dir, name):
     path = flight_data_dir / name
     log = decode(path.read_bytes())

@@ -1,6 +1,8 @@
 """The decoder returns exactly what the test recorder wrote, and counts what was damaged."""
 
+import contextlib
 import random
+import tracemalloc
 from pathlib import Path
 
 import blackbox_encoder as encoder
@@ -12,7 +14,7 @@ from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import FlightLog
-from rotorfit.logs.blackbox import decode, list_blackbox_logs, read_blackbox, scan
+from rotorfit.logs.blackbox import decode, list_blackbox_logs, predict, read_blackbox, scan
 
 INT32 = st.integers(-(1 << 31), (1 << 31) - 1)
 
@@ -47,7 +49,7 @@ def everything(log) -> list:
     return [*read, log.is_intra.tolist(), log.events, damage, log.ended]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seed=st.integers(0, 1 << 32), window=st.sampled_from([40, 400, 4000]))
 def test_a_log_read_in_small_parts_is_the_same_log(seed, window):
     recorder = record_random(seed, 100, p_interval="1/1", quiet=True)
@@ -327,7 +329,7 @@ def test_random_bytes(scratch, data, with_header):
     survives(scratch, SMALL.header() + data if with_header else data)
 
 
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 1 << 32))
 def test_random_frame_letters(scratch, seed):
     rng = random.Random(seed)
@@ -349,7 +351,7 @@ def test_random_frame_letters(scratch, seed):
     truncate=st.floats(0, 1),
     log_number=st.sampled_from([None, 1, 2]),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=70, deadline=None)
 def test_mutated_logs(scratch, edits, truncate, log_number):
     data = SMALL.data
     for kind, where, amount in edits:
@@ -387,7 +389,7 @@ def test_mutated_logs(scratch, edits, truncate, log_number):
         st.sampled_from(["0x7f800000", "0x00000000", "0xffffffff", "2147483647,-2147483648"]),
     ),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=70, deadline=None)
 def test_mutated_headers(scratch, line, value):
     data = SMALL.header() + f"H {line}:{value}\n".encode("utf-8", "surrogatepass") + SMALL.body
     survives(scratch, data)
@@ -397,3 +399,36 @@ def test_mutated_headers(scratch, line, value):
 def test_long_monotonous_bodies_are_read_in_bounded_time_and_memory(scratch, filler):
     survives(scratch, SMALL.data + filler * (60_000 // len(filler)))
     survives(scratch, SMALL.header() + filler * (60_000 // len(filler)))
+
+
+def frames_without_change(encoding: int, fields: int, per_group: int) -> bytes:
+    """100 kB of the shortest I frames of fields that share tag bytes."""
+    recorder = encoder.Recorder(i_interval=1)
+    bases = [("gyroADC", 3), ("accSmooth", 3), ("motor", 8), ("eRPM", 8), ("x", 512)]
+    names = [f"{base}[{i}]" for base, count in bases for i in range(count)][:fields]
+    head = encoder.MAIN_FIELDS[:2]
+    recorder.main_fields = [*head, *[(n, 1, 0, encoding, 0, encoding) for n in names]]
+    frame = b"I\x00\x00" + bytes(-(-fields // per_group))
+    return recorder.header() + frame * (100_000 // len(frame))
+
+
+@pytest.mark.parametrize(
+    ("data", "ratio"),
+    [
+        pytest.param(frames_without_change(6, 504, 8), 25, id="504 fields, eight to a byte"),
+        pytest.param(frames_without_change(6, 16, 8), 60, id="16 fields in five bytes"),
+        pytest.param(frames_without_change(1, 0, 1), 40, id="frames of three bytes"),
+        pytest.param(SMALL.header() + b"IPSG" * 40_000, 25, id="letters only"),
+        pytest.param(SMALL.data + bytes(150_000), 25, id="erased memory"),
+    ],
+)
+def test_memory_grows_with_the_file_and_no_more(scratch, monkeypatch, data, ratio):
+    monkeypatch.setattr(scan, "WINDOW", 1 << 14)  # what is worked on at a time is the constant part
+    monkeypatch.setattr(predict, "_BLOCK_FRAMES", 1 << 10)
+    scratch.write_bytes(data)
+    tracemalloc.start()
+    with contextlib.suppress(LogError):
+        read_blackbox(scratch)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < ratio * len(data) + 3_000_000, f"{peak / len(data):.1f} times the file"

@@ -301,7 +301,9 @@ def _main_frames(
     """Return I and P frames with their values, which are I frames, and how many were left out."""
     usable = _has_history(written.is_intra, written.damages, header.i_interval)
     is_intra, positions = written.is_intra[usable], written.positions[usable]
-    bits = main_values(written.bits[usable], is_intra, header)
+    # Nearly always all are usable; a copy would take as much memory again.
+    as_written = written.bits if usable.all() else written.bits[usable]
+    bits = main_values(as_written, is_intra, header)
     definition = header.frames["I"]
     table = _table(definition, bits, positions)
     keep = _credible(table, is_intra, written.bad[usable], events)
