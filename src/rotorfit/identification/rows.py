@@ -230,7 +230,7 @@ def _excitation(fit: BandedFit, factors: Factors) -> float:
     return max(explained, 0.0) / max(residual, np.finfo(float).tiny)
 
 
-def _block_diagonal(blocks: list[Float[np.ndarray, "f f"]]) -> Float[np.ndarray, "g g"]:
+def _block_diagonal(blocks: list[Float[np.ndarray, "_ _"]]) -> Float[np.ndarray, "g g"]:
     size = sum(len(block) for block in blocks)
     whole = np.zeros((size, size))
     at = 0

@@ -1,0 +1,126 @@
+"""Real flights of a 3-inch quadrotor: what is known of it is found, what a log lacks is refused."""
+
+from dataclasses import replace
+
+import pytest
+
+import flown
+from rotorfit.errors import FrameError
+from rotorfit.model.vehicle import Rotor, Vehicle
+
+pytestmark = pytest.mark.flights
+
+CINERAT = Vehicle(
+    rotors=(
+        Rotor(position=(-0.0455, -0.0635, 0.0), spin="cw"),
+        Rotor(position=(0.0455, -0.0635, 0.0), spin="ccw"),
+        Rotor(position=(-0.0455, 0.0635, 0.0), spin="ccw"),
+        Rotor(position=(0.0455, 0.0635, 0.0), spin="cw"),
+    )
+)
+BY_ROWS = '[identification]\nmethod = "ols"\n'
+LIVELY, SHORT, CALM = "LOG00267.BFL", "LOG00271.BFL", "LOG00340.BFL"
+
+
+@pytest.fixture(scope="module")
+def logs(flight_data_dir):
+    folder = flight_data_dir / "tudelft-indiflight"
+    if not folder.is_dir():
+        pytest.skip(f"no {folder}")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def identified(logs, tmp_path_factory):
+    """Return the result of each log, and of all three together."""
+    path = tmp_path_factory.mktemp("real") / "experiment.toml"
+
+    def result(*names):
+        flights = [logs / name for name in names]
+        flown.experiment_file(path, CINERAT, flights, mass=0.428, extra=BY_ROWS)
+        return flown.quietly_identified(path)
+
+    results = {name: result(name) for name in (LIVELY, SHORT, CALM)}
+    return results | {"all": result(LIVELY, SHORT, CALM)}
+
+
+def inside(number, value):
+    return number.interval[0] <= value <= number.interval[1]
+
+
+def test_a_lively_flight_gives_what_is_known_of_the_vehicle(identified):
+    result = identified[LIVELY]
+    assert result.parameter("kt").value == pytest.approx(2.66e-7, rel=0.08)
+    assert result.parameter("kt").verdict == "identified"
+    assert result.derived_value("Jr_over_Izz").value == pytest.approx(1.0e-3, rel=0.2)
+    assert 3.6e-6 < result.derived_value("kd_over_Izz").value < 4.6e-6
+    # From 26 logs of this vehicle together (theory, 2.11).
+    assert inside(result.derived_value("Ixx_com"), 5.90e-4)
+    assert inside(result.derived_value("Iyy_com"), 7.23e-4)
+    assert result.derived_value("com_x").value == pytest.approx(0.0125, abs=0.003)
+    assert result.derived_value("com_y").value == pytest.approx(-0.0116, abs=0.003)
+
+
+def test_the_airborne_part_is_found(identified):
+    record = identified[LIVELY].flights[0]
+    assert 28.0 < record.seconds_used < 33.0
+    assert any(reason == "not airborne" for _, _, reason in record.cuts)
+    for flight in identified["all"].flights:
+        assert flight.used[0][0] > 0.3  # it stands on the ground at first
+
+
+def test_the_motor_data_lead_the_gyro_by_two_milliseconds(identified):
+    delay = identified[LIVELY].parameter("motor_delay")
+    assert delay.value == pytest.approx(2.0e-3, abs=0.5e-3)
+    assert inside(delay, 2.0e-3)
+
+
+def test_a_calm_flight_gives_thrust_and_no_yaw(identified):
+    result = identified[CALM]
+    assert result.parameter("kt").value == pytest.approx(2.66e-7, rel=0.08)
+    for name in ("kd", "Jr"):
+        assert result.parameter(name).verdict in ("weak", "not-identified")
+    for name in ("kd_over_Izz", "Jr_over_Izz"):
+        number = result.derived_value(name)
+        assert number.value is None or inside(number, {"k": 3.9e-6, "J": 1e-3}[name[0]])
+
+
+def test_seven_seconds_give_wide_intervals_or_none(identified):
+    short, lively = identified[SHORT], identified[LIVELY]
+    for name in ("Ixy", "Ixz", "Iyz", "msx", "msy", "msz"):
+        assert short.parameter(name).verdict in ("weak", "not-identified")
+    for name in ("Iyy_com", "kd_over_Izz", "Jr_over_Izz"):
+        assert short.derived_value(name).std > 1.5 * lively.derived_value(name).std
+
+
+def test_three_flights_agree_on_the_thrust(identified):
+    together = identified["all"].parameter("kt").value
+    for name in (LIVELY, SHORT, CALM):
+        assert inside(identified[name].parameter("kt"), together)
+    assert len(identified["all"].flights) == 3
+
+
+def refusal(logs, tmp_path, vehicle):
+    path = flown.experiment_file(
+        tmp_path / "wrong.toml", vehicle, [logs / LIVELY], mass=0.428, extra=BY_ROWS
+    )
+    with pytest.raises(FrameError) as caught:
+        flown.quietly_identified(path)
+    return str(caught.value)
+
+
+def test_reversed_spins_are_refused(logs, tmp_path):
+    other = {"cw": "ccw", "ccw": "cw"}
+    wrong = replace(CINERAT, rotors=tuple(replace(r, spin=other[r.spin]) for r in CINERAT.rotors))
+    assert "with every spin reversed (props out instead of in), they would respond +0.9" in (
+        refusal(logs, tmp_path, wrong)
+    )
+
+
+@pytest.mark.parametrize(("i", "k"), [(0, 1), (0, 2), (0, 3), (1, 2)])
+def test_two_swapped_motors_are_refused(logs, tmp_path, i, k):
+    order = [0, 1, 2, 3]
+    order[i], order[k] = order[k], order[i]
+    wrong = replace(CINERAT, rotors=tuple(CINERAT.rotors[n] for n in order))
+    named = ", ".join(str(n + 1) for n in order)
+    assert f"your rotors listed in the order {named}" in refusal(logs, tmp_path, wrong)
