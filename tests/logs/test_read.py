@@ -12,7 +12,10 @@ from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.logs.read import FORMATS
 
-READS = "; rotorfit reads Blackbox (Betaflight, INAV, INDIflight), flight tables (CSV or Parquet)"
+READS = (
+    "; rotorfit reads Blackbox (Betaflight, INAV, INDIflight), Crazyflie micro-SD logs, "
+    "flight tables (CSV or Parquet)"
+)
 TABLE = b"time,battery,rotor_1\n0,12,400\n0.01,11.5,\n0.02,,402\n0.03,11,403\n"
 
 
@@ -50,7 +53,6 @@ def test_options_reach_the_table_reader(tmp_path):
         (b"#ROSBAG V2.0\nE\x00\x00\x00", "a ROS 1 bag"),
         (b"\x89MCAP0\r\n\x01", "an MCAP recording"),
         (b"SQLite format 3\x00\x10\x00", "an SQLite database, perhaps a ROS 2 bag"),
-        (b"\xbc\x02\x00\x00", "a Crazyflie micro-SD log"),
         (b"PK\x03\x04\x14\x00", "a zip archive: unpack it first"),
         (b"\x1f\x8b\x08\x00", "a gzip archive: unpack it first"),
         (b"%PDF-1.7\n", "a PDF document"),
@@ -79,7 +81,11 @@ def test_unknown_bytes_are_shown(tmp_path):
 @pytest.mark.parametrize(
     ("options", "content", "message"),
     [
-        (ReadOptions(format="ulog"), TABLE, "unknown format 'ulog': one of blackbox, table"),
+        (
+            ReadOptions(format="ulog"),
+            TABLE,
+            "unknown format 'ulog': one of blackbox, crazyflie, table",
+        ),
         (ReadOptions(log_number=2), TABLE, "a table is one log, there is no log 2"),
         (
             ReadOptions(format="blackbox", columns={"time": ColumnSpec(name="t")}),
@@ -231,7 +237,6 @@ def test_optitrack_reads_by_a_columns_map(flight_data_dir):
     [
         ("px4-ulog/quadrotor_local.ulg", "a PX4 ULog"),
         ("ardupilot-dronekit/log171.bin", "an ArduPilot DataFlash log"),
-        ("arplab-crazyflie/log15", "a Crazyflie micro-SD log"),
     ],
 )
 def test_real_logs_of_formats_not_read_are_named(flight_data_dir, file, what):

@@ -120,6 +120,23 @@ def _read_blackbox(path: Path, options: ReadOptions) -> FlightLog:
     return read_blackbox(path, log_number=options.log_number)
 
 
+def _is_crazyflie(head: bytes) -> bool:
+    from rotorfit.logs.crazyflie import is_crazyflie
+
+    return is_crazyflie(head)
+
+
+def _read_crazyflie(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs.crazyflie import read_crazyflie
+
+    if options.columns or options.axes != "FLU":
+        what = "a columns map" if options.columns else "axes"
+        raise LogError(f"{path}: a Crazyflie log names its own variables: leave out {what}")
+    if options.log_number not in (None, 1):
+        raise LogError(f"{path}: a Crazyflie file is one log, there is no log {options.log_number}")
+    return read_crazyflie(path)
+
+
 def _is_table(head: bytes) -> bool:
     """Tell whether the bytes are Parquet or text that may begin with a row of names."""
     if head.startswith((b"PAR1", b"\xff\xfe", b"\xfe\xff")):
@@ -151,6 +168,12 @@ FORMATS: Final = (
         read=_read_blackbox,
     ),
     Format(
+        name="crazyflie",
+        title="Crazyflie micro-SD logs",
+        recognises=_is_crazyflie,
+        read=_read_crazyflie,
+    ),
+    Format(
         name="table",
         title="flight tables (CSV or Parquet)",
         recognises=_is_table,
@@ -165,7 +188,6 @@ FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ("a ROS 1 bag", _begins(b"#ROSBAG V")),
     ("an MCAP recording", _begins(b"\x89MCAP0\r\n")),
     ("an SQLite database, perhaps a ROS 2 bag", _begins(b"SQLite format 3\x00")),
-    ("a Crazyflie micro-SD log", _begins(b"\xbc")),
     ("a zip archive: unpack it first", _begins(b"PK\x03\x04", b"PK\x05\x06")),
     ("a gzip archive: unpack it first", _begins(b"\x1f\x8b")),
     ("a PDF document", _begins(b"%PDF")),

@@ -1,0 +1,357 @@
+"""Micro-SD logs of the Crazyflie; its body axes are FLU."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.logs.crazyflie_records import (
+    MAGIC,
+    Event,
+    Records,
+    column,
+    find_records,
+    record_times,
+)
+from rotorfit.logs.files import read_bytes
+from rotorfit.logs.units import STANDARD_GRAVITY
+
+FIXED_FREQUENCY: Final = "fixedFrequency"
+FULL_COMMAND: Final = 65535.0
+_DEGREE: Final = np.pi / 180.0
+_RPM: Final = 2.0 * np.pi / 60.0
+_LISTED: Final = 40
+
+_GYRO: Final = ("gyro.x", "gyro.y", "gyro.z")
+_CONTROLLER_GYRO: Final = ("controller.r_roll", "controller.r_pitch", "controller.r_yaw")
+_ACCEL: Final = ("acc.x", "acc.y", "acc.z")
+_MOTOR: Final = ("motor.m1", "motor.m2", "motor.m3", "motor.m4")
+_PWM: Final = ("pwm.m1_pwm", "pwm.m2_pwm", "pwm.m3_pwm", "pwm.m4_pwm")
+_MIXER_INPUTS: Final = (
+    "controller.cmd_thrust",
+    "controller.cmd_roll",
+    "controller.cmd_pitch",
+    "controller.cmd_yaw",
+)
+_ROTOR_SPEEDS: Final = (
+    ("rpm.m1", "rpm.m2", "rpm.m3", "rpm.m4"),
+    ("motor.m1_rpm", "motor.m2_rpm", "motor.m3_rpm", "motor.m4_rpm"),
+)
+_POSITION: Final = ("stateEstimate.x", "stateEstimate.y", "stateEstimate.z")
+_ATTITUDE: Final = (
+    "stateEstimate.qw",
+    "stateEstimate.qx",
+    "stateEstimate.qy",
+    "stateEstimate.qz",
+)
+_ACCEL_Z: Final = "controller.accelz"
+
+LEGACY_MIXER: Final = np.array(
+    [[1.0, -0.5, 0.5, 1.0], [1.0, -0.5, -0.5, -1.0], [1.0, 0.5, -0.5, 1.0], [1.0, 0.5, 0.5, -1.0]]
+)
+"""m1 to m4 over cmd_thrust, cmd_roll, cmd_pitch, cmd_yaw (power_distribution, legacy mode)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Recording:
+    """The records of one event: a time for each, and the variables by name."""
+
+    time: Float[np.ndarray, " n"]
+    variables: dict[str, Float[np.ndarray, " n"]]
+
+    def has(self, *names: str) -> bool:
+        return all(name in self.variables for name in names)
+
+    def stack(self, names: tuple[str, ...]) -> Float[np.ndarray, "n k"]:
+        return np.stack([self.variables[name] for name in names], axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    """A channel, the variables it was made of, and what to say of it."""
+
+    channel: Channel
+    used: tuple[str, ...]
+    note: str = ""
+
+
+def is_crazyflie(head: bytes) -> bool:
+    """Return whether bytes from the beginning of a file are a Crazyflie micro-SD log."""
+    # The version is a uint16 after the magic byte; none above 255 will ever be.
+    return head[:1] == bytes([MAGIC]) and head[2:3] == b"\0"
+
+
+def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
+    """Read a micro-SD log of a Crazyflie.
+
+    Parameters
+    ----------
+    path
+        The file.
+    event
+        Name of the event whose variables are read; None: ``fixedFrequency``, or the only event
+        that was recorded.
+
+    Returns
+    -------
+    FlightLog
+        Channels in SI units and FLU axes, all on the clock of that event.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read, has no records of the event, or none of the known variables.
+    """
+    data = read_bytes(path)
+    if not is_crazyflie(data):
+        raise LogError(
+            f"{path}: begins with {data[:3].hex(' ')}, expected bc and the version of a "
+            "Crazyflie log"
+        )
+    try:
+        records = find_records(data)
+        chosen = _chosen_event(records, event)
+        recording, unordered = _recording(data, records, chosen)
+        found = _channels(recording)
+        if not found:
+            raise LogError(_no_channels(recording, chosen))
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error
+    return FlightLog(
+        path=path,
+        sha256=hashlib.sha256(data).hexdigest(),
+        format="crazyflie",
+        channels={name: one.channel for name, one in found.items()},
+        seconds=float(recording.time[-1] - recording.time[0]),
+        metadata=_metadata(records, chosen),
+        notes=_notes(recording, found),
+        warnings=_damage(records, unordered),
+    )
+
+
+def _chosen_event(records: Records, name: str | None) -> Event:
+    """Return the event to read."""
+    events = {event.name: event for event in reversed(records.header.events)}
+    recorded = [e for e in records.header.events if len(records.starts[e.number]) > 1]
+    if name is None and FIXED_FREQUENCY in events and events[FIXED_FREQUENCY] in recorded:
+        return events[FIXED_FREQUENCY]
+    if name is None and len(recorded) == 1:
+        return recorded[0]
+    if name is not None and events.get(name) in recorded:
+        return events[name]
+    counts = _event_counts(records)
+    if not recorded:
+        raise LogError(f"no flight was recorded: {counts}; expected records of {FIXED_FREQUENCY}")
+    if name is None:
+        raise LogError(f"several events were recorded ({counts}): choose one by its name")
+    raise LogError(f"no records of the event {name!r}: the log has {counts}")
+
+
+def _event_counts(records: Records) -> str:
+    events = records.header.events
+    shown = [f"{e.name!a} {len(records.starts[e.number])} records" for e in events[:_LISTED]]
+    return ", ".join(shown) or "no event is declared"
+
+
+def _recording(data: bytes, records: Records, event: Event) -> tuple[_Recording, int]:
+    """Return the records of an event in order of time, and how many were left out for that."""
+    time = record_times(data, records, event)
+    kept = _in_order(time)
+    variables = {v.name: column(data, records, event, v)[kept] for v in event.variables}
+    return _Recording(time=time[kept], variables=variables), int(np.count_nonzero(~kept))
+
+
+def _in_order(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return which records to keep, so that time never goes back.
+
+    A wrong time is either too early or too late: left out are those earlier than one before, or
+    those later than one after, whichever are fewer.
+    """
+    early = time < np.maximum.accumulate(time)
+    late = time > np.minimum.accumulate(time[::-1])[::-1]
+    return ~early if np.count_nonzero(early) <= np.count_nonzero(late) else ~late
+
+
+def _channels(recording: _Recording) -> dict[str, _Found]:
+    """Return the channels that the variables make."""
+    makers: dict[str, Callable[[_Recording], _Found | None]] = {
+        "gyro": _gyro,
+        "accel": _accel,
+        "rotor_speed": _rotor_speed,
+        "command": _command,
+        "battery": _battery,
+        "position": _position,
+        "attitude": _attitude,
+    }
+    made = {name: maker(recording) for name, maker in makers.items()}
+    return {
+        name: one
+        for name, one in made.items()
+        if one is not None and np.isfinite(one.channel.values).any()
+    }
+
+
+def _found(
+    recording: _Recording,
+    names: tuple[str, ...],
+    values: Float[np.ndarray, "n k"],
+    source: str,
+    *,
+    resolution: float | None = None,
+    note: str = "",
+) -> _Found:
+    channel = Channel(time=recording.time, values=values, source=source, resolution=resolution)
+    return _Found(channel=channel, used=names, note=note)
+
+
+def _gyro(recording: _Recording) -> _Found | None:
+    """Return the angular velocity: the gyro's, else what the controller had of it."""
+    if recording.has(*_GYRO):
+        values = recording.stack(_GYRO) * _DEGREE
+        return _found(recording, _GYRO, values, f"{', '.join(_GYRO)} [deg/s]")
+    if recording.has(*_CONTROLLER_GYRO):
+        # The firmware writes r_pitch = -gyro.y: positive nose up.
+        values = recording.stack(_CONTROLLER_GYRO) * np.array([1.0, -1.0, 1.0])
+        roll, pitch, yaw = _CONTROLLER_GYRO
+        return _found(recording, _CONTROLLER_GYRO, values, f"{roll}, -{pitch}, {yaw} [rad/s]")
+    return None
+
+
+def _accel(recording: _Recording) -> _Found | None:
+    if not recording.has(*_ACCEL):
+        return None
+    values = recording.stack(_ACCEL) * STANDARD_GRAVITY
+    return _found(recording, _ACCEL, values, f"{', '.join(_ACCEL)} [g]")
+
+
+def _rotor_speed(recording: _Recording) -> _Found | None:
+    for names in _ROTOR_SPEEDS:
+        if recording.has(*names):
+            values = np.abs(recording.stack(names)) * _RPM
+            source = f"{', '.join(names)} [rpm]"
+            return _found(recording, names, values, source, resolution=_RPM)
+    return None
+
+
+def _command(recording: _Recording) -> _Found | None:
+    """Return the motor commands: as demanded, else as put out, else from the mixer's inputs."""
+    for names in (_MOTOR, _PWM):
+        if recording.has(*names):
+            values = recording.stack(names) / FULL_COMMAND
+            return _counted(recording, names, values, f"{', '.join(names)} / 65535")
+    if not recording.has(*_MIXER_INPUTS):
+        return None
+    inputs = recording.stack(_MIXER_INPUTS)
+    # Without thrust the firmware stops all motors; with it each is limited by itself.
+    mixed = np.where(inputs[:, :1] <= 0, 0.0, inputs @ LEGACY_MIXER.T)
+    values = np.clip(mixed, 0.0, FULL_COMMAND) / FULL_COMMAND
+    source = f"{', '.join(_MIXER_INPUTS)} mixed as the firmware's legacy mixer does, / 65535"
+    note = (
+        "The log has no motor commands: they were mixed anew from the controller's outputs by "
+        "the legacy mixer (m1 = T - R/2 + P/2 + Y and so on), limited to 0 and 65535."
+    )
+    return _found(recording, _MIXER_INPUTS, values, source, note=note)
+
+
+def _counted(
+    recording: _Recording, names: tuple[str, ...], values: Float[np.ndarray, "n k"], source: str
+) -> _Found:
+    """Return commands of 16 bits; what is no such number becomes NaN."""
+    wrong = (values < 0.0) | (values > 1.0)
+    note = ""
+    if wrong.any():
+        note = f"{int(wrong.any(axis=1).sum())} motor commands are outside 0 to 65535: set to NaN."
+    values = np.where(wrong, np.nan, values)
+    return _found(recording, names, values, source, resolution=1.0 / FULL_COMMAND, note=note)
+
+
+def _battery(recording: _Recording) -> _Found | None:
+    for name, unit, scale in (("pm.vbat", "V", 1.0), ("pm.vbatMV", "mV", 1e-3)):
+        if recording.has(name):
+            values = recording.stack((name,)) * scale
+            resolution = scale if unit == "mV" else None
+            return _found(recording, (name,), values, f"{name} [{unit}]", resolution=resolution)
+    return None
+
+
+def _position(recording: _Recording) -> _Found | None:
+    if not recording.has(*_POSITION):
+        return None
+    source = f"{', '.join(_POSITION)} [m], the vehicle's own estimate"
+    return _found(recording, _POSITION, recording.stack(_POSITION), source)
+
+
+def _attitude(recording: _Recording) -> _Found | None:
+    if not recording.has(*_ATTITUDE):
+        return None
+    quaternion = recording.stack(_ATTITUDE)
+    length = np.sqrt((quaternion * quaternion).sum(axis=1, keepdims=True))
+    good = np.abs(length - 1.0) < 0.05
+    values = quaternion / np.where(good, length, np.nan)
+    source = f"{', '.join(_ATTITUDE)}, the vehicle's own estimate"
+    return _found(recording, _ATTITUDE, values, source)
+
+
+def _no_channels(recording: _Recording, event: Event) -> str:
+    return (
+        f"none of the {len(recording.variables)} variables of {event.name!a} is known "
+        f"({_listed(list(recording.variables))}): log {', '.join((*_ACCEL, *_GYRO, *_MOTOR))}"
+    )
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return ", ".join(names[:_LISTED]) + more
+
+
+def _metadata(records: Records, event: Event) -> dict[str, str]:
+    return {
+        "log version": str(records.header.version),
+        "event": ascii(event.name)[1:-1],
+        "events recorded": _event_counts(records),
+    }
+
+
+def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
+    """Return what was taken, what is missing, and what was left out."""
+    notes = [one.note for one in found.values() if one.note]
+    if "accel" not in found:
+        half = f" {_ACCEL_Z} alone is no specific force." if recording.has(_ACCEL_Z) else ""
+        notes.append(
+            f"No accel:{half} Without all of {', '.join(_ACCEL)} the flight gives no mass, thrust "
+            "or centre of mass: add them to config.txt on the card."
+        )
+    if "gyro" not in found:
+        notes.append(f"No gyro: add {', '.join(_GYRO)} to config.txt on the card.")
+    used = {name for one in found.values() for name in one.used}
+    left = [name for name in recording.variables if name not in used]
+    if left:
+        notes.append(f"Left out: {_listed(left)}.")
+    return tuple(notes)
+
+
+def _damage(records: Records, unordered: int) -> tuple[str, ...]:
+    """Return what was damaged and passed over, one sentence each."""
+    doubts: list[str] = []
+    if not records.checksum:
+        doubts.append(
+            "the checksum at the end is missing or wrong: the log was cut off, or some of its "
+            "bytes are others than were written"
+        )
+    if records.damaged_places:
+        doubts.append(
+            f"{records.damaged_places} damaged places: {records.skipped_bytes} bytes skipped, "
+            f"{records.dropped_records} records before them dropped"
+        )
+    # A file whose CRC alone is wrong ends in four bytes that are no record.
+    if records.trailing_bytes and (records.checksum or records.trailing_bytes > 4):
+        doubts.append(f"{records.trailing_bytes} bytes at the end are no whole record")
+    if unordered:
+        doubts.append(f"{unordered} records left out: their times are out of order")
+    return tuple(doubts)

@@ -1,0 +1,366 @@
+"""Crazyflie micro-SD logs as bytes: the header, and where each record begins, across damage.
+
+A log is a magic byte, a version, a list of events with their variables, then records of an event
+number, a time and the values, packed and little-endian; a CRC-32 of all that ends it. Written by
+the firmware's usddeck.c; version 1 has times in ms as uint32, version 2 in us as uint64.
+"""
+
+import re
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from rotorfit.errors import LogError
+
+MAGIC: Final = 0xBC
+VERSIONS: Final[Mapping[int, tuple[str, float]]] = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
+"""Type of the time of a record, and its unit [s], by version."""
+
+TYPES: Final[Mapping[str, str]] = {
+    "B": "<u1",
+    "b": "<i1",
+    "H": "<u2",
+    "h": "<i2",
+    "I": "<u4",
+    "i": "<i4",
+    "f": "<f4",
+    "e": "<f2",
+}
+"""NumPy type by the letter that the header gives each variable."""
+
+MOST_DECLARED: Final = 1000
+"""Most events, and most variables of one; the firmware writes 20 of each."""
+LONGEST_NAME: Final = 200
+
+CRC_BYTES: Final = 4
+LATEST_TIME: Final = 1e7
+"""No vehicle is on for so long [s]: a later first time is damage."""
+LARGEST_STEP: Final = 3600.0
+"""Longest pause between two records [s]."""
+LARGEST_STEP_BACK: Final = 1.0
+"""Tasks of the firmware write in turns, and a record may come after a later one [s]."""
+CHAIN: Final = 4
+"""So many records must follow each other for the search to trust a place after damage."""
+FIRST_BLOCK, LARGEST_BLOCK = 16, 1 << 16
+"""Records looked at together."""
+SEARCH_BYTES: Final = 1 << 16
+
+_VARIABLE: Final = re.compile(r"([!-~]+)\((.)\)")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """A variable of an event: its name, NumPy type, and place in the record [bytes]."""
+
+    name: str
+    type: str
+    offset: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """A kind of record.
+
+    Attributes
+    ----------
+    number, name
+        As the header has them.
+    variables
+        In the order of the record.
+    size
+        Of a record with its number and time [bytes].
+    """
+
+    number: int
+    name: str
+    variables: tuple[Variable, ...]
+    size: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Header:
+    """What a log declares: version, events, and where the records begin [bytes]."""
+
+    version: int
+    events: tuple[Event, ...]
+    start: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Records:
+    """Where the records of a log are.
+
+    Attributes
+    ----------
+    header
+        What the log declares.
+    starts
+        Position of each record in the file [bytes], by number of the event.
+    damaged_places, skipped_bytes
+        Where no record could be read.
+    dropped_records
+        Left out although they could be read, because they run into a damaged place.
+    trailing_bytes
+        Of an unfinished record at the end.
+    checksum
+        Whether the CRC at the end is that of the file.
+    """
+
+    header: Header
+    starts: Mapping[int, Int[np.ndarray, " n"]]
+    damaged_places: int
+    skipped_bytes: int
+    dropped_records: int
+    trailing_bytes: int
+    checksum: bool
+
+
+def read_header(data: bytes) -> Header:
+    """Return what a log declares.
+
+    Raises
+    ------
+    LogError
+        If the version is not known or the list of events is damaged.
+    """
+    if len(data) < 5:
+        raise LogError(f"{len(data)} bytes, expected a Crazyflie log header: copy the file again")
+    version, count = struct.unpack_from("<HH", data, 1)
+    if version not in VERSIONS:
+        raise LogError(f"Crazyflie log of version {version}, expected 1 or 2")
+    if count > MOST_DECLARED:
+        raise LogError(f"the header declares {count} events: it is damaged; copy the file again")
+    head = 2 + np.dtype(VERSIONS[version][0]).itemsize
+    events: list[Event] = []
+    position = 5
+    for _ in range(count):
+        event, position = _read_event(data, position, head)
+        events.append(event)
+    numbers = [event.number for event in events]
+    if len(set(numbers)) < len(numbers):
+        raise LogError("the header declares an event twice: it is damaged; copy the file again")
+    return Header(version=version, events=tuple(events), start=position)
+
+
+def _read_event(data: bytes, position: int, head: int) -> tuple[Event, int]:
+    """Return the event declared at a position, and the position after it."""
+    number, position = _read_uint16(data, position)
+    name, position = _read_name(data, position)
+    count, position = _read_uint16(data, position)
+    if count > MOST_DECLARED:
+        raise LogError(f"event {name!r} declares {count} variables: the header is damaged")
+    variables: list[Variable] = []
+    size = head
+    for _ in range(count):
+        text, position = _read_name(data, position)
+        match = _VARIABLE.fullmatch(text)
+        if match is None or match[2] not in TYPES:
+            raise LogError(
+                f"event {name!r} declares the variable {text!r}, expected a name and a type of "
+                f"{', '.join(TYPES)}, such as gyro.x(f): the header is damaged"
+            )
+        variables.append(Variable(name=match[1], type=TYPES[match[2]], offset=size))
+        size += np.dtype(TYPES[match[2]]).itemsize
+    return Event(number=number, name=name, variables=tuple(variables), size=size), position
+
+
+def _read_uint16(data: bytes, position: int) -> tuple[int, int]:
+    if position + 2 > len(data):
+        raise LogError("the file ends within its header: no flight was recorded")
+    return int.from_bytes(data[position : position + 2], "little"), position + 2
+
+
+def _read_name(data: bytes, position: int) -> tuple[str, int]:
+    """Return a null-terminated name, and the position after it."""
+    stop = data.find(b"\0", position, position + LONGEST_NAME + 1)
+    if stop < 0:
+        raise LogError(
+            f"no name of at most {LONGEST_NAME} letters at byte {position} of the header: "
+            "it is damaged or cut off; copy the file again"
+        )
+    return data[position:stop].decode("latin-1"), stop + 1
+
+
+def find_records(data: bytes) -> Records:
+    """Return where the records of a log are.
+
+    Runs of one event, which nearly all logs consist of, are found by NumPy. At a number that no
+    event has, or a time that cannot follow, the search goes on at the next place from which some
+    records follow each other; the record before is dropped, since its bytes may be others'.
+
+    Raises
+    ------
+    LogError
+        If the header cannot be read.
+    """
+    header = read_header(data)
+    checksum = _checksum_matches(data)
+    # An unfinished file has no CRC: its last bytes are looked at like the others.
+    walk = _Walk(
+        header=header,
+        sizes={event.number: event.size for event in header.events},
+        bytes=np.frombuffer(data, np.uint8),
+        stop=len(data) - CRC_BYTES if checksum else len(data),
+    )
+    runs: list[tuple[int, int, int]] = []
+    position, last = header.start, None
+    places = skipped = dropped = 0
+    while position < walk.stop:
+        count, time = _run(walk, position, last)
+        if count > 0:
+            runs.append((walk.number(position), position, count))
+            position += count * walk.sizes[walk.number(position)]
+            last = time
+            continue
+        following = _next_place(walk, position + 1, last)
+        if following is None:
+            break
+        if runs and sum(_extent(walk, runs[-1])) == position:
+            number, first, count = runs.pop()
+            dropped += 1
+            if count > 1:
+                runs.append((number, first, count - 1))
+        places += 1
+        skipped += following - position
+        position = following
+    trailing = walk.stop - position
+    return Records(
+        header=header,
+        starts=_starts(walk, runs),
+        damaged_places=places,
+        skipped_bytes=skipped,
+        dropped_records=dropped,
+        trailing_bytes=trailing,
+        checksum=checksum,
+    )
+
+
+def _checksum_matches(data: bytes) -> bool:
+    return zlib.crc32(data[:-CRC_BYTES]) == int.from_bytes(data[-CRC_BYTES:], "little")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Walk:
+    """What the search for records needs: the file's bytes, up to `stop`, and the sizes."""
+
+    header: Header
+    sizes: Mapping[int, int]
+    bytes: UInt8[np.ndarray, " n"]
+    stop: int
+
+    def number(self, position: int) -> int:
+        """Return the number of the event whose record would begin at a position."""
+        return int(self.bytes[position]) + 256 * int(self.bytes[min(position + 1, self.stop - 1)])
+
+    def times(self, heads: UInt8[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
+        """Return the times in the heads of records [s]."""
+        kind, unit = VERSIONS[self.header.version]
+        width = np.dtype(kind).itemsize
+        return np.ascontiguousarray(heads[:, 2 : 2 + width]).view(kind)[:, 0] * unit
+
+
+def _extent(walk: _Walk, run: tuple[int, int, int]) -> tuple[int, int]:
+    """Return where a run begins, and its length [bytes]."""
+    number, first, count = run
+    return first, count * walk.sizes[number]
+
+
+def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | None]:
+    """Return how many records of one event follow each other from a position, and the last time."""
+    number = walk.number(position)
+    size = walk.sizes.get(number)
+    if size is None:
+        return 0, last
+    found, block = 0, FIRST_BLOCK
+    while True:
+        first = position + found * size
+        count = min(block, (walk.stop - first) // size)
+        rows = walk.bytes[first : first + count * size].reshape(count, size)
+        good, times = _credible(walk, rows, number, last)
+        n = count if good.all() else int(np.argmin(good))
+        found += n
+        last = float(times[n - 1]) if n else last
+        if n < block:
+            return found, last
+        block = min(8 * block, LARGEST_BLOCK)
+
+
+def _credible(
+    walk: _Walk, rows: UInt8[np.ndarray, "n k"], number: int, last: float | None
+) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return which rows are records of an event whose time can follow the one before; times."""
+    numbers = np.ascontiguousarray(rows[:, :2]).view("<u2")[:, 0]
+    times = walk.times(rows)
+    steps = np.diff(times, prepend=times[:1] if last is None else last)
+    credible = (steps >= -LARGEST_STEP_BACK) & (steps <= LARGEST_STEP) & (times <= LATEST_TIME)
+    return (numbers == number) & credible, times
+
+
+def _next_place(walk: _Walk, position: int, last: float | None) -> int | None:
+    """Return the first position from which `CHAIN` records follow each other; None if none."""
+    head = 2 + np.dtype(VERSIONS[walk.header.version][0]).itemsize
+    while position + head <= walk.stop:
+        part = walk.bytes[position : min(position + SEARCH_BYTES + head - 1, walk.stop)]
+        heads = np.lib.stride_tricks.sliding_window_view(part, head)
+        numbers = heads[:, 0].astype(np.int64) + 256 * heads[:, 1].astype(np.int64)
+        known = np.flatnonzero(np.isin(numbers, list(walk.sizes)))
+        times = walk.times(heads[known])
+        earliest = 0.0 if last is None else last - LARGEST_STEP_BACK
+        latest = LATEST_TIME if last is None else last + LARGEST_STEP
+        for candidate in known[(times >= earliest) & (times <= latest)].tolist():
+            if _chained(walk, position + candidate, last):
+                return position + candidate
+        position += len(heads)
+    return None
+
+
+def _chained(walk: _Walk, position: int, last: float | None) -> bool:
+    """Return whether `CHAIN` records follow each other, or fewer up to the very end."""
+    for _ in range(CHAIN):
+        size = walk.sizes.get(walk.number(position))
+        if size is None or position + size > walk.stop:
+            return False
+        rows = walk.bytes[position : position + size].reshape(1, size)
+        good, times = _credible(walk, rows, walk.number(position), last)
+        if not good[0]:
+            return False
+        last = float(times[0])
+        position += size
+        if position == walk.stop:
+            return True
+    return True
+
+
+def _starts(walk: _Walk, runs: list[tuple[int, int, int]]) -> dict[int, Int[np.ndarray, " n"]]:
+    """Return the position of every record, by number of the event."""
+    found: dict[int, list[Int[np.ndarray, " n"]]] = {number: [] for number in walk.sizes}
+    for number, first, count in runs:
+        found[number].append(first + walk.sizes[number] * np.arange(count))
+    none = np.zeros(0, dtype=np.int64)
+    return {number: np.concatenate([none, *parts]) for number, parts in found.items()}
+
+
+def record_times(data: bytes, records: Records, event: Event) -> Float[np.ndarray, " n"]:
+    """Return the times of the records of an event, as recorded [s]."""
+    kind, unit = VERSIONS[records.header.version]
+    return _values(data, records.starts[event.number] + 2, kind) * unit
+
+
+def column(
+    data: bytes, records: Records, event: Event, variable: Variable
+) -> Float[np.ndarray, " n"]:
+    """Return a variable of all records of an event, as recorded; not finite ones as NaN."""
+    values = _values(data, records.starts[event.number] + variable.offset, variable.type)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _values(data: bytes, positions: Int[np.ndarray, " n"], kind: str) -> Float[np.ndarray, " n"]:
+    """Return numbers of one type at positions in the file."""
+    width = np.dtype(kind).itemsize
+    windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), width)
+    return windows[positions].view(kind)[:, 0].astype(np.float64)
