@@ -22,8 +22,13 @@ def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -
                 f"the log has no {what} (channel {name}; it has {has}); log the raw IMU, "
                 "or name its columns with a columns map"
             )
+    refuse_missing_motors(log, motor_name, rotor_count)
+
+
+def refuse_missing_motors(log: FlightLog, motor_name: str, rotor_count: int) -> None:
+    """Raise where the log has no motor channel, or one of other rotors."""
     if motor_name not in log.channels:
-        raise LogError(_no_motors(log, motor_name, has))
+        raise LogError(_no_motors(log, motor_name, ", ".join(log.channels) or "none"))
     columns = log.channels[motor_name].values.shape[1]
     if columns != rotor_count:
         raise LogError(
@@ -148,13 +153,13 @@ def doubts_about(
             f"motion is used only up to {0.4 * motor_rate:.0f} Hz; log motors faster"
         )
     rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
-    doubts += _thrust_doubts(data.rotor_speed[rows])
+    doubts += thrust_doubts(data.rotor_speed[rows])
     if data.velocity is not None:
-        doubts += _speed_doubts(data.velocity[rows])
+        doubts += speed_doubts(data.velocity[rows])
     return tuple(doubts)
 
 
-def _thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
+def thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
     """Return a doubt where thrust leaves the near-hover scope of the model."""
     thrust: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", rotor_speed, rotor_speed)
     hover = float(np.median(thrust))
@@ -167,7 +172,7 @@ def _thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
     ]
 
 
-def _speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
+def speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
     """Return a doubt where the vehicle flies so fast that drag counts."""
     speed = np.sqrt((velocity * velocity).sum(axis=1))
     known = speed[np.isfinite(speed)]

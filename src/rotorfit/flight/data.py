@@ -43,7 +43,8 @@ class FlightData:
     differentiation
         ``"central"``: the two derivatives are differences over two samples, so that every other
         column of a linear equation must be averaged with [1 4 1]/6 before they are compared.
-        ``"exact"``: they belong to the same instant as the other columns.
+        ``"exact"``: they belong to the same instant as the other columns, as they do in a
+        simulation, and in motion capture, where one spline gives a signal and its derivatives.
     segments
         The airborne stretches without gaps. With ``"central"`` derivatives each row of a segment
         has a valid neighbour on both sides in the arrays, outside the segment if at its edge.
