@@ -109,7 +109,7 @@ def test_the_summary_says_how_well_and_what_to_do() -> None:
     assert advice is not None and advice.startswith("yaw while rolling")
     assert sentences["Yaw inertia"][0] == "not known"
     com = sentences["Centre of mass"][0]
-    assert com == "10.0 ± 1.0 mm forward, 10.0 ± 1.0 mm left, 10.0 ± 1.0 mm up of the origin"
+    assert com == "10.0 ± 1.0 mm in front of, 10.0 ± 1.0 mm left of, 10.0 ± 1.0 mm above the origin"
 
 
 def test_counts_of_verdicts_are_those_of_the_result() -> None:

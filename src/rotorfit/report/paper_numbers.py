@@ -78,12 +78,11 @@ TABLE_3: Final[dict[str, dict[str, float]]] = {
 
 ILLEGIBLE: Final = {
     "Table I": (
-        "The paper dropped kd, Izz and the products of inertia for A, and the products for B, as "
-        "unessential (III-B)."
+        "For A the paper dropped kd, Izz and the products of inertia as unessential (III-B)."
     ),
     "Table II": (
         "The paper's standard deviations for motion capture, and some of its values, are not "
-        "legible in our copy; they are left empty here."
+        "legible in our copy; they are left out here, and so is what the table does not list (–)."
     ),
     "Table III": "The last row (A and B together, on B) is not legible in our copy.",
 }

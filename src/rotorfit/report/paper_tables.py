@@ -124,7 +124,7 @@ def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | 
         name=name,
         title=title_of(name),
         unit="" if ours is None else unit_words(ours.unit),
-        paper="dropped" if paper is None else _scientific(paper[0]),
+        paper="–" if paper is None else _scientific(paper[0]),
         paper_sigma=_two(None if paper is None else paper[1]),
         mocap=_scientific(None if mocap is None else mocap[0]),
         ours=_scientific(value) if ours is None or value is not None else ours.verdict,

@@ -29,7 +29,11 @@ SUBJECTS = {
     "Izz": "the yaw inertia",
     "mass": "mass",
 }
-DIRECTIONS = {"com_x": ("forward", "back"), "com_y": ("left", "right"), "com_z": ("up", "down")}
+DIRECTIONS = {
+    "com_x": ("in front of", "behind"),
+    "com_y": ("left of", "right of"),
+    "com_z": ("above", "below"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,11 +141,12 @@ def _words(number: Parameter | Derived, verdict: str, partner: str | None) -> st
 def _com(derived: dict[str, Derived], parameters: dict[str, Parameter]) -> Finding:
     """Return where the centre of mass is, in millimetres and directions."""
     verdicts = [body_verdict(derived[n], parameters.get(twin_of(n))) for n in DIRECTIONS]
+    origin = "IMU" if "rotor_center_x" in parameters else "origin"
     words: list[str] = []
     for name, (positive, negative) in DIRECTIONS.items():
         value, half = known(derived[name].value), half_width(derived[name])
         if value is None:
-            words.append(f"{positive} or {negative} not known")
+            words.append(f"not known how far {positive} or {negative}")
         else:
             margin = "" if half is None else f" ± {_mm(half)}"
             words.append(f"{_mm(abs(value))}{margin} mm {positive if value >= 0 else negative}")
@@ -153,7 +158,7 @@ def _com(derived: dict[str, Derived], parameters: dict[str, Parameter]) -> Findi
     return Finding(
         verdict=worst,
         subject="Centre of mass",
-        words=f"{', '.join(words)} of the origin",
+        words=f"{', '.join(words)} the {origin}",
         advice="; ".join(dict.fromkeys(advice)) if worst != "identified" and advice else None,
     )
 

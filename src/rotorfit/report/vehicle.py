@@ -11,7 +11,9 @@ from rotorfit.report.scene import Body, Point, Scene, scene_of
 from rotorfit.report.svg import drawing, label, nice_step, tag
 
 SIZE = 440.0
-MARGIN = 46.0
+MARGIN = 40.0
+BASE = 44.0
+"""Height of the strip below the drawing that holds its axes and scale bar [px]."""
 CHI95 = 2.4477
 """Standard deviations of a two-dimensional 95 % ellipse."""
 TOP = ((1, -1.0), (0, 1.0))
@@ -136,9 +138,10 @@ def _fitted(
     flat = np.array([(a * p[i], b * p[j]) for p in points])
     low, high = flat.min(axis=0), flat.max(axis=0)
     extent = np.maximum(high - low, least)
-    scale = float(min((SIZE - 2 * MARGIN) / extent[0], (height - 2 * MARGIN) / extent[1]))
+    scale = float(min((SIZE - 2 * MARGIN) / extent[0], (height - BASE - 1.5 * MARGIN) / extent[1]))
     x, y = (0.5 * (low + high)).tolist()
-    return View(right=axes[0], up=axes[1], scale=scale, middle=(x, y), width=SIZE, height=height)
+    middle = (x, y - 0.5 * (BASE - 0.5 * MARGIN) / scale)
+    return View(right=axes[0], up=axes[1], scale=scale, middle=middle, width=SIZE, height=height)
 
 
 def _view_svg(view: View, parts: Sequence[str], words: str) -> str:
@@ -268,7 +271,10 @@ def _payloads(scene: Scene, view: View) -> list[str]:
         for load in body.payloads:
             x, y = view.place(load.position)
             parts.append(
-                tag("rect", {"class": "payload", "x": x - 6, "y": y - 6, "width": 12.0, "height": 12.0})
+                tag(
+                    "rect",
+                    {"class": "payload", "x": x - 6, "y": y - 6, "width": 12.0, "height": 12.0},
+                )
             )
             words = f"{load.mass:g} kg"
             parts.append(label(words, {"class": "payload-mass middle halo", "x": x, "y": y + 22}))
@@ -342,7 +348,7 @@ def _scale_bar(view: View) -> str:
 
 def _axis_arrows(view: View) -> str:
     """Return the two axes of the drawing in its corner."""
-    x, y, n = 34.0, view.height - 20.0, 30.0
+    x, y, n = 20.0, view.height - 14.0, 28.0
     right = "xyz"[view.right[0]]
     up = "xyz"[view.up[0]]
     # Seen from above y points to the left; the arrow does too.

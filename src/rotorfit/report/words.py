@@ -46,7 +46,7 @@ TITLES = {
 }
 
 VERDICT_MEANING = {
-    "identified": "the flight fixes it; the interval holds 95 times in 100",
+    "identified": "the flight fixes it, to a quarter of its size or better",
     "weak": "known, but the interval is over a quarter of the value",
     "ratio-only": "known only together with another parameter",
     "not-identified": "this flight does not tell",
