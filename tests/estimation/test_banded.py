@@ -1,5 +1,7 @@
 """The banded likelihood: its Jacobian, its oracle, exactness, coverage."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -138,3 +140,39 @@ def test_products_are_carried_through_fixing_a_parameter():
     for name, value, rest in (("p", 0.2, [1, 2]), ("q", -0.4, [0, 2]), ("r", 0.7, [0, 1])):
         fixed = problem.map.fixed(name, value)
         np.testing.assert_allclose(fixed.theta(phi[rest]), whole, rtol=1e-13)
+
+
+def test_known_noise_of_a_regressor_does_not_pull_the_slope():
+    rng = np.random.default_rng(6)
+    slopes = {True: [], False: []}
+    for _ in range(20):
+        x = rng.normal(size=1000)
+        seen = x + 0.5 * rng.normal(size=1000)
+        y = 3.0 * x + 0.2 * rng.normal(size=1000)
+        for known in (True, False):
+            problem = line_problem(seen, y)
+            factors = problem.factors[0]
+            noise = np.tile([0.0, 0.25, 0.0], (len(factors), 1)) if known else None
+            problem = replace(problem, factors=(replace(factors, noise=noise),))
+            fit = banded(problem, np.array([1.0, 0.0]))
+            slopes[known].append(fit.estimate.values[0])
+    assert np.mean(slopes[False]) == pytest.approx(3.0 / 1.25, abs=0.05)  # attenuated
+    assert np.mean(slopes[True]) == pytest.approx(3.0, abs=4 * np.std(slopes[True]) / 20**0.5)
+
+
+def test_covariance_with_known_noise_is_the_scatter_of_the_estimate():
+    rng = np.random.default_rng(8)
+    errors, claimed = [], []
+    for _ in range(100):
+        x = rng.normal(size=1000)
+        seen = x + 0.3 * rng.normal(size=1000)
+        y = 3.0 * x + 0.5 * rng.normal(size=1000)
+        problem = line_problem(seen, y)
+        factors = problem.factors[0]
+        noise = np.tile([0.0, 0.09, 0.0], (len(factors), 1))
+        fit = banded(
+            replace(problem, factors=(replace(factors, noise=noise),)), np.array([1.0, 0.0])
+        )
+        errors.append(fit.estimate.values[0] - 3.0)
+        claimed.append(fit.estimate.std[0])
+    assert np.std(errors) == pytest.approx(np.mean(claimed), rel=0.25)

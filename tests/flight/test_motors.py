@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from rotorfit.flight.motors import first_order_lag, shift_time, speed_from_command
+from rotorfit.flight.motors import (
+    first_order_lag,
+    shift_time,
+    speed_from_command,
+    white_noise_std,
+)
 
 
 def test_the_lag_is_the_exact_recursion_of_a_held_command():
@@ -47,3 +52,13 @@ def test_the_law_is_a_polynomial_of_the_command():
     u = np.linspace(0, 1, 5)[:, None] * np.ones(4)
     assert speed_from_command(u, (50.0, 900.0, -100.0)) == pytest.approx(50 + 900 * u - 100 * u**2)
     assert speed_from_command(u, (0.0, 1.0)) == pytest.approx(u)
+
+
+def test_white_noise_is_found_under_slow_motion():
+    rng = np.random.default_rng(7)
+    t = np.arange(6000) / 200.0
+    slow = 900.0 + 80.0 * np.sin(2 * np.pi * 1.3 * t)[:, None] * np.ones((1, 4))
+    noisy = slow + 5.0 * rng.normal(size=slow.shape)
+    assert white_noise_std(noisy, [(0, len(t))]) == pytest.approx(5.0, rel=0.07)
+    assert white_noise_std(slow, [(0, len(t))]) < 0.02
+    assert white_noise_std(noisy, [(0, 100)]) == 0.0  # too short to tell

@@ -130,7 +130,7 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
                 continue
             settled = True
         if settled:
-            return _finished(problem, state, iteration)
+            return _finished(problem, _corrected(problem, state), iteration)
     raise EstimationError(
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
         "remove a term, or fly more motion"
@@ -234,12 +234,22 @@ def _jacobian(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.
     noisy = list(problem.noisy)
     parts: list[Float[np.ndarray, "b m k f"]] = []
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        G, inverse = _solved(tensor, theta[c], noisy)
-        dB = np.einsum("pjz,pf->fjz", tensor, dtheta[c])
-        dG = inverse @ (dB - dB[:, :, noisy] @ G)
+        _, dG = _solved_jacobian(tensor, theta[c], dtheta[c], noisy)
         flat = factors.R @ dG.transpose(2, 1, 0).reshape(dG.shape[2], -1)
         parts.append(flat.reshape(len(factors), factors.R.shape[1], len(noisy), len(phi)))
     return np.concatenate(parts)
+
+
+def _solved_jacobian(
+    tensor: Float[np.ndarray, "p j z"],
+    theta: Float[np.ndarray, " p"],
+    dtheta: Float[np.ndarray, "p f"],
+    noisy: Sequence[int],
+) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "f k z"]]:
+    """Return G = M^-1 B and d G / d phi = M^-1 (dB - dM G)."""
+    G, inverse = _solved(tensor, theta, noisy)
+    dB = np.einsum("pjz,pf->fjz", tensor, dtheta)
+    return G, inverse @ (dB - dB[:, :, list(noisy)] @ G)
 
 
 def _damped_step(
@@ -266,14 +276,60 @@ def _triangular(
     return whole[:f, :f], whole[:f, f]
 
 
+def _corrected(problem: BandedProblem, state: _State) -> _State:
+    """Return the point where the regressors' known noise no longer pulls.
+
+    Noise n of the regressors makes J^T e differ from zero at the truth by its own product
+    n_b dG N G^T; the corrected score takes that off (errors in variables with known N).
+    """
+    if all(factors.noise is None for factors in problem.factors):
+        return state
+    for _ in range(MOST_ITERATIONS):
+        H, scores, _ = _corrected_equations(problem, state)
+        scale = np.sqrt(np.diagonal(H))
+        inverse = scipy.linalg.inv(H / np.outer(scale, scale)) / np.outer(scale, scale)
+        step: Float[np.ndarray, " f"] = inverse @ scores.sum(axis=0)
+        state = _evaluate(problem, state.phi + step)
+        std = np.sqrt(np.diagonal(inverse))
+        if np.all(np.abs(step) <= SMALLEST_STEP * std):
+            break
+    return state
+
+
+def _corrected_equations(
+    problem: BandedProblem, state: _State
+) -> tuple[Float[np.ndarray, "f f"], Float[np.ndarray, "b f"], Float[np.ndarray, "f f"]]:
+    """Return the corrected information, each block's corrected score, and the plain information."""
+    J = _jacobian(problem, state.phi)
+    weight = 1.0 / state.variance
+    plain = np.einsum("bmkf,bk,bmkg->fg", J, weight, J, optimize=True)
+    scores = -np.einsum("bmkf,bk,bmk->bf", J, weight, state.residual, optimize=True)
+    mean, std = _prior(problem)
+    plain += np.diag(std**-2.0)
+    corrected = plain.copy()
+    theta, dtheta = problem.map.theta(state.phi), problem.map.jacobian(state.phi)
+    first = 0
+    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
+        rows = slice(first, first + len(factors))
+        first += len(factors)
+        G, dG = _solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
+        N = factors.rows[:, None] * factors.known_noise
+        w = weight[rows]
+        scores[rows] += np.einsum("bk,fkz,bz,kz->bf", w, dG, N, G, optimize=True)
+        corrected -= np.einsum("bk,fkz,bz,gkz->fg", w, dG, N, dG, optimize=True)
+    pull = (mean - state.phi) * std**-2.0
+    return corrected, np.concatenate([scores, pull[None]]), plain
+
+
 def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedEstimate:
     """Return the estimate at the minimum, with covariance and influences."""
     A, _ = _linearised(problem, state)
     svd = scaled_singular(A, problem.map.names)
-    root = (svd.Vt.T / svd.s) / svd.lengths[:, None]
-    covariance = root @ root.T
-    J = _jacobian(problem, state.phi)
-    scores = -np.einsum("bmkf,bmk->bf", J, state.residual / state.variance[:, None, :])
+    H, scores, plain = _corrected_equations(problem, state)
+    scale = np.sqrt(np.diagonal(plain))
+    scaled = scipy.linalg.inv(H / np.outer(scale, scale))
+    inverse = scaled / np.outer(scale, scale)
+    covariance = inverse @ plain @ inverse
     noisy = list(problem.noisy)
     signals = np.concatenate([factors.R[:, :, noisy] for factors in problem.factors])
     return BandedEstimate(
@@ -285,7 +341,7 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
             weak_directions=svd.Vt[::-1][:3],
             weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
         ),
-        influence=scores @ covariance,
+        influence=scores[:-1] @ inverse,
         variance=state.variance,
         signal_power=np.einsum("bmk,bmk->bk", signals, signals),
         residual_power=np.einsum("bmk,bmk->bk", state.residual, state.residual),

@@ -33,12 +33,16 @@ class Factors:
         Which segment (phase of a flight) each block comes from.
     band
         Lower and upper edge of its frequency band [Hz]; 0 and inf for blocks of time.
+    noise
+        Variance per row that known errors of measurement add to each signal, where they are
+        known: for signals that stand among the regressors. None: nothing is known, or none.
     """
 
     R: Float[np.ndarray, "b z z"]
     rows: Int[np.ndarray, " b"]
     segment: Int[np.ndarray, " b"]
     band: Float[np.ndarray, "b 2"]
+    noise: Float[np.ndarray, "b z"] | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -57,10 +61,19 @@ class Factors:
             band=np.array([[self.band[:, 0].min(), self.band[:, 1].max()]]),
         )
 
+    @property
+    def known_noise(self) -> Float[np.ndarray, "b z"]:
+        """The known variances per row; zeros where nothing is known."""
+        return np.zeros((len(self), self.R.shape[2])) if self.noise is None else self.noise
+
     def select(self, keep: Bool[np.ndarray, " b"]) -> "Factors":
         """Return the blocks for which `keep` is true."""
         return Factors(
-            R=self.R[keep], rows=self.rows[keep], segment=self.segment[keep], band=self.band[keep]
+            R=self.R[keep],
+            rows=self.rows[keep],
+            segment=self.segment[keep],
+            band=self.band[keep],
+            noise=None if self.noise is None else self.noise[keep],
         )
 
 
@@ -69,6 +82,7 @@ def stack_factors(parts: Sequence[Factors]) -> Factors:
     if not parts:
         raise EstimationError("no factors to stack: no stretch of flight was given")
     shifts = np.cumsum([0] + [int(part.segment.max(initial=-1)) + 1 for part in parts[:-1]])
+    silent = all(part.noise is None for part in parts)
     return Factors(
         R=np.concatenate([part.R for part in parts]),
         rows=np.concatenate([part.rows for part in parts]),
@@ -76,6 +90,7 @@ def stack_factors(parts: Sequence[Factors]) -> Factors:
             [part.segment + shift for part, shift in zip(parts, shifts, strict=True)]
         ),
         band=np.concatenate([part.band for part in parts]),
+        noise=None if silent else np.concatenate([part.known_noise for part in parts]),
     )
 
 

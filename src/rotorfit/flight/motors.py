@@ -1,8 +1,13 @@
 """From commanded to actual rotor speed: the motor's law, its lag and its delay."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 from scipy import signal
+
+NOISE_ROWS = 256
+"""Length of the spectra in which the noise of rotor speeds is looked for."""
 
 
 def speed_from_command(
@@ -66,3 +71,31 @@ def shift_time(
     rows = np.arange(len(values)) - whole
     taken = [values[np.clip(rows - k, 0, len(values) - 1)] for k in nodes.tolist()]
     return np.einsum("k,knr->nr", weights, np.array(taken))
+
+
+def white_noise_std(
+    values: Float[np.ndarray, "n N"], stretches: Sequence[tuple[int, int]]
+) -> float:
+    """Return the standard deviation of the white noise in measured rotor speeds [rad/s].
+
+    A rotor cannot follow the fastest changes that a log can hold: what is left of its spectrum
+    close to the Nyquist frequency is error of measurement. The median over that tenth of the
+    spectrum, so that a single line of vibration does not count.
+
+    Parameters
+    ----------
+    values
+        Measured speeds on a uniform clock.
+    stretches
+        Start and stop (exclusive) of the rows to look at.
+    """
+    levels: list[float] = []
+    for start, stop in stretches:
+        if stop - start < NOISE_ROWS:
+            continue
+        spectrum = signal.welch(
+            values[start:stop], fs=1.0, nperseg=NOISE_ROWS, axis=0, detrend="constant"
+        )
+        top: Float[np.ndarray, "f N"] = np.asarray(spectrum[1], dtype=float)[-NOISE_ROWS // 20 :]
+        levels.append(0.5 * float(np.median(top)))  # one-sided density, half a cycle a sample
+    return float(np.sqrt(np.median(levels))) if levels else 0.0

@@ -16,7 +16,7 @@ from rotorfit.estimation.factors import (
     triangular_factors,
 )
 from rotorfit.flight.data import FlightData, Segment
-from rotorfit.model.signals import signal_matrix
+from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Vehicle
 
 CHUNK_ROWS = 16_384
@@ -178,8 +178,40 @@ def band_factors(flight: FlightData, vehicle: Vehicle, *, plan: BandPlan) -> Fac
             Z = signal_matrix(flight, vehicle, stretch.start, stretch.stop)
             blocks = _stretch_bands(Z, flight.sample_rate, plan)
             if blocks is not None:
-                parts.append(blocks)
+                noise = rotor_noise(flight, vehicle, stretch, blocks.band)
+                parts.append(replace(blocks, noise=noise))
     return _stacked(parts)
+
+
+def rotor_noise(
+    flight: FlightData,
+    vehicle: Vehicle,
+    stretch: Segment,
+    band: Float[np.ndarray, "b 2"],
+) -> Float[np.ndarray, "b z"] | None:
+    """Return what white noise of the rotor speeds adds to each signal, per row of a band.
+
+    Speeds squared carry 2 O times the noise through the [1 4 1]/6 average, spin accelerations the
+    noise through the central difference; a row is the real or the imaginary part of a line and
+    holds half of its variance. None where the rotor speeds carry no noise.
+    """
+    if flight.rotor_speed_std <= 0:
+        return None
+    layout = signal_layout(vehicle)
+    noise = np.zeros((len(band), len(layout)))
+    turn = 2.0 * np.pi * band.mean(axis=1) / flight.sample_rate
+    average, difference = np.ones_like(turn), turn * flight.sample_rate
+    if flight.differentiation == "central":
+        average = ((4.0 + 2.0 * np.cos(turn)) / 6.0) ** 2
+        difference = np.sin(turn) * flight.sample_rate
+    half = 0.5 * flight.rotor_speed_std**2
+    speed = flight.rotor_speed[stretch.start : stretch.stop]
+    for i, square in enumerate((speed * speed).mean(axis=0)):
+        noise[:, layout.index(f"O2_{i + 1}")] = 4.0 * square * half * average
+    for axis, weight in zip("xyz", (vehicle.axes**2).sum(axis=0), strict=True):
+        if f"dH{axis}" in layout:
+            noise[:, layout.index(f"dH{axis}")] = weight * half * difference**2
+    return noise
 
 
 def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
