@@ -28,8 +28,9 @@ from rotorfit.flight.checks import (
 from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.flight.motors import first_order_lag, shift_time, speed_from_command
+from rotorfit.flight.motors import first_order_lag, shift_time, speed_from_command, white_noise_std
 from rotorfit.flight.signals import central_difference, hampel
+from rotorfit.flight.splines import smooth_motors
 
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
 """Of motors whose commands are all that is known, for the search of the flight only [s]."""
@@ -144,23 +145,27 @@ def prepare(
     speed = uniform.values["motor"]
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law)
-    data = _differentiated(uniform, speed, _rotor_speed_std(log, motors))
+    data = _differentiated(uniform, speed)
     data = with_motors(data, speed, lag=motors.lag, delay=motors.delay or 0.0)
     motion = _motion(data, uniform, arm=arm, window=window)
     refuse_idle_motors(motion)
     refuse_wrong_gravity(motion)
     flights = list(motion.stretches)
     if window == (None, None):
-        flights = airborne_rows(_with_likely_lag(motion, motors))
+        flights = airborne_rows(with_likely_lag(motion, motors))
     bias = _gyro_bias(
         data, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     )
     if bias is not None:
         data = dataclasses.replace(data, angular_velocity=data.angular_velocity - np.array(bias))
-    data = dataclasses.replace(data, segments=_inner_segments(flights, uniform))
+    data = dataclasses.replace(
+        data,
+        segments=_inner_segments(flights, uniform),
+        rotor_speed_std=_rotor_speed_std(log, motors, speed, flights),
+    )
     return PreparedFlight(
         data=data,
-        phases=_phases(data),
+        phases=phases_of(data),
         motor_channel=speed,
         gyro_bias=bias,
         spikes=spikes,
@@ -178,6 +183,17 @@ def with_motors(
     Lag and delay change nothing else: a trial of either costs only these columns.
     """
     jumps = np.flatnonzero(np.diff(data.time) > 1.5 / data.sample_rate) + 1
+    if data.differentiation == "exact":
+        # Low-passed already: moved and differentiated by splines, as the pose is.
+        moved = [
+            smooth_motors(piece, data.sample_rate, lag=lag, delay=delay)
+            for piece in np.split(speed, jumps)
+        ]
+        return dataclasses.replace(
+            data,
+            rotor_speed=np.concatenate([value for value, _ in moved]),
+            rotor_acceleration=np.concatenate([slope for _, slope in moved]),
+        )
     pieces = [
         first_order_lag(shift_time(piece, data.sample_rate, delay), data.sample_rate, lag)
         for piece in np.split(speed, jumps)
@@ -218,15 +234,20 @@ def _uniform(
     return uniform_channels(usable, clock="gyro", optional=("velocity",)), counts
 
 
-def _rotor_speed_std(log: FlightLog, motors: MotorModel) -> float:
-    """Return the standard deviation of a measured rotor speed from its resolution [rad/s]."""
-    step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
-    return (step or 0.0) / 12.0**0.5
+def _rotor_speed_std(
+    log: FlightLog,
+    motors: MotorModel,
+    speed: Float[np.ndarray, "n N"],
+    flights: list[tuple[int, int]],
+) -> float:
+    """Return the noise of measured rotor speed: its resolution's, or what the flight shows."""
+    if motors.speed == "commanded":
+        return 0.0
+    step = log.channels["rotor_speed"].resolution or 0.0
+    return max(step / 12.0**0.5, white_noise_std(speed, flights))
 
 
-def _differentiated(
-    uniform: UniformChannels, speed: Float[np.ndarray, "n N"], rotor_speed_std: float
-) -> FlightData:
+def _differentiated(uniform: UniformChannels, speed: Float[np.ndarray, "n N"]) -> FlightData:
     """Return the whole log as FlightData, without segments yet."""
     gyro = uniform.values["gyro"]
     return FlightData(
@@ -239,7 +260,6 @@ def _differentiated(
         rotor_acceleration=speed,
         differentiation="central",
         segments=(),
-        rotor_speed_std=rotor_speed_std,
         velocity=uniform.values.get("velocity"),
     )
 
@@ -256,7 +276,7 @@ def _motion(data: FlightData, uniform: UniformChannels, *, arm: float, window: W
     )
 
 
-def _with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
+def with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
     """Return the motion with commands as late as the force says, where no lag was given.
 
     For the search only: a command that leads the force by 80 ms looks like contact in every flip.
@@ -304,7 +324,7 @@ def _inner_segments(
     return tuple(Segment(start=a + (a in starts), stop=b - (b in stops)) for a, b in flights)
 
 
-def _phases(data: FlightData) -> tuple[Segment, ...]:
+def phases_of(data: FlightData) -> tuple[Segment, ...]:
     """Return the segments cut where the flight's character changes."""
     phases: list[Segment] = []
     for segment in data.segments:
