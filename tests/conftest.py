@@ -14,3 +14,25 @@ def flight_data_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no flight data in {folder}: set ROTORFIT_DATA")
     return folder
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update-golden", action="store_true", help="write the golden files anew")
+
+
+@pytest.fixture
+def golden(request: pytest.FixtureRequest):
+    """Compare a text with a file of tests/golden, or write it there with --update-golden."""
+    folder = Path(__file__).parent / "golden"
+
+    def compare(name: str, text: str) -> None:
+        path = folder / name
+        if request.config.getoption("--update-golden"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8", newline="\n")
+        if not path.exists():
+            pytest.fail(f"no {path}: make it with  pytest --update-golden")
+        expected = path.read_text(encoding="utf-8")
+        assert text == expected, "meant so? then  pytest --update-golden"
+
+    return compare

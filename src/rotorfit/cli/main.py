@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 import rotorfit
-from rotorfit.cli.terminal import internal_error, interruptible, print_any_name, refuse
+from rotorfit.cli.terminal import internal_error, interruptible, print_any_name, refuse, show
 from rotorfit.errors import RotorfitError
 
 app = typer.Typer(
@@ -33,10 +33,11 @@ def main() -> None:
         internal_error(error)
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool) -> bool:
     if wanted:
-        typer.echo(f"rotorfit {rotorfit.__version__}")
+        show(f"rotorfit {rotorfit.__version__}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()

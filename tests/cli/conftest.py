@@ -1,0 +1,128 @@
+"""Short simulated flights as files, and the command line in process."""
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorfit.cli.main import main
+from rotorfit.logs.table import write_table
+from rotorfit.simulation import (
+    Scenario,
+    SimulatedFlight,
+    flight_table,
+    paper_vehicle,
+    simulate_flight,
+    variant,
+)
+
+Columns = dict[str, np.ndarray]
+
+AIRFRAME = """[airframe]
+layout = "quad-plus"
+arm = 0.2
+order = "paper"
+imu = { position = [0.0, 0.0, 0.0] }
+"""
+EXPERIMENT = AIRFRAME + '[[configuration]]\nmass = 1.285\nflights = ["flight.csv"]\n'
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a command ended, and what it printed."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self):
+        return json.loads(self.out)
+
+
+def called(*arguments: object) -> int:
+    """Run the command line in this process and return its exit code."""
+    sys.argv = ["rotorfit", *map(str, arguments)]
+    with pytest.raises(SystemExit) as ended:
+        main()
+    code = ended.value.code
+    return code if isinstance(code, int) else 0
+
+
+@pytest.fixture
+def run(monkeypatch, capsys) -> Callable[..., Outcome]:
+    """Call the command line in process."""
+    monkeypatch.setattr(sys, "argv", sys.argv)
+
+    def outcome(*arguments: object) -> Outcome:
+        capsys.readouterr()
+        code = called(*arguments)
+        printed = capsys.readouterr()
+        return Outcome(code, printed.out, printed.err)
+
+    return outcome
+
+
+@pytest.fixture
+def refused(run) -> Callable[..., str]:
+    """Call the command line, which must refuse properly, and return its one line."""
+
+    def message(*arguments: object) -> str:
+        before = sorted(Path.cwd().rglob("*"))
+        ended = run(*arguments)
+        assert ended.code == 1, ended
+        assert ended.out == ""
+        assert ended.err.startswith("rotorfit: ")
+        assert ended.err.count("\n") == 1 and ended.err.endswith("\n")
+        assert "Traceback" not in ended.err and "internal error" not in ended.err
+        assert sorted(Path.cwd().rglob("*")) == before
+        return ended.err
+
+    return message
+
+
+@pytest.fixture(scope="session")
+def simulated() -> SimulatedFlight:
+    """Twenty seconds of a real-looking flight from the ground and back."""
+    (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
+    scenario = Scenario(seconds=20.0, ground_seconds=3.0, sensors=sensors)
+    return simulate_flight(truth, vehicle, scenario, seed=1)
+
+
+@pytest.fixture(scope="session")
+def columns(simulated) -> Columns:
+    """The flight by the names of a flight table."""
+    channels = ("gyro", "accel", "rotor_speed", "command")
+    text = flight_table(simulated, channels=channels).splitlines()
+    numbers = np.loadtxt(text[1:], delimiter=",")
+    return dict(zip(text[0].split(","), numbers.T, strict=True))
+
+
+@pytest.fixture(scope="session")
+def table_text(simulated) -> str:
+    return flight_table(simulated, channels=("gyro", "accel", "rotor_speed"))
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, table_text) -> Path:
+    """A working directory with flight.csv, airframe.toml and experiment.toml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "flight.csv").write_text(table_text)
+    (tmp_path / "airframe.toml").write_text(AIRFRAME)
+    (tmp_path / "experiment.toml").write_text(EXPERIMENT)
+    return tmp_path
+
+
+@pytest.fixture
+def changed(here, columns) -> Callable[[Callable[[Columns], Columns]], Path]:
+    """Write flight.csv anew, with what a function makes of its columns."""
+
+    def write(change: Callable[[Columns], Columns]) -> Path:
+        write_table(here / "flight.csv", change(dict(columns)), force=True)
+        return here / "flight.csv"
+
+    return write
