@@ -154,7 +154,9 @@ def test_every_layout_is_recovered(tmp_path, name):
         if number_name == "Jr_over_Izz":
             continue  # the rotors of this variant have no inertia
         if (name, number_name) == ("hexa-tilted", "kd_over_Izz"):
-            continue  # its tilted thrust makes nearly all of the yaw torque
+            # Its tilted thrust makes nearly all of the yaw torque: one row cannot tell.
+            assert result.parameter("kd").verdict == "not-identified"
+            continue
         found = number(result, number_name)
         half = found.interval[1] - found.value
         assert abs(found.value - true) < 1.5 * half, number_name

@@ -129,7 +129,7 @@ def _row_quantities(flown: Flown, fits: RowFits) -> Quantities:
 def paper_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of total least squares, the paper's way."""
     settings = _paper_settings(experiment)
-    return paper_tables(paper_estimate(flown, settings=settings), flown)
+    return paper_tables(paper_estimate(flown, settings=settings), flown, settings=settings)
 
 
 def _paper_settings(experiment: Experiment) -> PaperSettings:

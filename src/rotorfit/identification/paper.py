@@ -15,9 +15,15 @@ from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.total import EssentialEstimate, essential_total, relative_std
 from rotorfit.identification.experiment import ConfigurationEntry
-from rotorfit.identification.flights import Flown
+from rotorfit.identification.flights import Flown, retimed
 from rotorfit.identification.result import Parameter
-from rotorfit.identification.tables import Tables, full_name, given_parameter, unit_of
+from rotorfit.identification.tables import (
+    Tables,
+    full_name,
+    given_parameter,
+    motor_parameters,
+    unit_of,
+)
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.model.reduce import LowPass, time_factors
 
@@ -54,7 +60,10 @@ def paper_estimate(flown: Flown, *, settings: PaperSettings) -> EssentialEstimat
     lowpass = LowPass(cutoff=settings.cutoff, samples_per_period=settings.samples_per_period)
     factors = [
         stack_factors(
-            [time_factors(f.prepared.data, flown.vehicle, lowpass=lowpass) for f in c.flights]
+            [
+                time_factors(retimed(f.prepared, flown.delay), flown.vehicle, lowpass=lowpass)
+                for f in c.flights
+            ]
         ).merged()
         for c in flown.configurations
     ]
@@ -78,11 +87,13 @@ def _paper_map(flown: Flown) -> ParameterMap:
     return parameter_map(flown.model.names, free, masses, configurations=len(flown.configurations))
 
 
-def paper_tables(essential: EssentialEstimate, flown: Flown) -> Tables:
+def paper_tables(essential: EssentialEstimate, flown: Flown, *, settings: PaperSettings) -> Tables:
     """Return the tables of the paper's estimate: its values, its sigmas, what it removed."""
     estimate = essential.estimate
     entries = [configured.entry for configured in flown.configurations]
     parameters = [_paper_parameter(name, essential, entries[0]) for name in SHARED_FREE]
+    if flown.motor_delay is not None:
+        parameters += motor_parameters(flown.motors, flown.motor_delay)
     for entry in entries:
         own = [_paper_parameter(name, essential, entry) for name in OWN_FREE]
         parameters += [given_parameter("mass", entry.mass, entry.mass_std, entry), *own]
@@ -94,6 +105,9 @@ def paper_tables(essential: EssentialEstimate, flown: Flown) -> Tables:
         settings={
             "estimator": "total least squares (Six et al. 2020, eq. 14-22)",
             "row_weights": "one pass, by wrench component",
+            "cutoff": settings.cutoff,
+            "samples_per_period": settings.samples_per_period,
+            "r_sigma": settings.r_sigma,
             "configuration_weights": {entry.name: entry.weight for entry in entries},
             "rotor_inertia": False,
             "motor_lag": False,

@@ -19,6 +19,9 @@ from rotorfit.model.vehicle import Vehicle
 
 ATTENUATION = 1.5
 """Bias allowance: this over rho, as a share of the value (real flights: 0.5 to 1.8)."""
+MOST_DRAG = 0.03
+"""Drag torque over thrust of any rotor is less [m]. One moment row cannot tell the torque of drag
+along tilted axes from that of thrust."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,9 +195,14 @@ def _systematic(
     """Return the half-width of what no scatter within the flight shows."""
     weighed = 1.96 * mass[1] / mass[0]
     imu = 1.96 * vehicle.imu_position_std
+    lean = float(np.hypot(vehicle.axes[:, 0], vehicle.axes[:, 1]).mean())
     result = np.zeros(len(names))
     for i, name in enumerate(names):
         parts: list[float] = []
+        if lean > 0 and name == "kd_over_Izz":
+            parts.append(2.0 * abs(float(values[i])))  # the thrust's own yaw torque is in it
+        elif lean > 0 and name in AXIS_OF:
+            parts.append(MOST_DRAG * lean / vehicle.arm * abs(float(values[i])))
         if name in AXIS_OF:
             rho = max(fits.excitation[AXIS_OF[name]], 1e-12)
             parts.append(ATTENUATION * abs(float(values[i])) / rho)

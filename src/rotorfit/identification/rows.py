@@ -179,13 +179,26 @@ def _moment_map(model: Regressor, row: str, own_rotors: tuple[str, ...] = ()) ->
 def _without_dead(
     mapped: ParameterMap, model: Regressor, weights: Float[np.ndarray, " j"]
 ) -> ParameterMap:
-    """Return the map without parameters that do not stand in these rows at all."""
+    """Return the map without parameters that these rows cannot hold.
+
+    Either they do not stand in them at all, or, with tilted rotors, they stand where another one
+    stands already: drag torque along a tilted axis is a thrust torque of another size. Thrust
+    stays in the roll and pitch rows, drag in the yaw row.
+    """
     used = np.flatnonzero(weights)
     columns = np.einsum("pjz,pf->fjz", model.tensor[:, used], mapped.matrix[0])
-    for name, column in zip(mapped.names, columns, strict=True):
+    flat = dict(zip(mapped.names, columns.reshape(len(columns), -1), strict=True))
+    for name, column in flat.items():
         if not column.any():
             mapped = mapped.without(name)
+    weaker = "kt" if weights[5] else "kd"
+    if {"kt", "kd"} <= set(mapped.names) and _parallel(flat["kt"], flat["kd"]):
+        mapped = mapped.without(weaker)
     return mapped
+
+
+def _parallel(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " n"]) -> bool:
+    return bool(abs(one @ other) > (1.0 - 1e-6) * np.linalg.norm(one) * np.linalg.norm(other))
 
 
 def _rotor_names(model: Regressor) -> tuple[str, ...]:

@@ -1,0 +1,145 @@
+"""Verdicts, and the result as it is saved and read back."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import flown
+from rotorfit.errors import OutputError
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.verdicts import ADVICE, judge
+
+KEYS = {
+    *("schema", "name", "method", "axes", "parameters", "derived", "validation", "flights"),
+    *("covariance", "settings", "versions", "warnings"),
+}
+PARAMETER_KEYS = {
+    *("name", "configuration", "value", "std", "interval", "unit", "verdict", "with"),
+    *("reason", "advice"),
+}
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    flight = flown.simulated("A", "disturbed", seed=2, seconds=20.0, ground_seconds=2.0)
+    extra = '[motors]\ndelay = 0.0\n[identification]\nmethod = "ols"\n'
+    return flown.identified(tmp_path_factory.mktemp("result"), [flight], extra=extra)
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "verdict"),
+    [
+        (1.0, 0.25, "identified"),
+        (-1.0, 0.2501, "weak"),
+        (1.0, 1.0, "weak"),
+        (1.0, 1.01, "not-identified"),
+        (0.0, 0.1, "weak"),
+        (0.0, 0.04, "identified"),
+        (1.0, np.nan, "not-identified"),
+        (1.0, np.inf, "not-identified"),
+    ],
+)
+def test_verdicts_follow_the_width_of_the_interval(value, half, verdict):
+    found = judge(value, half, scale=0.2, axis="roll", excitation=50.0)
+    assert found.verdict == verdict
+    assert (found.advice == ADVICE["roll"]) == (verdict != "identified")
+
+
+def test_too_little_excitation_is_named_before_anything_else():
+    found = judge(1.0, 0.01, scale=0.0, axis="pitch", excitation=4.9)
+    assert found.verdict == "not-identified"
+    assert "the pitch response to the rotors is only 4.9 times" in found.reason
+    assert judge(1.0, 0.01, scale=0.0, axis="pitch", excitation=5.0).verdict == "identified"
+    assert judge(1.0, 0.01, scale=0.0, axis="force").verdict == "identified"
+
+
+def test_saved_and_read_back_it_is_the_same(tmp_path, result):
+    path = tmp_path / "result.json"
+    result.save(path)
+    again = IdentificationResult.load(path)
+    np.testing.assert_array_equal(again.covariance, result.covariance)
+    for field in dataclasses.fields(IdentificationResult):
+        if field.name != "covariance":
+            assert getattr(again, field.name) == getattr(result, field.name), field.name
+    assert again.to_json() == result.to_json()
+
+
+def test_the_file_has_every_key_of_the_format(result):
+    plain = json.loads(result.to_json(), parse_constant=lambda word: pytest.fail(word))
+    assert plain.keys() >= KEYS
+    assert plain["schema"] == 1
+    for parameter in plain["parameters"]:
+        assert parameter.keys() == PARAMETER_KEYS
+        value, interval = parameter["value"], parameter["interval"]
+        assert interval is None or interval[0] <= value <= interval[1]
+        assert value is not None or parameter["std"] is None
+        if parameter["verdict"] in ("not-identified", "ratio-only"):
+            assert value is None
+            assert parameter["reason"]
+            assert parameter["advice"]
+        if parameter["verdict"] == "ratio-only":
+            assert parameter["with"] in ("Izz", "kd")
+    for derived in plain["derived"]:
+        assert derived.keys() == {"name", "configuration", "value", "std", "interval", "unit"}
+    for flight in plain["flights"]:
+        assert flight.keys() >= {"file", "sha256", "seconds_used", "samples_used", "warnings"}
+        assert len(flight["sha256"]) == 64
+    names, matrix = plain["covariance"]["names"], plain["covariance"]["matrix"]
+    assert np.shape(matrix) == (len(names), len(names))
+    assert plain["versions"].keys() >= {"rotorfit", "numpy", "scipy"}
+    assert plain["settings"]["configuration"][0]["mass"] == 1.285
+
+
+def test_the_covariance_belongs_to_the_standard_deviations(result):
+    for i, name in enumerate(result.covariance_names):
+        parameter = result.parameter(name.split("@")[0])
+        assert result.covariance[i, i] ** 0.5 == pytest.approx(parameter.std)
+    assert (
+        np.linalg.eigvalsh(
+            result.covariance / np.outer(*[np.sqrt(np.diagonal(result.covariance))] * 2)
+        ).min()
+        > -1e-9
+    )
+
+
+def test_numbers_that_json_cannot_hold_become_null(result):
+    broken = dataclasses.replace(result, diagnostics={"condition": float("inf"), "x": float("nan")})
+    assert json.loads(broken.to_json())["diagnostics"] == {"condition": None, "x": None}
+
+
+def test_no_file_is_overwritten_unasked(tmp_path, result):
+    path = tmp_path / "result.json"
+    path.write_text("mine")
+    with pytest.raises(OutputError, match=r"result\.json"):
+        result.save(path)
+    assert path.read_text() == "mine"
+    result.save(path, force=True)
+    assert IdentificationResult.load(path).name == result.name
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "is not a rotorfit result"),
+        ("{", "is not a rotorfit result"),
+        ("[]", "is not a rotorfit result"),
+        ("{}", "is not a rotorfit result .at 'schema'"),
+        ('{"schema": 2}', "has schema 2, this rotorfit reads 1"),
+        ('{"schema": 1, "covariance": {"names": [], "matrix": []}}', "is not a rotorfit result"),
+    ],
+)
+def test_other_files_are_refused(tmp_path, content, words):
+    path = tmp_path / "other.json"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(OutputError, match=words):
+        IdentificationResult.load(path)
+
+
+def test_unknown_names_are_key_errors(result):
+    with pytest.raises(KeyError, match="no parameter 'kq'"):
+        result.parameter("kq")
+    with pytest.raises(KeyError, match="no derived number 'kq'"):
+        result.derived_value("kq")
