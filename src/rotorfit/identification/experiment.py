@@ -15,6 +15,12 @@ from pydantic_core import ErrorDetails
 
 from rotorfit.errors import ExperimentError
 from rotorfit.flight.prepare import MotorModel
+from rotorfit.identification.law_entry import (
+    LawEntry,
+    SqrtEntry,
+    VoltageEntry,
+    speed_law_of,
+)
 from rotorfit.logs import ColumnSpec, ReadOptions
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Spin, Vehicle
@@ -26,6 +32,7 @@ NotNegative = Annotated[Finite, Field(ge=0)]
 Vector = tuple[Finite, Finite, Finite]
 Axes = Literal["FLU", "FRD"]
 Model = TypeVar("Model", bound=BaseModel)
+Source = Literal["imu", "mocap"]
 Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
 
 
@@ -90,12 +97,6 @@ class AirframeEntry(_Strict):
             first = places.index(place) + 1
             if first != number:
                 raise ValueError(f"rotors {first} and {number} are both at {list(place)}")
-
-
-class LawEntry(_Strict):
-    """Rotor speed over command as a polynomial, lowest power first [rad/s]."""
-
-    polynomial: tuple[Finite, ...] = Field(min_length=2, max_length=6)
 
 
 class MotorsEntry(_Strict):
@@ -167,8 +168,8 @@ class ConfigurationEntry(_Strict):
 class IdentificationEntry(_Strict):
     """The ``[identification]`` table; what is not written has a good default."""
 
-    source: Literal["imu"] = "imu"
-    method: Literal["banded", "ols", "tls"] = "ols"
+    source: Source = "imu"
+    method: Literal["banded", "ols", "tls"] = "banded"
     preset: Literal["paper"] | None = None
     cutoff: Positive | None = None
     r_sigma: Positive | None = None
@@ -245,17 +246,24 @@ def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
     return _checked(Experiment, described, Path("settings of the result"))
 
 
-def vehicle_of(airframe: AirframeEntry) -> Vehicle:
-    """Return the vehicle of an ``[airframe]`` table, converted to FLU."""
+def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
+    """Return the vehicle of an ``[airframe]`` table, converted to FLU.
+
+    Motion capture measures at the body origin itself: where an IMU is given, its place only says
+    that the rotors' positions are known from that origin, and it counts as there.
+    """
     if airframe.layout is not None:
         rotors = layout_rotors(airframe.layout, arm=airframe.arm or 0.0, order=airframe.order)
     else:
         rotors = tuple(_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
     imu = airframe.imu
+    place = None if imu is None else _flu(imu.position, airframe.axes)
+    if place is not None and source == "mocap":
+        place = (0.0, 0.0, 0.0)
     return Vehicle(
         rotors=rotors,
-        imu_position=None if imu is None else _flu(imu.position, airframe.axes),
-        imu_position_std=0.0 if imu is None else imu.position_std,
+        imu_position=place,
+        imu_position_std=0.0 if imu is None or source == "mocap" else imu.position_std,
     )
 
 
@@ -263,7 +271,7 @@ def motor_model_of(motors: MotorsEntry) -> MotorModel:
     """Return how the motor channel becomes rotor speed."""
     return MotorModel(
         speed=motors.speed,
-        law=None if motors.law is None else motors.law.polynomial,
+        law=None if motors.law is None else speed_law_of(motors.law),
         lag=motors.lag or 0.0,
         delay=motors.delay,
     )
@@ -359,6 +367,8 @@ _TABLES: tuple[type[BaseModel], ...] = (
     ImuEntry,
     MotorsEntry,
     LawEntry,
+    SqrtEntry,
+    VoltageEntry,
     IdentificationEntry,
     ConfigurationEntry,
     FlightEntry,
@@ -373,11 +383,6 @@ LATER: dict[str, str] = {
 }
 """Keys of the format that this version does not act on; it refuses them rather than ignore them."""
 
-
-LATER_VALUES: dict[str, str] = {
-    "mocap": "motion capture as the source",
-}
-"""Values of the format that this version does not know yet."""
 
 EXPECTED: dict[str, str] = {
     "tuple_type": "should be a list [ ... ]",
@@ -414,8 +419,6 @@ def _problem(place: str, details: list[ErrorDetails]) -> str:
     if detail["type"] == "missing":
         return f"{place} is missing"
     given = detail["input"]
-    if isinstance(given, str) and given in LATER_VALUES:
-        return f"{place}: {LATER_VALUES[given]} ({given!r}) is not available in this version"
     message = ", or ".join(_expected(d) for d in details)
     shown = "" if isinstance(given, dict | list | tuple) else f" (it is {given!r})"
     return f"{place}: {message}{shown}" if place else message

@@ -1,21 +1,24 @@
 """From the flights of an experiment to factors: read, prepare, reduce, check, find the delay."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from scipy import optimize
 
 from rotorfit.estimation.factors import Factors, stack_factors
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
+from rotorfit.flight.mocap import prepare_mocap
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare, with_motors
 from rotorfit.identification.experiment import (
     ConfigurationEntry,
     FlightEntry,
     MotorsEntry,
+    Source,
     read_options_of,
 )
 from rotorfit.identification.frame_check import check_frame
@@ -30,8 +33,12 @@ EDGES = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.
 resolution of rotor speed takes over."""
 STRETCH = 5.0
 """Longest stretch of one noise level [s]."""
-WIDEST_DELAY = 0.012
-"""The search for the delay of measured rotor speed goes this far both ways [s]."""
+DELAYS_TRIED: Mapping[Source, tuple[float, float, int]] = {
+    "imu": (-0.012, 0.012, 7),
+    "mocap": (-0.01, 0.1, 12),
+}
+"""The search for the delay of the motion against the motor data: from, to [s], and in how many
+trials. Motion capture comes late by cameras, network and, with commands, the motors' own lag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +76,10 @@ class Flown:
     configurations
         In the order of the experiment.
     motor_delay
-        Delay of measured rotor speed with its standard deviation [s], where it was found.
+        Delay of the motion against the motor data with its standard deviation [s], where it was
+        found.
+    source
+        What measured the motion.
     """
 
     vehicle: Vehicle
@@ -77,11 +87,13 @@ class Flown:
     motors: MotorsEntry
     configurations: tuple[Configured, ...]
     motor_delay: tuple[float, float] | None = None
+    source: Source = "imu"
 
     @property
     def searches_delay(self) -> bool:
         """Whether the delay of the motor data is to be found from the flights."""
-        return self.motors.speed == "measured" and self.motors.delay is None
+        on_one_clock = self.source == "imu" and self.motors.speed == "commanded"
+        return self.motors.delay is None and not on_one_clock
 
     @property
     def delay(self) -> float | None:
@@ -94,9 +106,14 @@ class Flown:
 
 
 def load_flight(
-    entry: FlightEntry, motors: MotorsEntry, vehicle: Vehicle, motor_model: MotorModel
+    entry: FlightEntry,
+    motors: MotorsEntry,
+    vehicle: Vehicle,
+    motor_model: MotorModel,
+    *,
+    source: Source = "imu",
 ) -> UsedFlight:
-    """Read and prepare one flight.
+    """Read and prepare one flight, its motion from the IMU or from motion capture.
 
     Raises
     ------
@@ -104,7 +121,8 @@ def load_flight(
         If it cannot be used; the message names the file.
     """
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
-    prepared = prepare(
+    prepare_flight = prepare_mocap if source == "mocap" else prepare
+    prepared = prepare_flight(
         log,
         rotor_count=len(vehicle.rotors),
         arm=vehicle.arm,
@@ -137,7 +155,7 @@ def _bands(prepared: PreparedFlight, vehicle: Vehicle, delay: float | None) -> F
 
 
 def retimed(prepared: PreparedFlight, delay: float | None) -> FlightData:
-    """Return a flight with its measured rotor speed moved by `delay` [s]; None leaves it."""
+    """Return a flight with its motor data moved by `delay` [s]; None leaves it."""
     if delay is None:
         return prepared.data
     return with_motors(prepared.data, prepared.motor_channel, lag=0.0, delay=delay)
@@ -156,13 +174,13 @@ def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:
 
 
 def find_delay(flown: Flown) -> tuple[float, float] | None:
-    """Return the delay of measured rotor speed that fits best, and its standard deviation [s].
+    """Return the delay of the motion against the motor data, and its standard deviation [s].
 
-    By profile likelihood of the three angular accelerations. A positive delay: the gyro shows
-    what the rotors did that much later (its own filter, or early motor data). None where the
-    best lies at the edge of the search: the flights do not determine it. The autopilot's answer
-    to gusts, later than the gusts, looks like a delay: the deviation holds what the best place
-    moves by where only frequencies are used at which the pilot moves the vehicle.
+    By profile likelihood of the three angular accelerations. A positive delay: the motion shows
+    what the rotors did that much later (the gyro's own filter, late motion capture, early motor
+    data). None where the best lies at the edge of the search: the flights do not determine it. The
+    autopilot's answer to gusts, later than the gusts, looks like a delay: the deviation holds what
+    the best place moves by where only frequencies are used at which the pilot moves the vehicle.
     """
     found = _best_delay(flown, np.inf)
     if found is None:
@@ -182,12 +200,14 @@ def _best_delay(flown: Flown, top: float) -> tuple[float, float] | None:
             total -= fit_rows(below, flown.model, mass=configured.mass).log_likelihood
         return total
 
-    return _minimum(cost, WIDEST_DELAY)
+    first, last, trials = DELAYS_TRIED[flown.source]
+    return _minimum(cost, np.linspace(first, last, trials))
 
 
-def _minimum(cost: Callable[[float], float], widest: float) -> tuple[float, float] | None:
+def _minimum(
+    cost: Callable[[float], float], grid: Float[np.ndarray, " t"]
+) -> tuple[float, float] | None:
     """Return place and width of the minimum of a smooth function, None if it is at an edge."""
-    grid = np.linspace(-widest, widest, 7)
     values = [cost(float(x)) for x in grid]
     best = int(np.argmin(values))
     if best in (0, len(grid) - 1):

@@ -29,12 +29,21 @@ from rotorfit.identification.flights import (
     load_flight,
 )
 from rotorfit.identification.result import FlightRecord, IdentificationResult
-from rotorfit.identification.tables import Tables
+from rotorfit.identification.tables import ORIGIN_IS_IMU, Tables
 from rotorfit.identification.validate import validation_comparisons, validation_rows
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Vehicle
 
 Progress = Callable[[str], None]
+
+ORIGIN_IS_TRACKED = (
+    "the origin is the point that motion capture tracks: CoM, first moments and rotor centre are "
+    "measured from it; inertia about the CoM is free of that choice"
+)
+IMU_PLACE_UNUSED = (
+    "the origin is the point that motion capture tracks: the rotors' positions are taken as "
+    "measured from it, and the place of the IMU is not used"
+)
 
 
 def identify(experiment: Experiment, *, progress: Progress | None = None) -> IdentificationResult:
@@ -61,8 +70,9 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
 def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     method = resolved_method(experiment)
     flown = _flown(experiment, tell)
-    if method != "tls" and flown.searches_delay:
-        tell("timing the rotor speed against the gyro")
+    # The paper neglects the motors' delay, but takes out that of its motion capture.
+    if flown.searches_delay and (method != "tls" or flown.source == "mocap"):
+        tell("timing the motors against the motion")
         flown = dataclasses.replace(flown, motor_delay=find_delay(flown))
     tell("fitting")
     tables = ESTIMATES[method](experiment, flown)
@@ -80,7 +90,8 @@ def _silent(words: str) -> None:
 
 def _flown(experiment: Experiment, tell: Progress) -> Flown:
     """Read, prepare and check the flights of every configuration."""
-    vehicle = vehicle_of(experiment.airframe)
+    source = experiment.identification.source
+    vehicle = vehicle_of(experiment.airframe, source)
     configurations: list[Configured] = []
     for entry in experiment.configuration:
         flights = [_loaded(experiment, flight, vehicle, tell) for flight in entry.flights]
@@ -92,6 +103,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         model=regressor(vehicle),
         motors=experiment.motors,
         configurations=tuple(configurations),
+        source=source,
     )
 
 
@@ -100,7 +112,13 @@ def _loaded(
 ) -> UsedFlight:
     tell(f"reading {Path(flight.file).name}")
     try:
-        return load_flight(flight, experiment.motors, vehicle, motor_model_of(experiment.motors))
+        return load_flight(
+            flight,
+            experiment.motors,
+            vehicle,
+            motor_model_of(experiment.motors),
+            source=experiment.identification.source,
+        )
     except RotorfitError as error:
         raise _with_file(error, flight.file) from error
 
@@ -112,7 +130,7 @@ def _with_file(error: RotorfitError, file: str) -> RotorfitError:
 
 
 def _result(experiment: Experiment, flown: Flown, tables: Tables) -> IdentificationResult:
-    doubts = (*tables.warnings, *_mass_warning(flown))
+    doubts = (*_about_origin(tables.warnings, experiment), *_mass_warning(flown))
     records = tuple(
         _record(flight, configured.entry.name)
         for configured in flown.configurations
@@ -134,6 +152,15 @@ def _result(experiment: Experiment, flown: Flown, tables: Tables) -> Identificat
         warnings=doubts,
         diagnostics=tables.diagnostics,
     )
+
+
+def _about_origin(doubts: tuple[str, ...], experiment: Experiment) -> tuple[str, ...]:
+    """Return the doubts in the words of motion capture, where that measured the motion."""
+    if experiment.identification.source == "imu":
+        return doubts
+    imu = experiment.airframe.imu
+    mocap = ORIGIN_IS_TRACKED if imu is None else IMU_PLACE_UNUSED
+    return (*(doubt for doubt in doubts if doubt != ORIGIN_IS_IMU), mocap)
 
 
 def _mass_warning(flown: Flown) -> tuple[str, ...]:

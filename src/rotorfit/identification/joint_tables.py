@@ -16,6 +16,7 @@ from rotorfit.identification.joint_parameters import (
 )
 from rotorfit.identification.result import Derived, Parameter
 from rotorfit.identification.tables import (
+    ORIGIN_IS_IMU,
     ROW_ORDER,
     Tables,
     given_parameter,
@@ -200,9 +201,5 @@ def _warnings(numbers: Numbers, configurations: Sequence[JointConfiguration]) ->
                 f"{ADVICE[axis]}"
             )
     if configurations[0].vehicle.imu_position is None:
-        doubts.append(
-            "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured "
-            "from it, and com_z is the height of the CoM over it; inertia about the CoM is free "
-            "of that choice"
-        )
+        doubts.append(ORIGIN_IS_IMU)
     return tuple(doubts)

@@ -21,6 +21,10 @@ ROW_ORDER = (
     *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
     *("rotor_center_x", "rotor_center_y", "accel_bias_x", "accel_bias_y", "accel_bias_z"),
 )
+ORIGIN_IS_IMU = (
+    "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured from it, "
+    "and com_z is the height of the CoM over it; inertia about the CoM is free of that choice"
+)
 RATIOS = {"kd": ("kd_over_Izz", "Izz"), "Jr": ("Jr_over_Izz", "Izz"), "Izz": ("kd_over_Izz", "kd")}
 
 
@@ -238,11 +242,7 @@ def _row_warnings(fits: RowFits, vehicle: Vehicle) -> tuple[str, ...]:
                 f"{axis}: the rotors explain only {rho:.1f} times what they do not; {ADVICE[axis]}"
             )
     if vehicle.imu_position is None:
-        doubts.append(
-            "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured "
-            "from it, and com_z is the height of the CoM over it; inertia about the CoM is free "
-            "of that choice"
-        )
+        doubts.append(ORIGIN_IS_IMU)
     return tuple(doubts)
 
 

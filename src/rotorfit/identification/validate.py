@@ -1,5 +1,6 @@
 """Does the model predict flights it has not seen? Body wrench against rotor wrench (P16)."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ NEEDS = {
 }
 """Without these a component cannot be predicted, and no error is given for it."""
 WHITENESS_LAGS = 10
+ROTOR_KT = re.compile(r"kt_[0-9]+")
 
 
 def validate_file(
@@ -118,8 +120,9 @@ def _loaded(experiment: Experiment, entry: FlightEntry) -> UsedFlight:
     return load_flight(
         entry,
         experiment.motors,
-        vehicle_of(experiment.airframe),
+        vehicle_of(experiment.airframe, experiment.identification.source),
         motor_model_of(experiment.motors),
+        source=experiment.identification.source,
     )
 
 
@@ -147,7 +150,8 @@ def compare_wrenches(
     """Return both sides of the equations of motion on one prepared flight."""
     owner = _owner(result, configuration)
     known = _known(result, owner)
-    vehicle = vehicle_of(experiment_of_settings(result.settings).airframe)
+    experiment = experiment_of_settings(result.settings)
+    vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     model = regressor(vehicle)
     data = retimed(used.prepared, _found_delay(result))
     lowpass = LowPass(cutoff=cutoff)
@@ -225,12 +229,13 @@ def _wrenches(
 ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "n 6"]]:
     """Return the body wrench and the rotor wrench."""
     body = {name: known.get(name, 0.0) for name in BODY}
-    own = {name: v for name, v in known.items() if name[:3] == "kt_" and name[3:].isdigit()}
-    rotors = {**(own or {"kt": known.get("kt", 0.0)})}
+    kt = known.get("kt", 0.0)
+    # A rotor whose own coefficient is not known has the mean one.
+    rotors = {name: known.get(name, kt) for name in model.names if ROTOR_KT.fullmatch(name)}
     rotors |= {name: known.get(name, 0.0) for name in ("kd", "Jr")}
     for axis in "xy":
         place = known.get(f"rotor_center_{axis}", 0.0)
-        rotors[f"kt_rotor_center_{axis}"] = known.get("kt", 0.0) * place
+        rotors[f"kt_rotor_center_{axis}"] = kt * place
     return model.residual(Z, body), -model.residual(Z, rotors)
 
 

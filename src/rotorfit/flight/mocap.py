@@ -1,0 +1,366 @@
+"""FlightLog to FlightData from motion capture: pose and motors, no IMU (Six et al. 2020, III-C.2).
+
+The order matters: frames that are good, one clock, one low-pass for pose and rotor speed alike,
+then splines for every derivative, then products. The body origin is the tracked point.
+"""
+
+import dataclasses
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import FlightError, FrameError
+from rotorfit.flight.airborne import GRAVITY, SHORTEST_FLIGHT, Motion, airborne_rows, fast_rows
+from rotorfit.flight.camera import NOTED_JITTER, CameraClock, camera_clock, poses
+from rotorfit.flight.checks import (
+    refuse_empty_window,
+    refuse_idle_motors,
+    refuse_missing_motors,
+    speed_doubts,
+    thrust_doubts,
+)
+from rotorfit.flight.clocks import uniform_channels, usable_samples
+from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.kinematics import (
+    BodyMotion,
+    continuous_quaternions,
+    motion_from_quaternions,
+)
+from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.flight.motors import speed_from_command
+from rotorfit.flight.prepare import (
+    Cut,
+    MotorModel,
+    PreparedFlight,
+    Window,
+    phases_of,
+    with_likely_lag,
+    with_motors,
+)
+from rotorfit.flight.signals import hampel, smooth, true_runs
+from rotorfit.flight.splines import low_pass, spline_at
+
+HIGHEST_CUTOFF = 25.0
+"""Of the low-pass on every column [Hz]; differentiated twice, a pose holds nothing above."""
+CUTOFF_SHARE = 0.25
+"""The same as a share of the frame rate."""
+MARGIN = 2.5
+"""Cut from the ends of every run, in periods of the cut-off: what the low-pass guessed."""
+CALM = 4.0
+"""Low-pass on the rates in the search for the flight [Hz]."""
+SLOWEST = 60.0
+"""Frames per second below which much of the motion of a small multirotor is lost [Hz]."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class _Frames:
+    """Pose and motors on the clock of the cameras, low-passed.
+
+    Attributes
+    ----------
+    rate, cutoff
+        Frames per second, and of the low-pass [Hz].
+    time
+        The frames that are kept [s]; the steps over gaps are longer.
+    motion
+        What the pose tells.
+    motors
+        Recorded motor channel.
+    runs
+        Start and stop of the runs without gaps.
+    motor_rate
+        True rate of the motor channel [Hz].
+    gaps
+        Start and end [s] of what is missing, and of which channel.
+    """
+
+    rate: float
+    cutoff: float
+    time: Float[np.ndarray, " n"]
+    motion: BodyMotion
+    motors: Float[np.ndarray, "n N"]
+    runs: tuple[tuple[int, int], ...]
+    motor_rate: float
+    gaps: tuple[Cut, ...]
+
+
+def prepare_mocap(
+    log: FlightLog,
+    *,
+    rotor_count: int,
+    arm: float,
+    motors: MotorModel | None = None,
+    window: Window = (None, None),
+) -> PreparedFlight:
+    """Return the airborne part of a motion-capture log, as `prepare` does of an IMU's.
+
+    The motor channel is as recorded: motion capture comes later than it, by 5 ms and more, and by
+    how much is found from the flight when parameters are estimated.
+
+    Parameters
+    ----------
+    log
+        With position, attitude and rotor speed or command.
+    rotor_count
+        How many motor columns the airframe expects.
+    arm
+        Distance of the rotors from their centre [m].
+    motors
+        How the motor channel becomes rotor speed.
+    window
+        Start and end of the flight in seconds since the log's first good frame.
+
+    Raises
+    ------
+    LogError
+        If a channel is missing or has the wrong number of columns.
+    FlightError
+        If no usable flight is in it, or its times are not those of cameras.
+    FrameError
+        If gravity contradicts the attitude.
+    """
+    motors = motors or MotorModel()
+    name = "rotor_speed" if motors.speed == "measured" else "command"
+    pose = poses(log)
+    refuse_missing_motors(log, name, rotor_count)
+    clock = camera_clock(pose.time)
+    frames = _frames(pose, clock, _motor_channel(log, motors))
+    data = _differentiated(frames, log.channels[name].resolution if name == "rotor_speed" else None)
+    data = with_motors(data, frames.motors, lag=motors.lag, delay=motors.delay or 0.0)
+    motion = _windowed(data, frames, arm=arm, window=window)
+    refuse_idle_motors(motion)
+    _refuse_wrong_attitude(motion, pose)
+    flights = list(motion.stretches)
+    if window == (None, None):
+        flights = airborne_rows(with_likely_lag(_calmed(motion), motors))
+    data = dataclasses.replace(data, segments=tuple(Segment(start=a, stop=b) for a, b in flights))
+    return PreparedFlight(
+        data=data,
+        phases=phases_of(data),
+        motor_channel=frames.motors,
+        gyro_bias=None,
+        spikes={},
+        # Bands end at 0.4 of the slowest rate: here at the low-pass.
+        slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
+        cuts=_cuts(data, frames, window),
+        warnings=_doubts(data, frames, clock),
+    )
+
+
+def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
+    """Return the motor channel as speeds, despiked where they were measured."""
+    if motors.speed == "measured":
+        channel = usable_samples(log.channels["rotor_speed"], "rotor_speed")
+        return dataclasses.replace(channel, values=hampel(channel.values)[0])
+    channel = usable_samples(log.channels["command"], "command")
+    law = motors.law
+    values = channel.values if law is None else speed_from_command(channel.values, law)
+    return dataclasses.replace(channel, values=values)
+
+
+def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
+    """Return pose and motors, run by run: low-passed, then differentiated."""
+    cutoff = min(HIGHEST_CUTOFF, CUTOFF_SHARE * clock.rate)
+    speed, has_motors, motor_rate = _on_frames(motors, clock, cutoff)
+    shortest = int(clock.rate * (SHORTEST_FLIGHT + 2.0 * MARGIN / cutoff))
+    runs = [
+        (first + a, first + b)
+        for first, stop in clock.runs
+        for a, b in true_runs(has_motors[first:stop])
+        if b - a >= shortest
+    ]
+    if not runs:
+        raise FlightError(_no_runs(pose, clock, motors, shortest / clock.rate))
+    q = continuous_quaternions(pose.values[:, 3:])
+    parts = [_moving(pose.values[a:b, :3], q[a:b], rate=clock.rate, cutoff=cutoff) for a, b in runs]
+    stops = np.cumsum([b - a for a, b in runs]).tolist()
+    return _Frames(
+        rate=clock.rate,
+        cutoff=cutoff,
+        time=np.concatenate([clock.time[a:b] for a, b in runs]),
+        motion=_joined(parts),
+        motors=np.concatenate([speed[a:b] for a, b in runs]),
+        runs=tuple(pairwise([0, *stops])),
+        motor_rate=motor_rate,
+        gaps=_gaps(clock, runs, has_motors),
+    )
+
+
+def _moving(
+    position: Float[np.ndarray, "n 3"],
+    attitude_wxyz: Float[np.ndarray, "n 4"],
+    *,
+    rate: float,
+    cutoff: float,
+) -> BodyMotion:
+    """Return the motion of one run, its pose low-passed first."""
+    pose = low_pass(np.concatenate([position, attitude_wxyz], axis=1), rate, cutoff)
+    return motion_from_quaternions(pose[:, :3], continuous_quaternions(pose[:, 3:]), rate)
+
+
+def _joined(parts: list[BodyMotion]) -> BodyMotion:
+    return BodyMotion(
+        specific_force=np.concatenate([p.specific_force for p in parts]),
+        angular_velocity=np.concatenate([p.angular_velocity for p in parts]),
+        angular_acceleration=np.concatenate([p.angular_acceleration for p in parts]),
+        velocity=np.concatenate([p.velocity for p in parts]),
+    )
+
+
+def _on_frames(
+    motors: Channel, clock: CameraClock, cutoff: float
+) -> tuple[Float[np.ndarray, "n N"], Bool[np.ndarray, " n"], float]:
+    """Return the motor channel at the frames, where it has data, and its own rate.
+
+    Low-passed on its own clock, so that what is faster than the cameras does not fold back.
+    """
+    own = uniform_channels({"motor": motors}, clock="motor")
+    cutoff = min(cutoff, 0.45 * own.sample_rate)
+    values = np.zeros((len(clock.time), motors.values.shape[1]))
+    there = np.zeros(len(clock.time), dtype=bool)
+    for a, b in own.stretches:
+        if b - a < 8:
+            continue
+        inside = (clock.time >= own.time[a]) & (clock.time <= own.time[b - 1])
+        rows = (clock.time[inside] - own.time[a]) * own.sample_rate
+        smooth = low_pass(own.values["motor"][a:b], own.sample_rate, cutoff)
+        values[inside] = spline_at(smooth, rows)[0]
+        there |= inside
+    return values, there, own.rates["motor"]
+
+
+def _no_runs(pose: Channel, clock: CameraClock, motors: Channel, shortest: float) -> str:
+    """Return the message for a recording without a usable run."""
+    return (
+        f"motion capture ({pose.time[0]:.3f} to {pose.time[-1]:.3f} s) and motors "
+        f"({motors.time[0]:.3f} to {motors.time[-1]:.3f} s) never run together for {shortest:.1f} s"
+        f" without a lost frame (there are {len(clock.runs)} runs of frames); use one clock for "
+        "both, and more cameras or markers"
+    )
+
+
+def _gaps(
+    clock: CameraClock, runs: list[tuple[int, int]], has_motors: Bool[np.ndarray, " n"]
+) -> tuple[Cut, ...]:
+    """Return what lies between the runs, with its reason."""
+    gaps: list[Cut] = []
+    for (_, stop), (start, _) in pairwise(runs):
+        lost = bool(has_motors[stop:start].all())
+        reason = "gap in motion capture" if lost else "gap in motor"
+        gaps.append(
+            Cut(start=float(clock.time[stop - 1]), end=float(clock.time[start]), reason=reason)
+        )
+    return tuple(gaps)
+
+
+def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
+    """Return all runs as FlightData, without segments and rotor columns yet.
+
+    The derivatives are those of splines and belong to the instant of their sample (``"exact"``).
+    """
+    motion = frames.motion
+    # White noise of the same density, where the low-pass lets it through.
+    thinned = np.sqrt(frames.rate / frames.motor_rate)
+    return FlightData(
+        sample_rate=frames.rate,
+        time=frames.time,
+        specific_force=motion.specific_force,
+        angular_velocity=motion.angular_velocity,
+        angular_acceleration=motion.angular_acceleration,
+        rotor_speed=frames.motors,
+        rotor_acceleration=frames.motors,
+        differentiation="exact",
+        segments=(),
+        rotor_speed_std=float((resolution or 0.0) / 12.0**0.5 * thinned),
+        velocity=motion.velocity,
+    )
+
+
+def _windowed(data: FlightData, frames: _Frames, *, arm: float, window: Window) -> Motion:
+    """Return what the search for flight looks at: runs without their ends, in the window."""
+    margin = int(np.ceil(MARGIN / frames.cutoff * frames.rate))
+    since_start = data.time - data.time[0]
+    first, last = (
+        int(np.searchsorted(since_start, edge))
+        for edge in (
+            -np.inf if window[0] is None else window[0],
+            np.inf if window[1] is None else window[1],
+        )
+    )
+    shortest = int(SHORTEST_FLIGHT * frames.rate)
+    clipped = [(max(a + margin, first), min(b - margin, last)) for a, b in frames.runs]
+    kept = tuple((a, b) for a, b in clipped if b - a >= shortest)
+    refuse_empty_window(kept, window, float(since_start[-1]))
+    return Motion(
+        sample_rate=frames.rate,
+        specific_force=data.specific_force,
+        angular_velocity=data.angular_velocity,
+        rotor_speed=data.rotor_speed,
+        arm=arm,
+        stretches=kept,
+    )
+
+
+def _calmed(motion: Motion) -> Motion:
+    """Return the motion with rates so smooth that standing still shows as that.
+
+    Differentiated attitudes are noisier than a gyro. For the search of the flight only.
+    """
+    rates = motion.angular_velocity.copy()
+    for a, b in motion.stretches:
+        rates[a:b] = smooth(rates[a:b], motion.sample_rate, CALM)
+    return dataclasses.replace(motion, angular_velocity=rates)
+
+
+def _refuse_wrong_attitude(motion: Motion, pose: Channel) -> None:
+    """Raise unless, turned by the attitude, gravity and acceleration point along the thrust."""
+    fast = fast_rows(motion, motion.thrust)
+    force = np.median(motion.specific_force[fast], axis=0).astype(float)
+    size = float(np.linalg.norm(force))
+    if force[2] >= 0.7 * size and 0.3 * GRAVITY < size < 3.0 * GRAVITY:
+        return
+    raise FrameError(
+        f"where the rotors push, motion capture shows a median specific force of ({force[0]:.2f}, "
+        f"{force[1]:.2f}, {force[2]:.2f}) m/s^2 in body axes, and it must lie along the thrust (z "
+        "up, about 9.8): attitude must turn from the body (x forward, y left, z up) to a world "
+        "with z up, position be in metres; many systems have y up: export with z up, or declare "
+        f'axes = "FRD" for north-east-down (attitude from {pose.source})'
+    )
+
+
+def _cuts(data: FlightData, frames: _Frames, window: Window) -> tuple[Cut, ...]:
+    """Return what is not used, in the order of time."""
+    reason = "not airborne" if window == (None, None) else "outside start and end"
+    used = np.zeros(len(data.time), dtype=bool)
+    margin = int(np.ceil(MARGIN / frames.cutoff * frames.rate))
+    for segment in data.segments:
+        used[max(segment.start - margin, 0) : segment.stop + margin] = True
+    t = data.time
+    cuts = [Cut(start=float(t[a]), end=float(t[b - 1]), reason=reason) for a, b in true_runs(~used)]
+    return tuple(sorted([*cuts, *frames.gaps], key=lambda cut: cut.start))
+
+
+def _doubts(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str, ...]:
+    """Return the doubts about a prepared flight, one sentence each."""
+    doubts: list[str] = []
+    if clock.jitter > NOTED_JITTER:
+        doubts.append(
+            f"the frames' times scatter by {1e3 * clock.jitter / clock.rate:.1f} ms about a "
+            f"regular {clock.rate:.2f} Hz, which was taken instead; record the cameras' own times"
+        )
+    if clock.rate < SLOWEST:
+        doubts.append(
+            f"motion capture comes at {clock.rate:.0f} Hz: motion is used only up to "
+            f"{frames.cutoff:.0f} Hz; record at 100 Hz or more"
+        )
+    if frames.motor_rate < 0.4 * clock.rate:
+        doubts.append(
+            f"motor data come at {frames.motor_rate:.0f} Hz, motion capture at {clock.rate:.0f} "
+            f"Hz: motion is used only up to {0.4 * frames.motor_rate:.0f} Hz; log motors faster"
+        )
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    doubts += thrust_doubts(data.rotor_speed[rows])
+    if data.velocity is not None:
+        doubts += speed_doubts(data.velocity[rows])
+    return tuple(doubts)
