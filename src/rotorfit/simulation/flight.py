@@ -352,6 +352,7 @@ def _assemble(
         gyro=state[:, :3],
         accel=force,
         rotor_speed_measured=rotor_speed,
+        pose_time=np.arange(len(moments)) / scenario.sample_rate,
         position_measured=state[:, 10:],
         attitude_wxyz_measured=attitude,
     )

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy import interpolate
 from scipy.spatial.transform import Rotation
 
 from rotorfit.model.vehicle import Vehicle
@@ -55,8 +56,10 @@ class SimulatedFlight:
         False while the vehicle stands on the ground.
     gyro, accel, rotor_speed_measured
         As logged: body axes [rad/s], at the accelerometer's place [m/s^2], and [rad/s].
+    pose_time
+        When each frame of the motion capture was logged [s].
     position_measured, attitude_wxyz_measured
-        As logged by motion capture.
+        As logged by motion capture, at `pose_time`.
     """
 
     truth: Truth
@@ -80,8 +83,9 @@ class SimulatedFlight:
     gyro: Float[np.ndarray, "n 3"]
     accel: Float[np.ndarray, "n 3"]
     rotor_speed_measured: Float[np.ndarray, "n N"]
-    position_measured: Float[np.ndarray, "n 3"]
-    attitude_wxyz_measured: Float[np.ndarray, "n 4"]
+    pose_time: Float[np.ndarray, " p"]
+    position_measured: Float[np.ndarray, "p 3"]
+    attitude_wxyz_measured: Float[np.ndarray, "p 4"]
 
     @property
     def command(self) -> Float[np.ndarray, "n N"]:
@@ -115,7 +119,8 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
     s, place = sensors, flight.vehicle.imu_position or (0.0, 0.0, 0.0)
     a, w = flight.specific_force, flight.angular_velocity
     force = at_place(a, w, flight.angular_acceleration, position=place)
-    tilt = Rotation.from_rotvec(s.attitude_std * rngs[4].normal(size=w.shape))
+    pose_time, place_seen, attitude_seen = _frames(flight, s)
+    tilt = Rotation.from_rotvec(s.attitude_std * rngs[4].normal(size=place_seen.shape))
     return replace(
         flight,
         sensors=sensors,
@@ -134,9 +139,30 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
                 resolution=s.rotor_speed_resolution,
             )
         ),
-        position_measured=measured(flight.position, std=s.position_std, rng=rngs[3]),
-        attitude_wxyz_measured=to_wxyz(flight.rotation_body_to_world * tilt),
+        pose_time=pose_time,
+        position_measured=measured(place_seen, std=s.position_std, rng=rngs[3]),
+        attitude_wxyz_measured=to_wxyz(attitude_seen * tilt),
     )
+
+
+def _frames(
+    flight: SimulatedFlight, sensors: Sensors
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p 3"], Rotation]:
+    """Return when frames of the motion capture are logged, and the exact pose they show.
+
+    Before the flight begins, its first pose.
+    """
+    if sensors.pose_rate == 0 and sensors.pose_delay == 0:
+        return flight.time, flight.position, flight.rotation_body_to_world
+    last = float(flight.time[-1])
+    time = flight.time
+    if sensors.pose_rate > 0:
+        time = np.arange(int(last * sensors.pose_rate + 1e-9) + 1) / sensors.pose_rate
+    pose = np.concatenate([flight.position, flight.attitude_wxyz], axis=1)
+    # The attitude of a simulation turns without jumps of sign.
+    spline = interpolate.make_interp_spline(flight.time, pose, k=5)
+    seen = spline(np.clip(time - sensors.pose_delay, 0.0, last))
+    return time, seen[:, :3], from_wxyz(seen[:, 3:])
 
 
 def from_wxyz(attitude_wxyz: Float[np.ndarray, "n 4"]) -> Rotation:

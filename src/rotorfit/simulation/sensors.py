@@ -21,6 +21,10 @@ class Sensors:
         Smallest step; 0 for none [rad/s, m/s^2, rad/s].
     position_std, attitude_std
         Noise of each component of the motion-capture pose [m, rad].
+    pose_rate
+        Frames of the motion capture per second; 0: one with every sample of the log [Hz].
+    pose_delay
+        How much later than it was a pose stands in the log [s].
     """
 
     gyro_std: float = 0.0
@@ -33,6 +37,8 @@ class Sensors:
     rotor_speed_resolution: float = 0.0
     position_std: float = 0.0
     attitude_std: float = 0.0
+    pose_rate: float = 0.0
+    pose_delay: float = 0.0
 
 
 PERFECT: Final = Sensors()

@@ -1,6 +1,7 @@
 """A simulated flight as a flight table, the plainest log that rotorfit reads."""
 
 from collections.abc import Sequence
+from functools import reduce
 from io import StringIO
 from pathlib import Path
 from typing import Final
@@ -29,6 +30,8 @@ def flight_table(
 ) -> str:
     """Return a flight as measured, as the text of a flight table (CSV).
 
+    Where a channel has no sample at the time of a row, its cells hold nan.
+
     Parameters
     ----------
     flight
@@ -37,10 +40,13 @@ def flight_table(
         What the table has beside ``time``, in this order.
     """
     log = to_flight_log(flight, channels=channels)
-    names, columns = ["time"], [flight.time[:, None]]
+    time = reduce(np.union1d, [recorded.time for recorded in log.channels.values()])
+    names, columns = ["time"], [time[:, None]]
     for channel, recorded in log.channels.items():
         names += column_names(channel, recorded.values.shape[1])
-        columns.append(recorded.values)
+        cells = np.full((len(time), recorded.values.shape[1]), np.nan)
+        cells[np.searchsorted(time, recorded.time)] = recorded.values
+        columns.append(cells)
     text = StringIO()
     np.savetxt(
         text, np.hstack(columns), fmt="%.12g", delimiter=",", header=",".join(names), comments=""

@@ -20,6 +20,9 @@ LoggedChannel = Literal[
     "gyro", "accel", "rotor_speed", "command", "velocity", "position", "attitude"
 ]
 
+POSE = ("position", "attitude")
+"""Channels on the clock of the motion capture."""
+
 
 def exact_flight_data(
     flight: SimulatedFlight, vehicle: Vehicle, *, specific_force_at: Place = "origin"
@@ -123,7 +126,7 @@ def to_flight_log(
         format="simulation",
         channels={
             name: Channel(
-                time=flight.time,
+                time=flight.pose_time if name in POSE else flight.time,
                 values=table,
                 source=f"simulated {name}",
                 resolution=steps.get(name) or None,
