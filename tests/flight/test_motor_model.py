@@ -4,7 +4,6 @@ import pytest
 from rotorfit.flight.motors import (
     first_order_lag,
     shift_time,
-    speed_from_command,
     white_noise_std,
 )
 
@@ -46,12 +45,6 @@ def test_a_delay_shows_a_ramp_as_it_was(delay):
 def test_no_delay_changes_nothing():
     x = np.ones((3, 1))
     assert shift_time(x, 200.0, 0.0) is x
-
-
-def test_the_law_is_a_polynomial_of_the_command():
-    u = np.linspace(0, 1, 5)[:, None] * np.ones(4)
-    assert speed_from_command(u, (50.0, 900.0, -100.0)) == pytest.approx(50 + 900 * u - 100 * u**2)
-    assert speed_from_command(u, (0.0, 1.0)) == pytest.approx(u)
 
 
 def test_white_noise_is_found_under_slow_motion():

@@ -17,6 +17,7 @@ from hand_made_logs import (
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.flight.motors import first_order_lag
 from rotorfit.flight.prepare import Cut, MotorModel, prepare, with_motors
+from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, TableLaw, VoltageFactor
 from rotorfit.simulation import (
     PERFECT,
     Scenario,
@@ -29,6 +30,7 @@ from rotorfit.simulation import (
 )
 
 COMMANDED = MotorModel(speed="commanded")
+LAW = SpeedLaw(curve=PolynomialLaw((20.0, 950.0)))
 
 
 def prepared(log, *, rotors=4, **options):
@@ -75,7 +77,7 @@ def test_a_flight_without_noise_equals_its_samples_with_central_differences(layo
 
 def test_commands_pass_law_lag_and_delay():
     log = motion_log(hover_thrust(10), name="command")
-    motors = MotorModel(speed="commanded", law=(20.0, 950.0), lag=0.03, delay=0.01)
+    motors = MotorModel(speed="commanded", law=LAW, lag=0.03, delay=0.01)
     result = prepared(log, motors=motors)
     command = log.channels["command"].values
     settled = 20 + 950 * command
@@ -88,6 +90,35 @@ def test_commands_pass_law_lag_and_delay():
     again = with_motors(result.data, result.motor_channel, lag=0.0, delay=0.0)
     assert again.rotor_speed == pytest.approx(settled)
     assert again.segments == result.data.segments
+
+
+def test_a_law_with_a_voltage_factor_follows_the_battery():
+    log = motion_log(hover_thrust(10), name="command")
+    motors = MotorModel(
+        speed="commanded", law=replace(LAW, voltage=VoltageFactor(12.0, 1.0)), lag=0.03
+    )
+    message = refusal(LogError, log, motors=motors)
+    assert (
+        "the log has no battery voltage (channel battery; it has gyro, accel, command)" in message
+    )
+    command = log.channels["command"]
+    sagging = np.linspace(12.6, 10.8, 101)[:, None]
+    slow = channel(np.linspace(command.time[0], command.time[-1], 101), sagging)
+    result = prepared(with_channel(log, battery=slow), motors=motors)
+    volts = np.interp(result.data.time, slow.time, sagging[:, 0])[:, None]
+    expected = (20 + 950 * command.values[: len(volts)]) * volts / 12
+    assert result.motor_channel == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_law_that_does_not_reach_the_commands_of_the_flight_is_doubted():
+    log = motion_log(hover_thrust(10), name="command")
+    low, high = np.percentile(log.channels["command"].values, [1, 99]).tolist()
+    table = SpeedLaw(curve=TableLaw((low / 4, (low + high) / 2), (100.0, 500.0)))
+    doubts = prepared(log, motors=MotorModel(speed="commanded", law=table)).warnings
+    assert any("beyond the table of the motors' law" in doubt for doubt in doubts)
+    wide = SpeedLaw(curve=TableLaw((0.0, 1.0), (0.0, 1000.0)))
+    doubts = prepared(log, motors=MotorModel(speed="commanded", law=wide)).warnings
+    assert not any("law" in doubt for doubt in doubts)
 
 
 def test_without_a_law_the_command_stands_for_the_speed():

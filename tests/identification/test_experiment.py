@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from rotorfit.errors import ExperimentError
+from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.identification.experiment import (
     load_experiment,
     motor_model_of,
@@ -63,7 +64,10 @@ def test_every_key_is_read(tmp_path):
     assert vehicle.rotors[2].axis == pytest.approx((0.0, 0.6, 0.8))
     assert vehicle.rotors[2].group == "rear"
     motors = motor_model_of(experiment.motors)
-    assert (motors.speed, motors.law) == ("commanded", (0.0, 900.0, 50.0))
+    assert (motors.speed, motors.law) == (
+        "commanded",
+        SpeedLaw(curve=PolynomialLaw((0.0, 900.0, 50.0))),
+    )
     assert (motors.lag, motors.delay) == (0.04, 0.01)
     asked = experiment.identification
     assert (asked.method, asked.preset, asked.cutoff, asked.r_sigma) == ("tls", "paper", 4.0, 100.0)

@@ -13,7 +13,13 @@ from rotorfit.errors import LogError
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.logs.crazyflie import is_crazyflie, read_crazyflie
-from rotorfit.logs.crazyflie_records import LARGEST_BLOCK, column, find_records, record_times
+from rotorfit.logs.crazyflie_records import (
+    LARGEST_BLOCK,
+    SEARCH_BYTES,
+    column,
+    find_records,
+    record_times,
+)
 
 FLIGHT = Event(
     FIXED,
@@ -276,8 +282,52 @@ def test_a_lost_sector_costs_the_records_in_it_alone(tmp_path, lost, cut):
     missing = set(expected) - set(np.rint(row).astype(int).tolist())
     assert len(missing) <= 1
     assert np.isin(np.rint(row), [*expected, 99, 100, 100 + (512 + cut - 1) // size]).all()
+    assert (log.channels["accel"].values[:, 1:] == 9.80665 * np.array(VALUES[1:3])).all()
+    assert (log.channels["gyro"].values == np.radians(VALUES[3:6])).all()
     assert np.array_equal(log.channels["accel"].time, (1e6 + 1e3 * np.rint(row)) * 1e-6)
     assert "damaged places" in log.warnings[1] or lost == b""
+
+
+def test_one_credible_head_in_damage_is_not_believed(tmp_path):
+    records = flight(60)
+    head = encode_record(FLIGHT, Record(FIXED, 1_030_500, VALUES))[:10]
+    parts = [encode_record(FLIGHT, record) for record in records]
+    damage = b"\x01" * 100 + head + b"\x01" * 100
+    content = encode_header([FLIGHT]) + b"".join(parts[:30]) + damage + b"".join(parts[30:])
+    log = read_crazyflie(written(tmp_path, content))
+    row = np.rint(log.channels["accel"].values[:, 0] / 9.80665)
+    assert row.tolist() == [k for k in range(60) if k != 29]
+    assert log.warnings[1] == "1 damaged places: 210 bytes skipped, 1 records before them dropped"
+
+
+@pytest.mark.parametrize("more", [-10, -9, -8, -2, -1, 0, 1, 2, 10])
+def test_the_search_loses_nothing_between_its_parts(tmp_path, more):
+    parts = [encode_record(FLIGHT, record) for record in flight(40)]
+    damage = b"\x01" * (SEARCH_BYTES + 1 + more)
+    content = encode_header([FLIGHT]) + b"".join(parts[:20]) + damage + b"".join(parts[20:])
+    log = read_crazyflie(written(tmp_path, content))
+    assert len(log.channels["gyro"].time) == 39
+    assert f" {len(damage)} bytes skipped" in log.warnings[1]
+
+
+def test_an_unfinished_record_after_damage_is_the_end(tmp_path):
+    parts = [encode_record(FLIGHT, record) for record in flight(40)]
+    content = encode_header([FLIGHT]) + b"".join(parts[:20]) + b"\x01" * 30 + parts[30][:20]
+    log = read_crazyflie(written(tmp_path, content))
+    assert log.warnings[1] == "50 bytes at the end are no whole record"
+
+
+@pytest.mark.parametrize(("wrong", "row"), [(10**14, 0), (8 * 10**9, 20), (-2_000_000, 20)])
+def test_a_time_that_cannot_be_is_damage(tmp_path, wrong, row):
+    records = flight(40, start=5_000_000)
+    records[row] = Record(FIXED, records[row].time + wrong, VALUES)
+    log = read_crazyflie(written(tmp_path, encode([FLIGHT], records)))
+    size = len(encode_record(FLIGHT, records[0]))
+    before = int(row > 0)
+    assert log.warnings == (
+        f"1 damaged places: {size} bytes skipped, {before} records before them dropped",
+    )
+    assert len(log.channels["gyro"].time) == 39 - before
 
 
 def test_times_out_of_order_are_left_out(tmp_path):

@@ -52,6 +52,16 @@ def _no_motors(log: FlightLog, motor_name: str, has: str) -> str:
     )
 
 
+def refuse_missing_battery(log: FlightLog) -> None:
+    """Raise where the motors' law asks for the battery's voltage, and the log has none."""
+    if "battery" not in log.channels:
+        raise LogError(
+            "the law of the motors has a voltage factor, but the log has no battery voltage "
+            f"(channel battery; it has {', '.join(log.channels)}); log it, or give a law without "
+            "voltage"
+        )
+
+
 def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
     """Raise where a sensor never moves or reads what no vehicle can do."""
     for name in ("gyro", "accel"):

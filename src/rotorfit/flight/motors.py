@@ -6,24 +6,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy import signal
 
+from rotorfit.flight.speed_law import SpeedLaw as SpeedLaw
+from rotorfit.flight.speed_law import speed_from_command as speed_from_command
+
 NOISE_ROWS = 256
 """Length of the spectra in which the noise of rotor speeds is looked for."""
-
-
-def speed_from_command(
-    command: Float[np.ndarray, "n N"], coefficients: tuple[float, ...]
-) -> Float[np.ndarray, "n N"]:
-    """Return the speed that a command settles at, c0 + c1 u + c2 u^2 + ... [rad/s].
-
-    Parameters
-    ----------
-    command
-        0 (stopped) to 1 (full).
-    coefficients
-        Of the polynomial, lowest power first; (0, 1) leaves the command as it is, and every
-        coefficient that is estimated from it is then per squared command.
-    """
-    return np.polynomial.polynomial.polyval(command, np.asarray(coefficients))
 
 
 def first_order_lag(

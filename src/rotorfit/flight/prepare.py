@@ -22,6 +22,7 @@ from rotorfit.flight.checks import (
     refuse_absurd_sensors,
     refuse_empty_window,
     refuse_idle_motors,
+    refuse_missing_battery,
     refuse_missing_channels,
     refuse_wrong_gravity,
 )
@@ -30,6 +31,7 @@ from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.motors import first_order_lag, shift_time, speed_from_command, white_noise_std
 from rotorfit.flight.signals import central_difference, hampel
+from rotorfit.flight.speed_law import SpeedLaw, law_doubts
 from rotorfit.flight.splines import smooth_motors
 
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
@@ -48,8 +50,8 @@ class MotorModel:
         ``"measured"``: the log's rotor speed. ``"commanded"``: its command, through `law`, `lag`
         and `delay`.
     law
-        Coefficients of speed over command, lowest power first [rad/s]; None where unknown: then
-        the command itself stands for the speed, and coefficients are per squared command.
+        Speed over command; None where unknown: then the command itself stands for the speed, and
+        coefficients are per squared command.
     lag
         First-order time constant [s].
     delay
@@ -58,7 +60,7 @@ class MotorModel:
     """
 
     speed: Literal["measured", "commanded"] = "measured"
-    law: tuple[float, ...] | None = None
+    law: SpeedLaw | None = None
     lag: float = 0.0
     delay: float | None = None
 
@@ -144,7 +146,7 @@ def prepare(
     refuse_absurd_sensors(log, uniform)
     speed = uniform.values["motor"]
     if motors.speed == "commanded" and motors.law is not None:
-        speed = speed_from_command(speed, motors.law)
+        speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     data = _differentiated(uniform, speed)
     data = with_motors(data, speed, lag=motors.lag, delay=motors.delay or 0.0)
     motion = _motion(data, uniform, arm=arm, window=window)
@@ -171,7 +173,7 @@ def prepare(
         spikes=spikes,
         slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
         cuts=_cuts(data, uniform, window),
-        warnings=doubts_about(data, uniform, bias),
+        warnings=(*doubts_about(data, uniform, bias), *_law_doubts(data, uniform, motors)),
     )
 
 
@@ -215,10 +217,13 @@ def _uniform(
     """
     motor_name = "rotor_speed" if motors.speed == "measured" else "command"
     refuse_missing_channels(log, motor_name, rotor_count)
+    names = {"gyro": "gyro", "accel": "accel", "motor": motor_name}
+    if motors.law is not None and motors.law.voltage is not None:
+        refuse_missing_battery(log)
+        names["battery"] = "battery"
     # Despiked as recorded: between slow samples a glitch is drawn out, and no longer a spike.
     usable: dict[str, Channel] = {
-        key: usable_samples(log.channels[name], name)
-        for key, name in {"gyro": "gyro", "accel": "accel", "motor": motor_name}.items()
+        key: usable_samples(log.channels[name], name) for key, name in names.items()
     }
     # A command that jumps is a command; a measured speed that jumps and returns is a glitch.
     noisy = ("gyro", "accel", "motor") if motors.speed == "measured" else ("gyro", "accel")
@@ -232,6 +237,14 @@ def _uniform(
         with contextlib.suppress(FlightError):
             usable["velocity"] = usable_samples(log.channels["velocity"], "velocity")
     return uniform_channels(usable, clock="gyro", optional=("velocity",)), counts
+
+
+def _law_doubts(data: FlightData, uniform: UniformChannels, motors: MotorModel) -> tuple[str, ...]:
+    """Return what to doubt of the motors' law for the commands in flight."""
+    if motors.law is None:
+        return ()
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    return law_doubts(motors.law, uniform.values["motor"][rows])
 
 
 def _rotor_speed_std(

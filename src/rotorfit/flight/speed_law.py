@@ -1,0 +1,159 @@
+"""The speed that a motor settles at, over its command: laws as curves, with the battery's share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import LogError
+
+
+@dataclass(frozen=True, slots=True)
+class PolynomialLaw:
+    """Speed c0 + c1 u + c2 u^2 + ... of a command u.
+
+    Attributes
+    ----------
+    coefficients
+        Lowest power first [rad/s].
+    """
+
+    coefficients: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TableLaw:
+    """Speed at some commands, as a bench gives it; linear between them.
+
+    Attributes
+    ----------
+    commands
+        Rising, 0 (stopped) to 1 (full).
+    speeds
+        Rising [rad/s].
+    """
+
+    commands: tuple[float, ...]
+    speeds: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SquareRootLaw:
+    """Speed of a thrust that is partly linear in the command.
+
+    Relative thrust f u^2 + (1 - f) u is what PX4 takes for its parameter THR_MDL_FAC, and thrust
+    goes with the square of the speed.
+
+    Attributes
+    ----------
+    full_speed
+        At full command [rad/s].
+    thr_mdl_fac
+        The factor f, 0 (thrust in proportion to the command) to 1 (speed in proportion to it).
+    """
+
+    full_speed: float
+    thr_mdl_fac: float
+
+
+@dataclass(frozen=True, slots=True)
+class VoltageFactor:
+    """What the battery does to the speed: a factor (V / nominal)^exponent.
+
+    Attributes
+    ----------
+    nominal
+        Voltage at which the law itself holds [V].
+    exponent
+        1 where the speed goes with the voltage, 0.5 where the thrust does.
+    """
+
+    nominal: float
+    exponent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedLaw:
+    """From command to rotor speed.
+
+    Attributes
+    ----------
+    curve
+        At the battery's nominal voltage, or at any.
+    voltage
+        None: the speed does not depend on the battery, or the firmware compensates for it.
+    """
+
+    curve: PolynomialLaw | TableLaw | SquareRootLaw
+    voltage: VoltageFactor | None = None
+
+
+def speed_from_command(
+    command: Float[np.ndarray, "n N"],
+    law: SpeedLaw,
+    *,
+    battery: Float[np.ndarray, "n 1"] | None = None,
+) -> Float[np.ndarray, "n N"]:
+    """Return the speed that a command settles at, never below 0 [rad/s].
+
+    Parameters
+    ----------
+    command
+        0 (stopped) to 1 (full).
+    law
+        Of all motors.
+    battery
+        Voltage at the same instants, for a law that needs it [V].
+
+    Raises
+    ------
+    LogError
+        If the law needs a voltage, and there is none.
+    """
+    # Below a dead zone a fitted curve is negative, where the rotor stands.
+    speed = np.maximum(_curve_speed(command, law.curve), 0.0)
+    if law.voltage is None:
+        return speed
+    if battery is None:
+        raise LogError(
+            "the law of the motors has a voltage factor, but there is no battery voltage beside "
+            "the commands; log it, or give a law without voltage"
+        )
+    relative = np.maximum(battery, 0.0) / law.voltage.nominal
+    return speed * relative**law.voltage.exponent
+
+
+def _curve_speed(
+    command: Float[np.ndarray, "n N"], curve: PolynomialLaw | TableLaw | SquareRootLaw
+) -> Float[np.ndarray, "n N"]:
+    match curve:
+        case PolynomialLaw(coefficients):
+            return np.polynomial.polynomial.polyval(command, np.asarray(coefficients))
+        case TableLaw(commands, speeds):
+            return np.interp(command, commands, speeds)
+        case SquareRootLaw(full_speed, f):
+            u = np.maximum(command, 0.0)
+            return full_speed * np.sqrt(f * u**2 + (1.0 - f) * u)
+
+
+def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, ...]:
+    """Return what to doubt of a law for the commands of a flight, one sentence each."""
+    low, high = float(command.min()), float(command.max())
+    doubts: list[str] = []
+    if isinstance(law.curve, TableLaw):
+        first, last = law.curve.commands[0], law.curve.commands[-1]
+        beyond = float(((command < first) | (command > last)).mean())
+        if beyond > 0.0:
+            doubts.append(
+                f"{100 * beyond:.2g} % of the commands ({low:.3g} to {high:.3g}) are beyond the "
+                f"table of the motors' law ({first:g} to {last:g}), where its end is taken: "
+                "measure the speed there, too"
+            )
+    else:
+        speeds = _curve_speed(np.linspace(low, high, 101)[:, None], law.curve)
+        if (np.diff(speeds[:, 0]) < 0.0).any():
+            doubts.append(
+                f"the motors' law falls somewhere between the commands {low:.3g} and {high:.3g} of "
+                "the flight, where no rotor slows down at more command: check its coefficients"
+            )
+    return tuple(doubts)
