@@ -281,3 +281,22 @@ def test_the_report_of_a_saved_result_is_the_same(tmp_path: Path) -> None:
     loaded = IdentificationResult.load(tmp_path / "result.json")
     assert report_html(loaded) == report_html(result)
     assert len(ROTORS) == 4
+
+
+def test_a_component_that_cannot_be_predicted_is_not_drawn() -> None:
+    whole = a_comparison(seconds=2)
+    part = dataclasses.replace(
+        whole, relative_error={k: v for k, v in whole.relative_error.items() if k != "Mz"}
+    )
+    html = report_html(a_result(), comparisons=[part])
+    assert "cannot be predicted: a parameter that it needs is not known" in html
+    assert 'data-key="Mx body"' in html
+    assert "Mz body" not in html
+    assert "Mz rotor" not in html
+
+
+def test_error_norms_of_the_result_are_shown_without_figures() -> None:
+    row = {"configuration": "A", "flight": "A2.csv", "relative_error": {"Fz": 0.0123, "Mx": None}}
+    page = Page(report_html(a_result(validation=(row,))))
+    rows = [" ".join(" ".join(row).split()) for row in page.rows]
+    assert any(row.startswith("A2.csv A 1.23 % – – –") for row in rows)

@@ -8,7 +8,8 @@ from typing import Literal
 
 import typer
 
-from rotorfit.cli.outputs import refuse_output_file
+from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
+from rotorfit.cli.pictures import figure_names, write_pictures
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import say, show
 from rotorfit.errors import ExperimentError, RotorfitWarning
@@ -33,6 +34,8 @@ class IdentifyRequest:
 
     source: Path
     output: Path | None = None
+    report: Path | None = None
+    figures: Path | None = None
     mass: str | None = None
     airframe: Path | None = None
     log: int | None = None
@@ -52,12 +55,21 @@ class IdentifyRequest:
 def run(request: IdentifyRequest) -> None:
     """Identify, print the result, and write it where asked."""
     experiment = _with_options(_experiment(request), request)
-    if request.output is not None:
-        refuse_output_file(request.output, inputs=_inputs(experiment, request), force=request.force)
+    for path in (request.output, request.report):
+        if path is not None:
+            refuse_output_file(path, inputs=_inputs(experiment, request), force=request.force)
+    if request.output is not None and request.output == request.report:
+        raise typer.BadParameter("-o and --report name the same file")
+    if request.figures is not None:
+        refuse_output_folder(request.figures, figure_names(), force=request.force)
     result = quiet_identify(experiment)
     if request.output is not None:
         result.save(request.output, force=request.force)
         say(f"wrote {request.output}")
+    if request.report is not None or request.figures is not None:
+        write_pictures(
+            result, experiment, report=request.report, figures=request.figures, force=request.force
+        )
     show((result.to_json() if request.as_json else result_text(result)).rstrip())
 
 

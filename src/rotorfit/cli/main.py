@@ -56,6 +56,12 @@ def identify(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write the result as JSON here.")
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Write a page with tables and figures here (HTML).")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Write each figure as a file into this folder (SVG, PNG).")
+    ] = None,
     mass: Annotated[
         str | None, typer.Option(help='With a log: weighed mass in kg, or "unknown".')
     ] = None,
@@ -102,6 +108,8 @@ def identify(
         IdentifyRequest(
             source=source,
             output=output,
+            report=report,
+            figures=figures,
             mass=mass,
             airframe=airframe,
             log=log,

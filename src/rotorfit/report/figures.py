@@ -21,6 +21,8 @@ from rotorfit.report.words import file_name
 from rotorfit.report.wrenches import wrench_svg
 
 VIEW_NAMES = ("vehicle-top", "vehicle-side", "center-top", "center-side")
+ALWAYS = (*(f"{name}.svg" for name in VIEW_NAMES), "correlations.svg")
+"""Files that nearly every report writes: where one is there, so is an earlier report."""
 HINT = 'for PNG beside the SVG files: pip install "rotorfit[figures]"'
 
 

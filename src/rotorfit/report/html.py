@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rotorfit.identification.comparison import WrenchComparison
+from rotorfit.identification.comparison import SHOWN, WrenchComparison
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
@@ -19,7 +19,7 @@ from rotorfit.report.svg import clean
 from rotorfit.report.used import used_flights
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.words import VERDICT_MEANING, configurations
-from rotorfit.report.wrenches import wrench_figures
+from rotorfit.report.wrenches import validation_rows, wrench_figures
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -58,6 +58,8 @@ def report_html(
         tables=parameter_tables(result),
         vehicle=vehicle_drawings(result),
         figures=wrench_figures(comparisons),
+        validation=validation_rows(result),
+        components=SHOWN,
         paper=paper_section(result, comparisons) if with_paper else None,
         correlations=correlation_section(result),
         flights=used_flights(result),

@@ -10,9 +10,9 @@ from rotorfit.identification.result import IdentificationResult
 from rotorfit.report.words import file_name
 
 METHODS = {
-    "ols": "row by row least squares, weighted by frequency band",
+    "ols": "equation by equation, weighted by frequency band",
     "tls": "total least squares of all equations (Six et al. 2020)",
-    "banded": "total least squares weighted by frequency band",
+    "banded": "all equations and configurations at once, weighted by frequency band",
 }
 
 

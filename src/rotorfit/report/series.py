@@ -1,13 +1,13 @@
 """Long series made small for display: extremes per column, and a compact encoding."""
 
 import base64
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.identification.comparison import SHOWN, WrenchComparison
-from rotorfit.report.svg import decimal
 
 MOST_COLUMNS = 8192
 """Columns kept in a page: two numbers each, more than any screen shows at once."""
@@ -33,7 +33,10 @@ class Series:
 
 
 def series_of(comparison: WrenchComparison) -> Series:
-    """Return the series of a comparison's figure, without samples that are not numbers."""
+    """Return the series of a comparison's figure, without samples that are not numbers.
+
+    A component that the result cannot predict has no error norm, and no series.
+    """
     index = [("Fx", "Fy", "Fz", "Mx", "My", "Mz").index(name) for name in SHOWN]
     body, rotor = comparison.body_wrench[:, index], comparison.rotor_wrench[:, index]
     usable = np.isfinite(np.column_stack([comparison.time, body, rotor])).all(axis=1)
@@ -41,12 +44,20 @@ def series_of(comparison: WrenchComparison) -> Series:
     steps = np.diff(time)
     values: dict[str, Float[np.ndarray, " n"]] = {}
     for i, name in enumerate(SHOWN):
+        if not is_predicted(comparison, name):
+            continue
         values[f"{name} body"] = body[:, i]
         values[f"{name} rotor"] = rotor[:, i]
         values[f"{name} error"] = body[:, i] - rotor[:, i]
     return Series(
         time=time, values=values, gap=3.0 * float(np.median(steps)) if len(steps) else 1.0
     )
+
+
+def is_predicted(comparison: WrenchComparison, component: str) -> bool:
+    """Whether the result knows enough to say what the rotors do in a component."""
+    error = comparison.relative_error.get(component)
+    return error is not None and math.isfinite(error)
 
 
 def thinned(series: Series, *, columns: int = MOST_COLUMNS) -> Series:
@@ -57,8 +68,7 @@ def thinned(series: Series, *, columns: int = MOST_COLUMNS) -> Series:
     if len(series.time) <= 2 * columns:
         return series
     starts = column_starts(series, columns)
-    stops = np.append(starts[1:], len(series.time))
-    middle = np.maximum((starts + stops) // 2, starts)
+    middle = _middles(starts, len(series.time))
     time = np.column_stack([series.time[starts], series.time[middle]]).ravel()
     values = {key: extremes(v, starts).ravel() for key, v in series.values.items()}
     width = float(series.time[-1] - series.time[0]) / columns
@@ -72,6 +82,11 @@ def column_starts(series: Series, columns: int) -> Int[np.ndarray, " k"]:
     column = np.minimum(((time - time[0]) / span * columns).astype(int), columns - 1)
     new = (np.diff(column) > 0) | (np.diff(time) > series.gap)
     return np.concatenate([[0], np.flatnonzero(new) + 1])
+
+
+def _middles(starts: Int[np.ndarray, " k"], count: int) -> Int[np.ndarray, " k"]:
+    """Return the sample in the middle of each column."""
+    return (starts + np.append(starts[1:], count)) // 2
 
 
 def extremes(
@@ -110,15 +125,17 @@ def path_of(
         return ""
     starts = column_starts(series, columns)
     t0, t1 = float(series.time[0]), float(series.time[-1])
-    x = (series.time[starts] - t0) / max(t1 - t0, 1e-9) * size[0]
+    # The second extreme stands half a column on: a smooth curve must not become a staircase.
+    places = series.time[np.stack([starts, _middles(starts, len(series.time))], 1)]
+    x = (places - t0) / max(t1 - t0, 1e-9) * size[0]
     pairs = extremes(series.values[key], starts)
     y = (span[1] - pairs) / max(span[1] - span[0], 1e-12) * size[1]
     broken = np.concatenate(
         [[True], series.time[starts[1:]] - series.time[starts[1:] - 1] > series.gap]
     )
     parts: list[str] = []
-    for xi, (first, second), new in zip(x.tolist(), y.tolist(), broken.tolist(), strict=True):
-        parts.append(f"{'M' if new else 'L'}{decimal(xi)} {first:.1f}V{second:.1f}")
+    for (x0, x1), (y0, y1), new in zip(x.tolist(), y.tolist(), broken.tolist(), strict=True):
+        parts.append(f"{'M' if new else 'L'}{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}")
     return "".join(parts)
 
 

@@ -57,7 +57,7 @@ class Summary:
 def summary_of(result: IdentificationResult) -> Summary:
     """Return the plain-language summary."""
     shared = [p for p in result.parameters if p.configuration is None]
-    groups = [("Rotors", _merged([_finding(p, p) for p in shared]))]
+    groups = [("Rotors", _merged(_of_rotors(shared)))]
     names = configurations(result)
     for name in names:
         title = "Body" if len(names) == 1 else f"Body, configuration {name}"
@@ -69,6 +69,18 @@ def summary_of(result: IdentificationResult) -> Summary:
         if word in verdicts
     )
     return Summary(groups=tuple(g for g in groups if g[1]), counts=counts)
+
+
+def _of_rotors(shared: list[Parameter]) -> list[Finding]:
+    """Return what is known of the rotors; those of single rotors together where all are known."""
+    single = [p for p in shared if p.name.startswith("kt_") and p.verdict == "identified"]
+    shares = [share for p in single if (share := percent(p)) is not None]
+    if len(shares) < 2:
+        return [_finding(p, p) for p in shared]
+    words = f"known to {percent_words(max(shares))} or better"
+    each = Finding(verdict="identified", subject="Each rotor's own thrust", words=words)
+    findings = [_finding(p, p) for p in shared if p not in single]
+    return [*findings[:1], each, *findings[1:]]
 
 
 def _merged(findings: list[Finding]) -> tuple[Finding, ...]:
@@ -134,7 +146,7 @@ def _words(number: Parameter | Derived, verdict: str, partner: str | None) -> st
         return f"known: {shown}"
     only = "only " if verdict == "weak" else ""
     if share > 100:
-        return f"known {only}to ± {number_of(half_width(number), None)} {unit}".rstrip()
+        return f"{number_of(number.value, number.interval)} {unit}".strip()
     return f"known {only}to {percent_words(share)}"
 
 

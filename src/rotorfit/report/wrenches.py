@@ -5,10 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rotorfit.identification.comparison import SHOWN, WrenchComparison
+from rotorfit.identification.result import IdentificationResult
 from rotorfit.report.series import (
     Series,
     encoded,
     encoded_time,
+    is_predicted,
     path_of,
     series_of,
     thinned,
@@ -20,6 +22,7 @@ WIDTH, LEFT, RIGHT = 920.0, 58.0, 10.0
 TITLE, MAIN, GAP, ERROR, BELOW = 24.0, 104.0, 6.0, 42.0, 12.0
 BLOCK = TITLE + MAIN + GAP + ERROR + BELOW
 AXIS = 36.0
+LINE = TITLE + 30.0
 COMPONENT = {
     "Fz": ("Thrust Fz", "N"),
     "Mx": ("Roll moment Mx", "N m"),
@@ -66,14 +69,31 @@ def _figure(comparison: WrenchComparison) -> WrenchFigure:
 
 def error_words(comparison: WrenchComparison, component: str) -> str:
     """Return the relative error norm of a component in percent, a dash where there is none."""
-    value = comparison.relative_error.get(component)
-    return f"{100 * value:.2f} %" if value is not None and math.isfinite(value) else "–"
+    return _percent(comparison.relative_error.get(component))
 
 
 def whiteness_words(comparison: WrenchComparison, component: str) -> str:
     """Return what is left of the motion in the difference, a dash where that is not known."""
     value = comparison.whiteness.get(component)
     return f"{value:.2f}" if value is not None and math.isfinite(value) else "–"
+
+
+def validation_rows(
+    result: IdentificationResult,
+) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
+    """Return the error norms that the result itself holds, for pages without figures."""
+    return tuple(
+        (
+            file_name(str(row.get("flight", ""))),
+            str(row.get("configuration", "")),
+            tuple(_percent(row.get("relative_error", {}).get(name)) for name in SHOWN),
+        )
+        for row in result.validation
+    )
+
+
+def _percent(value: float | None) -> str:
+    return f"{100 * value:.2f} %" if value is not None and math.isfinite(value) else "–"
 
 
 def _data(series: Series) -> dict[str, object]:
@@ -86,8 +106,11 @@ def _data(series: Series) -> dict[str, object]:
 
 def wrench_svg(comparison: WrenchComparison, series: Series) -> str:
     """Return the four components of one flight, each with its error below, over one time axis."""
-    height = 4 * BLOCK + AXIS
-    blocks = [_component(comparison, series, name, i * BLOCK) for i, name in enumerate(SHOWN)]
+    heights = [BLOCK if is_predicted(comparison, name) else LINE for name in SHOWN]
+    height = sum(heights) + AXIS
+    blocks = [
+        _component(comparison, series, name, sum(heights[:i], 0.0)) for i, name in enumerate(SHOWN)
+    ]
     attributes: dict[str, str | float] = {
         "class": "wrench",
         "data-left": LEFT,
@@ -103,6 +126,8 @@ def _component(comparison: WrenchComparison, series: Series, name: str, top: flo
     title, unit = COMPONENT[name]
     error = error_words(comparison, name)
     main = top + TITLE
+    if not is_predicted(comparison, name):
+        return _unpredicted(f"{title} [{unit}]", top)
     return tag(
         "g",
         {"class": "component"},
@@ -113,6 +138,17 @@ def _component(comparison: WrenchComparison, series: Series, name: str, top: flo
         ),
         _panel(series, (f"{name} body", f"{name} rotor"), top=main, height=MAIN, count=5),
         _panel(series, (f"{name} error",), top=main + MAIN + GAP, height=ERROR, count=3),
+    )
+
+
+def _unpredicted(title: str, top: float) -> str:
+    """Return a component that the result cannot predict: said, and not drawn."""
+    why = "cannot be predicted: a parameter that it needs is not known"
+    return tag(
+        "g",
+        {"class": "component"},
+        label(title, {"class": "panel-title", "x": LEFT, "y": top + 16}),
+        label(why, {"class": "panel-missing", "x": LEFT, "y": top + TITLE + 18}),
     )
 
 

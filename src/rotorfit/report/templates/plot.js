@@ -57,6 +57,7 @@ function extent(curves, from, to) {
 // Extremes per pixel column, or every sample where there are few.
 function pathOf(time, values, range, place, gap, width) {
   const few = range.to - range.from <= 2 * width, parts = [];
+  function point(k) { return place.x(time[k]).toFixed(1) + " " + place.y(values[k]).toFixed(1); }
   let i = range.from;
   while (i < range.to) {
     const x = place.x(time[i]);
@@ -67,8 +68,9 @@ function pathOf(time, values, range, place, gap, width) {
       stop += 1;
     }
     const fresh = i === range.from || time[i] - time[i - 1] > gap;
-    parts.push((fresh ? "M" : "L") + x.toFixed(1) + " " + place.y(values[Math.min(low, high)]).toFixed(1));
-    if (low !== high) { parts.push("V" + place.y(values[Math.max(low, high)]).toFixed(1)); }
+    const first = Math.min(low, high), second = Math.max(low, high);
+    parts.push((fresh ? "M" : "L") + point(first));
+    if (second !== first) { parts.push("L" + point(second)); }
     i = stop;
   }
   return parts.join("");
@@ -206,7 +208,9 @@ Plot.prototype.read = function (t) {
   const x = this.placeOf(t), i = Math.min(indexOf(this.time, t), this.time.length - 1), self = this;
   const line = { class: "cursor", d: "M" + x + " 0V" + (this.height - 36) };
   this.overlay.replaceChildren(this.make("path", line));
-  const words = ["Fz", "Mx", "My", "Mz"].map(function (name) {
+  const words = ["Fz", "Mx", "My", "Mz"].filter(function (name) {
+    return self.series[name + " error"];
+  }).map(function (name) {
     return name + " " + self.series[name + " error"][i].toPrecision(2);
   });
   this.figure.querySelector(".readout").textContent =

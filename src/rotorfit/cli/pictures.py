@@ -1,0 +1,52 @@
+"""The page and the figures of a result, for ``rotorfit identify --report --figures``."""
+
+import warnings
+from pathlib import Path
+
+from rotorfit.cli.progress import steps
+from rotorfit.cli.terminal import say
+from rotorfit.errors import RotorfitWarning
+from rotorfit.identification.comparison import WrenchComparison
+from rotorfit.identification.experiment import Experiment
+from rotorfit.identification.result import IdentificationResult
+
+
+def write_pictures(
+    result: IdentificationResult,
+    experiment: Experiment,
+    *,
+    report: Path | None,
+    figures: Path | None,
+    force: bool,
+) -> None:
+    """Write the page and the figures that were asked for, and say so."""
+    # jinja2 is not worth its time to those who want numbers only.
+    from rotorfit.report.figures import HINT, can_write_png, write_figures
+    from rotorfit.report.html import write_report
+
+    comparisons = _comparisons(result, experiment)
+    if report is not None:
+        write_report(report, result, comparisons=comparisons, force=force)
+        say(f"wrote {report}")
+    if figures is not None:
+        paths = write_figures(figures, result, comparisons, force=force)
+        say(f"wrote {len(paths)} files to {figures}")
+        if not can_write_png():
+            say(HINT)
+
+
+def figure_names() -> tuple[str, ...]:
+    """Return the files by which an earlier report's figures are known."""
+    from rotorfit.report.figures import ALWAYS
+
+    return ALWAYS
+
+
+def _comparisons(result: IdentificationResult, experiment: Experiment) -> list[WrenchComparison]:
+    """Return the comparisons on flights kept apart; where there is none, on those of the fit."""
+    from rotorfit.identification.validate import fitted_comparisons, validation_comparisons
+
+    with warnings.catch_warnings(), steps() as tell:
+        warnings.simplefilter("ignore", RotorfitWarning)
+        tell("drawing")
+        return validation_comparisons(result, experiment) or fitted_comparisons(result)
