@@ -88,7 +88,7 @@ def test_defaults_are_the_plain_ones(tmp_path):
     assert experiment.airframe.axes == "FLU"
     assert experiment.airframe.order == "px4"
     assert experiment.motors.speed == "measured"
-    assert experiment.identification.method == "ols"
+    assert experiment.identification.method == "banded"
     assert experiment.configuration[0].name == "A"
     assert vehicle_of(experiment.airframe).imu_position is None
 
@@ -144,7 +144,6 @@ def test_unknown_keys_are_refused_with_the_nearest(tmp_path, part, text, words):
 @pytest.mark.parametrize(
     ("part", "key", "reason"),
     [
-        ("flights", 'validation = ["b.csv"]', "flights kept for validation"),
         ("flights", "payload = []", "known payloads"),
         ("flights", 'payload_of = "A"', "known payloads"),
         ("identification", 'terms = ["drag"]', "a choice of terms"),

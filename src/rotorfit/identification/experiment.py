@@ -90,13 +90,16 @@ class AirframeEntry(_Strict):
     def _refuse_odd_rotors(self, rotors: tuple[RotorEntry, ...]) -> None:
         if not 3 <= len(rotors) <= 16:
             raise ValueError(f"{len(rotors)} rotors; a multirotor has 3 to 16")
-        if self.arm is not None or self.order != "px4":
+        if {"arm", "order"} & self.model_fields_set:
             raise ValueError("arm and order belong to layout; listed rotors have positions")
-        places = [rotor.position for rotor in rotors]
+        # Coaxial rotors may share a position, but then they turn against each other.
+        places = [(rotor.position, rotor.spin) for rotor in rotors]
         for number, place in enumerate(places, start=1):
             first = places.index(place) + 1
             if first != number:
-                raise ValueError(f"rotors {first} and {number} are both at {list(place)}")
+                raise ValueError(
+                    f"rotors {first} and {number} are both at {list(place[0])} and turn {place[1]}"
+                )
 
 
 class MotorsEntry(_Strict):
@@ -243,6 +246,10 @@ def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
         If the settings are not those of an experiment.
     """
     described = {key: value for key, value in settings.items() if key != "used"}
+    airframe = dict(described.get("airframe", {}))
+    if "rotors" in airframe:
+        airframe.pop("order", None)  # the resolved default of a key that belongs to layouts
+        described["airframe"] = airframe
     return _checked(Experiment, described, Path("settings of the result"))
 
 
