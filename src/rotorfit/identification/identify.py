@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 import rotorfit
 from rotorfit.errors import FlightWarning, RotorfitError
-from rotorfit.identification.effective_units import in_effective_units
+from rotorfit.identification.commanded import of_commanded_speed
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.experiment import (
     Experiment,
@@ -76,7 +76,7 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
         tell("timing the motors against the motion")
         flown = dataclasses.replace(flown, motor_delay=find_delay(flown))
     tell("fitting")
-    tables = in_effective_units(ESTIMATES[method](experiment, flown), experiment.motors)
+    tables = of_commanded_speed(ESTIMATES[method](experiment, flown), experiment.motors)
     result = _result(experiment, flown, tables)
     if not any(entry.validation for entry in experiment.configuration):
         return result

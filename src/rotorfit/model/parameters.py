@@ -65,6 +65,19 @@ DERIVED: Final[dict[str, ParameterInfo]] = {
 }
 """Everything that stands under ``derived`` of a result."""
 
+EFFECTIVE_UNITS: Final[dict[str, str]] = {
+    "kt": "N per squared command",
+    "kd": "N m per squared command",
+    "Jr": "N m s per command",
+    "Ixx_over_kt": "m s^2 times squared command",
+    "Iyy_over_kt": "m s^2 times squared command",
+    "Izz_over_kt": "m s^2 times squared command",
+    "kd_over_Izz": "1/s^2 per squared command",
+    "Jr_over_Izz": "1/s per command",
+    "hover_speed": "command",
+}
+"""Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
+
 
 def inertia_matrix(elements: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:
     """Return the symmetric tensor of (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
