@@ -1,125 +1,124 @@
-"""rotorfit demo: fly a simulated quadrotor, identify it, print the estimate beside the truth."""
+"""rotorfit demo: the experiment of Six et al. 2020 flown again, estimates beside the truth."""
 
-import json
-import math
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Final, NamedTuple
 
 from rotorfit.cli.identify import quiet_identify
 from rotorfit.cli.outputs import refuse_output_folder
+from rotorfit.cli.progress import steps
+from rotorfit.cli.simulate import simulate_into
 from rotorfit.cli.terminal import say, show
-from rotorfit.identification.experiment import load_experiment
-from rotorfit.identification.result import Derived, IdentificationResult, Parameter
-from rotorfit.logs.files import write_whole
-from rotorfit.model.vehicle import Vehicle
-from rotorfit.report.text import result_text, with_interval
-from rotorfit.simulation import (
-    Scenario,
-    SimulatedFlight,
-    Truth,
-    flight_table,
-    paper_vehicle,
-    simulate_flight,
-    variant,
-)
+from rotorfit.identification.comparison import SHOWN
+from rotorfit.identification.experiment import Experiment, load_experiment
+from rotorfit.identification.result import IdentificationResult, Parameter
+from rotorfit.identification.validate import validation_comparisons
+from rotorfit.report.html import write_report
+from rotorfit.report.text import with_interval
+from rotorfit.simulation.experiment_files import EXPERIMENT_FILE, configuration_truth, file_names
+from rotorfit.simulation.experiments import ExperimentPlan, Quality, plan_experiment
 
-SECONDS = 60.0
-GROUND_SECONDS = 3.0
-FILES = ("flight.csv", "experiment.toml", "truth.json", "result.json")
-SHOWN = (
-    *("kt", "kd_over_Izz", "Jr_over_Izz"),
-    *("com_x", "com_y", "com_z", "Ixx_com", "Iyy_com"),
-)
-
-
-def run(output: Path | None, *, seed: int, force: bool, as_json: bool) -> None:
-    """Fly, write the files, identify from them, and print."""
-    if output is not None:
-        _demonstrate(output, seed=seed, force=force, as_json=as_json)
-        say(f"wrote {', '.join(FILES)} to {output}")
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        _demonstrate(Path(folder), seed=seed, force=True, as_json=as_json)
-
-
-def _demonstrate(folder: Path, *, seed: int, force: bool, as_json: bool) -> None:
-    refuse_output_folder(folder, FILES, force=force)
-    say(f"flying a simulated quadrotor for {SECONDS:.0f} s ...")
-    truth, vehicle, flight = _flown(seed)
-    experiment = folder / "experiment.toml"
-    write_whole(folder / "flight.csv", flight_table(flight), force=force)
-    write_whole(experiment, _experiment_text(truth, vehicle), force=force)
-    # The truth goes to a file of its own, which identify never reads.
-    write_whole(folder / "truth.json", json.dumps(true_values(truth), indent=1) + "\n", force=force)
-    result = quiet_identify(load_experiment(experiment))
-    result.save(folder / "result.json", force=force)
-    if as_json:
-        show(result.to_json().rstrip())
-        return
-    show(result_text(result))
-    show(_beside(result, true_values(truth)))
-
-
-def _flown(seed: int) -> tuple[Truth, Vehicle, SimulatedFlight]:
-    """Fly the paper's vehicle with everything that real ones have against them.
-
-    Rotor inertia, unequal rotors, drag, gusts, a biased accelerometer, sensor noise.
-    """
-    (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
-    scenario = Scenario(seconds=SECONDS, ground_seconds=GROUND_SECONDS, sensors=sensors)
-    return truth, vehicle, simulate_flight(truth, vehicle, scenario, seed=seed)
-
-
-def true_values(truth: Truth) -> dict[str, float]:
-    """Return the parameters that flew, with the numbers derived from them."""
-    values = truth.parameters()
-    values |= {f"com_{axis}": values[f"ms{axis}"] / truth.mass for axis in "xyz"}
-    values["kt"] *= math.fsum(truth.kt_spread) / max(len(truth.kt_spread), 1) or 1.0
-    values["kd_over_Izz"] = values["kd"] / values["Izz_com"]
-    values["Jr_over_Izz"] = values["Jr"] / values["Izz_com"]
-    return values
-
-
-def _experiment_text(truth: Truth, vehicle: Vehicle) -> str:
-    """Return the experiment file that a user would write for this flight."""
-    rotors = "\n".join(
-        f'  {{ position = {list(rotor.position)}, spin = "{rotor.spin}" }},'
-        for rotor in vehicle.rotors
-    )
-    return f"""name = "demo"
-
-[airframe]
-axes = "FLU"
-rotors = [
-{rotors}
-]
-imu = {{ position = {list(vehicle.imu_position or (0.0, 0.0, 0.0))} }}
-
-[motors]
-speed = "measured"
-
-[[configuration]]
-name = "A"
-mass = {truth.mass}
-flights = ["flight.csv"]
+VARIANT: Final[Quality] = "noisy"
+RESULT, PAPER, REPORT = "result.json", "result-paper.json", "report.html"
+BODY: Final = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz")
+INTRODUCTION: Final = """\
+The experiment of Six et al. 2020, flown again in simulation: quadrotor A (1.285 kg), and B, which
+is A with 125 g on +x and 42 g on -y. Motors with lag, noisy and biased sensors. One flight of each
+identifies both at once, one is kept for validation. Does the 95 % interval hold the truth?
 """
 
 
-def _beside(result: IdentificationResult, truth: dict[str, float]) -> str:
-    """Return estimate and truth side by side."""
-    lines = [f"  {'':<15} {'estimate':>24}  {'truth':>11}  inside its interval"]
-    for name in SHOWN:
-        number = _number(result, name)
-        if number.value is None or number.interval is None:
-            lines.append(f"  {name:<15} {'-':>24}  {truth[name]:>11.4g}  not identified")
-            continue
-        low, high = number.interval
-        inside = "yes" if low <= truth[name] <= high else "NO"
-        shown = with_interval(number.value, number.interval)
-        lines.append(f"  {name:<15} {shown:>24}  {truth[name]:>11.4g}  {inside}")
-    return "\n".join(["Estimate beside the truth that flew", *lines])
+class Results(NamedTuple):
+    """The same flights, identified by the default method and as the paper does."""
+
+    ours: IdentificationResult
+    paper: IdentificationResult
 
 
-def _number(result: IdentificationResult, name: str) -> Parameter | Derived:
-    known = {p.name for p in result.parameters}
-    return result.parameter(name) if name in known else result.derived_value(name)
+def run(output: Path | None, *, seed: int, force: bool, as_json: bool) -> None:
+    """Fly, identify twice, print, and keep the files where asked."""
+    plan = plan_experiment("paper", VARIANT, seed=seed)
+    if output is None:
+        with tempfile.TemporaryDirectory() as folder:
+            results, _ = _demonstrate(Path(folder), plan, force=True)
+    else:
+        refuse_output_folder(output, [*file_names(plan), RESULT, PAPER, REPORT], force=force)
+        results, experiment = _demonstrate(output, plan, force=force)
+        _keep(output, results, experiment, force=force)
+    show(results.ours.to_json().rstrip() if as_json else demo_text(plan, results))
+
+
+def _demonstrate(folder: Path, plan: ExperimentPlan, *, force: bool) -> tuple[Results, Experiment]:
+    """Fly into a folder, and identify from its files."""
+    with steps() as tell:
+        simulate_into(folder, plan, force=force, progress=tell)
+    experiment = load_experiment(folder / EXPERIMENT_FILE)
+    as_paper = experiment.identification.model_copy(update={"preset": "paper"})
+    results = Results(
+        ours=quiet_identify(experiment),
+        paper=quiet_identify(experiment.model_copy(update={"identification": as_paper})),
+    )
+    return results, experiment
+
+
+def _keep(folder: Path, results: Results, experiment: Experiment, *, force: bool) -> None:
+    results.ours.save(folder / RESULT, force=force)
+    results.paper.save(folder / PAPER, force=force)
+    comparisons = validation_comparisons(results.ours, experiment)
+    write_report(folder / REPORT, results.ours, comparisons=comparisons, paper=True, force=force)
+    say(f"wrote flights, {EXPERIMENT_FILE}, {RESULT}, {PAPER}, {REPORT} to {folder}")
+
+
+def demo_text(plan: ExperimentPlan, results: Results) -> str:
+    """Return both estimates beside the truth, and their errors on flights kept apart."""
+    lines = [INTRODUCTION, _row("", "truth", "rotorfit", "holds", "paper's method", "holds")]
+    truths = {c.name: configuration_truth(plan, c) for c in plan.configurations}
+    shared = next(iter(truths.values()))
+    lines += [_number_row(name, None, shared, results) for name in ("kt", "kd")]
+    for configuration, truth in truths.items():
+        lines += ["", f"Body, configuration {configuration}"]
+        lines += [_number_row(name, configuration, truth, results) for name in BODY]
+    return "\n".join([*lines, "", *_validation_lines(results)])
+
+
+def _number_row(
+    name: str, configuration: str | None, truth: Mapping[str, float], results: Results
+) -> str:
+    cells = [
+        cell
+        for result in results
+        for cell in _beside(result.parameter(name, configuration), truth[name])
+    ]
+    return _row(name, f"{truth[name]:.4g}", *cells)
+
+
+def _beside(estimate: Parameter, true: float) -> tuple[str, str]:
+    """Return an estimate with its interval, and whether that holds the truth."""
+    if estimate.value is None or estimate.interval is None:
+        return estimate.verdict, ""
+    low, high = estimate.interval
+    return with_interval(estimate.value, estimate.interval), "yes" if low <= true <= high else "NO"
+
+
+def _row(name: str, truth: str, ours: str, held: str, paper: str, paper_held: str) -> str:
+    line = f"  {name:<5}{truth:>10}{ours:>26} {held:<6}{paper:>26} {paper_held}"
+    return line.rstrip()
+
+
+def _validation_lines(results: Results) -> list[str]:
+    """Return the errors on flights that neither fit has seen."""
+    names = "".join(f"{name:>8}" for name in SHOWN)
+    lines = [
+        "Error on flights kept apart: body wrench against rotor wrench, % of its norm",
+        f"  {'':<8}{'rotorfit':>32}  {'paper' + chr(39) + 's method':>32}",
+        f"  {'':<8}{names}  {names}",
+    ]
+    for ours, paper in zip(results.ours.validation, results.paper.validation, strict=True):
+        pair = [_percents(row["relative_error"]) for row in (ours, paper)]
+        lines.append(f"  {ours['flight']:<8}{'  '.join(pair)}")
+    return lines
+
+
+def _percents(error: Mapping[str, float]) -> str:
+    return "".join(f"{100 * error[n]:>8.1f}" if n in error else f"{'-':>8}" for n in SHOWN)

@@ -140,16 +140,75 @@ def inspect(
 
 @app.command()
 @interruptible()
+def validate(
+    result: Annotated[Path, typer.Argument(help="What  rotorfit identify -o  wrote.")],
+    flights: Annotated[list[Path], typer.Argument(help="Flights that the fit has not seen.")],
+    configuration: Annotated[
+        str | None,
+        typer.Option(help="In which they were flown; may be left out where there is one."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check whether a result predicts flights that its fit has not seen."""
+    from rotorfit.cli.validate import run
+
+    run(result, flights, configuration=configuration, as_json=as_json)
+
+
+@app.command()
+@interruptible()
+def simulate(
+    scenario: Annotated[
+        Literal["paper", "single", "hexa", "payload-pair"],
+        typer.Argument(help="paper: vehicles A and B of Six et al. 2020; the others on layouts."),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder for flights, experiment and truth.")
+    ],
+    variant: Annotated[
+        Literal["clean", "lag", "noisy", "real"],
+        typer.Option(
+            help="clean: perfect; lag: motors with a known lag; noisy: and sensor noise and bias; "
+            "real: and gusts, drag, rotor inertia, unequal rotors, measured rotor speed."
+        ),
+    ] = "real",
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another flight.")] = 1,
+    seconds: Annotated[
+        float, typer.Option(help="Of each flight between take-off and landing.")
+    ] = 75.0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Fly a vehicle of known truth: flight logs, and an experiment ready for identify."""
+    from rotorfit.cli.simulate import SimulateRequest, run
+
+    run(
+        SimulateRequest(
+            scenario=scenario,
+            output=output,
+            variant=variant,
+            seed=seed,
+            seconds=seconds,
+            force=force,
+            as_json=as_json,
+        )
+    )
+
+
+@app.command()
+@interruptible()
 def demo(
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Keep flight, experiment, truth and result here."),
+        typer.Option(
+            "-o", "--output", help="Keep flights, experiment, truth, results and report here."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Another seed is another flight.")] = 1,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fly a simulated quadrotor, identify it, and print the estimate beside the truth."""
+    """Fly the experiment of Six et al. 2020 in simulation, identify it, compare to the truth."""
     from rotorfit.cli.demo import run
 
     run(output, seed=seed, force=force, as_json=as_json)

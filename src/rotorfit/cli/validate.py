@@ -1,0 +1,48 @@
+"""rotorfit validate: whether a result predicts flights that its fit has not seen."""
+
+import json
+import warnings
+from pathlib import Path
+
+from rotorfit.cli.progress import steps
+from rotorfit.cli.terminal import show
+from rotorfit.errors import RotorfitWarning
+from rotorfit.identification.comparison import SHOWN, WrenchComparison
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.validate import validate_file, validation_rows
+
+
+def run(
+    result_path: Path, flights: list[Path], *, configuration: str | None, as_json: bool
+) -> None:
+    """Compare, and print the errors of every flight."""
+    result = IdentificationResult.load(result_path)
+    comparisons: list[WrenchComparison] = []
+    with warnings.catch_warnings(), steps() as tell:
+        warnings.simplefilter("ignore", RotorfitWarning)
+        for flight in flights:
+            tell(f"reading {flight.name}")
+            comparisons.append(validate_file(result, flight, configuration=configuration))
+    if as_json:
+        show(json.dumps(list(validation_rows(comparisons)), indent=1, allow_nan=False))
+    else:
+        show(validation_text(comparisons))
+
+
+def validation_text(comparisons: list[WrenchComparison]) -> str:
+    """Return the relative errors as a table, in percent."""
+    width = max(len(c.flight) for c in comparisons)
+    lines = [
+        "Body wrench against rotor wrench below 3 Hz: norm of the difference, % of the rotors'",
+        f"  {'':<{width}}  configuration" + "".join(f"{name:>8}" for name in SHOWN),
+    ]
+    for c in comparisons:
+        numbers = "".join(_percent(c.relative_error.get(name)) for name in SHOWN)
+        lines.append(f"  {c.flight:<{width}}  {c.configuration:<13}{numbers}")
+    if any(len(c.relative_error) < len(SHOWN) for c in comparisons):
+        lines.append("  -: the result does not know the parameters of that component")
+    return "\n".join(lines)
+
+
+def _percent(error: float | None) -> str:
+    return f"{'-':>8}" if error is None else f"{100 * error:>8.2f}"

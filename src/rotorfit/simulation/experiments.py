@@ -1,0 +1,268 @@
+"""Whole experiments to simulate: what flies in which configuration, and what its log holds.
+
+What the scenarios are:
+
+``paper``
+    The experiment of Six et al. 2020, IV: vehicles A and B of Tables I and II, B being A with
+    0.125 kg on +x and 0.042 kg on -y. Printed there: masses, k_t, k_d, first moments and moments
+    of inertia, the payload's masses, 200 Hz, 60 to 90 s of manual flight inside 6 x 4 x 4 m, motion
+    capture late by 5 ms or more, k_w = 2 for B. Not printed, and chosen here: arm 0.20 m; payload
+    at 0.372 m and 0.40 m and 28 mm under the origin, which gives B's tables within their scatter;
+    products of inertia 0.5e-4, 1e-4 and -1e-4 kg m^2; J_r = 2e-5 kg m^2 (an 8" propeller with its
+    bell) in the variant ``real``; the motors' law `LAW`; lag 40 ms and delay 10 ms.
+``single``
+    One quad-x, its IMU off the body origin.
+``hexa``
+    One hexa-x, its IMU off the body origin.
+``payload-pair``
+    The quad-x as A; as B with 0.1 kg at both ends of one arm: the centre of mass stays.
+
+Each configuration flies once for the fit and once for validation, from the ground and back.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import cos, pi, sin
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.simulation.flight import Scenario, simulate_flight
+from rotorfit.simulation.record import SimulatedFlight
+from rotorfit.simulation.scenarios import (
+    SimulatedVehicle,
+    layout_vehicle,
+    paper_vehicle,
+    variant,
+)
+from rotorfit.simulation.sensors import PERFECT, Sensors
+from rotorfit.simulation.truth import GRAVITY, with_payload
+
+ScenarioName = Literal["paper", "single", "hexa", "payload-pair"]
+Quality = Literal["clean", "lag", "noisy", "real"]
+
+SECONDS: Final = 75.0
+LEAST_SECONDS: Final = 15.0
+GROUND_SECONDS: Final = 2.0
+LAW: Final = (0.0, 1900.0, -450.0)
+"""Rotor speed over command (0 to 1) as a polynomial, lowest power first [rad/s]."""
+FULL_SPEED: Final = sum(LAW)
+GYRO_BIAS: Final = (0.012, -0.008, 0.006)
+ACCEL_BIAS: Final = (0.06, -0.04, 0.08)
+POSE_RATE: Final = 100.0
+POSE_DELAY: Final = 0.008
+POSITION_STD: Final = 3e-4
+ATTITUDE_STD: Final = 1e-3
+"""Of motion capture: frames per second, how late they are [s], and their noise [m, rad]."""
+BATTERY_VOLTS: Final = (16.6, 15.2)
+"""At the beginning and at the end of a flight."""
+LAW_VOLTS: Final = 16.0
+"""At which the motors' law was measured."""
+PAIR_MASS: Final = 0.1
+PAIR_ANGLE: Final = pi / 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlownConfiguration:
+    """One configuration of a simulated experiment.
+
+    Attributes
+    ----------
+    name
+        Its name; flights are named after it.
+    simulated
+        What flies, and what is known of it.
+    sensors
+        What measures it.
+    weight
+        The paper's k_w.
+    """
+
+    name: str
+    simulated: SimulatedVehicle
+    sensors: Sensors
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentPlan:
+    """A simulated experiment, before it is flown.
+
+    Attributes
+    ----------
+    scenario, quality, seed, seconds
+        As asked for; seconds between take-off and landing of each flight [s].
+    configurations
+        Each is flown once for the fit and once for validation.
+    """
+
+    scenario: ScenarioName
+    quality: Quality
+    seed: int
+    seconds: float
+    configurations: tuple[FlownConfiguration, ...]
+
+    @property
+    def lag_of_log(self) -> tuple[float, float]:
+        """Lag and delay between the logged command and the rotor speed [s]."""
+        truth = self.configurations[0].simulated.truth
+        return (0.0, 0.0) if self.quality == "clean" else (truth.motor_lag, truth.motor_delay)
+
+    @property
+    def measures_speed(self) -> bool:
+        """Whether the log has rotor speeds; else the commands have to do."""
+        return self.quality == "real"
+
+
+class PlannedFlight(NamedTuple):
+    """One flight: its file, who flies, and the seed of sticks, air and noise."""
+
+    file: str
+    configuration: FlownConfiguration
+    seed: int
+
+
+def plan_experiment(
+    scenario: ScenarioName, quality: Quality, *, seed: int, seconds: float = SECONDS
+) -> ExperimentPlan:
+    """Return what a scenario flies.
+
+    Parameters
+    ----------
+    scenario
+        See the module.
+    quality
+        ``"clean"``: the log has the command that holds each motor at its present speed, as speed
+        controllers report it, and sensors are perfect. ``"lag"``: it has the autopilot's command,
+        which acts with 40 ms of lag after 10 ms of delay, both stated in the experiment.
+        ``"noisy"``: and noise and bias of all sensors, motion capture late by 8 ms. ``"real"``: and
+        gusts, drag, rotor inertia, unequal rotors and a battery that sags under the law, so that
+        rotor speed is measured.
+    seed
+        The same seed gives the same files.
+    seconds
+        Of each flight between take-off and landing [s].
+
+    Raises
+    ------
+    ExperimentError
+        If the flights would be too short to identify anything.
+    """
+    if not LEAST_SECONDS <= seconds <= 1000.0:
+        raise ExperimentError(
+            f"flights of {seconds:g} s: simulate between {LEAST_SECONDS:g} and 1000 s"
+        )
+    return ExperimentPlan(
+        scenario=scenario,
+        quality=quality,
+        seed=seed,
+        seconds=seconds,
+        configurations=tuple(
+            _with_quality(configuration, quality) for configuration in _VEHICLES[scenario]()
+        ),
+    )
+
+
+def planned_flights(plan: ExperimentPlan) -> list[PlannedFlight]:
+    """Return the flights of an experiment: of each configuration one to fit, one to validate."""
+    each = [(c, number) for c in plan.configurations for number in (1, 2)]
+    seeds = np.random.SeedSequence(plan.seed).generate_state(len(each)).tolist()
+    return [
+        PlannedFlight(f"{configuration.name}{number}.csv", configuration, seed)
+        for (configuration, number), seed in zip(each, seeds, strict=True)
+    ]
+
+
+def fly(plan: ExperimentPlan, flight: PlannedFlight) -> SimulatedFlight:
+    """Return one flight of an experiment."""
+    truth, vehicle = flight.configuration.simulated
+    lift = truth.kt * float(vehicle.axes[:, 2].sum()) * FULL_SPEED**2
+    scenario = Scenario(
+        seconds=plan.seconds,
+        ground_seconds=GROUND_SECONDS,
+        sensors=flight.configuration.sensors,
+        thrust_to_weight=lift / (truth.mass * GRAVITY),
+    )
+    return simulate_flight(truth, vehicle, scenario, seed=flight.seed)
+
+
+def battery_volts(flight: SimulatedFlight) -> Float[np.ndarray, " n"]:
+    """Return the voltage of a battery that empties evenly [V]."""
+    return np.linspace(*BATTERY_VOLTS, len(flight.time))
+
+
+def command_of(
+    speed: Float[np.ndarray, "n N"], volts: Float[np.ndarray, " n"] | float = LAW_VOLTS
+) -> Float[np.ndarray, "n N"]:
+    """Return the command, 0 to 1, by which the motors turn at a speed: the inverse of `LAW`.
+
+    Parameters
+    ----------
+    speed
+        Asked for [rad/s].
+    volts
+        Of the battery: with less, the same speed takes a larger command [V].
+    """
+    _, c1, c2 = LAW
+    asked = speed * (LAW_VOLTS / np.broadcast_to(volts, len(speed)))[:, None]
+    return np.minimum(2.0 * asked / (c1 + np.sqrt(c1**2 + 4.0 * c2 * asked)), 1.0)
+
+
+def _with_quality(configuration: FlownConfiguration, quality: Quality) -> FlownConfiguration:
+    """Return a configuration with the imperfections of a variant."""
+    simulated, camera = configuration.simulated, replace(PERFECT, pose_rate=POSE_RATE)
+    if quality == "clean":
+        return replace(configuration, sensors=camera)
+    if quality == "lag":
+        return replace(configuration, simulated=variant(simulated, "lag")[0], sensors=camera)
+    (truth, vehicle), sensors = variant(simulated, quality)
+    delayed = SimulatedVehicle(replace(truth, motor_delay=0.01), vehicle)
+    biased = replace(
+        sensors,
+        gyro_bias=GYRO_BIAS,
+        accel_bias=ACCEL_BIAS,
+        pose_rate=POSE_RATE,
+        pose_delay=POSE_DELAY,
+        position_std=POSITION_STD,
+        attitude_std=ATTITUDE_STD,
+    )
+    return replace(configuration, simulated=delayed, sensors=biased)
+
+
+def _paper() -> tuple[FlownConfiguration, ...]:
+    return (
+        FlownConfiguration(name="A", simulated=paper_vehicle("A"), sensors=PERFECT),
+        FlownConfiguration(name="B", simulated=paper_vehicle("B"), sensors=PERFECT, weight=2.0),
+    )
+
+
+def _single() -> tuple[FlownConfiguration, ...]:
+    return (FlownConfiguration(name="A", simulated=layout_vehicle("quad-x"), sensors=PERFECT),)
+
+
+def _hexa() -> tuple[FlownConfiguration, ...]:
+    return (FlownConfiguration(name="A", simulated=layout_vehicle("hexa-x"), sensors=PERFECT),)
+
+
+def _payload_pair() -> tuple[FlownConfiguration, ...]:
+    simulated = layout_vehicle("quad-x")
+    truth = simulated.truth
+    arm = simulated.vehicle.arm
+    for end in (1.0, -1.0):
+        place = (end * arm * cos(PAIR_ANGLE), end * arm * sin(PAIR_ANGLE), 0.0)
+        truth = with_payload(truth, mass=PAIR_MASS, position=place)
+    loaded = SimulatedVehicle(truth, simulated.vehicle)
+    return (
+        FlownConfiguration(name="A", simulated=simulated, sensors=PERFECT),
+        FlownConfiguration(name="B", simulated=loaded, sensors=PERFECT),
+    )
+
+
+_VEHICLES: Final[dict[ScenarioName, Callable[[], tuple[FlownConfiguration, ...]]]] = {
+    "paper": _paper,
+    "single": _single,
+    "hexa": _hexa,
+    "payload-pair": _payload_pair,
+}
