@@ -115,6 +115,7 @@ def a_result(
         "airframe": {
             "axes": "FLU",
             "rotors": ROTORS,
+            "order": "px4",
             "imu": {"position": [0.03, 0.0, 0.02], "position_std": 0.0},
         },
         "motors": {"speed": "measured"},

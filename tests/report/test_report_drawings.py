@@ -95,7 +95,7 @@ def test_the_origin_without_a_known_imu_is_the_imu() -> None:
     airframe = {k: v for k, v in result.settings["airframe"].items() if k != "imu"}
     scene = scene_of(a_result(configurations=("A",), settings={"airframe": airframe}))
     assert scene is not None
-    assert not scene.imu_is_given
+    assert scene.imu_words.startswith("IMU (the origin;")
     assert scene.imu == (0.0, 0.0, 0.0)
 
 

@@ -300,3 +300,9 @@ def test_error_norms_of_the_result_are_shown_without_figures() -> None:
     page = Page(report_html(a_result(validation=(row,))))
     rows = [" ".join(" ".join(row).split()) for row in page.rows]
     assert any(row.startswith("A2.csv A 1.23 % – – –") for row in rows)
+
+
+def test_percentages_of_the_paper_are_said_to_be_its_own() -> None:
+    page = Page(report_html(a_result(method="tls")))
+    assert "known to 0.6 %, by the paper's formula" in page.text
+    assert "by the paper's formula" not in Page(report_html(a_result())).text

@@ -53,7 +53,7 @@ class Scene:
     vehicle: Vehicle
     bodies: tuple[Body, ...]
     imu: Point
-    imu_is_given: bool
+    imu_words: str
 
     @property
     def center(self) -> Point:
@@ -64,11 +64,10 @@ class Scene:
 
 def scene_of(result: IdentificationResult) -> Scene | None:
     """Return what there is to draw, None where the settings do not describe a vehicle."""
-    try:
-        airframe = AirframeEntry.model_validate(result.settings.get("airframe"))
-        vehicle = vehicle_of(airframe)
-    except (ValidationError, RotorfitError):
+    airframe = _airframe(result.settings)
+    if airframe is None:
         return None
+    vehicle = vehicle_of(airframe)
     shift = _origin_shift(result, vehicle)
     return Scene(
         vehicle=vehicle,
@@ -77,8 +76,34 @@ def scene_of(result: IdentificationResult) -> Scene | None:
             for name in configurations(result)
         ),
         imu=vehicle.imu_position or shift,
-        imu_is_given=vehicle.imu_position is not None,
+        imu_words=_origin_words(result.settings, vehicle),
     )
+
+
+def _airframe(settings: Mapping[str, Any]) -> AirframeEntry | None:
+    """Return the airframe of the settings, None where they do not describe one."""
+    described = settings.get("airframe")
+    if not isinstance(described, Mapping):
+        return None
+    table = dict(cast("Mapping[str, Any]", described))
+    if table.get("rotors"):
+        table.pop("order", None)  # the resolved default of a key that belongs to layouts
+    try:
+        airframe = AirframeEntry.model_validate(table)
+        vehicle_of(airframe)
+    except (ValidationError, RotorfitError):
+        return None
+    return airframe
+
+
+def _origin_words(settings: Mapping[str, Any], vehicle: Vehicle) -> str:
+    """Return what stands at `Scene.imu`."""
+    identification = cast("Mapping[str, Any]", settings.get("identification") or {})
+    if vehicle.imu_position is not None:
+        return "IMU as given"
+    if identification.get("source") == "mocap":
+        return "origin of the motion capture"
+    return "IMU (the origin; its place among the rotors is estimated)"
 
 
 def _origin_shift(result: IdentificationResult, vehicle: Vehicle) -> Point:
@@ -119,6 +144,8 @@ def _com(
     own = {p.name: p for p in result.parameters if p.configuration == configuration}
     moment, mass = own.get(f"ms{axis}"), own.get("mass")
     value = None if moment is None else known(moment.value)
+    if moment is not None and moment.verdict == "removed":
+        value = 0.0  # taken out of the model as unessential
     kilograms = None if mass is None else known(mass.value)
     if moment is None or value is None or not kilograms:
         return None, None

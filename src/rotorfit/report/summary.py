@@ -1,6 +1,6 @@
 """The top of the page: what is known and what is not, in plain sentences."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
 from rotorfit.report.parameters import body_verdict
@@ -26,7 +26,9 @@ SUBJECTS = {
     "Ixx_com": "roll inertia",
     "Iyy_com": "pitch inertia",
     "Izz_com": "yaw inertia",
-    "Izz": "the yaw inertia",
+    "Ixx": "roll inertia",
+    "Iyy": "pitch inertia",
+    "Izz": "yaw inertia",
     "mass": "mass",
 }
 DIRECTIONS = {
@@ -57,6 +59,8 @@ class Summary:
 def summary_of(result: IdentificationResult) -> Summary:
     """Return the plain-language summary."""
     shared = [p for p in result.parameters if p.configuration is None]
+    # The paper's sigmas do not hold: what is said to be known is said to be so by its formula.
+    source = ", by the paper's formula" if result.method == "tls" else ""
     groups = [("Rotors", _merged(_of_rotors(shared)))]
     names = configurations(result)
     for name in names:
@@ -68,7 +72,18 @@ def summary_of(result: IdentificationResult) -> Summary:
         for word, meaning in VERDICT_MEANING.items()
         if word in verdicts
     )
-    return Summary(groups=tuple(g for g in groups if g[1]), counts=counts)
+    return Summary(
+        groups=tuple((title, _sourced(found, source)) for title, found in groups if found),
+        counts=counts,
+    )
+
+
+def _sourced(findings: tuple[Finding, ...], source: str) -> tuple[Finding, ...]:
+    """Return the findings with whose formula made their percentages."""
+    return tuple(
+        replace(f, words=f.words + source) if f.verdict in ("identified", "weak") else f
+        for f in findings
+    )
 
 
 def _of_rotors(shared: list[Parameter]) -> list[Finding]:
@@ -135,8 +150,8 @@ def _words(number: Parameter | Derived, verdict: str, partner: str | None) -> st
     if verdict == "given":
         return f"given, {shown}"
     if verdict == "ratio-only":
-        other = SUBJECTS.get(partner or "", title_of(partner or "another parameter"))
-        return f"known only as a ratio to {other}"
+        other = SUBJECTS.get(partner or "", title_of(partner or "other parameters"))
+        return f"known only as a ratio to the {other}"
     if verdict == "removed":
         return "left out as unessential"
     share = percent(number)

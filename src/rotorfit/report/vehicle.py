@@ -54,7 +54,7 @@ class VehicleDrawings:
 
     views: tuple[tuple[str, str], ...]
     bodies: tuple[Body, ...]
-    imu_is_given: bool
+    imu_words: str
     arms: str
     radius: float
 
@@ -73,7 +73,7 @@ def vehicle_drawings(result: IdentificationResult) -> VehicleDrawings | None:
     return VehicleDrawings(
         views=views if any(b.com for b in scene.bodies) else views[:2],
         bodies=scene.bodies,
-        imu_is_given=scene.imu_is_given,
+        imu_words=scene.imu_words,
         arms=_arm_words(scene),
         radius=rotor_radius(scene),
     )
