@@ -6,7 +6,13 @@ from pathlib import Path
 import pytest
 
 from rotorfit.errors import ExperimentError
-from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw
+from rotorfit.flight.speed_law import (
+    PolynomialLaw,
+    SpeedLaw,
+    SquareRootLaw,
+    TableLaw,
+    VoltageFactor,
+)
 from rotorfit.identification.experiment import (
     load_experiment,
     motor_model_of,
@@ -317,3 +323,58 @@ def test_one_log_needs_a_mass_and_an_airframe_file(tmp_path, monkeypatch):
     airframe.write_text(f"[airframe]\n{LAYOUT}\n[[configuration]]\n{FLIGHT}\n")
     with pytest.raises(ExperimentError, match="unknown key configuration"):
         single_flight_experiment(Path("a"), mass=0.5, airframe=airframe)
+
+
+@pytest.mark.parametrize(
+    ("law", "curve"),
+    [
+        ("linear = [380, 2671.6]", PolynomialLaw((380.0, 2671.6))),
+        ("polynomial = [0, 900, 50]", PolynomialLaw((0.0, 900.0, 50.0))),
+        (
+            "table = [[0.1, 0], [0.5, 400.5], [1, 900]]",
+            TableLaw((0.1, 0.5, 1.0), (0.0, 400.5, 900.0)),
+        ),
+        ("sqrt = { full_speed = 900, thr_mdl_fac = 0.3 }", SquareRootLaw(900.0, 0.3)),
+    ],
+)
+def test_every_law_of_the_motors_is_read(tmp_path, law, curve):
+    motors = f'speed = "commanded"\nlaw = {{ {law} }}'
+    loaded = load_experiment(written(tmp_path, motors=motors))
+    assert motor_model_of(loaded.motors).law == SpeedLaw(curve=curve)
+    motors = f'speed = "commanded"\nlaw = {{ {law}, voltage = {{ nominal = 4.2 }} }}'
+    loaded = load_experiment(written(tmp_path, motors=motors))
+    expected = SpeedLaw(curve=curve, voltage=VoltageFactor(4.2, 1.0))
+    assert motor_model_of(loaded.motors).law == expected
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ("", "motors.law: give exactly one of linear = [offset, slope]"),
+        ("", "none is given"),
+        ("linear = [0, 1], polynomial = [0, 1]", "linear and polynomial are given"),
+        ("linear = [0]", "law.linear[1] is missing"),
+        ("linear = [10, -5]", "law.linear[1]: should be greater than 0 (it is -5)"),
+        ("table = [[0, 1]]", "law.table: has too few entries"),
+        ("table = [[0, 0], [1.2, 9]]", "law.table[1][0]: should be less than or equal to 1"),
+        ("table = [[0, 0], [1, -9]]", "law.table[1][1]: should be greater than or equal to 0"),
+        (
+            "table = [[0, 0], [0.5, 9], [0.5, 10]]",
+            "table goes from [0.5, 9] to [0.5, 10]; command and speed must both rise",
+        ),
+        ("table = [[0, 5], [0.5, 5]]", "table goes from [0, 5] to [0.5, 5]"),
+        ("sqrt = { full_speed = 900 }", "law.sqrt.thr_mdl_fac is missing"),
+        ("sqrt = { full_speed = 0, thr_mdl_fac = 0.3 }", "full_speed: should be greater than 0"),
+        ("sqrt = { full_speed = 9, thr_mdl_fac = 1.3 }", "should be less than or equal to 1"),
+        ("sqrt = { full_sped = 9, thr_mdl_fac = 1 }", "full_sped, did you mean 'full_speed'?"),
+        ("linear = [0, 1], voltage = { nominal = 0 }", "nominal: should be greater than 0"),
+        (
+            "linear = [0, 1], voltage = { nominal = 4, exponent = 0 }",
+            "exponent: should be greater than 0",
+        ),
+        ("linear = [0, nan]", "should be a finite number"),
+    ],
+)
+def test_wrong_laws_are_refused(tmp_path, law, words):
+    motors = f'speed = "commanded"\nlaw = {{ {law} }}'
+    assert words in refusal(written(tmp_path, motors=motors))

@@ -1,0 +1,145 @@
+"""Flights of which only the commands are known: with and without the motors' law."""
+
+import numpy as np
+import pytest
+
+from flown import experiment_file, quietly_identified, simulated
+from rotorfit.errors import LogError
+from rotorfit.identification.commanded import LARGEST_BIAS, NO_LAW, effective_unit
+from rotorfit.logs.table import write_table
+from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS, PARAMETERS
+from rotorfit.simulation import to_flight_log
+
+JUDGED = ("kt", "kd", "Jr", "msx", "msy", "Ixx_com", "Iyy_com", "Izz_com")
+OFFSET = 40.0
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return simulated("quad-x", "noisy", seed=4, seconds=40.0)
+
+
+def identified(folder, flight, *, motors, mass=None, recorded=None, battery=None):
+    """Identify from gyro, accelerometer and commands, recorded as a function of theirs."""
+    log = to_flight_log(flight, channels=("gyro", "accel", "command"))
+    columns = {"time": flight.time}
+    for name in ("gyro", "accel"):
+        for k, axis in enumerate("xyz"):
+            columns[f"{name}_{axis}"] = log.channels[name].values[:, k]
+    command = log.channels["command"].values
+    command = command if recorded is None else recorded(command)
+    for k in range(command.shape[1]):
+        columns[f"command_{k + 1}"] = command[:, k]
+    if battery is not None:
+        columns["battery"] = battery
+    write_table(folder / "flight.csv", columns, force=True)
+    lag = f"lag = {flight.truth.motor_lag}"
+    path = experiment_file(
+        folder / "experiment.toml",
+        flight.vehicle,
+        [(folder / "flight.csv").relative_to(folder)],
+        mass=flight.truth.mass if mass is None else mass,
+        extra=f'[motors]\nspeed = "commanded"\n{lag}\n{motors}',
+    )
+    return quietly_identified(path)
+
+
+def numbers(result):
+    return {number.name: number for number in (*result.parameters, *result.derived)}
+
+
+def root_command(speed):
+    """Command that PX4's thrust model with THR_MDL_FAC = 0.3 turns into a relative speed."""
+    return (np.sqrt(0.7**2 + 4 * 0.3 * speed**2) - 0.7) / (2 * 0.3)
+
+
+# Name: the law's text for a largest speed w, and the command for a relative speed.
+LAWS = {
+    "linear": (
+        lambda w: f"linear = [{-OFFSET}, {w + OFFSET}]",
+        lambda w, speed: (speed * w + OFFSET) / (w + OFFSET),
+    ),
+    "polynomial": (lambda w: f"polynomial = [0, 0, {w}]", lambda w, speed: np.sqrt(speed)),
+    "table": (
+        lambda w: f"table = [[0, 0], [0.4, {0.5 * w}], [1, {w}]]",
+        lambda w, speed: np.interp(speed, [0, 0.5, 1], [0, 0.4, 1]),
+    ),
+    "sqrt": (
+        lambda w: f"sqrt = {{ full_speed = {w}, thr_mdl_fac = 0.3 }}",
+        lambda w, speed: root_command(speed),
+    ),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_flight_with_its_law_lands_inside_its_intervals(tmp_path, flight, law):
+    text, command = LAWS[law]
+    w = float(flight.max_speed)
+    result = identified(
+        tmp_path,
+        flight,
+        motors=f"law = {{ {text(w)} }}",
+        recorded=lambda speed: command(w, speed),
+    )
+    found, truth = numbers(result), flight.truth.parameters()
+    for name in JUDGED:
+        low, high = found[name].interval
+        assert low <= truth[name] <= high, name
+    assert found["kt"].unit == PARAMETERS["kt"].unit
+    assert NO_LAW not in result.warnings
+    assert not any("accel_bias_z" in doubt for doubt in result.warnings)
+
+
+def test_the_battery_is_part_of_the_law(tmp_path, flight):
+    w = float(flight.max_speed)
+    volts = np.linspace(12.6, 10.5, len(flight.time))
+    motors = f"law = {{ linear = [0, {w}], voltage = {{ nominal = 12.0 }} }}"
+    sagged = {"recorded": lambda speed: speed * (12.0 / volts)[:, None]}
+    found = numbers(identified(tmp_path, flight, motors=motors, battery=volts, **sagged))
+    low, high = found["kt"].interval
+    assert low <= flight.truth.kt <= high
+    blind = f"law = {{ linear = [0, {w}] }}"
+    low, high = numbers(identified(tmp_path, flight, motors=blind, **sagged))["kt"].interval
+    assert not low <= flight.truth.kt <= high
+    with pytest.raises(LogError, match=r"flight.csv: .* the log has no battery voltage"):
+        identified(tmp_path, flight, motors=motors, **sagged)
+
+
+@pytest.mark.parametrize("mass", [None, "unknown"])
+def test_without_a_law_all_is_per_command_and_the_products_are_physical(tmp_path, flight, mass):
+    result = identified(tmp_path, flight, motors="", mass=mass)
+    found, truth, w = numbers(result), flight.truth.parameters(), float(flight.max_speed)
+    assert NO_LAW in result.warnings
+    per = " per kg" if mass else ""
+    assert found["kt"].unit == f"N per squared command{per}"
+    assert found["kd"].unit == f"N m per squared command{per}"
+    assert found["hover_speed"].unit == "command"
+    assert found["Ixx_com"].unit == f"kg m^2{per}"
+    assert found["kd_over_kt"].unit == "m"
+    scale = truth["mass"] if mass else 1.0
+    for name, factor in {"kt": w**2, "kd": w**2, "Ixx_com": 1.0, "Iyy_com": 1.0}.items():
+        low, high = found[name].interval
+        assert low <= truth[name] * factor / scale <= high, name
+    low, high = found["kd_over_kt"].interval
+    assert low <= truth["kd"] / truth["kt"] <= high
+
+
+def test_a_thrust_that_is_no_square_of_the_speed_is_told_by_its_offset(tmp_path, flight):
+    """Thrust in proportion to the command, taken for its square."""
+    result = identified(tmp_path, flight, motors="", recorded=lambda speed: speed**2)
+    assert abs(numbers(result)["accel_bias_z"].value) > LARGEST_BIAS
+    assert any("the thrust is not in proportion" in doubt for doubt in result.warnings)
+
+
+def test_the_units_are_those_of_the_equations():
+    """With speeds in commands, every rad/s of a parameter's unit becomes a command."""
+    assert set(EFFECTIVE_UNITS) <= {*PARAMETERS, *DERIVED}
+    assert effective_unit("kt_3", PARAMETERS["kt"].unit) == EFFECTIVE_UNITS["kt"]
+    assert effective_unit("kd", "N m s^2/rad^2 per kg") == "N m per squared command per kg"
+    assert effective_unit("Ixx", "kg m^2 per kg") == "kg m^2 per kg"
+    # N m of torque per command per second; and 1/s^2 of yaw acceleration per squared command.
+    assert effective_unit("Jr", "kg m^2") == "N m s per command"
+    assert effective_unit("kd_over_Izz", "1/rad^2") == "1/s^2 per squared command"
+    assert effective_unit("Jr_over_Izz", "1") == "1/s per command"
+    for name, info in {**PARAMETERS, **DERIVED}.items():
+        assert "rad" not in effective_unit(name, info.unit), name
