@@ -93,7 +93,10 @@ def poses(log: FlightLog) -> Channel:
 def _jumps(
     time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n 7"]
 ) -> Bool[np.ndarray, " n"]:
-    """Return which frames lie off the line of their neighbours, far beyond noise and flight."""
+    """Return which frames lie off the line of their neighbours, far beyond noise and flight.
+
+    The neighbours of a jump, seen from it, lie off too, and go with it.
+    """
     period = float(np.median(np.diff(time)))
     off = np.zeros((len(values), 2))
     across = (time[2:] - time[:-2])[:, None]

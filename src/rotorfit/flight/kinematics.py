@@ -124,8 +124,11 @@ def motion_from_bryant(
 
 def bryant_angles(attitude_wxyz: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3"]:
     """Return psi, theta, phi of body-to-world quaternions, without jumps by whole turns [rad]."""
-    angles = Rotation.from_quat(np.roll(attitude_wxyz, -1, axis=1)).as_euler("ZYX")
-    return np.unwrap(angles, axis=0)
+    R = Rotation.from_quat(np.roll(attitude_wxyz, -1, axis=1)).as_matrix()
+    psi = np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    theta = -np.arcsin(np.clip(R[:, 2, 0], -1.0, 1.0))
+    phi = np.arctan2(R[:, 2, 1], R[:, 2, 2])
+    return np.unwrap(np.stack([psi, theta, phi], axis=1), axis=0)
 
 
 def bryant_matrix(angles: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:

@@ -16,11 +16,17 @@ from rotorfit.flight.camera import NOTED_JITTER, CameraClock, camera_clock, pose
 from rotorfit.flight.checks import (
     refuse_empty_window,
     refuse_idle_motors,
+    refuse_missing_battery,
     refuse_missing_motors,
     speed_doubts,
     thrust_doubts,
 )
-from rotorfit.flight.clocks import uniform_channels, usable_samples
+from rotorfit.flight.clocks import (
+    FEWEST_SAMPLES,
+    UniformChannels,
+    uniform_channels,
+    usable_samples,
+)
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.kinematics import (
     BodyMotion,
@@ -28,7 +34,7 @@ from rotorfit.flight.kinematics import (
     motion_from_quaternions,
 )
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.flight.motors import speed_from_command
+from rotorfit.flight.motors import white_noise_std
 from rotorfit.flight.prepare import (
     Cut,
     MotorModel,
@@ -39,6 +45,7 @@ from rotorfit.flight.prepare import (
     with_motors,
 )
 from rotorfit.flight.signals import hampel, smooth, true_runs
+from rotorfit.flight.speed_law import law_doubts, speed_from_command
 from rotorfit.flight.splines import low_pass, spline_at
 
 HIGHEST_CUTOFF = 25.0
@@ -69,8 +76,8 @@ class _Frames:
         Recorded motor channel.
     runs
         Start and stop of the runs without gaps.
-    motor_rate
-        True rate of the motor channel [Hz].
+    motor_rate, motor_std
+        True rate of the motor channel [Hz], and its white noise.
     gaps
         Start and end [s] of what is missing, and of which channel.
     """
@@ -82,6 +89,7 @@ class _Frames:
     motors: Float[np.ndarray, "n N"]
     runs: tuple[tuple[int, int], ...]
     motor_rate: float
+    motor_std: float
     gaps: tuple[Cut, ...]
 
 
@@ -126,8 +134,11 @@ def prepare_mocap(
     refuse_missing_motors(log, name, rotor_count)
     clock = camera_clock(pose.time)
     frames = _frames(pose, clock, _motor_channel(log, motors))
-    data = _differentiated(frames, log.channels[name].resolution if name == "rotor_speed" else None)
-    data = with_motors(data, frames.motors, lag=motors.lag, delay=motors.delay or 0.0)
+    measured = motors.speed == "measured"
+    data = _differentiated(frames, (log.channels[name].resolution or 0.0) if measured else None)
+    # A known lag is part of the channel: only the delay is left to be tried.
+    speed = with_motors(data, frames.motors, lag=motors.lag, delay=0.0).rotor_speed
+    data = with_motors(data, speed, lag=0.0, delay=motors.delay or 0.0)
     motion = _windowed(data, frames, arm=arm, window=window)
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)
@@ -138,13 +149,13 @@ def prepare_mocap(
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
-        motor_channel=frames.motors,
+        motor_channel=speed,
         gyro_bias=None,
         spikes={},
         # Bands end at 0.4 of the slowest rate: here at the low-pass.
         slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
         cuts=_cuts(data, frames, window),
-        warnings=_doubts(data, frames, clock),
+        warnings=(*_doubts(data, frames, clock), *_law_doubts(log, motors, data)),
     )
 
 
@@ -154,15 +165,22 @@ def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
         channel = usable_samples(log.channels["rotor_speed"], "rotor_speed")
         return dataclasses.replace(channel, values=hampel(channel.values)[0])
     channel = usable_samples(log.channels["command"], "command")
-    law = motors.law
-    values = channel.values if law is None else speed_from_command(channel.values, law)
-    return dataclasses.replace(channel, values=values)
+    if motors.law is None:
+        return channel
+    battery = None
+    if motors.law.voltage is not None:
+        refuse_missing_battery(log)
+        volts = usable_samples(log.channels["battery"], "battery")
+        battery = np.interp(channel.time, volts.time, volts.values[:, 0])[:, None]
+    speed = speed_from_command(channel.values, motors.law, battery=battery)
+    return dataclasses.replace(channel, values=speed)
 
 
 def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
     """Return pose and motors, run by run: low-passed, then differentiated."""
     cutoff = min(HIGHEST_CUTOFF, CUTOFF_SHARE * clock.rate)
-    speed, has_motors, motor_rate = _on_frames(motors, clock, cutoff)
+    own = uniform_channels({"motor": motors}, clock="motor")
+    speed, has_motors = _on_frames(own, clock, cutoff)
     shortest = int(clock.rate * (SHORTEST_FLIGHT + 2.0 * MARGIN / cutoff))
     runs = [
         (first + a, first + b)
@@ -182,7 +200,8 @@ def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
         motion=_joined(parts),
         motors=np.concatenate([speed[a:b] for a, b in runs]),
         runs=tuple(pairwise([0, *stops])),
-        motor_rate=motor_rate,
+        motor_rate=own.rates["motor"],
+        motor_std=white_noise_std(own.values["motor"], own.stretches),
         gaps=_gaps(clock, runs, has_motors),
     )
 
@@ -209,25 +228,23 @@ def _joined(parts: list[BodyMotion]) -> BodyMotion:
 
 
 def _on_frames(
-    motors: Channel, clock: CameraClock, cutoff: float
-) -> tuple[Float[np.ndarray, "n N"], Bool[np.ndarray, " n"], float]:
-    """Return the motor channel at the frames, where it has data, and its own rate.
+    own: UniformChannels, clock: CameraClock, cutoff: float
+) -> tuple[Float[np.ndarray, "n N"], Bool[np.ndarray, " n"]]:
+    """Return the motor channel at the frames, and where it has data.
 
     Low-passed on its own clock, so that what is faster than the cameras does not fold back.
     """
-    own = uniform_channels({"motor": motors}, clock="motor")
-    cutoff = min(cutoff, 0.45 * own.sample_rate)
-    values = np.zeros((len(clock.time), motors.values.shape[1]))
+    motors, rate = own.values["motor"], own.sample_rate
+    values = np.zeros((len(clock.time), motors.shape[1]))
     there = np.zeros(len(clock.time), dtype=bool)
     for a, b in own.stretches:
-        if b - a < 8:
+        if b - a < FEWEST_SAMPLES:
             continue
         inside = (clock.time >= own.time[a]) & (clock.time <= own.time[b - 1])
-        rows = (clock.time[inside] - own.time[a]) * own.sample_rate
-        smooth = low_pass(own.values["motor"][a:b], own.sample_rate, cutoff)
-        values[inside] = spline_at(smooth, rows)[0]
+        smooth_speed = low_pass(motors[a:b], rate, min(cutoff, 0.45 * rate))
+        values[inside] = spline_at(smooth_speed, (clock.time[inside] - own.time[a]) * rate)[0]
         there |= inside
-    return values, there, own.rates["motor"]
+    return values, there
 
 
 def _no_runs(pose: Channel, clock: CameraClock, motors: Channel, shortest: float) -> str:
@@ -257,11 +274,13 @@ def _gaps(
 def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
     """Return all runs as FlightData, without segments and rotor columns yet.
 
+    The resolution is that of measured rotor speed; None for commands, which are free of noise.
     The derivatives are those of splines and belong to the instant of their sample (``"exact"``).
     """
     motion = frames.motion
     # White noise of the same density, where the low-pass lets it through.
     thinned = np.sqrt(frames.rate / frames.motor_rate)
+    std = 0.0 if resolution is None else max(resolution / 12.0**0.5, frames.motor_std)
     return FlightData(
         sample_rate=frames.rate,
         time=frames.time,
@@ -272,7 +291,7 @@ def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
         rotor_acceleration=frames.motors,
         differentiation="exact",
         segments=(),
-        rotor_speed_std=float((resolution or 0.0) / 12.0**0.5 * thinned),
+        rotor_speed_std=float(std * thinned),
         velocity=motion.velocity,
     )
 
@@ -364,3 +383,13 @@ def _doubts(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str,
     if data.velocity is not None:
         doubts += speed_doubts(data.velocity[rows])
     return tuple(doubts)
+
+
+def _law_doubts(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple[str, ...]:
+    """Return what to doubt of the motors' law for the commands in flight."""
+    if motors.law is None:
+        return ()
+    command = usable_samples(log.channels["command"], "command")
+    first, last = data.time[data.segments[0].start], data.time[data.segments[-1].stop - 1]
+    flown = (command.time >= first) & (command.time <= last)
+    return law_doubts(motors.law, command.values[flown])
