@@ -57,12 +57,12 @@ def decimal(value: float | int) -> str:
 
 
 def nice_step(span: float, count: int) -> float:
-    """Return 1, 2 or 5 times a power of ten that divides a span into about `count` steps."""
+    """Return 1, 2, 4 or 5 times a power of ten that divides a span into about `count` steps."""
     if not (math.isfinite(span) and span > 0):
         return 1.0
     raw = span / count
     power = 10.0 ** math.floor(math.log10(raw))
-    return power * next(f for f in (1.0, 2.0, 5.0, 10.0) if raw <= f * power * (1 + 1e-9))
+    return power * next(f for f in (1.0, 2.0, 4.0, 5.0, 10.0) if raw <= f * power * (1 + 1e-9))
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:

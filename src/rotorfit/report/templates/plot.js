@@ -15,7 +15,7 @@ function decoded(packed) {
 
 function niceStep(span, count) {
   const raw = span / count, power = Math.pow(10, Math.floor(Math.log10(raw)));
-  return power * [1, 2, 5, 10].find(function (f) { return raw <= f * power * (1 + 1e-9); });
+  return power * [1, 2, 4, 5, 10].find(function (f) { return raw <= f * power * (1 + 1e-9); });
 }
 
 function tickLabel(value, step) {
