@@ -1,15 +1,13 @@
 """Short simulated flights as files, and the command line in process."""
 
-import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import AIRFRAME, EXPERIMENT, Columns, Outcome, called
 
-from rotorfit.cli.main import main
 from rotorfit.logs.table import write_table
 from rotorfit.simulation import (
     Scenario,
@@ -19,38 +17,6 @@ from rotorfit.simulation import (
     simulate_flight,
     variant,
 )
-
-Columns = dict[str, np.ndarray]
-
-AIRFRAME = """[airframe]
-layout = "quad-plus"
-arm = 0.2
-order = "paper"
-imu = { position = [0.0, 0.0, 0.0] }
-"""
-EXPERIMENT = AIRFRAME + '[[configuration]]\nmass = 1.285\nflights = ["flight.csv"]\n'
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How a command ended, and what it printed."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self):
-        return json.loads(self.out)
-
-
-def called(*arguments: object) -> int:
-    """Run the command line in this process and return its exit code."""
-    sys.argv = ["rotorfit", *map(str, arguments)]
-    with pytest.raises(SystemExit) as ended:
-        main()
-    code = ended.value.code
-    return code if isinstance(code, int) else 0
 
 
 @pytest.fixture
@@ -87,9 +53,9 @@ def refused(run) -> Callable[..., str]:
 
 @pytest.fixture(scope="session")
 def simulated() -> SimulatedFlight:
-    """Twenty seconds of a real-looking flight from the ground and back."""
+    """A short real-looking flight from the ground and back."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
-    scenario = Scenario(seconds=20.0, ground_seconds=3.0, sensors=sensors)
+    scenario = Scenario(seconds=14.0, ground_seconds=3.0, sensors=sensors)
     return simulate_flight(truth, vehicle, scenario, seed=1)
 
 

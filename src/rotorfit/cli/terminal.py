@@ -16,13 +16,16 @@ STOPPED = 130
 
 def show(text: str) -> None:
     """Print a result on stdout."""
-    typer.echo(text)
+    # Not typer.echo: it takes an ASCII terminal for a mistake, and writes UTF-8 to it.
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
 
 
 def say(words: str) -> None:
     """Print a line on stderr; nobody reading it is no reason to stop."""
     with suppress(OSError):
-        typer.echo(words, err=True)
+        sys.stderr.write(f"{words}\n")
+        sys.stderr.flush()
 
 
 def refuse(error: Exception) -> NoReturn:

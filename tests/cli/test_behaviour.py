@@ -1,0 +1,255 @@
+"""How the program behaves around its answers: outputs, interruptions, names, locales, faults."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from command_line import EXPERIMENT
+
+from rotorfit import __version__
+from rotorfit.cli import identify as identify_command
+from rotorfit.cli.progress import steps
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.report.text import result_text
+
+PROGRAM = Path(sys.executable).with_name("rotorfit")
+LOG = ("flight.csv", "--mass", "1.285", "--airframe", "airframe.toml")
+
+
+def installed(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the installed program as a user does."""
+    return subprocess.run(
+        [PROGRAM, *arguments],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **environment},
+        timeout=120,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory, table_text) -> Path:
+    """A folder with an experiment, and its result as the installed program wrote it."""
+    folder = tmp_path_factory.mktemp("saved")
+    (folder / "flight.csv").write_text(table_text)
+    (folder / "experiment.toml").write_text(EXPERIMENT)
+    ended = installed("identify", f"{folder}/experiment.toml", "-o", f"{folder}/result.json")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr == f"wrote {folder}/result.json\n"
+    (folder / "printed.txt").write_text(ended.stdout)
+    return folder
+
+
+def numbers(result: dict) -> dict:
+    """Return everything of a result that does not depend on where its files are."""
+    return {key: result[key] for key in ("parameters", "derived", "covariance", "diagnostics")}
+
+
+def stored(folder: Path) -> dict:
+    return json.loads((folder / "result.json").read_text())
+
+
+# -- results -------------------------------------------------------------------------------------
+
+
+def test_the_result_loads_and_prints_the_same(saved):
+    result = IdentificationResult.load(saved / "result.json")
+    assert result.parameter("kt").value == pytest.approx(3.63e-6, rel=0.03)
+    assert result_text(result) == (saved / "printed.txt").read_text()
+
+
+def test_the_same_from_another_folder_as_json_and_twice(run, saved, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ended = run("identify", os.path.relpath(saved / "experiment.toml"), "--json")
+    assert (ended.code, ended.err) == (0, "")
+    assert numbers(ended.json) == numbers(stored(saved))
+
+
+def test_names_with_blanks_and_umlauts(run, saved, tmp_path, monkeypatch):
+    folder = tmp_path / "Prüf stand 飛行"
+    folder.mkdir()
+    (folder / "flug ä.csv").write_bytes((saved / "flight.csv").read_bytes())
+    text = EXPERIMENT.replace("flight.csv", "flug ä.csv")
+    (folder / "versuch ö.toml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    ended = run("identify", folder / "versuch ö.toml", "-o", folder / "ergebnis ß.json")
+    assert ended.code == 0
+    written = json.loads((folder / "ergebnis ß.json").read_text(encoding="utf-8"))
+    assert numbers(written) == numbers(stored(saved))
+    assert Path(written["flights"][0]["file"]) == folder / "flug ä.csv"
+
+
+def test_force_replaces(run, saved, here):
+    (here / "result.json").write_text("mine")
+    assert run("identify", "experiment.toml", "-o", "result.json", "--force").code == 0
+    assert numbers(stored(here)) == numbers(stored(saved))
+
+
+def test_a_failing_disk_leaves_nothing(refused, here, monkeypatch):
+    def full(*arguments, **options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    monkeypatch.setattr(Path, "replace", full)
+    line = refused("identify", "experiment.toml", "-o", "result.json")
+    assert "No space left on device" in line
+
+
+# -- options -------------------------------------------------------------------------------------
+
+
+def test_start_and_end_are_those_of_the_experiment_file(run, here):
+    given = run("identify", *LOG, "--method", "ols", "--start", "6", "--end", "20", "--json")
+    flight = '{ file = "flight.csv", start = 6.0, end = 20.0 }'
+    (here / "experiment.toml").write_text(EXPERIMENT.replace('"flight.csv"', flight))
+    written = run("identify", "experiment.toml", "--json")
+    assert (given.code, written.code) == (0, 0)
+    assert numbers(given.json) == numbers(written.json)
+    assert given.json["flights"][0]["used"][0] == pytest.approx([6.0, 20.0], abs=0.02)
+
+
+def test_speed_overrides_the_file(run, changed, here):
+    changed(lambda c: {n: v for n, v in c.items() if not n.startswith("rotor_")})
+    given = run("identify", "experiment.toml", "--speed", "commanded", "--json")
+    motors = '[motors]\nspeed = "commanded"\n'
+    (here / "experiment.toml").write_text(EXPERIMENT + motors)
+    written = run("identify", "experiment.toml", "--json")
+    assert given.code == written.code
+    assert given.code == 1 or numbers(given.json) == numbers(written.json)
+
+
+def test_measured_speed_needs_no_law(run, saved, here):
+    motors = '[motors]\nspeed = "commanded"\nlag = 0.04\nlaw = { polynomial = [0.0, 1500.0] }\n'
+    (here / "experiment.toml").write_text(EXPERIMENT + motors)
+    ended = run("identify", "experiment.toml", "--speed", "measured", "--json")
+    assert ended.code == 0
+    assert numbers(ended.json) == numbers(stored(saved))
+
+
+# -- interrupted, unread, at fault ---------------------------------------------------------------
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe with a name")
+def test_ctrl_c(tmp_path):
+    log = tmp_path / "slow.csv"
+    os.mkfifo(log)
+    running = subprocess.Popen(
+        [PROGRAM, "inspect", log], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    writer = os.open(log, os.O_WRONLY)  # waits until the program reads, which then waits for us
+    time.sleep(0.1)
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=60)
+    os.close(writer)
+    assert (running.returncode, out, err) == (130, "", "rotorfit: stopped\n")
+
+
+def test_nobody_reads_on(saved):
+    """As in  rotorfit inspect ... | head -1, with a reader that is gone at once."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    ended = subprocess.run(
+        [PROGRAM, "inspect", saved / "flight.csv"],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("fault", [ValueError("odd\nvalue"), MemoryError(), RecursionError("deep")])
+def test_a_fault_of_ours_is_one_line(refused_fault, fault):
+    line = refused_fault(fault)
+    words = f"{type(fault).__name__}: {' '.join(str(fault).split())}".removesuffix(": ")
+    assert line == (
+        f"rotorfit: internal error ({words}); please report it with the log, "
+        "run with ROTORFIT_DEBUG=1 for details\n"
+    )
+
+
+@pytest.fixture
+def refused_fault(run, here, monkeypatch):
+    def line(fault: Exception) -> str:
+        monkeypatch.delenv("ROTORFIT_DEBUG", raising=False)
+        break_identify(monkeypatch, fault)
+        ended = run("identify", "experiment.toml")
+        assert (ended.code, ended.out) == (1, "")
+        return ended.err
+
+    return line
+
+
+def break_identify(monkeypatch, fault: BaseException) -> None:
+    def broken(*arguments, **options):
+        raise fault
+
+    monkeypatch.setattr(identify_command, "identify", broken)
+
+
+def test_debugging_shows_the_fault(run, here, monkeypatch):
+    break_identify(monkeypatch, ValueError("odd value"))
+    monkeypatch.setenv("ROTORFIT_DEBUG", "1")
+    from rotorfit.cli.main import main
+
+    monkeypatch.setattr(sys, "argv", ["rotorfit", "identify", "experiment.toml"])
+    with pytest.raises(ValueError, match="odd value"):
+        main()
+
+
+def test_ctrl_c_in_process(run, here, monkeypatch):
+    break_identify(monkeypatch, KeyboardInterrupt())
+    ended = run("identify", "experiment.toml", "-o", "result.json")
+    assert (ended.code, ended.out, ended.err) == (130, "", "rotorfit: stopped\n")
+    assert not (here / "result.json").exists()
+
+
+# -- surroundings --------------------------------------------------------------------------------
+
+
+def test_python_m_and_version():
+    for command in ([str(PROGRAM)], [sys.executable, "-m", "rotorfit"]):
+        ended = subprocess.run(
+            [*command, "--version"], capture_output=True, text=True, timeout=60, check=True
+        )
+        assert (ended.stdout, ended.stderr) == (f"rotorfit {__version__}\n", "")
+
+
+def test_ascii_terminal_and_warnings_as_errors(saved, tmp_path):
+    """A C locale, and a Python that takes every warning for an error."""
+    folder = tmp_path / "Höhe"
+    folder.mkdir()
+    (folder / "flight.csv").write_bytes((saved / "flight.csv").read_bytes())
+    text = EXPERIMENT.replace("[airframe]", 'name = "Höhe"\n[airframe]', 1)
+    (folder / "experiment.toml").write_text(text, encoding="utf-8")
+    surroundings = {"LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONWARNINGS": "error"}
+    ended = installed("identify", f"{folder}/experiment.toml", **surroundings)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    printed = (saved / "printed.txt").read_text()
+    assert ended.stdout == printed.replace("experiment:", "H\\xf6he:", 1)
+    ended = installed("inspect", f"{folder}/none.csv", **surroundings)
+    assert ended.returncode == 1
+    assert ended.stderr.endswith("H\\xf6he/none.csv: no such file: check the path\n")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_only_where_someone_watches(monkeypatch):
+    for stream, shown in ((io.StringIO(), False), (Terminal(), True)):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with steps() as tell:
+            tell("reading flight.csv")
+            time.sleep(0.2 if shown else 0.0)
+        assert ("reading flight.csv" in stream.getvalue()) == shown

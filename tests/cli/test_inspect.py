@@ -1,0 +1,137 @@
+"""inspect is a doctor: trouble in a readable log is told with exit code 0, an unusable log 1."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from blackbox_file import blackbox_of
+
+
+@pytest.fixture(scope="module")
+def blackbox(columns) -> bytes:
+    return blackbox_of({name: values[::4] for name, values in columns.items()})
+
+
+def without(*beginnings: str):
+    return lambda c: {n: v for n, v in c.items() if not n.startswith(beginnings)}
+
+
+def test_a_good_log(run, here):
+    ended = run("inspect", "flight.csv")
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out.startswith("flight.csv: table, log 1 of 1, 30.0 s\n")
+    assert "  rotor_speed        4     6000    200 Hz     -  rad/s" in ended.out
+    assert "airborne: " in ended.out and "nothing found" not in ended.out
+    assert "To know" not in ended.out
+
+
+def test_json_agrees_with_the_text(run, here):
+    [report] = run("inspect", "flight.csv", "--json").json
+    text = run("inspect", "flight.csv").out
+    assert [c["name"] for c in report["channels"]] == ["gyro", "accel", "rotor_speed"]
+    for channel in report["channels"]:
+        assert (channel["samples"], channel["missing"]) == (6000, 0)
+        assert channel["rate"] == pytest.approx(200.0)
+        assert channel["source"] in text
+    [[start, end]] = report["airborne"]
+    assert f"airborne: {start:.2f} to {end:.2f} s" in text
+    assert report["trouble"] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (without("rotor_", "command_"), "no motor data"),
+        (without("rotor_"), "only commands"),
+        (without("gyro", "accel"), "no gyro channel"),
+        (lambda c: {n: v[:500] for n, v in c.items()}, "never fl"),
+        (lambda c: {n: 0.0 * v if "rotor" in n else v for n, v in c.items()}, "never turn"),
+        (lambda c: {n: -v if n[-1] in "yz" else v for n, v in c.items()}, "FRD"),
+    ],
+    ids=["no motors", "commands only", "no imu", "never airborne", "motors still", "turned"],
+)
+def test_trouble_is_told_and_done(run, changed, change, words):
+    changed(change)
+    ended = run("inspect", "flight.csv", "--json")
+    assert (ended.code, ended.err) == (0, "")
+    [report] = ended.json
+    assert any(words in trouble for trouble in report["trouble"]), report["trouble"]
+    text = run("inspect", "flight.csv").out
+    assert words in " ".join(text.split())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda c: {n: v if n == "time" else v * np.nan for n, v in c.items()},
+        lambda c: {n: v[:1] for n, v in c.items()},
+    ],
+    ids=["all nan", "one sample"],
+)
+@pytest.mark.parametrize("options", [(), ("--json",)], ids=["text", "json"])
+def test_no_usable_sample(refused, changed, change, options):
+    changed(change)
+    assert "flight.csv" in refused("inspect", "flight.csv", *options)
+
+
+@pytest.mark.parametrize("content", [b"", b"%PDF-1.7\n", bytes(range(256))])
+def test_unreadable(refused, here, content):
+    (here / "flight.csv").write_bytes(content)
+    refused("inspect", "flight.csv")
+
+
+def test_one_of_two_cannot_be_read(run, here):
+    ended = run("inspect", "none.csv", "flight.csv", "--json")
+    assert ended.code == 1
+    assert [report["file"] for report in ended.json] == ["flight.csv"]
+    assert ended.err == "rotorfit: none.csv: no such file: check the path\n"
+
+
+def test_several_logs_are_listed_and_one_is_chosen(run, refused, here, blackbox):
+    (here / "two.bbl").write_bytes(blackbox + blackbox)
+    listed = run("inspect", "two.bbl")
+    assert listed.code == 0
+    assert listed.out.startswith("two.bbl: 2 logs; look at one with --log N\n  1: ")
+    [choice] = run("inspect", "two.bbl", "--json").json
+    assert [line[:2] for line in choice["logs"]] == ["1:", "2:"]
+    chosen = run("inspect", "two.bbl", "--log", "2", "--json")
+    assert chosen.code == 0
+    assert chosen.json[0]["log"] == "2 of 2"
+    assert "3" in refused("inspect", "two.bbl", "--log", "3")
+
+
+def test_blackbox_cut_in_the_middle_of_a_frame(run, here, blackbox):
+    (here / "cut.bbl").write_bytes(blackbox[: len(blackbox) * 3 // 4 + 5])
+    ended = run("inspect", "cut.bbl", "--json")
+    assert ended.code == 0
+    [report] = ended.json
+    whole = 1500
+    assert 0.7 * whole < report["channels"][0]["samples"] < 0.8 * whole
+    assert any("end" in trouble for trouble in report["trouble"]), report["trouble"]
+
+
+def test_blackbox_cut_inside_its_header(refused, here, blackbox):
+    header = blackbox.index(b"H Field I name")
+    for stop in (len(b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n"), header):
+        (here / "cut.bbl").write_bytes(blackbox[:stop])
+        assert "cut.bbl" in refused("inspect", "cut.bbl")
+
+
+@pytest.mark.flights
+@pytest.mark.parametrize("folder", ["betaflight", "tudelft-indiflight"])
+def test_real_logs(run, flight_data_dir, folder):
+    logs = sorted((flight_data_dir / folder).glob("*.BFL"))
+    if not logs:
+        pytest.skip(f"no logs in {folder}")
+    ended = run("inspect", *logs, "--json")
+    assert (ended.code, ended.err) == (0, "")
+    reports = json.loads(ended.out)
+    assert [Path(report["file"]).name for report in reports] == [log.name for log in logs]
+    for report in reports:
+        channels = {channel["name"]: channel for channel in report["channels"]}
+        assert {"gyro", "accel"} <= set(channels)
+        assert {"rotor_speed", "command"} & set(channels)
+        assert 400 < channels["gyro"]["rate"] < 1100
+        flown = sum(end - start for start, end in report["airborne"])
+        assert 5.0 < flown <= report["seconds"]
