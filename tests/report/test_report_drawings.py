@@ -3,6 +3,7 @@
 import base64
 import importlib
 import re
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -221,3 +222,15 @@ def test_png_stands_beside_svg_where_the_renderer_is_installed(tmp_path: Path) -
     png = [p for p in paths if p.suffix == ".png"]
     assert len(png) == 6
     assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for p in png)
+
+
+def test_a_centre_of_mass_of_unknown_height_is_drawn_from_above_only() -> None:
+    result = a_result(configurations=("A",))
+    derived = tuple(
+        replace(d, value=None, std=None, interval=None) if d.name == "com_z" else d
+        for d in result.derived
+    )
+    drawn = figures.figure_texts(replace(result, derived=derived))
+    assert list(drawn) == ["vehicle-top", "vehicle-side", "center-top", "correlations"]
+    assert 'class="ring"' in drawn["vehicle-top"]
+    assert 'class="ring"' not in drawn["vehicle-side"]

@@ -20,8 +20,7 @@ from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.words import file_name
 from rotorfit.report.wrenches import wrench_svg
 
-VIEW_NAMES = ("vehicle-top", "vehicle-side", "center-top", "center-side")
-ALWAYS = (*(f"{name}.svg" for name in VIEW_NAMES), "correlations.svg")
+ALWAYS = ("vehicle-top.svg", "vehicle-side.svg", "correlations.svg")
 """Files that nearly every report writes: where one is there, so is an earlier report."""
 HINT = 'for PNG beside the SVG files: pip install "rotorfit[figures]"'
 
@@ -78,8 +77,7 @@ def figure_texts(
     out: dict[str, str] = {}
     vehicle = vehicle_drawings(result)
     if vehicle is not None:
-        for name, (_, svg) in zip(VIEW_NAMES, vehicle.views, strict=False):
-            out[name] = standalone(svg, style)
+        out = {name: standalone(svg, style) for name, _, svg in vehicle.views}
     for number, comparison in enumerate(comparisons, 1):
         name = f"wrench-{number}-{_plain(comparison.configuration)}-{_plain(comparison.flight)}"
         out[name] = standalone(wrench_svg(comparison, series_of(comparison)), style)

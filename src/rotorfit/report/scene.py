@@ -35,13 +35,13 @@ class Body:
     Attributes
     ----------
     com
-        None where it is not known in all three directions.
+        None in the directions in which it is not known.
     covariance
         Of `com` [m^2]; 95 % of it is drawn.
     """
 
     configuration: str
-    com: Point | None
+    com: tuple[float | None, float | None, float | None]
     covariance: Float[np.ndarray, "3 3"]
     payloads: tuple[Payload, ...]
 
@@ -120,14 +120,13 @@ def _origin_shift(result: IdentificationResult, vehicle: Vehicle) -> Point:
 
 def _body(result: IdentificationResult, name: str, shift: Point, *, flip: bool) -> Body:
     found = [_com(result, name, axis) for axis in "xyz"]
-    com = None
-    if all(value is not None for value, _ in found):
-        x, y, z = ((value or 0.0) + s for (value, _), s in zip(found, shift, strict=True))
-        com = (x, y, z)
+    x, y, z = (
+        None if value is None else value + s for (value, _), s in zip(found, shift, strict=True)
+    )
     std = np.array([(half or 0.0) / 1.96 for _, half in found])
     return Body(
         configuration=name,
-        com=com,
+        com=(x, y, z),
         covariance=_correlation(result, name) * np.outer(std, std),
         payloads=_payloads(result.settings, name, flip=flip),
     )

@@ -21,6 +21,11 @@ TOP = ((1, -1.0), (0, 1.0))
 SIDE = ((0, 1.0), (2, 1.0))
 """Seen from the vehicle's right: to the right is x, up is z."""
 
+CLOSE = (
+    ("center-top", "Centre of mass, close up, from above", TOP),
+    ("center-side", "Centre of mass, close up, from the side", SIDE),
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
@@ -52,7 +57,7 @@ class View:
 class VehicleDrawings:
     """The drawings, and what their caption says."""
 
-    views: tuple[tuple[str, str], ...]
+    views: tuple[tuple[str, str, str], ...]
     bodies: tuple[Body, ...]
     imu_words: str
     arms: str
@@ -64,19 +69,29 @@ def vehicle_drawings(result: IdentificationResult) -> VehicleDrawings | None:
     scene = scene_of(result)
     if scene is None:
         return None
-    views = (
-        ("From above, front up", whole_view(scene, TOP)),
-        ("From its right side, front to the right", whole_view(scene, SIDE)),
-        ("Centre of mass, close up, from above", close_view(scene, TOP)),
-        ("Centre of mass, close up, from the side", close_view(scene, SIDE)),
-    )
+    views = [
+        ("vehicle-top", "From above, front up", whole_view(scene, TOP)),
+        ("vehicle-side", "From its right side, front to the right", whole_view(scene, SIDE)),
+    ]
+    for name, words, axes in CLOSE:
+        if any(com_in(body, axes) is not None for body in scene.bodies):
+            views.append((name, words, close_view(scene, axes)))
     return VehicleDrawings(
-        views=views if any(b.com for b in scene.bodies) else views[:2],
+        views=tuple(views),
         bodies=scene.bodies,
         imu_words=scene.imu_words,
         arms=_arm_words(scene),
         radius=rotor_radius(scene),
     )
+
+
+def com_in(body: Body, axes: tuple[tuple[int, float], tuple[int, float]]) -> Point | None:
+    """Return a centre of mass where a view can show it: both of its directions are known."""
+    (i, _), (j, _) = axes
+    if body.com[i] is None or body.com[j] is None:
+        return None
+    x, y, z = (value or 0.0 for value in body.com)
+    return (x, y, z)
 
 
 def rotor_radius(scene: Scene) -> float:
@@ -113,9 +128,10 @@ def close_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) 
     """Return the surroundings of the centre of mass, much enlarged."""
     points: list[Point] = [scene.imu, scene.center]
     for body in scene.bodies:
-        if body.com is not None:
+        com = com_in(body, axes)
+        if com is not None:
             std = CHI95 * np.sqrt(np.diag(body.covariance).clip(min=0))
-            x, y, z = body.com
+            x, y, z = com
             points += [
                 (x - std[0], y - std[1], z - std[2]),
                 (x + std[0], y + std[1], z + std[2]),
@@ -293,15 +309,15 @@ def _centers(scene: Scene, view: View, *, symbol: float) -> list[str]:
         tag("rect", {"class": "imu", **box, "width": symbol * 1.6, "height": symbol * 1.6})
     )
     for number, body in enumerate(scene.bodies):
-        if body.com is not None:
-            parts.append(_com(body, view, symbol, number))
+        com = com_in(body, (view.right, view.up))
+        if com is not None:
+            parts.append(_com(body, com, view, symbol=symbol, number=number))
     return parts
 
 
-def _com(body: Body, view: View, symbol: float, number: int) -> str:
+def _com(body: Body, com: Point, view: View, *, symbol: float, number: int) -> str:
     """Return the sign of a centre of mass, a circle in four quarters, on its ellipse."""
-    assert body.com is not None
-    x, y = view.place(body.com)
+    x, y = view.place(com)
     project = np.zeros((2, 3))
     project[0, view.right[0]], project[1, view.up[0]] = view.right[1], view.up[1]
     size, turn = np.linalg.eigh(project @ body.covariance @ project.T)
