@@ -41,6 +41,7 @@ class IdentifyRequest:
     log: int | None = None
     window: Window = (None, None)
     speed: Literal["measured", "commanded"] | None = None
+    motion: Literal["imu", "mocap"] | None = None
     method: Literal["banded", "ols", "tls"] | None = None
     preset: Literal["paper"] | None = None
     force: bool = False
@@ -147,8 +148,8 @@ def _mass(text: str) -> float | Literal["unknown"]:
 
 def _with_options(experiment: Experiment, request: IdentifyRequest) -> Experiment:
     """Return the experiment with what the command line overrides."""
-    method = {"method": request.method, "preset": request.preset}
-    chosen = {key: value for key, value in method.items() if value is not None}
+    given = {"source": request.motion, "method": request.method, "preset": request.preset}
+    chosen = {key: value for key, value in given.items() if value is not None}
     return experiment.model_copy(
         update={
             "identification": experiment.identification.model_copy(update=chosen),

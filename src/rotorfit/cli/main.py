@@ -83,6 +83,10 @@ def identify(
         Literal["measured", "commanded"] | None,
         typer.Option(help="Rotor speed from telemetry or from motor commands; else [motors] says."),
     ] = None,
+    motion: Annotated[
+        Literal["imu", "mocap"] | None,
+        typer.Option("--source", help="Motion from the IMU (default) or from motion capture."),
+    ] = None,
     method: Annotated[
         Literal["banded", "ols", "tls"] | None,
         typer.Option(
@@ -115,12 +119,27 @@ def identify(
             log=log,
             window=(start, end),
             speed=speed,
+            motion=motion,
             method=method,
             preset=preset,
             force=force,
             as_json=as_json,
         )
     )
+
+
+@app.command()
+@interruptible()
+def compare(
+    results: Annotated[
+        list[Path], typer.Argument(help="Results that identify -o wrote; two or more.")
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Show results side by side: values, intervals, and how far they are from the first."""
+    from rotorfit.cli.compare import run
+
+    run(results, as_json=as_json)
 
 
 @app.command()
