@@ -124,7 +124,9 @@ def _directions(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Dir
 def _excitations(result: IdentificationResult) -> tuple[Excitation, ...]:
     return tuple(
         Excitation(
-            axis=name.removeprefix("excitation_"), ratio=value, enough=value >= LEAST_EXCITATION
+            axis=name.removeprefix("excitation_").replace("@", " "),
+            ratio=value,
+            enough=value >= LEAST_EXCITATION,
         )
         for name, value in result.diagnostics.items()
         if name.startswith("excitation_") and math.isfinite(value)
@@ -136,7 +138,9 @@ def _conditions(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
     found: list[tuple[str, str]] = []
     for name, value in result.diagnostics.items():
         if name.startswith("condition") and math.isfinite(value):
-            equation = name.removeprefix("condition").strip("_") or "all equations"
+            equation = (
+                name.removeprefix("condition").strip("_").replace("@", " ") or "all equations"
+            )
             found.append((equation, f"{value:.3g}"))
     return tuple(found)
 
