@@ -1,0 +1,68 @@
+"""What users read, word by word; rewritten by  pytest --update-golden."""
+
+import re
+
+import pytest
+import typer.main
+
+from rotorfit.cli.main import app
+
+COMMANDS = typer.main.get_command(app).commands
+
+
+def described(name: str) -> str:
+    """Return a command with its options and their help, free of typer's layout."""
+    command = COMMANDS[name]
+    lines = [name, f"  {' '.join((command.help or '').split())}"]
+    for parameter in command.params:
+        names = ", ".join(parameter.opts)
+        lines.append(f"{names}: {parameter.help}")
+    return "\n".join(lines) + "\n"
+
+
+def squeezed(text: str) -> str:
+    return re.sub(r"\s", "", text)
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_help(run, golden, name):
+    golden(f"help/{name}.txt", described(name))
+    ended = run(name, "--help")
+    assert (ended.code, ended.err) == (0, "")
+    shown = squeezed(ended.out)
+    for parameter in COMMANDS[name].params:
+        assert parameter.help, f"{name}: {parameter.name} has no help"
+        assert squeezed(parameter.help) in shown
+        assert all(option in shown for option in parameter.opts if option.startswith("-"))
+
+
+def test_help_of_the_program(run, golden):
+    golden("help/rotorfit.txt", "\n".join(sorted(COMMANDS)) + "\n")
+    for arguments in ((), ("--help",)):
+        ended = run(*arguments)
+        text = squeezed(ended.out + ended.err)
+        for name, command in COMMANDS.items():
+            first = (command.help or "").split(".")[0]
+            assert name in text
+            assert squeezed(first)[:30] in text
+
+
+def masked(text: str) -> str:
+    """Return a result with an x for every digit that rounding or a better estimate may change.
+
+    Which numbers there are, their units, verdicts and advice stay; blanks are those of a line.
+    """
+    text = re.sub(r"\(?-?\d[\d.]* \+- [\d.]+\)?(e[+-]\d+)?", "x +- x", text)
+    text = re.sub(r"-?\d+\.\d+", "x", text)
+    return re.sub(r" +", " ", text)
+
+
+def test_result_as_text(run, here, golden):
+    ended = run("identify", "experiment.toml")
+    assert (ended.code, ended.err) == (0, "")
+    golden("result.txt", masked(ended.out))
+
+
+def test_inspection_as_text(run, here, golden):
+    ended = run("inspect", "flight.csv")
+    golden("inspect.txt", re.sub(r"\d+\.\d+", "x", ended.out))
