@@ -285,7 +285,8 @@ def _corrected(problem: BandedProblem, state: _State) -> _State:
     if all(factors.noise is None for factors in problem.factors):
         return state
     for _ in range(MOST_ITERATIONS):
-        H, scores, _ = _corrected_equations(problem, state)
+        taken, scores, plain = _corrected_equations(problem, state)
+        H = plain - taken
         scale = np.sqrt(np.diagonal(H))
         inverse = scipy.linalg.inv(H / np.outer(scale, scale)) / np.outer(scale, scale)
         step: Float[np.ndarray, " f"] = inverse @ scores.sum(axis=0)
@@ -299,14 +300,14 @@ def _corrected(problem: BandedProblem, state: _State) -> _State:
 def _corrected_equations(
     problem: BandedProblem, state: _State
 ) -> tuple[Float[np.ndarray, "f f"], Float[np.ndarray, "b f"], Float[np.ndarray, "f f"]]:
-    """Return the corrected information, each block's corrected score, and the plain information."""
+    """Return the information that is only noise, each block's corrected score, and all of it."""
     J = _jacobian(problem, state.phi)
     weight = 1.0 / state.variance
     plain = np.einsum("bmkf,bk,bmkg->fg", J, weight, J, optimize=True)
     scores = -np.einsum("bmkf,bk,bmk->bf", J, weight, state.residual, optimize=True)
     mean, std = _prior(problem)
     plain += np.diag(std**-2.0)
-    corrected = plain.copy()
+    taken = np.zeros_like(plain)
     theta, dtheta = problem.map.theta(state.phi), problem.map.jacobian(state.phi)
     first = 0
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
@@ -316,20 +317,22 @@ def _corrected_equations(
         N = factors.rows[:, None] * factors.known_noise
         w = weight[rows]
         scores[rows] += np.einsum("bk,fkz,bz,kz->bf", w, dG, N, G, optimize=True)
-        corrected -= np.einsum("bk,fkz,bz,gkz->fg", w, dG, N, dG, optimize=True)
+        taken += np.einsum("bk,fkz,bz,gkz->fg", w, dG, N, dG, optimize=True)
     pull = (mean - state.phi) * std**-2.0
-    return corrected, np.concatenate([scores, pull[None]]), plain
+    return taken, np.concatenate([scores, pull[None]]), plain
 
 
 def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedEstimate:
     """Return the estimate at the minimum, with covariance and influences."""
     A, _ = _linearised(problem, state)
     svd = scaled_singular(A, problem.map.names)
-    H, scores, plain = _corrected_equations(problem, state)
-    scale = np.sqrt(np.diagonal(plain))
-    scaled = scipy.linalg.inv(H / np.outer(scale, scale))
-    inverse = scaled / np.outer(scale, scale)
-    covariance = inverse @ plain @ inverse
+    taken, scores, _ = _corrected_equations(problem, state)
+    # From the rows, not from their squares: what only a prior determines would drown beside
+    # what exact flights do.
+    root = svd.inverse_root
+    kept = scipy.linalg.inv(np.eye(len(root)) - root.T @ taken @ root)
+    inverse = root @ kept @ root.T
+    covariance = root @ (kept @ kept.T) @ root.T
     noisy = list(problem.noisy)
     signals = np.concatenate([factors.R[:, :, noisy] for factors in problem.factors])
     return BandedEstimate(
