@@ -10,7 +10,7 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.identification.experiment import Experiment
-from rotorfit.identification.flights import EDGES, Flown
+from rotorfit.identification.flights import EDGES, Flown, Timing
 from rotorfit.identification.joint import JointConfiguration, joint_estimate
 from rotorfit.identification.joint_parameters import Numbers, joint_numbers
 from rotorfit.identification.joint_tables import joint_tables
@@ -28,7 +28,7 @@ def resolved_method(experiment: Experiment) -> str:
 
 def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the joint likelihood of all equations and configurations."""
-    fit, joint = _joint_fit(flown, flown.delay)
+    fit, joint = _joint_fit(flown, flown.timing)
     numbers = _joint_numbers(flown, fit, joint)
     return joint_tables(
         _joint_widened(flown, numbers),
@@ -36,14 +36,14 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         joint,
         [c.entry for c in flown.configurations],
         motors=experiment.motors,
-        motor_delay=flown.motor_delay,
+        timing=flown.motor_timing,
     )
 
 
 def _joint_fit(
-    flown: Flown, delay: float | None, *, top: float = np.inf
+    flown: Flown, timing: Timing | None, *, top: float = np.inf
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
-    """Return the fit at a motor delay, with the bands that begin under `top` [Hz]."""
+    """Return the fit at a timing of the motors, with the bands that begin under `top` [Hz]."""
     joint = [
         JointConfiguration(
             name=configured.entry.name,
@@ -52,7 +52,7 @@ def _joint_fit(
             model=flown.model,
             vehicle=flown.vehicle,
         )
-        for factors, configured in zip(flown.bands(delay), flown.configurations, strict=True)
+        for factors, configured in zip(flown.bands(timing), flown.configurations, strict=True)
     ]
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
     return joint_estimate(joint, starts), joint
@@ -65,18 +65,19 @@ def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfigura
 def _joint_widened(flown: Flown, numbers: Numbers) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
     shifts = [
-        _joint_numbers(flown, *_joint_fit(flown, delay, top=top)).values - numbers.values
-        for delay, top in _other_settings(flown)
+        _joint_numbers(flown, *_joint_fit(flown, timing, top=top)).values - numbers.values
+        for timing, top in _other_settings(flown)
     ]
     return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, shifts))
 
 
-def _other_settings(flown: Flown) -> list[tuple[float | None, float]]:
-    """Return delay and upper edge of the trials: half the range, half a sample both ways."""
-    trials: list[tuple[float | None, float]] = [(flown.delay, 0.5 * EDGES[-1])]
-    if flown.delay is not None:
-        rate = flown.configurations[0].flights[0].prepared.data.sample_rate
-        trials += [(flown.delay + sign * 0.5 / rate, np.inf) for sign in (-1.0, 1.0)]
+def _other_settings(flown: Flown) -> list[tuple[Timing | None, float]]:
+    """Return timing and upper edge of the trials: half the range, half a sample both ways."""
+    trials: list[tuple[Timing | None, float]] = [(flown.timing, 0.5 * EDGES[-1])]
+    if flown.timing is not None:
+        lag, delay = flown.timing
+        half = 0.5 / flown.configurations[0].flights[0].prepared.data.sample_rate
+        trials += [((lag, delay + sign * half), np.inf) for sign in (-1.0, 1.0)]
     return trials
 
 
@@ -97,11 +98,11 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
             'use "banded" or "tls", or leave one [[configuration]] in the file'
         )
     configured = next(iter(flown.configurations))
-    fits = _rows_at(flown, flown.delay)
+    fits = _rows_at(flown, flown.timing)
     quantities = _row_quantities(flown, fits)
     shifts = [
-        _row_quantities(flown, _rows_at(flown, delay, top=top)).values - quantities.values
-        for delay, top in _other_settings(flown)
+        _row_quantities(flown, _rows_at(flown, timing, top=top)).values - quantities.values
+        for timing, top in _other_settings(flown)
     ]
     return row_tables(
         dataclasses.replace(quantities, half_width=_wider(quantities.half_width, shifts)),
@@ -109,12 +110,12 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
         configured.entry,
         vehicle=flown.vehicle,
         motors=experiment.motors,
-        motor_delay=flown.motor_delay,
+        timing=flown.motor_timing,
     )
 
 
-def _rows_at(flown: Flown, delay: float | None, *, top: float = np.inf) -> RowFits:
-    factors = flown.bands(delay)[0]
+def _rows_at(flown: Flown, timing: Timing | None, *, top: float = np.inf) -> RowFits:
+    factors = flown.bands(timing)[0]
     factors = factors.select(factors.band[:, 0] < top)
     return fit_rows(factors, flown.model, mass=flown.configurations[0].mass)
 

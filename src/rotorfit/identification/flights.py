@@ -1,13 +1,8 @@
-"""From the flights of an experiment to factors: read, prepare, reduce, check, find the delay."""
+"""From the flights of an experiment to factors: read, prepare, reduce, check."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
-from jaxtyping import Float
-from scipy import optimize
 
 from rotorfit.estimation.factors import Factors, stack_factors
 from rotorfit.flight.data import FlightData
@@ -22,7 +17,7 @@ from rotorfit.identification.experiment import (
     read_options_of,
 )
 from rotorfit.identification.frame_check import check_frame
-from rotorfit.identification.rows import PILOT_BAND, fit_rows
+from rotorfit.identification.timing import MotorTiming
 from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import Regressor
@@ -33,12 +28,9 @@ EDGES = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.
 resolution of rotor speed takes over."""
 STRETCH = 5.0
 """Longest stretch of one noise level [s]."""
-DELAYS_TRIED: Mapping[Source, tuple[float, float, int]] = {
-    "imu": (-0.012, 0.012, 7),
-    "mocap": (-0.01, 0.1, 12),
-}
-"""The search for the delay of the motion against the motor data: from, to [s], and in how many
-trials. Motion capture comes late by cameras, network and, with commands, the motors' own lag."""
+
+Timing = tuple[float, float]
+"""Lag and delay of the motors [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,9 +67,8 @@ class Flown:
         As declared.
     configurations
         In the order of the experiment.
-    motor_delay
-        Delay of the motion against the motor data with its standard deviation [s], where it was
-        found.
+    motor_timing
+        When the rotors do what the motor data say, where it was found.
     source
         What measured the motion.
     """
@@ -86,23 +77,38 @@ class Flown:
     model: Regressor
     motors: MotorsEntry
     configurations: tuple[Configured, ...]
-    motor_delay: tuple[float, float] | None = None
+    motor_timing: MotorTiming | None = None
     source: Source = "imu"
 
     @property
     def searches_delay(self) -> bool:
-        """Whether the delay of the motor data is to be found from the flights."""
-        on_one_clock = self.source == "imu" and self.motors.speed == "commanded"
-        return self.motors.delay is None and not on_one_clock
+        """Whether the timing of the motor data is to be found from the flights."""
+        declared = (
+            self.source == "imu"
+            and self.motors.speed == "commanded"
+            and (self.motors.lag is not None)
+        )
+        return self.motors.delay is None and not declared
 
     @property
-    def delay(self) -> float | None:
-        """The delay that was found [s]; None leaves the flights as they were prepared."""
-        return None if self.motor_delay is None else self.motor_delay[0]
+    def searches_lag(self) -> bool:
+        """Whether the motors' lag is to be found too: commands only, and none given."""
+        commanded = self.source == "imu" and self.motors.speed == "commanded"
+        return commanded and self.motors.lag is None and self.motors.delay is None
 
-    def bands(self, delay: float | None = None) -> tuple[Factors, ...]:
-        """Return the band factors of each configuration, motor data moved by `delay`."""
-        return tuple(flight_bands(c.flights, self.vehicle, delay) for c in self.configurations)
+    @property
+    def timing(self) -> Timing | None:
+        """Lag and delay that were found [s]; None leaves the flights as they were prepared."""
+        found = self.motor_timing
+        return None if found is None else self.timing_of(found.lag, found.delay)
+
+    def timing_of(self, lag: float | None, delay: float) -> Timing:
+        """Return lag and delay [s], the lag as declared where it is None."""
+        return (self.motors.lag or 0.0 if lag is None else lag), delay
+
+    def bands(self, timing: Timing | None = None) -> tuple[Factors, ...]:
+        """Return the band factors of each configuration, at another timing of the motors."""
+        return tuple(flight_bands(c.flights, self.vehicle, timing) for c in self.configurations)
 
 
 def load_flight(
@@ -132,7 +138,7 @@ def load_flight(
     return UsedFlight(entry=entry, log=log, prepared=prepared)
 
 
-def flight_bands(flights: list[UsedFlight], vehicle: Vehicle, delay: float | None) -> Factors:
+def flight_bands(flights: list[UsedFlight], vehicle: Vehicle, timing: Timing | None) -> Factors:
     """Return the band factors of all flights, calm and lively phases apart.
 
     Parameters
@@ -141,24 +147,25 @@ def flight_bands(flights: list[UsedFlight], vehicle: Vehicle, delay: float | Non
         Of one configuration.
     vehicle
         Its geometry.
-    delay
-        Time by which the motor data lead [s]; None leaves each flight as it was prepared.
+    timing
+        Lag and delay of the motors [s]; None leaves each flight as it was prepared.
     """
-    return stack_factors([_bands(flight.prepared, vehicle, delay) for flight in flights])
+    return stack_factors([_bands(flight.prepared, vehicle, timing) for flight in flights])
 
 
-def _bands(prepared: PreparedFlight, vehicle: Vehicle, delay: float | None) -> Factors:
-    data = dataclasses.replace(retimed(prepared, delay), segments=prepared.phases)
+def _bands(prepared: PreparedFlight, vehicle: Vehicle, timing: Timing | None) -> Factors:
+    data = dataclasses.replace(retimed(prepared, timing), segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
     return band_factors(data, vehicle, plan=BandPlan(edges=edges, longest=STRETCH))
 
 
-def retimed(prepared: PreparedFlight, delay: float | None) -> FlightData:
-    """Return a flight with its motor data moved by `delay` [s]; None leaves it."""
-    if delay is None:
+def retimed(prepared: PreparedFlight, timing: Timing | None) -> FlightData:
+    """Return a flight with its motor data at another lag and delay [s]; None leaves it."""
+    if timing is None:
         return prepared.data
-    return with_motors(prepared.data, prepared.motor_channel, lag=0.0, delay=delay)
+    lag, delay = timing
+    return with_motors(prepared.data, prepared.motor_channel, lag=lag, delay=delay)
 
 
 def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:
@@ -171,53 +178,3 @@ def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:
     """
     for flight in flights:
         check_frame(_bands(flight.prepared, vehicle, None), vehicle)
-
-
-def find_delay(flown: Flown) -> tuple[float, float] | None:
-    """Return the delay of the motion against the motor data, and its standard deviation [s].
-
-    By profile likelihood of the three angular accelerations. A positive delay: the motion shows
-    what the rotors did that much later (the gyro's own filter, late motion capture, early motor
-    data). None where the best lies at the edge of the search: the flights do not determine it. The
-    autopilot's answer to gusts, later than the gusts, looks like a delay: the deviation holds what
-    the best place moves by where only frequencies are used at which the pilot moves the vehicle.
-    """
-    found = _best_delay(flown, np.inf)
-    if found is None:
-        return None
-    slow = _best_delay(flown, PILOT_BAND[1])
-    shift = 0.0 if slow is None else slow[0] - found[0]
-    return found[0], float(np.hypot(found[1], shift))
-
-
-def _best_delay(flown: Flown, top: float) -> tuple[float, float] | None:
-    """Return the best delay by the bands that begin below `top` [Hz]."""
-
-    def cost(delay: float) -> float:
-        total = 0.0
-        for factors, configured in zip(flown.bands(delay), flown.configurations, strict=True):
-            below = factors.select(factors.band[:, 0] < top)
-            total -= fit_rows(below, flown.model, mass=configured.mass).log_likelihood
-        return total
-
-    first, last, trials = DELAYS_TRIED[flown.source]
-    return _minimum(cost, np.linspace(first, last, trials))
-
-
-def _minimum(
-    cost: Callable[[float], float], grid: Float[np.ndarray, " t"]
-) -> tuple[float, float] | None:
-    """Return place and width of the minimum of a smooth function, None if it is at an edge."""
-    values = [cost(float(x)) for x in grid]
-    best = int(np.argmin(values))
-    if best in (0, len(grid) - 1):
-        return None
-    found = optimize.minimize_scalar(
-        cost,
-        bounds=(float(grid[best - 1]), float(grid[best + 1])),
-        method="bounded",
-        options={"xatol": 1e-4},
-    )
-    place, h = float(found.x), 1e-3
-    curvature = (cost(place - h) - 2.0 * float(found.fun) + cost(place + h)) / h**2
-    return place, float(1.0 / np.sqrt(max(curvature, 1e-6)))

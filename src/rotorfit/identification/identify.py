@@ -26,11 +26,11 @@ from rotorfit.identification.flights import (
     Flown,
     UsedFlight,
     check_flights,
-    find_delay,
     load_flight,
 )
 from rotorfit.identification.result import FlightRecord, IdentificationResult
-from rotorfit.identification.tables import ORIGIN_IS_IMU, Tables
+from rotorfit.identification.tables import ORIGIN_IS_IMU, Tables, with_timing_total
+from rotorfit.identification.timing import find_timing
 from rotorfit.identification.validate import validation_comparisons, validation_rows
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Vehicle
@@ -74,9 +74,10 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     # The paper neglects the motors' delay, but takes out that of its motion capture.
     if flown.searches_delay and (method != "tls" or flown.source == "mocap"):
         tell("timing the motors against the motion")
-        flown = dataclasses.replace(flown, motor_delay=find_delay(flown))
+        flown = dataclasses.replace(flown, motor_timing=find_timing(flown))
     tell("fitting")
     tables = of_commanded_speed(ESTIMATES[method](experiment, flown), experiment.motors)
+    tables = with_timing_total(tables, flown.motor_timing)
     result = _result(experiment, flown, tables)
     if not any(entry.validation for entry in experiment.configuration):
         return result

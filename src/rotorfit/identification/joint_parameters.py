@@ -38,7 +38,7 @@ AXIS_OF: Mapping[str, str] = {
     **{name: "yaw" for name in ("kd_over_Izz", "Jr_over_Izz")},
 }
 """Whose excitation decides how far a number can be trusted."""
-SHARED_NUMBERS = ("kt", "kd", "Jr", "kd_over_kt")
+SHARED_NUMBERS = ("kt", "kd", "Jr", "kd_over_kt", "motor_lag_total")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,6 +23,7 @@ from rotorfit.identification.tables import (
     motor_parameters,
     unit_of,
 )
+from rotorfit.identification.timing import MotorTiming
 from rotorfit.identification.verdicts import ADVICE, LEAST_EXCITATION, Judgement, judge
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 
@@ -41,14 +42,14 @@ def joint_tables(
     entries: Sequence[ConfigurationEntry],
     *,
     motors: MotorsEntry,
-    motor_delay: tuple[float, float] | None,
+    timing: MotorTiming | None,
 ) -> Tables:
     """Return parameters and derived numbers of all configurations, each with its verdict."""
     judged = _judgements(numbers, configurations)
     parameters = [
         _parameter(name, numbers, judged, entries) for name in numbers.names if _is_parameter(name)
     ]
-    parameters += motor_parameters(motors, motor_delay)
+    parameters += motor_parameters(motors, timing)
     parameters += [given_parameter("mass", e.mass, e.mass_std, e) for e in entries]
     order = {entry.name: i for i, entry in enumerate(entries)}
     parameters.sort(key=lambda p: (order.get(p.configuration or "", -1), ROW_ORDER.index(p.name)))

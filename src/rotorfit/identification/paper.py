@@ -61,7 +61,7 @@ def paper_estimate(flown: Flown, *, settings: PaperSettings) -> EssentialEstimat
     factors = [
         stack_factors(
             [
-                time_factors(retimed(f.prepared, flown.delay), flown.vehicle, lowpass=lowpass)
+                time_factors(retimed(f.prepared, flown.timing), flown.vehicle, lowpass=lowpass)
                 for f in c.flights
             ]
         ).merged()
@@ -92,8 +92,8 @@ def paper_tables(essential: EssentialEstimate, flown: Flown, *, settings: PaperS
     estimate = essential.estimate
     entries = [configured.entry for configured in flown.configurations]
     parameters = [_paper_parameter(name, essential, entries[0]) for name in SHARED_FREE]
-    if flown.motor_delay is not None:
-        parameters += motor_parameters(flown.motors, flown.motor_delay)
+    if flown.motor_timing is not None:
+        parameters += motor_parameters(flown.motors, flown.motor_timing)
     for entry in entries:
         own = [_paper_parameter(name, essential, entry) for name in OWN_FREE]
         parameters += [given_parameter("mass", entry.mass, entry.mass_std, entry), *own]

@@ -1,7 +1,7 @@
 """The parameters and derived numbers of a result, with verdicts, from what an estimator gave."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -10,11 +10,15 @@ from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.identification.result import Derived, Parameter
 from rotorfit.identification.row_parameters import AXIS_OF, Quantities, number_scale
 from rotorfit.identification.rows import ROWS, RowFits
-from rotorfit.identification.verdicts import ADVICE, LEAST_EXCITATION, Judgement, judge
+from rotorfit.identification.timing import MotorTiming
+from rotorfit.identification.verdicts import ADVICE, LEAST_EXCITATION, WEAK, Judgement, judge
 from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS, ParameterInfo
 from rotorfit.model.vehicle import Vehicle
 
 SHARED = ("kt", "kd", "Jr", "motor_lag", "motor_delay")
+SHARED_DERIVED = ("kd_over_kt", "motor_lag_total")
+TIME_SCALE = 0.008
+"""A motor delay of this size matters [s]: known to a quarter of it, it is identified."""
 ROW_ORDER = (
     *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
     *("motor_lag", "motor_delay", "mass"),
@@ -53,13 +57,13 @@ def row_tables(
     *,
     vehicle: Vehicle,
     motors: MotorsEntry,
-    motor_delay: tuple[float, float] | None,
+    timing: MotorTiming | None,
 ) -> Tables:
     """Return the tables of the row by row estimate."""
     judged = _judgements(quantities, fits, entry, vehicle)
     parameters = [
         *_row_parameters(quantities, judged, entry),
-        *motor_parameters(motors, motor_delay),
+        *motor_parameters(motors, timing),
         given_parameter("mass", entry.mass, entry.mass_std, entry),
     ]
     parameters.sort(key=lambda p: ROW_ORDER.index(p.name))
@@ -156,36 +160,61 @@ def _ratio_parameter(
     )
 
 
-def motor_parameters(motors: MotorsEntry, delay: tuple[float, float] | None) -> list[Parameter]:
+def motor_parameters(motors: MotorsEntry, timing: MotorTiming | None) -> list[Parameter]:
     """Return lag and delay, given or found."""
-    parameters: list[Parameter] = []
-    for name, value in (("motor_lag", motors.lag), ("motor_delay", motors.delay)):
-        if value is not None:
-            parameters.append(
-                Parameter(
-                    name=name,
-                    configuration=None,
-                    value=value,
-                    std=None,
-                    interval=None,
-                    unit="s",
-                    verdict="given",
-                )
-            )
-    if delay is not None:
-        value, std = delay
-        parameters.append(
-            Parameter(
-                name="motor_delay",
-                configuration=None,
-                value=value,
-                std=std,
-                interval=(value - 1.96 * std, value + 1.96 * std),
-                unit="s",
-                verdict="identified",
-            )
-        )
-    return parameters
+    declared = (("motor_lag", motors.lag), ("motor_delay", motors.delay))
+    parameters = [_given_time(name, value) for name, value in declared if value is not None]
+    if timing is None:
+        return parameters
+    if timing.lag is not None and timing.lag_std is not None:
+        parameters.append(_found_time("motor_lag", timing.lag, timing.lag_std))
+    return [*parameters, _found_time("motor_delay", timing.delay, timing.delay_std)]
+
+
+def _given_time(name: str, value: float) -> Parameter:
+    return Parameter(
+        name=name,
+        configuration=None,
+        value=value,
+        std=None,
+        interval=None,
+        unit="s",
+        verdict="given",
+    )
+
+
+def _found_time(name: str, value: float, std: float) -> Parameter:
+    """Return a time that the flights gave; sharp to a quarter of the time scale that matters."""
+    half = 1.96 * std
+    sharp = half <= WEAK * max(abs(value), TIME_SCALE)
+    return Parameter(
+        name=name,
+        configuration=None,
+        value=value,
+        std=std,
+        interval=(value - half, value + half),
+        unit="s",
+        verdict="identified" if sharp else "weak",
+        reason=None if sharp else f"known only to +-{1e3 * half:.1f} ms",
+        advice=None if sharp else ADVICE["roll"],
+    )
+
+
+def with_timing_total(tables: Tables, timing: MotorTiming | None) -> Tables:
+    """Return the tables with lag plus delay, which is sharper than either alone."""
+    if timing is None or timing.lag is None or timing.total_std is None:
+        return tables
+    value, half = timing.lag + timing.delay, 1.96 * timing.total_std
+    total = Derived(
+        name="motor_lag_total",
+        configuration=None,
+        value=value,
+        std=timing.total_std,
+        interval=(value - half, value + half),
+        unit="s",
+    )
+    others = (d for d in tables.derived if d.name != total.name)
+    return replace(tables, derived=(total, *others))
 
 
 def given_parameter(
@@ -226,7 +255,7 @@ def _derived(
         value, half = float(quantities.values[i]), float(quantities.half_width[i])
     return Derived(
         name=name,
-        configuration=entry.name if name != "kd_over_kt" else None,
+        configuration=None if name in SHARED_DERIVED else entry.name,
         value=value if known else None,
         std=half / 1.96 if known else None,
         interval=(value - half, value + half) if known else None,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.identification.comparison import COMPONENTS, SHOWN, WrenchComparison
 from rotorfit.identification.experiment import (
     Experiment,
@@ -17,7 +17,7 @@ from rotorfit.identification.experiment import (
     motor_model_of,
     vehicle_of,
 )
-from rotorfit.identification.flights import UsedFlight, load_flight, retimed
+from rotorfit.identification.flights import Timing, UsedFlight, load_flight, retimed
 from rotorfit.identification.result import IdentificationResult, Parameter
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
 from rotorfit.model.reduce import LowPass, filtered_signals
@@ -153,12 +153,21 @@ def compare_wrenches(
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     model = regressor(vehicle)
-    data = retimed(used.prepared, _found_delay(result))
+    data = retimed(used.prepared, _found_timing(result))
     lowpass = LowPass(cutoff=cutoff)
-    parts = [filtered_signals(data, vehicle, segment, lowpass) for segment in data.segments]
+    # What the filter makes of a segment's two ends is its own, not the flight's.
+    end = round(0.5 * data.sample_rate / cutoff)
+    inner = [s for s in data.segments if len(s) > 4 * end]
+    if not inner:
+        raise FlightError(
+            f"{Path(used.entry.file).name}: no airborne stretch is longer than "
+            f"{4 * end / data.sample_rate:.1f} s; a longer flight is needed to compare wrenches"
+        )
+    parts = [filtered_signals(data, vehicle, s, lowpass)[end:-end] for s in inner]
     Z = np.concatenate(parts)
     body, rotors = _wrenches(_without_bias(Z, known), model, known)
-    time = np.concatenate([data.time[s.start : s.stop] for s in data.segments]) - data.time[0]
+    time = np.concatenate([data.time[s.start + end : s.stop - end] for s in inner])
+    time = time - data.time[0]
     predicted = [c for c in SHOWN if all(name in known for name in NEEDS[c])]
     error = {c: _relative_error(body, rotors, c) for c in predicted}
     step = max(round(data.sample_rate / cutoff), 1)
@@ -202,12 +211,13 @@ def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
     return known
 
 
-def _found_delay(result: IdentificationResult) -> float | None:
-    """Return the motor delay that the fit found; a given one is in the preparation already."""
-    for p in result.parameters:
-        if p.name == "motor_delay" and p.verdict == "identified":
-            return p.value
-    return None
+def _found_timing(result: IdentificationResult) -> Timing | None:
+    """Return the motors' timing that the fit found; a given one is in the preparation already."""
+    times = {p.name: p for p in result.parameters if p.name in ("motor_lag", "motor_delay")}
+    delay, lag = times.get("motor_delay"), times.get("motor_lag")
+    if delay is None or delay.verdict == "given" or delay.value is None:
+        return None
+    return (0.0 if lag is None or lag.value is None else lag.value), delay.value
 
 
 def _value(parameter: Parameter) -> float | None:
