@@ -165,7 +165,6 @@ def test_keys_of_later_versions_are_refused_with_the_reason(tmp_path, part, key,
 @pytest.mark.parametrize(
     ("key", "words"),
     [
-        ('source = "mocap"', "motion capture as the source ('mocap') is not available"),
         ('method = "magic"', "should be 'banded', 'ols' or 'tls' (it is 'magic')"),
         ('preset = "papers"', "should be 'paper' (it is 'papers')"),
         ("cutoff = 0", "cutoff: should be greater than 0"),

@@ -136,9 +136,7 @@ def prepare_mocap(
     frames = _frames(pose, clock, _motor_channel(log, motors))
     measured = motors.speed == "measured"
     data = _differentiated(frames, (log.channels[name].resolution or 0.0) if measured else None)
-    # A known lag is part of the channel: only the delay is left to be tried.
-    speed = with_motors(data, frames.motors, lag=motors.lag, delay=0.0).rotor_speed
-    data = with_motors(data, speed, lag=0.0, delay=motors.delay or 0.0)
+    data = with_motors(data, frames.motors, lag=motors.lag, delay=motors.delay or 0.0)
     motion = _windowed(data, frames, arm=arm, window=window)
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)
@@ -149,7 +147,7 @@ def prepare_mocap(
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
-        motor_channel=speed,
+        motor_channel=frames.motors,
         gyro_bias=None,
         spikes={},
         # Bands end at 0.4 of the slowest rate: here at the low-pass.
