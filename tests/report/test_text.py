@@ -164,6 +164,10 @@ def test_one_screen():
     assert "None" not in "\n".join(lines) and "nan" not in "\n".join(lines)
 
 
+def test_word_by_word(golden):
+    golden("report/text.txt", result_text(sample()))
+
+
 def test_every_verdict_is_shown_beside_its_number():
     result = sample()
     shown = rows(result_text(result))
