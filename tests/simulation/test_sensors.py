@@ -81,3 +81,22 @@ def test_perfect_sensors_log_the_truth(paper_flight):
     np.testing.assert_array_equal(paper_flight.gyro, paper_flight.angular_velocity)
     np.testing.assert_array_equal(paper_flight.accel, paper_flight.specific_force)
     np.testing.assert_array_equal(paper_flight.rotor_speed_measured, paper_flight.rotor_speed)
+
+
+def test_motion_capture_has_its_own_clock_and_comes_late(rough_flight):
+    flight = measure(rough_flight, Sensors(pose_rate=80.0, pose_delay=0.0175), seed=1)
+    np.testing.assert_allclose(flight.pose_time, np.arange(len(flight.pose_time)) / 80.0)
+    assert flight.pose_time[-1] == pytest.approx(rough_flight.time[-1], abs=1 / 80)
+    # 0.55 s are at 0.5325 s of the flight: between two samples of its log, at 0.53 and 0.535 s.
+    frame, row = 44, 106
+    assert flight.pose_time[frame] == pytest.approx(0.55)
+    middle = rough_flight.position[[row, row + 1]].mean(axis=0)
+    np.testing.assert_allclose(flight.position_measured[frame], middle, atol=5e-5)
+    middle = rough_flight.attitude_wxyz[[row, row + 1]].mean(axis=0)
+    np.testing.assert_allclose(flight.attitude_wxyz_measured[frame], middle, atol=2e-4)
+    np.testing.assert_allclose(flight.position_measured[0], rough_flight.position[0], atol=1e-12)
+
+
+def test_motion_capture_of_every_sample_is_the_truth(rough_flight):
+    np.testing.assert_array_equal(rough_flight.position_measured, rough_flight.position)
+    np.testing.assert_array_equal(rough_flight.pose_time, rough_flight.time)

@@ -129,3 +129,16 @@ def test_quaternions_keep_a_positive_scalar(rough_flight):
         again.attitude_wxyz_measured, rough_flight.attitude_wxyz_measured, atol=1e-14
     )
     assert again.attitude_wxyz_measured[:, 0].min() > 0
+
+
+def test_motion_capture_leaves_cells_empty_between_its_frames(rough_flight):
+    """At 150 Hz beside a log at 200 Hz, every third frame meets a row of the log."""
+    flight = measure(rough_flight, Sensors(pose_rate=150.0), seed=1)
+    rows = list(csv.reader(StringIO(flight_table(flight, channels=("gyro", "position")))))
+    values = dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
+    seen, flown = np.isfinite(values["pos_x"]), np.isfinite(values["gyro_x"])
+    np.testing.assert_allclose(values["time"][seen], flight.pose_time, atol=1e-12)
+    np.testing.assert_allclose(values["time"][flown], flight.time, atol=1e-12)
+    np.testing.assert_allclose(values["pos_y"][seen], flight.position_measured[:, 1], atol=1e-11)
+    log = to_flight_log(flight, channels=("gyro", "position", "attitude"))
+    assert len(log.channels["attitude"].time) == len(flight.pose_time)
