@@ -30,8 +30,9 @@ SMALLEST_STEP = 1e-3
 """The iteration ends when no parameter moves by more than this share of its deviation."""
 FEW_ROWS = 28
 """Blocks with fewer rows (14 lines) borrow half of their neighbours' in the same stretch."""
-RELATIVE_FLOOR = 1e-20
-"""Smallest variance, relative to the noisy signal's own: a simulation may be exact."""
+RELATIVE_FLOOR = 1e-9
+"""Smallest variance, relative to the noisy signal's own: far under any sensor's, but a simulation
+may be exact, and without a floor its likelihood is a valley that the iteration crawls along."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
