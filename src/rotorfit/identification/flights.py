@@ -4,6 +4,7 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
+from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors, stack_factors
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
@@ -177,4 +178,7 @@ def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:
         With the declaration that would fit.
     """
     for flight in flights:
-        check_frame(_bands(flight.prepared, vehicle, None), vehicle)
+        try:
+            check_frame(_bands(flight.prepared, vehicle, None), vehicle)
+        except FrameError as error:
+            raise FrameError(f"{Path(flight.entry.file).name}: {error}") from error
