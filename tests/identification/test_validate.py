@@ -1,0 +1,148 @@
+"""Validation: errors near zero where the numbers are right, larger where not, on unseen flights."""
+
+import dataclasses
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import flown
+from rotorfit.cli.validate import run as validate_command
+from rotorfit.errors import ExperimentError
+from rotorfit.identification.comparison import SHOWN
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.validate import fitted_comparisons, validate_file
+from rotorfit.simulation.experiment_files import experiment_files
+from rotorfit.simulation.experiments import plan_experiment
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """The paper's two configurations on short clean flights."""
+    target = tmp_path_factory.mktemp("validated")
+    plan = plan_experiment("paper", "clean", seed=4, seconds=15.0)
+    for name, text in experiment_files(plan).items():
+        (target / name).write_text(text)
+    return target
+
+
+@pytest.fixture(scope="module")
+def result(folder) -> IdentificationResult:
+    return flown.quietly_identified(folder / "experiment.toml")
+
+
+def changed(result, factors):
+    """Return the result with some parameters multiplied."""
+    parameters = tuple(
+        dataclasses.replace(p, value=p.value * factors[p.name]) if p.name in factors else p
+        for p in result.parameters
+    )
+    return dataclasses.replace(result, parameters=parameters)
+
+
+def test_clean_flights_are_predicted(result):
+    assert [(row["configuration"], row["flight"]) for row in result.validation] == [
+        ("A", "A2.csv"),
+        ("B", "B2.csv"),
+    ]
+    for row in result.validation:
+        assert tuple(row["relative_error"]) == SHOWN
+        assert max(row["relative_error"].values()) < 2e-3
+
+
+def test_file_gives_the_errors_of_the_fit(folder, result):
+    for row in result.validation:
+        comparison = validate_file(
+            result, folder / row["flight"], configuration=row["configuration"]
+        )
+        assert dict(comparison.relative_error) == pytest.approx(row["relative_error"])
+        assert not comparison.used_in_fit
+
+
+KT = ("kt", "kt_1", "kt_2", "kt_3", "kt_4")
+
+
+@pytest.mark.parametrize(
+    ("names", "component"),
+    [(("Ixx",), "Mx"), (("Iyy",), "My"), (("Izz",), "Mz"), (("kd",), "Mz"), (KT, "Fz")],
+)
+def test_errors_grow_with_wrong_parameters(folder, result, names, component):
+    """In proportion, up to the share that gravity has in the moment; Fz knows of kt alone."""
+    errors = [
+        validate_file(
+            changed(result, dict.fromkeys(names, factor)), folder / "A2.csv", configuration="A"
+        ).relative_error
+        for factor in (1.1, 1.2)
+    ]
+    assert 0.06 < errors[0][component] < 0.11
+    assert 1.7 < errors[1][component] / errors[0][component] < 2.05
+    if component != "Fz":
+        assert errors[1]["Fz"] < 2e-3
+
+
+def test_rotor_of_unknown_coefficient_has_the_mean_one(folder, result):
+    parameters = tuple(
+        dataclasses.replace(p, value=None, interval=None) if p.name in ("kt_2", "kt_3") else p
+        for p in result.parameters
+    )
+    partly = dataclasses.replace(result, parameters=parameters)
+    comparison = validate_file(partly, folder / "A2.csv", configuration="A")
+    assert max(comparison.relative_error.values()) < 5e-3
+
+
+def test_unknown_parameter_leaves_its_component_out(folder, result):
+    parameters = tuple(
+        dataclasses.replace(p, value=None) if p.name == "kd" else p for p in result.parameters
+    )
+    without = dataclasses.replace(result, parameters=parameters)
+    comparison = validate_file(without, folder / "A2.csv", configuration="A")
+    assert tuple(comparison.relative_error) == ("Fz", "Mx", "My")
+
+
+def test_flight_of_the_fit_is_refused(folder, result, tmp_path):
+    copy = tmp_path / "another name.csv"
+    shutil.copyfile(folder / "A1.csv", copy)
+    for path in (folder / "A1.csv", copy):
+        with pytest.raises(ExperimentError, match="was used in the fit: it cannot validate it"):
+            validate_file(result, path, configuration="A")
+
+
+def test_experiment_that_validates_on_its_fit_is_refused(folder, tmp_path):
+    for path in folder.iterdir():
+        shutil.copyfile(path, tmp_path / path.name)
+    shutil.copyfile(folder / "A1.csv", tmp_path / "A2.csv")
+    with pytest.raises(ExperimentError, match=r"A2\.csv was used in the fit"):
+        flown.quietly_identified(tmp_path / "experiment.toml")
+
+
+@pytest.mark.parametrize("configuration", [None, "C"])
+def test_configuration_must_be_one_of_the_result(folder, result, configuration):
+    with pytest.raises(ExperimentError, match="the result has the configurations A, B; say"):
+        validate_file(result, folder / "A2.csv", configuration=configuration)
+
+
+def test_wrong_configuration_shows(folder, result):
+    right = validate_file(result, folder / "A2.csv", configuration="A").relative_error
+    wrong = validate_file(result, folder / "A2.csv", configuration="B").relative_error
+    assert wrong["Fz"] > 100 * right["Fz"]
+
+
+def test_fitted_flights_are_marked(result):
+    comparisons = fitted_comparisons(result)
+    assert [(c.configuration, c.used_in_fit) for c in comparisons] == [("A", True), ("B", True)]
+    assert max(max(c.relative_error.values()) for c in comparisons) < 2e-3
+
+
+def test_command(folder, result, tmp_path, capsys):
+    saved = tmp_path / "result.json"
+    result.save(saved)
+    flights = [folder / "A2.csv"]
+    validate_command(saved, flights, configuration="A", as_json=True)
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["relative_error"] == pytest.approx(result.validation[0]["relative_error"])
+    validate_command(saved, flights, configuration="A", as_json=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].split() == ["configuration", *SHOWN]
+    assert lines[2].split()[:2] == ["A2.csv", "A"]
+    assert [float(word) for word in lines[2].split()[2:]] == pytest.approx([0.0] * 4, abs=0.2)
