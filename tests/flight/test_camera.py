@@ -99,6 +99,11 @@ def test_more_jitter_is_refused(size):
         camera_clock(np.sort(TIME + jitter))
 
 
+def test_times_off_by_a_sixth_of_a_period_are_refused():
+    with pytest.raises(FlightError, match="irregular times"):
+        camera_clock(TIME + np.resize([0.155, 0.155, -0.155, -0.155], 600) / RATE)
+
+
 def test_jitter_of_a_queue_is_refused():
     slow = 0.09 / RATE * np.sqrt(2) * np.sin(np.arange(600) / 10)
     with pytest.raises(FlightError, match="irregular times"):
