@@ -6,7 +6,7 @@ rotor inertia, no lag. Its standard deviations are the paper's; they do not hold
 says so.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.total import EssentialEstimate, essential_total, relative_std
 from rotorfit.identification.experiment import ConfigurationEntry
 from rotorfit.identification.flights import Flown, retimed
+from rotorfit.identification.joint_parameters import AXIS_OF
 from rotorfit.identification.result import Parameter
 from rotorfit.identification.tables import (
     Tables,
@@ -24,6 +25,7 @@ from rotorfit.identification.tables import (
     motor_parameters,
     unit_of,
 )
+from rotorfit.identification.verdicts import judge
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.model.reduce import LowPass, time_factors
 
@@ -124,25 +126,29 @@ def paper_tables(essential: EssentialEstimate, flown: Flown, *, settings: PaperS
 def _paper_parameter(
     name: str, essential: EssentialEstimate, entry: ConfigurationEntry
 ) -> Parameter:
+    """Return one parameter with the paper's sigma, or the statement that it was removed."""
     estimate = essential.estimate
     shared = name in SHARED_FREE
     full = name if shared else full_name(name, entry)
-    kept = full in estimate.names
-    value = estimate.value(full) if kept else None
-    std = float(estimate.std[estimate.names.index(full)]) if kept else None
-    interval = None
-    if value is not None and std is not None:
-        interval = (value - 1.96 * std, value + 1.96 * std)
-    return Parameter(
+    shown = Parameter(
         name=name,
         configuration=None if shared else entry.name,
-        value=value,
-        std=std,
-        interval=interval,
+        value=None,
+        std=None,
+        interval=None,
         unit=unit_of(PARAMETERS[name], entry),
-        verdict="identified" if kept else "removed",
-        reason=None if kept else "largest relative standard deviation (Six et al. 2020, III-B)",
+        verdict="removed",
+        reason="largest relative standard deviation (Six et al. 2020, III-B)",
     )
+    if full not in estimate.names:
+        return shown
+    value = estimate.value(full)
+    std = float(estimate.std[estimate.names.index(full)])
+    judged = judge(value, 1.96 * std, scale=0.0, axis=AXIS_OF.get(name, "force"))
+    shown = replace(shown, verdict=judged.verdict, reason=judged.reason, advice=judged.advice)
+    if judged.verdict == "not-identified":
+        return shown
+    return replace(shown, value=value, std=std, interval=(value - 1.96 * std, value + 1.96 * std))
 
 
 def paper_percent(estimate: Estimate) -> dict[str, float]:
