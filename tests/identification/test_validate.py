@@ -100,6 +100,16 @@ def test_unknown_parameter_leaves_its_component_out(folder, result):
     assert tuple(comparison.relative_error) == ("Fz", "Mx", "My")
 
 
+def test_removed_coefficient_leaves_its_component_out(folder, result):
+    parameters = tuple(
+        dataclasses.replace(p, value=None, verdict="removed") if p.name in ("kd", "Jr") else p
+        for p in result.parameters
+    )
+    without = dataclasses.replace(result, parameters=parameters)
+    comparison = validate_file(without, folder / "A2.csv", configuration="A")
+    assert tuple(comparison.relative_error) == ("Fz", "Mx", "My")
+
+
 def test_flight_of_the_fit_is_refused(folder, result, tmp_path):
     copy = tmp_path / "another name.csv"
     shutil.copyfile(folder / "A1.csv", copy)

@@ -168,7 +168,12 @@ def compare_wrenches(
     body, rotors = _wrenches(_without_bias(Z, known), model, known)
     time = np.concatenate([data.time[s.start + end : s.stop - end] for s in inner])
     time = time - data.time[0]
-    predicted = [c for c in SHOWN if all(name in known for name in NEEDS[c])]
+    predicted = [
+        c
+        for c in SHOWN
+        # Where the coefficient was removed, the rotors give nothing to compare with.
+        if all(name in known for name in NEEDS[c]) and rotors[:, COMPONENTS.index(c)].any()
+    ]
     error = {c: _relative_error(body, rotors, c) for c in predicted}
     step = max(round(data.sample_rate / cutoff), 1)
     return WrenchComparison(
