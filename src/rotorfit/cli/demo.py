@@ -21,6 +21,7 @@ from rotorfit.simulation.experiments import ExperimentPlan, Quality, plan_experi
 
 VARIANT: Final[Quality] = "noisy"
 RESULT, PAPER, REPORT = "result.json", "result-paper.json", "report.html"
+PAPERS: Final = "paper's method"
 BODY: Final = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz")
 INTRODUCTION: Final = """\
 The experiment of Six et al. 2020, flown again in simulation: quadrotor A (1.285 kg), and B, which
@@ -72,7 +73,7 @@ def _keep(folder: Path, results: Results, experiment: Experiment, *, force: bool
 
 def demo_text(plan: ExperimentPlan, results: Results) -> str:
     """Return both estimates beside the truth, and their errors on flights kept apart."""
-    lines = [INTRODUCTION, _row("", "truth", "rotorfit", "holds", "paper's method", "holds")]
+    lines = [INTRODUCTION, _row("", "truth", "rotorfit", "holds", PAPERS, "holds")]
     truths = {c.name: configuration_truth(plan, c) for c in plan.configurations}
     shared = next(iter(truths.values()))
     lines += [_number_row(name, None, shared, results) for name in ("kt", "kd")]
@@ -111,7 +112,7 @@ def _validation_lines(results: Results) -> list[str]:
     names = "".join(f"{name:>8}" for name in SHOWN)
     lines = [
         "Error on flights kept apart: body wrench against rotor wrench, % of its norm",
-        f"  {'':<8}{'rotorfit':>32}  {'paper' + chr(39) + 's method':>32}",
+        f"  {'':<8}{'rotorfit':>32}  {PAPERS:>32}",
         f"  {'':<8}{names}  {names}",
     ]
     for ours, paper in zip(results.ours.validation, results.paper.validation, strict=True):
