@@ -177,8 +177,8 @@ def dense_essential(Z, tensor, known, r_sigma):
     while True:
         chosen = tensor[[*columns, -1]]
         rows = dense_rows(Z, chosen, known, np.ones(3))
-        chi = dense_total(rows)[0]
-        error = (rows @ np.append(chi, 1.0)).reshape(-1, 3)
+        first = np.linalg.lstsq(rows[:, :-1], -rows[:, -1], rcond=None)[0]
+        error = (rows @ np.append(first, 1.0)).reshape(-1, 3)
         weights = 1.0 / np.sqrt((error**2).mean(axis=0))
         chi, sigma, _ = dense_total(dense_rows(Z, chosen, known, weights))
         relative = sigma / np.abs(chi)
@@ -206,7 +206,8 @@ def test_weights_come_from_one_pass_and_keep_the_configurations_factor():
     Z, tensor, known = wrench(2)
     problem = wrench_problem(Z, tensor, known, weights=[2.0, 2.0, 2.0])
     rows = dense_rows(Z, tensor, known, np.ones(3))
-    error = (rows @ np.append(dense_total(rows)[0], 1.0)).reshape(-1, 3)
+    ordinary = np.linalg.lstsq(rows[:, :-1], -rows[:, -1], rcond=None)[0]
+    error = (rows @ np.append(ordinary, 1.0)).reshape(-1, 3)
     expected = 1.0 / np.sqrt((error**2).mean(axis=0))
     estimate, weighted = weighted_total(problem)
     np.testing.assert_allclose(weighted.weights[0], 2.0 * expected, rtol=1e-9)

@@ -25,8 +25,9 @@ PAPERS: Final = "paper's method"
 BODY: Final = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz")
 INTRODUCTION: Final = """\
 The experiment of Six et al. 2020, flown again in simulation: quadrotor A (1.285 kg), and B, which
-is A with 125 g on +x and 42 g on -y. Motors with lag, noisy and biased sensors. One flight of each
-identifies both at once, one is kept for validation. Does the 95 % interval hold the truth?
+is A with 125 g on +x and 42 g on -y. Noisy and biased sensors; the log has motor commands only,
+and nobody knows the motors' lag. One flight of each identifies both at once, one is kept for
+validation. Does the 95 % interval hold the truth?
 """
 
 

@@ -21,6 +21,7 @@ from rotorfit.estimation.estimate import (
     refuse_free_direction,
     scaled_singular,
 )
+from rotorfit.estimation.ordinary import ordinary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,9 +137,13 @@ def component_weights(problem: LinearProblem, estimate: Estimate) -> Float[np.nd
 
 
 def weighted_total(problem: LinearProblem) -> tuple[Estimate, LinearProblem]:
-    """Return the solution with component weights from one unweighted pass, and its problem."""
+    """Return the solution with component weights from one unweighted pass, and its problem.
+
+    The paper does not say by which estimator. Ordinary least squares: unweighted total least
+    squares has two nearly equal smallest singular values and may fall into the yaw rows' own.
+    """
     flat = dataclasses.replace(problem, weights=(problem.weights != 0).astype(float))
-    weights = component_weights(problem, total(flat))
+    weights = component_weights(problem, ordinary(flat))
     weighted = dataclasses.replace(problem, weights=weights)
     return total(weighted), weighted
 

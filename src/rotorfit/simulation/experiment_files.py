@@ -129,15 +129,14 @@ method = "banded"
 def _motors_text(plan: ExperimentPlan) -> str:
     if plan.measures_speed:
         return 'speed = "measured"'
-    lag, delay = plan.lag_of_log
-    return "\n".join(
-        [
-            'speed = "commanded"',
-            f"law = {{ polynomial = {list(LAW)} }}  # rad/s of a command from 0 to 1",
-            f"lag = {lag}",
-            f"delay = {delay}",
-        ]
-    )
+    lines = [
+        'speed = "commanded"',
+        f"law = {{ polynomial = {list(LAW)} }}  # rad/s of a command from 0 to 1",
+    ]
+    if plan.states_lag:
+        lag, delay = plan.lag_of_log
+        lines += [f"lag = {lag}", f"delay = {delay}"]
+    return "\n".join(lines)
 
 
 def _configuration_text(configuration: FlownConfiguration) -> str:

@@ -105,6 +105,11 @@ class ExperimentPlan:
     configurations: tuple[FlownConfiguration, ...]
 
     @property
+    def states_lag(self) -> bool:
+        """Whether the experiment says what the motors' lag and delay are."""
+        return self.quality in ("clean", "lag")
+
+    @property
     def lag_of_log(self) -> tuple[float, float]:
         """Lag and delay between the logged command and the rotor speed [s]."""
         truth = self.configurations[0].simulated.truth
@@ -137,7 +142,8 @@ def plan_experiment(
         ``"clean"``: the log has the command that holds each motor at its present speed, as speed
         controllers report it, and sensors are perfect. ``"lag"``: it has the autopilot's command,
         which acts with 40 ms of lag after 10 ms of delay, both stated in the experiment.
-        ``"noisy"``: and noise and bias of all sensors, motion capture late by 8 ms. ``"real"``: and
+        ``"noisy"``: and noise and bias of all sensors, motion capture late by 8 ms, and nothing is
+        said of the lag, as nobody knows it who has only a log. ``"real"``: and
         gusts, drag, rotor inertia, unequal rotors and a battery that sags under the law, so that
         rotor speed is measured.
     seed
