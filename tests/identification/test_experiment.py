@@ -150,8 +150,6 @@ def test_unknown_keys_are_refused_with_the_nearest(tmp_path, part, text, words):
 @pytest.mark.parametrize(
     ("part", "key", "reason"),
     [
-        ("flights", "payload = []", "known payloads"),
-        ("flights", 'payload_of = "A"', "known payloads"),
         ("identification", 'terms = ["drag"]', "a choice of terms"),
         ("motors", "lag_std = 0.01", "estimation of the motor lag"),
     ],

@@ -51,6 +51,8 @@ def _joint_fit(
             factors=factors.select(factors.band[:, 0] < top),
             model=flown.model,
             vehicle=flown.vehicle,
+            payload=configured.payload,
+            payload_of=configured.entry.payload_of,
         )
         for factors, configured in zip(flown.bands(timing), flown.configurations, strict=True)
     ]

@@ -21,6 +21,7 @@ from rotorfit.identification.law_entry import (
     VoltageEntry,
     speed_law_of,
 )
+from rotorfit.identification.payload import PointMass
 from rotorfit.logs import ColumnSpec, ReadOptions
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Spin, Vehicle
@@ -145,6 +146,15 @@ class FlightEntry(_Strict):
         return self
 
 
+class PayloadEntry(_Strict):
+    """One item of a known payload: mass [kg] and position of its centre from the origin [m]."""
+
+    mass: Positive
+    position: Vector
+    mass_std: NotNegative = 0.0
+    position_std: NotNegative = 0.0
+
+
 class ConfigurationEntry(_Strict):
     """One ``[[configuration]]``: a mass and the flights flown with it."""
 
@@ -154,6 +164,8 @@ class ConfigurationEntry(_Strict):
     weight: Positive = 1.0
     flights: tuple[FlightEntry, ...] = Field(min_length=1)
     validation: tuple[FlightEntry, ...] = ()
+    payload: tuple[PayloadEntry, ...] = ()
+    payload_of: str | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -188,12 +200,44 @@ class Experiment(_Strict):
     configuration: tuple[ConfigurationEntry, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
+    def _payloads_fit(self) -> "Experiment":
+        bodies = {entry.name: entry for entry in self.configuration}
+        for entry in self.configuration:
+            if bool(entry.payload) != (entry.payload_of is not None):
+                raise ValueError(
+                    f"configuration {entry.name!r}: payload and payload_of belong together; "
+                    "payload is what it carries beyond the configuration named by payload_of"
+                )
+            if entry.payload_of is not None:
+                _refuse_payload(entry, bodies.get(entry.payload_of))
+        return self
+
+    @model_validator(mode="after")
     def _names_differ(self) -> "Experiment":
         names = [entry.name for entry in self.configuration]
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"two configurations are named {name!r}; give each its own name")
         return self
+
+
+def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) -> None:
+    """Raise where a payload does not explain the difference of two configurations."""
+    if bare is None or bare is entry or bare.payload_of is not None:
+        raise ValueError(
+            f"configuration {entry.name!r}: payload_of = {entry.payload_of!r} must name another "
+            "configuration, one without a payload of its own"
+        )
+    if entry.mass == "unknown" or bare.mass == "unknown":
+        raise ValueError(f"configuration {entry.name!r}: a known payload needs weighed masses")
+    carried = sum(item.mass for item in entry.payload)
+    spread = 3.0 * (entry.mass_std + bare.mass_std + sum(i.mass_std for i in entry.payload))
+    off = entry.mass - bare.mass - carried
+    if abs(off) > 0.005 + spread:
+        raise ValueError(
+            f"configuration {entry.name!r} weighs {entry.mass - bare.mass:.3f} kg more than "
+            f"{bare.name!r}, but its payload {carried:.3f} kg; weigh again, or list all it carries"
+        )
 
 
 class AirframeFile(_Strict):
@@ -271,6 +315,19 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
         rotors=rotors,
         imu_position=place,
         imu_position_std=0.0 if imu is None or source == "mocap" else imu.position_std,
+    )
+
+
+def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:
+    """Return the payload of a configuration, converted to FLU."""
+    return tuple(
+        PointMass(
+            mass=item.mass,
+            position=_flu(item.position, axes),
+            mass_std=item.mass_std,
+            position_std=item.position_std,
+        )
+        for item in entry.payload
     )
 
 
@@ -378,13 +435,12 @@ _TABLES: tuple[type[BaseModel], ...] = (
     VoltageEntry,
     IdentificationEntry,
     ConfigurationEntry,
+    PayloadEntry,
     FlightEntry,
     ColumnEntry,
 )
 
 LATER: dict[str, str] = {
-    "payload": "known payloads",
-    "payload_of": "known payloads",
     "terms": "a choice of terms",
     "lag_std": "estimation of the motor lag",
 }

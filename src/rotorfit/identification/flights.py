@@ -18,6 +18,7 @@ from rotorfit.identification.experiment import (
     read_options_of,
 )
 from rotorfit.identification.frame_check import check_frame
+from rotorfit.identification.payload import PointMass
 from rotorfit.identification.timing import MotorTiming
 from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, band_factors
@@ -49,6 +50,7 @@ class Configured:
 
     entry: ConfigurationEntry
     flights: list[UsedFlight]
+    payload: tuple[PointMass, ...] = ()
 
     @property
     def mass(self) -> float:

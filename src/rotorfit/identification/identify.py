@@ -19,6 +19,7 @@ from rotorfit.identification.experiment import (
     Experiment,
     FlightEntry,
     motor_model_of,
+    payload_of,
     vehicle_of,
 )
 from rotorfit.identification.flights import (
@@ -99,7 +100,8 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         flights = [_loaded(experiment, flight, vehicle, tell) for flight in entry.flights]
         tell("checking axes and rotors")
         check_flights(flights, vehicle)
-        configurations.append(Configured(entry=entry, flights=flights))
+        payload = payload_of(entry, experiment.airframe.axes)
+        configurations.append(Configured(entry=entry, flights=flights, payload=payload))
     return Flown(
         vehicle=vehicle,
         model=regressor(vehicle),

@@ -6,7 +6,7 @@ and so is the origin itself, the centre of the rotors. The names of a configurat
 in ``@`` and its name.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +15,8 @@ from jaxtyping import Float
 from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.identification.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.identification.rows import RowFits
-from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -34,13 +34,19 @@ CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointConfiguration:
-    """One configuration as the joint estimate sees it."""
+    """One configuration as the joint estimate sees it.
+
+    With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
+    no first moments and inertia of its own to estimate.
+    """
 
     name: str
     mass: float
     factors: Factors
     model: Regressor
     vehicle: Vehicle
+    payload: tuple[PointMass, ...] = ()
+    payload_of: str | None = None
 
 
 def joint_estimate(
@@ -62,6 +68,10 @@ def joint_estimate(
     for configuration in configurations:
         prior |= {
             f"accel_bias_{axis}@{configuration.name}": std for axis, std in ACCEL_BIAS_STD.items()
+        }
+        prior |= {
+            f"{name}@{configuration.name}": std
+            for name, std, _ in tolerances(configuration.payload)
         }
     problem = BandedProblem(
         factors=tuple(c.factors for c in configurations),
@@ -88,6 +98,11 @@ def joint_map(configurations: Sequence[JointConfiguration]) -> ParameterMap:
         given[c, "mass"] = configuration.mass
         free |= _own_parameters(c, configuration)
         products |= _bias_torque(c, configuration) | _rotor_terms(c, configuration)
+    for c, configuration in enumerate(configurations):
+        if configuration.payload_of is not None:
+            added = added_moments(configuration.payload)
+            given |= {(c, name): value for name, value in added.items()}
+            _link_payload(c, configuration, added, free)
     return parameter_map(
         configurations[0].model.names,
         free,
@@ -102,9 +117,11 @@ def _own_parameters(
 ) -> dict[str, dict[tuple[int, str], float]]:
     """Return the linear parameters of one configuration."""
     at = f"@{configuration.name}"
-    free: dict[str, dict[tuple[int, str], float]] = {
-        f"{name}{at}": {(c, name): 1.0} for name in (*FIRST_MOMENTS, *INERTIA)
-    }
+    free: dict[str, dict[tuple[int, str], float]] = {}
+    if configuration.payload_of is None:
+        free |= {f"{name}{at}": {(c, name): 1.0} for name in MOMENTS}
+    for name, _, effect in tolerances(configuration.payload):
+        free[f"{name}{at}"] = {(c, moment): factor for moment, factor in effect.items()}
     for axis in "xyz":
         free[f"accel_bias_{axis}{at}"] = {(c, f"F{axis}_0"): configuration.mass}
     if configuration.vehicle.imu_position is None:
@@ -112,14 +129,31 @@ def _own_parameters(
     return free
 
 
+def _link_payload(
+    c: int,
+    configuration: JointConfiguration,
+    added: Mapping[str, float],
+    free: dict[str, dict[tuple[int, str], float]],
+) -> None:
+    """Let the body's parameters move a second configuration too, which is it plus a payload."""
+    for name in MOMENTS:
+        free[f"{name}@{configuration.payload_of}"][c, name] = 1.0
+    # ms x b with ms = ms of the bare body + what the payload adds: the second part is linear.
+    for axis, pairs in CROSS.items():
+        for first, second, sign in pairs:
+            bias = f"accel_bias_{second}@{configuration.name}"
+            free[bias][c, f"M{axis}_0"] = sign * added[f"ms{first}"]
+
+
 def _bias_torque(
     c: int, configuration: JointConfiguration
 ) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
     """Return ms x b: what the bias does in the moment rows, ms x (alpha - b)."""
     at = f"@{configuration.name}"
+    body = f"@{configuration.payload_of or configuration.name}"
     return {
         (c, f"M{axis}_0"): [
-            (sign, f"ms{first}{at}", f"accel_bias_{second}{at}") for first, second, sign in pairs
+            (sign, f"ms{first}{body}", f"accel_bias_{second}{at}") for first, second, sign in pairs
         ]
         for axis, pairs in CROSS.items()
     }
@@ -150,6 +184,8 @@ def joint_start(
     kt = float(np.mean([s.fits["force"].estimate.value("kt") for s in starts]))
     values: dict[str, float] = {"kt": kt}
     for configuration, rows in zip(configurations, starts, strict=True):
+        if configuration.payload_of is not None:
+            continue
         at = f"@{configuration.name}"
         Ixx = kt / rows.fits["roll"].estimate.value("kt")
         Iyy = kt / rows.fits["pitch"].estimate.value("kt")

@@ -17,7 +17,8 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.identification.joint import JointConfiguration
+from rotorfit.identification.joint import JointConfiguration, joint_map
+from rotorfit.identification.payload import MOMENTS
 from rotorfit.identification.rows import PILOT_BAND
 from rotorfit.model.parameters import (
     DERIVED,
@@ -123,12 +124,16 @@ def physical(
     mean = sum(spread.values()) / max(len(spread), 1)
     for name, value in spread.items():
         out[name.replace("spread", "kt")] = p["kt"] * (1.0 + value - mean)
-    for configuration in configurations:
+    theta = joint_map(configurations).theta(phi)
+    for c, configuration in enumerate(configurations):
         own = {
             name.removesuffix(f"@{configuration.name}"): value
             for name, value in p.items()
             if name.endswith(f"@{configuration.name}")
         }
+        # From theta, not phi: a body with a known payload has no free moments of its own.
+        place = configuration.model.names.index
+        own |= {name: float(theta[c, place(name)]) for name in MOMENTS}
         numbers = _own_numbers({**own, **out}, configuration)
         out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
     return out

@@ -1,0 +1,65 @@
+"""Known payloads: what point masses add to a body, and how well that is known."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, inertia_about
+
+MOMENTS = (*FIRST_MOMENTS, *INERTIA)
+"""What a payload adds to, in this order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointMass:
+    """One item of a payload.
+
+    Attributes
+    ----------
+    mass, mass_std
+        Weighed [kg].
+    position, position_std
+        Of its centre from the body origin, FLU, and the deviation of each component [m].
+    """
+
+    mass: float
+    position: tuple[float, float, float]
+    mass_std: float = 0.0
+    position_std: float = 0.0
+
+
+def added_moments(payload: Sequence[PointMass]) -> dict[str, float]:
+    """Return the first moments [kg m] and inertia at the origin [kg m^2] of point masses."""
+    total = np.zeros(len(MOMENTS))
+    for item in payload:
+        total += _moments(item.mass, np.array(item.position))
+    return dict(zip(MOMENTS, total.tolist(), strict=True))
+
+
+def tolerances(payload: Sequence[PointMass]) -> Iterator[tuple[str, float, dict[str, float]]]:
+    """Yield name, deviation and effect of every error of a payload that is not exact.
+
+    The effect is the derivative of `MOMENTS` by that error: what stands in the parameter map.
+    """
+    for number, item in enumerate(payload, start=1):
+        position = np.array(item.position)
+        if item.mass_std > 0:
+            yield f"payload_{number}_mass", item.mass_std, _named(_moments(1.0, position))
+        if item.position_std > 0:
+            for axis, step in zip("xyz", np.eye(3) * item.position_std, strict=True):
+                # Quadratic in the position: the central difference is the derivative.
+                up = _moments(item.mass, position + step)
+                down = _moments(item.mass, position - step)
+                effect = _named((up - down) / (2.0 * item.position_std))
+                yield f"payload_{number}_{axis}", item.position_std, effect
+
+
+def _moments(mass: float, position: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 9"]:
+    inertia = inertia_about(np.zeros(6), mass, position)
+    return np.concatenate([mass * position, inertia])
+
+
+def _named(values: Float[np.ndarray, " 9"]) -> dict[str, float]:
+    return dict(zip(MOMENTS, values.tolist(), strict=True))
