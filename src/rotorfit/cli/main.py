@@ -90,8 +90,8 @@ def identify(
     method: Annotated[
         Literal["banded", "ols", "tls"] | None,
         typer.Option(
-            help="ols: equation by equation; banded: all equations and configurations at once; "
-            "tls: total least squares, as the paper. Else the experiment file says."
+            help="banded (default): all equations and configurations at once; ols: equation by "
+            "equation; tls: total least squares, as the paper. Else the experiment file says."
         ),
     ] = None,
     preset: Annotated[

@@ -89,10 +89,12 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
     parameters = {p.name: p for p in own}
     about_com = [_of_body(derived[n], parameters) for n in COM_FIRST if n in derived]
     mass = [_of_parameter(p) for p in own if p.name == "mass"]
+    # With one configuration the rotors' table has the ratios; with several they differ by body.
+    elsewhere = _ROTOR_DERIVED if len(configurations(result)) == 1 else ()
     others = [
         _Entry(number=d, verdict="")
         for d in derived.values()
-        if d.name not in (*COM_FIRST, *_ROTOR_DERIVED) and known(d.value) is not None
+        if d.name not in (*COM_FIRST, *elsewhere) and known(d.value) is not None
     ]
     body = f"Body, configuration {configuration}"
     return [
@@ -111,11 +113,12 @@ _ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total"
 
 
 def _shared_derived(result: IdentificationResult) -> list[_Entry]:
-    """Return the derived numbers of the rotors, where there is one."""
+    """Return the derived numbers of the rotors; with one configuration its ratios too."""
+    names = _ROTOR_DERIVED if len(configurations(result)) == 1 else ()
     return [
         _Entry(number=d, verdict="")
         for d in result.derived
-        if (d.configuration is None or d.name in _ROTOR_DERIVED) and known(d.value) is not None
+        if (d.configuration is None or d.name in names) and known(d.value) is not None
     ]
 
 
