@@ -4,17 +4,16 @@ The file is TOML (see the README); unknown keys are refused with the nearest kno
 message names the place in the file. Paths of flights are relative to the file.
 """
 
-import difflib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
 
 from rotorfit.errors import ExperimentError
 from rotorfit.flight.prepare import MotorModel
+from rotorfit.identification.experiment_problems import problems_in_words
 from rotorfit.identification.law_entry import (
     LawEntry,
     SqrtEntry,
@@ -421,7 +420,9 @@ def _checked(kind: type[Model], data: Any, path: Path) -> Model:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise ExperimentError(f"{path.name}: " + "; ".join(_problems(error.errors()))) from None
+        known = {name for table in _TABLES for name in table.model_fields}
+        problems = problems_in_words(error.errors(), sorted(known))
+        raise ExperimentError(f"{path.name}: " + "; ".join(problems)) from None
 
 
 _TABLES: tuple[type[BaseModel], ...] = (
@@ -439,73 +440,3 @@ _TABLES: tuple[type[BaseModel], ...] = (
     FlightEntry,
     ColumnEntry,
 )
-
-LATER: dict[str, str] = {
-    "terms": "a choice of terms",
-    "lag_std": "estimation of the motor lag",
-}
-"""Keys of the format that this version does not act on; it refuses them rather than ignore them."""
-
-
-EXPECTED: dict[str, str] = {
-    "tuple_type": "should be a list [ ... ]",
-    "model_type": "should be a table { ... }",
-    "dict_type": "should be a table { ... }",
-    "string_type": 'should be text in "quotes"',
-    "too_short": "has too few entries",
-}
-"""The checker's types in the words of TOML."""
-
-
-def _problems(details: list[ErrorDetails]) -> list[str]:
-    """Return every problem in words, once for each place."""
-    by_place: dict[str, list[ErrorDetails]] = {}
-    for detail in details:
-        if not _is_echo(detail):
-            by_place.setdefault(_place(detail["loc"]), []).append(detail)
-    return [_problem(place, found) for place, found in by_place.items()]
-
-
-def _is_echo(detail: ErrorDetails) -> bool:
-    """Whether a problem only repeats another one: a list that is empty without its bad entries."""
-    given = detail["input"]
-    if detail["type"] == "too_short":
-        return bool(given) and detail.get("ctx", {}).get("actual_length") == 0
-    return detail["type"] == "string_type" and isinstance(given, dict)
-
-
-def _problem(place: str, details: list[ErrorDetails]) -> str:
-    """Return the problem at one place, with the nearest known key for an unknown one."""
-    detail = details[0]
-    if detail["type"] == "extra_forbidden":
-        return f"unknown key {place}{_nearest(str(detail['loc'][-1]))}"
-    if detail["type"] == "missing":
-        return f"{place} is missing"
-    given = detail["input"]
-    message = ", or ".join(_expected(d) for d in details)
-    shown = "" if isinstance(given, dict | list | tuple) else f" (it is {given!r})"
-    return f"{place}: {message}{shown}" if place else message
-
-
-def _expected(detail: ErrorDetails) -> str:
-    message = detail["msg"].removeprefix("Value error, ")
-    return EXPECTED.get(detail["type"], message.replace("Input should", "should", 1))
-
-
-def _nearest(key: str) -> str:
-    if key in LATER:
-        return f" ({LATER[key]} is not available in this version; take the key out)"
-    known = sorted({name for table in _TABLES for name in table.model_fields})
-    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-    return f", did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(known)}"
-
-
-def _place(location: tuple[int | str, ...]) -> str:
-    """Return a place such as configuration[0].mass, without the checker's own words."""
-    words: list[str] = []
-    for part in location:
-        if isinstance(part, int):
-            words[-1:] = [f"{words[-1]}[{part}]"] if words else [f"[{part}]"]
-        elif part.isidentifier() and part not in ("float", "str", "ColumnEntry", "int"):
-            words.append(part)
-    return ".".join(words)
