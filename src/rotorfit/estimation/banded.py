@@ -22,14 +22,12 @@ from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import Estimate, scaled_singular
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.factors import Factors, borrowed_mean_square
 from rotorfit.estimation.parameter_map import ParameterMap
 
 MOST_ITERATIONS = 100
 SMALLEST_STEP = 1e-3
 """The iteration ends when no parameter moves by more than this share of its deviation."""
-FEW_ROWS = 28
-"""Blocks with fewer rows (14 lines) borrow half of their neighbours' in the same stretch."""
 RELATIVE_FLOOR = 1e-9
 """Smallest variance, relative to the noisy signal's own: far under any sensor's, but a simulation
 may be exact, and without a floor its likelihood is a valley that the iteration crawls along."""
@@ -186,17 +184,9 @@ def _variance(
 ) -> Float[np.ndarray, "b k"]:
     """Return each block's mean square error per noisy signal, borrowing where rows are few."""
     power = np.einsum("bmk,bmk->bk", e, e)
-    count = factors.rows.astype(float)
-    few = factors.rows < FEW_ROWS
-    same = factors.segment[1:] == factors.segment[:-1]
-    total, rows = power.copy(), count.copy()
-    for here, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-        share = 0.5 * (same & few[here])
-        total[here] += share[:, None] * power[other]
-        rows[here] += share * count[other]
     signal = np.einsum("bmk,bmk->k", factors.R[:, :, list(noisy)], factors.R[:, :, list(noisy)])
-    floor = RELATIVE_FLOOR * signal / count.sum() + np.finfo(float).tiny
-    return np.maximum(total / rows[:, None], floor)
+    floor = RELATIVE_FLOOR * signal / factors.rows.sum() + np.finfo(float).tiny
+    return np.maximum(borrowed_mean_square(power, factors), floor)
 
 
 def _prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:

@@ -18,6 +18,9 @@ SMALLEST_PIVOT = 1e-3
 """Below this pivot of the column-scaled Gram matrix its rounding (1e-16 / pivot^2) would show in
 the factor, and the block is factored by Householder reflections instead."""
 
+FEW_ROWS = 28
+"""Blocks with fewer rows (14 lines) borrow from the neighbouring bands of their stretch."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Factors:
@@ -92,6 +95,30 @@ def stack_factors(parts: Sequence[Factors]) -> Factors:
         band=np.concatenate([part.band for part in parts]),
         noise=None if silent else np.concatenate([part.known_noise for part in parts]),
     )
+
+
+def borrowed_mean_square(
+    power: Float[np.ndarray, "b k"], factors: Factors
+) -> Float[np.ndarray, "b k"]:
+    """Return each block's mean square, with half of its neighbours' where rows are few.
+
+    A band of two lines that happens to fit well must not get all the weight.
+
+    Parameters
+    ----------
+    power
+        Sum of squares over the rows of each block, one column per residual.
+    factors
+        The blocks.
+    """
+    few = factors.rows < FEW_ROWS
+    same = factors.segment[1:] == factors.segment[:-1]
+    total, count = power.copy(), factors.rows.astype(float)
+    for here, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        share = 0.5 * (same & few[here])
+        total[here] += share[:, None] * power[other]
+        count[here] += share * factors.rows[other]
+    return total / count[:, None]
 
 
 def time_block_factors(

@@ -16,13 +16,11 @@ from jaxtyping import Float, Int
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import Estimate, LinearProblem, equation_rows, scaled_singular
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.factors import borrowed_mean_square
 
 MOST_ITERATIONS = 50
 SMALLEST_STEP = 0.01
 """The iteration ends when no parameter moves by more than this share of its deviation."""
-FEW_ROWS = 28
-"""Blocks with fewer rows (14 lines) borrow from the neighbouring bands of their stretch."""
 RELATIVE_FLOOR = 1e-20
 """Smallest variance of a band, relative to the known signal's: a simulation may be exact."""
 
@@ -84,7 +82,8 @@ def reweighted(
         phi, covariance = _weighted_solution(J, y, variance, information)
         residual = y - J @ phi
         power = np.einsum("bm,bm->b", residual, residual)
-        variance = np.maximum(_smoothed_variance(power, rows, problem.factors[0]), floor)
+        mean_square = borrowed_mean_square(power[:, None], problem.factors[0])[:, 0]
+        variance = np.maximum(mean_square / np.count_nonzero(problem.weights[0]), floor)
         if np.all(np.abs(phi - before) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))):
             break
     A, _ = _weighted_equations(J, y, variance, information)
@@ -105,23 +104,6 @@ def reweighted(
         residual_power=np.einsum("bm,bm->b", residual, residual),
         log_likelihood=float(-0.5 * np.sum(rows * np.log(variance))),
     )
-
-
-def _smoothed_variance(
-    power: Float[np.ndarray, " b"], rows: Int[np.ndarray, " b"], factors: Factors
-) -> Float[np.ndarray, " b"]:
-    """Return each block's mean square, with half of its neighbours' where lines are few.
-
-    A band of two lines that happens to fit well must not get all the weight.
-    """
-    few = factors.rows < FEW_ROWS
-    same = factors.segment[1:] == factors.segment[:-1]
-    total, count = power.copy(), rows.astype(float)
-    for here, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-        share = 0.5 * (same & few[here])
-        total[here] += share * power[other]
-        count[here] += share * rows[other]
-    return total / count
 
 
 def _block_equations(

@@ -16,17 +16,20 @@ from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.identification.payload import MOMENTS, PointMass, added_moments, tolerances
-from rotorfit.identification.rows import RowFits
+from rotorfit.identification.rows import (
+    ACCEL_BIAS_STD,
+    MOUNTING_STD,
+    ROTOR_SPREAD_STD,
+    RowFits,
+)
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
-ACCEL_BIAS_STD = {"x": 0.5, "y": 0.5, "z": 0.2}
+BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 """Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
 IMU and rotor plane look the same."""
-ROTOR_SPREAD_STD = 0.015
-"""Thrust coefficients of one vehicle's rotors differ by about this share."""
 CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
          "y": (("z", "x", 1.0), ("x", "z", -1.0)),
          "z": (("x", "y", 1.0), ("y", "x", -1.0))}  # fmt: skip
@@ -66,9 +69,7 @@ def joint_estimate(
     spread = [name for name in mapped.names if name.startswith("spread_")]
     prior = dict.fromkeys(spread, ROTOR_SPREAD_STD)
     for configuration in configurations:
-        prior |= {
-            f"accel_bias_{axis}@{configuration.name}": std for axis, std in ACCEL_BIAS_STD.items()
-        }
+        prior |= {f"accel_bias_{axis}@{configuration.name}": std for axis, std in BIAS_STD.items()}
         prior |= {
             f"{name}@{configuration.name}": std
             for name, std, _ in tolerances(configuration.payload)

@@ -14,12 +14,13 @@ from jaxtyping import Float
 from scipy import stats
 
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.joint import JointConfiguration, joint_map
 from rotorfit.identification.payload import MOMENTS
-from rotorfit.identification.rows import PILOT_BAND
+from rotorfit.identification.rows import ATTENUATION, PILOT_BAND
 from rotorfit.model.parameters import (
     DERIVED,
     INERTIA,
@@ -28,8 +29,6 @@ from rotorfit.model.parameters import (
     inertia_about,
 )
 
-ATTENUATION = 1.5
-"""Bias allowance: this over rho, as a share of the value (real flights: 0.5 to 1.8)."""
 AXES = ("roll", "pitch", "yaw")
 AXIS_OF: Mapping[str, str] = {
     **{name: "roll" for name in ("Ixx", "Ixx_com", "Ixx_over_kt", "Ixy", "Ixy_com")},
@@ -86,10 +85,11 @@ def joint_numbers(
 ) -> Numbers:
     """Return the physical numbers of a joint estimate."""
     estimate = fit.estimate
-    names = tuple(physical(estimate.values, estimate.names, configurations))
-    values = np.array(list(physical(estimate.values, estimate.names, configurations).values()))
+    mapped = joint_map(configurations)
+    at_estimate = physical(estimate.values, mapped, configurations)
+    names, values = tuple(at_estimate), np.array(list(at_estimate.values()))
     jacobian = numerical_jacobian(
-        lambda phi: np.array(list(physical(phi, estimate.names, configurations).values())),
+        lambda phi: np.array(list(physical(phi, mapped, configurations).values())),
         estimate.values,
         estimate.std,
     )
@@ -113,18 +113,18 @@ def joint_numbers(
 
 def physical(
     phi: Float[np.ndarray, " f"],
-    phi_names: Sequence[str],
+    mapped: ParameterMap,
     configurations: Sequence[JointConfiguration],
 ) -> dict[str, float]:
     """Return every physical number at the free parameters `phi`."""
-    p = dict(zip(phi_names, phi.tolist(), strict=True))
+    p = dict(zip(mapped.names, phi.tolist(), strict=True))
     out = {name: p[name] for name in ("kt", "kd", "Jr")}
     out["kd_over_kt"] = p["kd"] / p["kt"]
     spread = {name: value for name, value in p.items() if name.startswith("spread_")}
     mean = sum(spread.values()) / max(len(spread), 1)
     for name, value in spread.items():
         out[name.replace("spread", "kt")] = p["kt"] * (1.0 + value - mean)
-    theta = joint_map(configurations).theta(phi)
+    theta = mapped.theta(phi)
     for c, configuration in enumerate(configurations):
         own = {
             name.removesuffix(f"@{configuration.name}"): value

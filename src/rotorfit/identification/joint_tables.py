@@ -7,7 +7,7 @@ import numpy as np
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.identification.joint import JointConfiguration
+from rotorfit.identification.joint import BIAS_STD, JointConfiguration
 from rotorfit.identification.joint_parameters import (
     AXIS_OF,
     SHARED_NUMBERS,
@@ -15,6 +15,7 @@ from rotorfit.identification.joint_parameters import (
     number_scale,
 )
 from rotorfit.identification.result import Derived, Parameter
+from rotorfit.identification.rows import ROTOR_SPREAD_STD
 from rotorfit.identification.tables import (
     ORIGIN_IS_IMU,
     ROW_ORDER,
@@ -70,8 +71,8 @@ def joint_tables(
             "noise": "variances of the six accelerations, per phase and band",
             "band": "0 to 30 Hz",
             "stretch": "5 s",
-            "rotor_spread_prior": 0.015,
-            "accel_bias_prior": [0.5, 0.5, 0.2],
+            "rotor_spread_prior": ROTOR_SPREAD_STD,
+            "accel_bias_prior": list(BIAS_STD.values()),
         },
         warnings=_warnings(numbers, configurations),
         diagnostics={

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rotorfit.estimation.estimate import Estimate, LinearProblem
+from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
-from rotorfit.estimation.total import EssentialEstimate, essential_total, relative_std
+from rotorfit.estimation.total import EssentialEstimate, essential_total
 from rotorfit.identification.experiment import ConfigurationEntry
 from rotorfit.identification.flights import Flown, retimed
 from rotorfit.identification.joint_parameters import AXIS_OF
@@ -149,9 +149,3 @@ def _paper_parameter(
     if judged.verdict == "not-identified":
         return shown
     return replace(shown, value=value, std=std, interval=(value - 1.96 * std, value + 1.96 * std))
-
-
-def paper_percent(estimate: Estimate) -> dict[str, float]:
-    """Return %sigma of each parameter, as the paper's tables give it (eq. 22)."""
-    percent = 100.0 * relative_std(estimate)
-    return dict(zip(estimate.names, percent.tolist(), strict=True))

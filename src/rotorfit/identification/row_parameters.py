@@ -13,12 +13,10 @@ from scipy import stats
 
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.identification.rows import ROWS, RowFits
+from rotorfit.identification.rows import ATTENUATION, ROWS, RowFits
 from rotorfit.model.parameters import INERTIA_PLACES, inertia_about
 from rotorfit.model.vehicle import Vehicle
 
-ATTENUATION = 1.5
-"""Bias allowance: this over rho, as a share of the value (real flights: 0.5 to 1.8)."""
 MOST_DRAG = 0.03
 """Drag torque over thrust of any rotor is less [m]. One moment row cannot tell the torque of drag
 along tilted axes from that of thrust."""

@@ -82,10 +82,10 @@ def _cost(flown: "Flown", lag: float | None, delay: float, top: float) -> float:
     return total
 
 
-def _best_delay(flown: "Flown", top: float, lag: float | None = None) -> tuple[float, float] | None:
+def _best_delay(flown: "Flown", top: float) -> tuple[float, float] | None:
     """Return the best delay by the bands that begin below `top` [Hz]."""
     first, last, trials = DELAYS_TRIED[flown.source]
-    return _minimum(lambda d: _cost(flown, lag, d, top), np.linspace(first, last, trials))
+    return _minimum(lambda d: _cost(flown, None, d, top), np.linspace(first, last, trials))
 
 
 def _minimum(

@@ -263,9 +263,7 @@ def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tup
 def _as_one_segment(blocks: Sequence[Factors]) -> Factors:
     """Return the blocks of one segment, all with the segment number 0."""
     joined = stack_factors(blocks)
-    return Factors(
-        R=joined.R, rows=joined.rows, segment=np.zeros_like(joined.segment), band=joined.band
-    )
+    return replace(joined, segment=np.zeros_like(joined.segment))
 
 
 def _stacked(parts: Sequence[Factors]) -> Factors:
