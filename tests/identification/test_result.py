@@ -47,12 +47,13 @@ def test_verdicts_follow_the_width_of_the_interval(value, half, verdict):
     assert (found.advice == ADVICE["roll"]) == (verdict != "identified")
 
 
-def test_too_little_excitation_is_named_before_anything_else():
-    found = judge(1.0, 0.01, scale=0.0, axis="pitch", excitation=4.9)
-    assert found.verdict == "not-identified"
+@pytest.mark.parametrize(("half", "verdict"), [(0.6, "weak"), (1.1, "not-identified")])
+def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
+    found = judge(1.0, half, scale=0.0, axis="pitch", excitation=4.9)
+    assert found.verdict == verdict
     assert "the pitch response to the rotors is only 4.9 times" in found.reason
-    assert judge(1.0, 0.01, scale=0.0, axis="pitch", excitation=5.0).verdict == "identified"
-    assert judge(1.0, 0.01, scale=0.0, axis="force").verdict == "identified"
+    assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="pitch", excitation=5.0).reason
+    assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="force").reason
 
 
 def test_saved_and_read_back_it_is_the_same(tmp_path, result):

@@ -100,6 +100,64 @@ def test_three_flights_agree_on_the_thrust(identified):
     assert len(identified["all"].flights) == 3
 
 
+@pytest.fixture(scope="module")
+def joint(logs, tmp_path_factory):
+    """Return what the default makes of each log, and of all three together."""
+    path = tmp_path_factory.mktemp("joint") / "experiment.toml"
+
+    def result(*names):
+        flights = [logs / name for name in names]
+        flown.experiment_file(path, CINERAT, flights, mass=0.428)
+        return flown.quietly_identified(path)
+
+    results = {name: result(name) for name in (LIVELY, SHORT, CALM)}
+    return results | {"all": result(LIVELY, SHORT, CALM)}
+
+
+@pytest.mark.parametrize("name", [LIVELY, SHORT, CALM, "all"])
+def test_every_log_gives_thrust_and_roll_and_pitch_inertia(joint, name):
+    result = joint[name]
+    kt = result.parameter("kt")
+    Ixx, Iyy = result.derived_value("Ixx_com"), result.derived_value("Iyy_com")
+    assert 2.6e-7 < kt.value < 2.85e-7
+    assert 5.5e-4 < Ixx.value < 6.4e-4
+    assert 6.9e-4 < Iyy.value < 8.1e-4
+    # From 26 logs of this vehicle together (theory, 2.11), and the bench.
+    assert inside(kt, 2.66e-7)
+    assert inside(kt, 2.69e-7)
+    assert inside(Ixx, 5.90e-4)
+    assert inside(Iyy, 7.23e-4)
+    assert inside(Iyy, 7.757e-4)
+
+
+def test_three_logs_together_give_yaw(joint):
+    result = joint["all"]
+    Izz, Jr, kd = result.derived_value("Izz_com"), result.parameter("Jr"), result.parameter("kd")
+    assert 8e-4 < Izz.value < 10e-4
+    assert 7.5e-7 < Jr.value < 10e-7
+    assert 0.9e-3 < result.derived_value("Jr_over_Izz").value < 1.05e-3
+    assert 3.8e-6 < result.derived_value("kd_over_Izz").value < 4.6e-6
+    for number, joint_value in ((Izz, 8.74e-4), (Jr, 8.63e-7), (kd, 3.66e-9)):
+        assert inside(number, joint_value)
+    assert inside(Izz, 8.86e-4)
+    assert inside(Jr, 8.96e-7)
+
+
+def test_a_calm_log_says_that_roll_and_pitch_are_weak_and_refuses_yaw(joint):
+    result = joint[CALM]
+    for name, axis in (("Ixx", "roll"), ("Iyy", "pitch")):
+        found = result.parameter(name)
+        assert found.verdict == "weak"
+        assert f"the {axis} response to the rotors is only 2." in found.reason
+    for name in ("Izz", "kd", "Jr"):
+        found = result.parameter(name)
+        assert found.verdict == "not-identified"
+        assert "the yaw response to the rotors is only 2." in found.reason
+        assert "yaw while rolling" in found.advice
+    for name in ("Izz_com", "kd_over_Izz", "Jr_over_Izz"):
+        assert result.derived_value(name).value is None
+
+
 def refusal(logs, tmp_path, vehicle):
     path = flown.experiment_file(
         tmp_path / "wrong.toml", vehicle, [logs / LIVELY], mass=0.428, extra=BY_ROWS

@@ -1,9 +1,9 @@
 """From the joint estimate to physical numbers with intervals.
 
-Half-width^2 = (larger of 1.96 formal and t scatter)^2 + (1.5 |value| / rho)^2 + tolerances^2.
-Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands. rho:
-explained over residual angular acceleration of the axis, whose lack pulls every estimate of that
-axis to one side. What a change of settings shifts is added by the recipe.
+Half-width^2 = (larger of 1.96 formal and t scatter)^2 + attenuation^2 + tolerances^2. Formal: the
+covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Attenuation: what
+disturbances can pull an axis by (`excitation.py`). What a change of settings shifts is added by
+the recipe.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,9 +18,10 @@ from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.identification.excitation import AXIS_OF, attenuation_allowance
 from rotorfit.identification.joint import JointConfiguration, joint_map
 from rotorfit.identification.payload import MOMENTS
-from rotorfit.identification.rows import ATTENUATION, PILOT_BAND
+from rotorfit.identification.rows import PILOT_BAND
 from rotorfit.model.parameters import (
     DERIVED,
     INERTIA,
@@ -30,14 +31,6 @@ from rotorfit.model.parameters import (
 )
 
 AXES = ("roll", "pitch", "yaw")
-AXIS_OF: Mapping[str, str] = {
-    **{name: "roll" for name in ("Ixx", "Ixx_com", "Ixx_over_kt", "Ixy", "Ixy_com")},
-    **{name: "roll" for name in ("Ixz", "Ixz_com")},
-    **{name: "pitch" for name in ("Iyy", "Iyy_com", "Iyy_over_kt", "Iyz", "Iyz_com")},
-    **{name: "yaw" for name in ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr")},
-    **{name: "yaw" for name in ("kd_over_Izz", "Jr_over_Izz")},
-}
-"""Whose excitation decides how far a number can be trusted."""
 SHARED_NUMBERS = ("kt", "kd", "Jr", "kd_over_kt", "motor_lag_total")
 
 
@@ -192,7 +185,9 @@ def _with_systematic(
         parts: list[float] = []
         rho = numbers.rho(name)
         if rho is not None:
-            parts.append(ATTENUATION * value / max(rho, 1e-12))
+            c = by_name[owner] if owner else configurations[0]
+            scale = number_scale(numbers, name, mass=c.mass, arm=c.vehicle.arm)
+            parts.append(attenuation_allowance(AXIS_OF[base], max(value, scale), rho))
         if (PARAMETERS | DERIVED)[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.identification.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.identification.joint import BIAS_STD, JointConfiguration
 from rotorfit.identification.joint_parameters import (
-    AXIS_OF,
     SHARED_NUMBERS,
     Numbers,
     number_scale,
@@ -25,7 +25,7 @@ from rotorfit.identification.tables import (
     unit_of,
 )
 from rotorfit.identification.timing import MotorTiming
-from rotorfit.identification.verdicts import ADVICE, LEAST_EXCITATION, Judgement, judge
+from rotorfit.identification.verdicts import ADVICE, Judgement, judge
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 
 PARTNERS = {

@@ -14,9 +14,9 @@ from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.total import EssentialEstimate, essential_total
+from rotorfit.identification.excitation import AXIS_OF
 from rotorfit.identification.experiment import ConfigurationEntry
 from rotorfit.identification.flights import Flown, retimed
-from rotorfit.identification.joint_parameters import AXIS_OF
 from rotorfit.identification.result import Parameter
 from rotorfit.identification.tables import (
     Tables,

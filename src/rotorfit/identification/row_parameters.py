@@ -13,7 +13,8 @@ from scipy import stats
 
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.identification.rows import ATTENUATION, ROWS, RowFits
+from rotorfit.identification.excitation import AXIS_OF, attenuation_allowance
+from rotorfit.identification.rows import ROWS, RowFits
 from rotorfit.model.parameters import INERTIA_PLACES, inertia_about
 from rotorfit.model.vehicle import Vehicle
 
@@ -44,25 +45,6 @@ class Quantities:
     def index(self, name: str) -> int:
         """Return the place of one number."""
         return self.names.index(name)
-
-
-AXIS_OF = {
-    "Ixx_com": "roll",
-    "Ixx": "roll",
-    "Ixx_over_kt": "roll",
-    "Iyy_com": "pitch",
-    "Iyy": "pitch",
-    "Iyy_over_kt": "pitch",
-    "kd_over_Izz": "yaw",
-    "Jr_over_Izz": "yaw",
-    "Ixy": "roll",
-    "Ixy_com": "roll",
-    "Ixz": "roll",
-    "Ixz_com": "roll",
-    "Iyz": "pitch",
-    "Iyz_com": "pitch",
-}
-"""Whose excitation decides how far a number can be trusted."""
 
 
 def row_quantities(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float) -> Quantities:
@@ -202,8 +184,11 @@ def _systematic(
         elif lean > 0 and name in AXIS_OF:
             parts.append(MOST_DRAG * lean / vehicle.arm * abs(float(values[i])))
         if name in AXIS_OF:
-            rho = max(fits.excitation[AXIS_OF[name]], 1e-12)
-            parts.append(ATTENUATION * abs(float(values[i])) / rho)
+            known = dict(zip(names, values.tolist(), strict=True))
+            scale = number_scale(name, known, mass=mass[0], arm=vehicle.arm)
+            size = max(abs(float(values[i])), scale)
+            axis = AXIS_OF[name]
+            parts.append(attenuation_allowance(axis, size, fits.excitation[axis]))
         if name == "kt" or name.startswith(("I", "ms")):
             parts.append(weighed * abs(float(values[i])))
         if name in ("com_z", "msz"):

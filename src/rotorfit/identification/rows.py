@@ -54,8 +54,6 @@ NUISANCE_STD = {
 """Deviation of the small terms of the roll and pitch rows, relative to that row's inertia."""
 ROTOR_SPREAD_STD = 0.015
 """Thrust coefficients of one vehicle's rotors differ by about this share."""
-ATTENUATION = 1.5
-"""Bias allowance: this over rho, as a share of the value (real flights: 0.5 to 1.8)."""
 PILOT_BAND = (0.3, 3.0)
 """Where explained and residual angular acceleration are compared [Hz]: where a pilot moves the
 vehicle. Further up the gyro's own noise, differentiated, would hide a well flown axis."""

@@ -6,12 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.identification.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.identification.result import Derived, Parameter
-from rotorfit.identification.row_parameters import AXIS_OF, Quantities, number_scale
+from rotorfit.identification.row_parameters import Quantities, number_scale
 from rotorfit.identification.rows import ROWS, RowFits
 from rotorfit.identification.timing import MotorTiming
-from rotorfit.identification.verdicts import ADVICE, LEAST_EXCITATION, WEAK, Judgement, judge
+from rotorfit.identification.verdicts import ADVICE, WEAK, Judgement, judge
 from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS, ParameterInfo
 from rotorfit.model.vehicle import Vehicle
 

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 
+from rotorfit.identification.excitation import LEAST_EXCITATION
 from rotorfit.identification.result import Verdict
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""
 HOPELESS = 1.0
 """The same, over which it is not identified."""
-LEAST_EXCITATION = 5.0
-"""Below this ratio of explained to residual angular acceleration, disturbances beat the pilot."""
 
 ADVICE = {
     "roll": "roll briskly: 20 s of quick left-right rolls, one or two a second",
@@ -51,17 +50,18 @@ def judge(
     excitation
         rho of that axis; None where it does not apply.
     """
+    relative = half_width / max(abs(value), scale)
+    if relative <= WEAK:
+        return Judgement(verdict="identified")
+    hopeless = not relative <= HOPELESS
+    reason = f"known only to +-{100 * relative:.0f} %"
+    if hopeless:
+        reason = "the interval is wider than the value itself"
     if excitation is not None and excitation < LEAST_EXCITATION:
         reason = (
             f"the {axis} response to the rotors is only {excitation:.1f} times what they do not "
             f"explain (at least {LEAST_EXCITATION:.0f} is needed)"
         )
-        return Judgement(verdict="not-identified", reason=reason, advice=ADVICE[axis])
-    relative = half_width / max(abs(value), scale)
-    if not relative <= HOPELESS:
-        reason = "the interval is wider than the value itself"
-        return Judgement(verdict="not-identified", reason=reason, advice=ADVICE[axis])
-    if relative > WEAK:
-        reason = f"known only to +-{100 * relative:.0f} %"
-        return Judgement(verdict="weak", reason=reason, advice=ADVICE[axis])
-    return Judgement(verdict="identified")
+    return Judgement(
+        verdict="not-identified" if hopeless else "weak", reason=reason, advice=ADVICE[axis]
+    )

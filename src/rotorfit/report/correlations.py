@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.identification.excitation import LEAST_EXCITATION
 from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.verdicts import LEAST_EXCITATION
 from rotorfit.report.svg import drawing, label, tag, text
 
 STRONG = 0.6
