@@ -12,10 +12,7 @@ from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.logs.read import FORMATS
 
-READS = (
-    "; rotorfit reads Blackbox (Betaflight, INAV, INDIflight), Crazyflie micro-SD logs, "
-    "flight tables (CSV or Parquet)"
-)
+READS = "; rotorfit reads " + ", ".join(known.title for known in FORMATS)
 TABLE = b"time,battery,rotor_1\n0,12,400\n0.01,11.5,\n0.02,,402\n0.03,11,403\n"
 
 
@@ -82,9 +79,9 @@ def test_unknown_bytes_are_shown(tmp_path):
     ("options", "content", "message"),
     [
         (
-            ReadOptions(format="ulog"),
+            ReadOptions(format="word"),
             TABLE,
-            "unknown format 'ulog': one of blackbox, crazyflie, table",
+            "unknown format 'word': one of " + ", ".join(known.name for known in FORMATS),
         ),
         (ReadOptions(log_number=2), TABLE, "a table is one log, there is no log 2"),
         (

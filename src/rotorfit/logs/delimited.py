@@ -69,7 +69,7 @@ def open_delimited(data: bytes) -> DelimitedText:
     LogError
         If the text has no row of names.
     """
-    text = _with_line_feeds(data)
+    text = with_line_feeds(data)
     start, line_number, comment = 0, 1, ""
     while start < len(text):
         end = text.find(_NEWLINE, start)
@@ -106,7 +106,7 @@ def _table_from(text: bytes, start: int, end: int, line_number: int, comment: st
     )
 
 
-def _with_line_feeds(data: bytes) -> bytes:
+def with_line_feeds(data: bytes) -> bytes:
     """Return the text in an ASCII superset, without byte-order mark, with line feeds only."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         try:

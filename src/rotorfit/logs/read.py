@@ -26,7 +26,8 @@ class ReadOptions:
     log_number
         Which log of a file with several, from 1; None: the reader's choice.
     columns
-        For tables: canonical name to column.
+        For tables: canonical name to column. For motion capture with several rigid bodies: the
+        name of one under ``position``.
     axes
         For tables: the file's body axes.
     motor_poles
@@ -137,6 +138,55 @@ def _read_crazyflie(path: Path, options: ReadOptions) -> FlightLog:
     return read_crazyflie(path)
 
 
+def _is_mocap(name: str) -> Callable[[bytes], bool]:
+    """Return the recogniser of a motion-capture format; its module is imported when it is asked."""
+
+    def recognises(head: bytes) -> bool:
+        from rotorfit.logs import mocap
+
+        known = {
+            "qualisys": mocap.is_qualisys,
+            "motive": mocap.is_motive,
+            "trajectory": mocap.is_trajectory,
+        }
+        return known[name](head)
+
+    return recognises
+
+
+def _read_mocap(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs import mocap
+
+    if options.log_number not in (None, 1):
+        raise LogError(f"{path}: a recording is one log, there is no log {options.log_number}")
+    if options.axes != "FLU":
+        raise LogError(f"{path}: the file says its own axes, turned to z up: leave out axes")
+    read = mocap.read_motive if mocap.is_motive(read_head(path, _HEAD)) else mocap.read_qualisys
+    return read(path, body=_only_choice(path, options, "position", "rigid body"))
+
+
+def _read_trajectory(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs.mocap import read_trajectory
+
+    if options.columns:
+        return _read_table(path, options)
+    if options.log_number not in (None, 1):
+        raise LogError(f"{path}: a trajectory is one log, there is no log {options.log_number}")
+    return read_trajectory(path, axes=options.axes)
+
+
+def _only_choice(path: Path, options: ReadOptions, name: str, what: str) -> str | None:
+    """Return what a columns map chooses for the one name it may hold here."""
+    chosen = dict(options.columns or {})
+    spec = chosen.pop(name, None)
+    if chosen:
+        raise LogError(
+            f"{path}: the file names its own columns; a columns map only chooses the {what}, as "
+            f'columns = {{ {name} = "NAME" }}'
+        )
+    return None if spec is None else spec.name
+
+
 def _is_table(head: bytes) -> bool:
     """Tell whether the bytes are Parquet or text that may begin with a row of names."""
     if head.startswith((b"PAR1", b"\xff\xfe", b"\xfe\xff")):
@@ -172,6 +222,24 @@ FORMATS: Final = (
         title="Crazyflie micro-SD logs",
         recognises=_is_crazyflie,
         read=_read_crazyflie,
+    ),
+    Format(
+        name="qualisys",
+        title="Qualisys 6DOF exports (TSV)",
+        recognises=_is_mocap("qualisys"),
+        read=_read_mocap,
+    ),
+    Format(
+        name="motive",
+        title="OptiTrack Motive exports (CSV)",
+        recognises=_is_mocap("motive"),
+        read=_read_mocap,
+    ),
+    Format(
+        name="trajectory",
+        title="TUM trajectories",
+        recognises=_is_mocap("trajectory"),
+        read=_read_trajectory,
     ),
     Format(
         name="table",

@@ -1,0 +1,166 @@
+"""OptiTrack Motive, exported CSV of rigid bodies (format versions 1.2x): y up, quaternions.
+
+See OptiTrack's documentation, "Data Export: CSV": a line of names and values, rows that say of each
+column its type, name, ID and whether it is position or rotation, then a row a frame.
+"""
+
+import csv
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import FlightLog
+from rotorfit.logs.delimited import with_line_feeds
+from rotorfit.logs.files import read_bytes
+from rotorfit.logs.mocap.take import (
+    LENGTHS,
+    Body,
+    Take,
+    finite,
+    log_of_take,
+    numbers,
+    unit_or_nan,
+)
+
+_BEGINS: Final = b"Format Version,"
+_HEADER_LINES: Final = 16
+_AXES: Final = {
+    ("Rotation", "W"): 0,
+    ("Rotation", "X"): 1,
+    ("Rotation", "Y"): 2,
+    ("Rotation", "Z"): 3,
+    ("Position", "X"): 4,
+    ("Position", "Y"): 5,
+    ("Position", "Z"): 6,
+}
+_KEPT: Final = ("Format Version", "Take Name", "Capture Frame Rate", "Capture Start Time")
+
+
+def is_motive(head: bytes) -> bool:
+    """Return whether bytes from the beginning of a file are a CSV export of Motive."""
+    return head.removeprefix(b"\xef\xbb\xbf").startswith(_BEGINS)
+
+
+def read_motive(path: Path, *, body: str | None = None) -> FlightLog:
+    """Read the pose of a rigid body from Motive's CSV export.
+
+    The world is turned from y up to z up, x staying as it is, and the body's axes with it: a rigid
+    body that was defined with the vehicle's nose along x has x forward, y left, z up.
+
+    Parameters
+    ----------
+    path
+        The .csv file.
+    body
+        Name of the rigid body; None: the only one.
+
+    Raises
+    ------
+    LogError
+        If the file holds no rigid body, other units or angles, is damaged, or has several bodies
+        and none was named.
+    """
+    data = read_bytes(path)
+    try:
+        return log_of_take(path, data, _take(with_line_feeds(data)), body=body)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error.__cause__
+
+
+def _take(text: bytes) -> Take:
+    rows, start = _header(text)
+    settings = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
+    unit = settings.get("Length Units", "Meters")
+    _refuse_other_settings(settings, unit)
+    places = _columns_of_bodies(rows)
+    values = numbers(
+        text, start, columns=len(rows[-1]), delimiter=",", first_line=text[:start].count(b"\n") + 1
+    )
+    return Take(
+        format="motive",
+        time=values[:, 1],
+        bodies={
+            name: _body(values[:, columns], LENGTHS[unit.lower()])
+            for name, columns in places.items()
+        },
+        source=f"position in {unit.lower()}, quaternion, turned from y up to z up (Motive)",
+        metadata={key: settings[key] for key in _KEPT if key in settings},
+    )
+
+
+def _header(text: bytes) -> tuple[list[list[str]], int]:
+    """Return the cells of the header's lines, and where the rows of numbers begin."""
+    rows: list[list[str]] = []
+    start = 0
+    while len(rows) < _HEADER_LINES and (end := text.find(b"\n", start)) >= 0:
+        line = text[start:end].decode("utf-8", "replace")
+        start = end + 1
+        try:
+            cells = next(csv.reader([line]), list[str]())
+        except csv.Error as error:
+            raise LogError(f"the header cannot be read ({error}): export again") from error
+        if not any(cells):
+            continue
+        rows.append([cell.strip() for cell in cells])
+        if cells[0].strip() == "Frame" and len(rows) >= 4:
+            return rows, start
+    raise LogError(
+        "the header has no row that begins with Frame, Time: export the take as CSV with header"
+    )
+
+
+def _refuse_other_settings(settings: dict[str, str], unit: str) -> None:
+    if unit.lower() not in LENGTHS:
+        raise LogError(f"Length Units are {unit!r}, expected {', '.join(LENGTHS)}: export again")
+    turned = settings.get("Rotation Type", "Quaternion")
+    if turned.lower() != "quaternion":
+        raise LogError(f"Rotation Type is {turned!r}: export again with quaternions")
+    space = settings.get("Coordinate Space", "Global")
+    if space.lower() != "global":
+        raise LogError(f"Coordinate Space is {space!r}: export again in global coordinates")
+
+
+def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
+    """Return where each rigid body has its W X Y Z and X Y Z.
+
+    Columns whose type is another one, such as the markers of a body, are passed over.
+    """
+    kinds = next((row for row in rows[1:] if "Rigid Body" in row), None)
+    if kinds is None:
+        return {}
+    names, what, axes = rows[rows.index(kinds) + 1], rows[-2], rows[-1]
+    found: dict[str, dict[int, int]] = {}
+    width = min(len(kinds), len(names), len(what), len(axes))
+    for column in range(2, width):
+        place = _AXES.get((what[column], axes[column]))
+        if kinds[column] == "Rigid Body" and place is not None:
+            if place in found.setdefault(names[column], {}):
+                raise LogError(f"two rigid bodies are named {names[column]!r}: rename one")
+            found[names[column]][place] = column
+    for name, columns in found.items():
+        if len(columns) < len(_AXES):
+            raise LogError(
+                f"the rigid body {name!r} has {len(columns)} of 7 columns (rotation X Y Z W, "
+                "position X Y Z): export both"
+            )
+    return {name: [columns[k] for k in range(len(_AXES))] for name, columns in found.items()}
+
+
+def _body(pose: Float[np.ndarray, "n 7"], metre: float) -> Body:
+    """Return a body in a world with z up: a quarter turn about x on both ends.
+
+    With C the turn, positions become C p and rotations C R C^T: the same angle about the turned
+    axis.
+    """
+    with np.errstate(over="ignore"):
+        position = finite(metre * _y_up_to_z_up(pose[:, 4:]))
+    attitude = np.concatenate([pose[:, :1], _y_up_to_z_up(pose[:, 1:4])], axis=1)
+    return Body(position=position, attitude_wxyz=unit_or_nan(attitude))
+
+
+def _y_up_to_z_up(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    x, y, z = vectors.T
+    return np.stack([x, -z, y], axis=1)

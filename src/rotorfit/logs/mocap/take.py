@@ -1,0 +1,201 @@
+"""What every motion-capture file comes to: rigid bodies with a pose in each frame."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.logs.delimited import DelimitedText
+from rotorfit.logs.table import resolution_of
+
+LENGTHS: Final[Mapping[str, float]] = {
+    "meters": 1.0,
+    "centimeters": 1e-2,
+    "millimeters": 1e-3,
+    "inches": 0.0254,
+    "feet": 0.3048,
+}
+"""Metres in the units of length that motion-capture programs export."""
+
+_NAMES_SHOWN: Final = 12
+_OFF_LENGTH: Final = 0.05
+"""A quaternion this far from length 1 is no rotation, but a frame without the body."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """One rigid body, frame by frame; NaN where it was not seen.
+
+    Attributes
+    ----------
+    position
+        Of its tracked point, world with z up [m].
+    attitude_wxyz
+        From the body's axes to that world.
+    """
+
+    position: Float[np.ndarray, "n 3"]
+    attitude_wxyz: Float[np.ndarray, "n 4"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Take:
+    """One recording.
+
+    Attributes
+    ----------
+    format
+        Name of the reader.
+    time
+        Of the frames [s].
+    bodies
+        By name; an empty one where the file names none.
+    source
+        Units and axes of the file, in words.
+    metadata
+        What the file says of itself.
+    notes
+        What the reader did, one sentence each.
+    """
+
+    format: str
+    time: Float[np.ndarray, " n"]
+    bodies: Mapping[str, Body]
+    source: str
+    metadata: Mapping[str, str] = field(default_factory=dict[str, str])
+    notes: tuple[str, ...] = ()
+
+
+def log_of_take(path: Path, data: bytes, take: Take, *, body: str | None) -> FlightLog:
+    """Return the pose of one rigid body as a log.
+
+    Parameters
+    ----------
+    path, data
+        The file and its bytes.
+    take
+        What it holds.
+    body
+        Name of the rigid body; None: the only one.
+
+    Raises
+    ------
+    LogError
+        If there are several and none was named, or it was never seen, or time runs backwards.
+    """
+    name = _chosen(take, body)
+    chosen = take.bodies[name]
+    _refuse_wrong_clock(take.time)
+    pose = np.concatenate([chosen.position, chosen.attitude_wxyz], axis=1)
+    seen: Bool[np.ndarray, " n"] = ~np.any(np.isnan(pose), axis=1)
+    label = f"body {name!r}" if name else "body"
+    if np.count_nonzero(seen) < 2:
+        raise LogError(
+            f"the {label} is seen in {np.count_nonzero(seen)} of {len(seen)} frames: check "
+            "that it was tracked, and export it again"
+        )
+    lost = len(seen) - np.count_nonzero(seen)
+    notes = list(take.notes)
+    if lost:
+        notes.append(f"The {label} is not seen in {lost} of {len(seen)} frames.")
+    if len(take.bodies) > 1:
+        others = ", ".join(repr(other) for other in take.bodies if other != name)
+        notes.append(f"Read the body {name!r}; the file also has {_shortened(others)}.")
+    source = f"{label}, {take.source}" if name else take.source
+    values = {"position": chosen.position, "attitude": chosen.attitude_wxyz}
+    return FlightLog(
+        path=path,
+        sha256=hashlib.sha256(data).hexdigest(),
+        format=take.format,
+        channels={
+            channel: Channel(
+                time=take.time[seen],
+                values=columns[seen],
+                source=source,
+                resolution=resolution_of(columns[seen]) if channel == "position" else None,
+            )
+            for channel, columns in values.items()
+        },
+        seconds=float(take.time[-1] - take.time[0]),
+        metadata=take.metadata,
+        notes=tuple(notes),
+    )
+
+
+def numbers(
+    text: bytes, start: int, *, columns: int, delimiter: str | None, first_line: int
+) -> Float[np.ndarray, "n k"]:
+    """Return the rows of numbers that begin at `start` of a text; NaN for empty cells.
+
+    Raises
+    ------
+    LogError
+        If a row has other cells, or none is there.
+    """
+    names = tuple(str(column) for column in range(columns))
+    table = DelimitedText(
+        text=text, start=start, names=names, delimiter=delimiter, first_line=first_line
+    )
+    values = table.numbers(names)
+    if len(values) < 2:
+        raise LogError(f"{len(values)} frames below the header: nothing was recorded")
+    return values
+
+
+def unit_or_nan(attitude: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
+    """Return quaternions of length 1; what is no rotation becomes NaN."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(attitude, axis=1)
+        good = np.abs(length - 1.0) < _OFF_LENGTH
+    return attitude / np.where(good, length, np.nan)[:, None]
+
+
+def finite(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+    """Return values with NaN for what overflowed."""
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _chosen(take: Take, body: str | None) -> str:
+    names = list(take.bodies)
+    listed = _shortened(", ".join(repr(name) for name in names))
+    if not names:
+        raise LogError(
+            "the file has no rigid body, only markers: define a rigid body on the vehicle and "
+            "export its position and rotation"
+        )
+    if body is None and len(names) > 1:
+        raise LogError(
+            f"the file has {len(names)} rigid bodies ({listed}): say which one flew, as "
+            f'columns = {{ position = "{names[0]}" }}'
+        )
+    if body is not None and body not in names:
+        raise LogError(f"no rigid body {body!r}; the file has {listed}")
+    return names[0] if body is None else body
+
+
+def _shortened(names: str) -> str:
+    parts = names.split(", ")
+    more = len(parts) - _NAMES_SHOWN
+    clean = ", ".join(part[:40] for part in parts[:_NAMES_SHOWN])
+    return f"{clean} and {more} more" if more > 0 else clean
+
+
+def _refuse_wrong_clock(time: Float[np.ndarray, " n"]) -> None:
+    if not np.isfinite(time).all():
+        row = int(np.argmin(np.isfinite(time)))
+        raise LogError(f"frame {row + 1} has no time: export the recording again")
+    steps = np.diff(time)
+    if (steps < 0).any():
+        row = int(np.argmax(steps < 0))
+        raise LogError(
+            f"time goes back after frame {row + 1}, from {time[row]:.9g} to {time[row + 1]:.9g} s: "
+            "keep one recording a file"
+        )
+    if not (steps > 0).any():
+        raise LogError(f"all {len(time)} frames have the time {time[0]:.9g} s: the clock stands")
