@@ -1,0 +1,299 @@
+"""Where the messages of a DataFlash log are, found block by block, and the bytes of those wanted."""
+
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Int, UInt8
+
+from rotorfit.errors import LogError
+from rotorfit.logs.dataflash.formats import (
+    FMT_OF_FMT,
+    FMT_TYPE,
+    HEAD,
+    HEAD_BYTES,
+    LONGEST,
+    MessageFormat,
+    message_format,
+)
+
+AHEAD: Final = 2 * LONGEST + HEAD_BYTES
+"""Bytes after a head that decide about it: its message, the next one, and the head after that."""
+FEW_HEADS: Final = 64
+"""Looked at together while definitions come in; each one changes what the next heads mean."""
+MOST_FORMATS: Final = 2000
+"""Of one log; a type has one byte, and firmware defines it once."""
+MOST_REDEFINITIONS: Final = 20_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Messages:
+    """The messages of a log.
+
+    Attributes
+    ----------
+    formats
+        All that the log defines, the FMT of FMT first. A type that is defined anew is there twice.
+    counts
+        Messages of each format.
+    rows
+        The whole messages of the formats wanted, in the order of the file, by index of `formats`.
+    damaged_places, skipped_bytes
+        Where no message could be read.
+    dropped
+        Messages left out because another begins within them.
+    trailing_bytes
+        After the last message.
+    bad_formats
+        Definitions that could not be used: a length below 3, or FMT itself defined anew.
+    """
+
+    formats: tuple[MessageFormat, ...]
+    counts: tuple[int, ...]
+    rows: Mapping[int, UInt8[np.ndarray, "n length"]]
+    damaged_places: int
+    skipped_bytes: int
+    dropped: int
+    trailing_bytes: int
+    bad_formats: int
+
+    def named(self, name: str) -> list[int]:
+        """Return the formats of that name that have messages, as indices."""
+        return [i for i, f in enumerate(self.formats) if f.name == name and self.counts[i]]
+
+    def count(self, name: str) -> int:
+        """Return how many messages of that name there are."""
+        return sum(self.counts[i] for i in self.named(name))
+
+
+@dataclass(slots=True, kw_only=True)
+class _Walk:
+    """What is known on the way through the file: the one thing here that changes."""
+
+    wanted: Container[str] | None
+    formats: list[MessageFormat] = field(default_factory=lambda: [FMT_OF_FMT])
+    indices: dict[bytes, int] = field(default_factory=dict[bytes, int])
+    lengths: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
+    current: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
+    counts: list[int] = field(default_factory=lambda: [0])
+    parts: dict[int, list[UInt8[np.ndarray, "n length"]]] = field(
+        default_factory=dict[int, list[UInt8[np.ndarray, "n length"]]]
+    )
+    searching: bool = False
+    searched_bytes: int = 0
+    redefinitions: int = 0
+    damaged_places: int = 0
+    skipped_bytes: int = 0
+    dropped: int = 0
+    bad_formats: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Block:
+    """A piece of the file: its bytes, where heads are, and up to where those can be decided."""
+
+    raw: UInt8[np.ndarray, " n"]
+    heads: Int[np.ndarray, " h"]
+    stop: int
+    is_last: bool
+
+
+def find_messages(blocks: Iterable[bytes], *, wanted: Container[str] | None = None) -> Messages:
+    """Return the messages of a log.
+
+    Each message's length says where the next one begins. Runs of messages that follow each other
+    are found by NumPy. Where no message of a known type begins, the search goes on at the next
+    one that another one follows; a message within which that one begins is left out.
+
+    Parameters
+    ----------
+    blocks
+        The file in pieces, of any size.
+    wanted
+        Names of the messages whose bytes are kept; None: all.
+
+    Raises
+    ------
+    LogError
+        If the definitions cannot be those of a log: there are thousands.
+    """
+    walk = _Walk(wanted=wanted)
+    walk.lengths[FMT_TYPE] = FMT_OF_FMT.length
+    rest = b""
+    for block in blocks:
+        data = rest + block
+        rest = data[_read_block(walk, data, is_last=False) :]
+    trailing = len(rest) - _read_block(walk, rest, is_last=True)
+    return Messages(
+        formats=tuple(walk.formats),
+        counts=tuple(walk.counts),
+        rows={i: _joined(walk.parts.pop(i)) for i in list(walk.parts)},
+        damaged_places=walk.damaged_places,
+        skipped_bytes=walk.skipped_bytes,
+        dropped=walk.dropped,
+        trailing_bytes=trailing + walk.searched_bytes,
+        bad_formats=walk.bad_formats,
+    )
+
+
+def _joined(parts: list[UInt8[np.ndarray, "n length"]]) -> UInt8[np.ndarray, "n length"]:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _read_block(walk: _Walk, data: bytes, *, is_last: bool) -> int:
+    """Take the messages of a piece, and return how many of its bytes are done with."""
+    raw = np.frombuffer(data, np.uint8)
+    stop = len(raw) if is_last else len(raw) - AHEAD
+    if stop <= 0:
+        return 0
+    heads = np.flatnonzero((raw[:-2] == HEAD[0]) & (raw[1:-1] == HEAD[1]))
+    block = _Block(raw=raw, heads=heads, stop=stop, is_last=is_last)
+    decided = int(np.searchsorted(heads, stop))
+    position, span = 0, FEW_HEADS
+    while (first := int(np.searchsorted(heads, position))) < decided:
+        redefinitions = walk.redefinitions
+        reached = _read_heads(walk, block, (first, min(first + span, decided)), position)
+        if reached == position:  # the file ends within the message there
+            return position
+        position = reached
+        span = FEW_HEADS if walk.redefinitions > redefinitions else 4 * span
+    if position >= stop - (HEAD_BYTES - 1) * is_last and not walk.searching:
+        return position
+    walk.searching = True
+    walk.searched_bytes += stop - position
+    return stop
+
+
+def _read_heads(walk: _Walk, block: _Block, span: tuple[int, int], position: int) -> int:
+    """Take the messages of some heads while definitions stay; return where to go on."""
+    first, last = span
+    heads = block.heads[first:last]
+    lengths = walk.lengths[block.raw[heads + 2]]
+    ends = heads + lengths
+    is_joined = np.zeros(len(heads), dtype=bool)
+    is_joined[:-1] = (lengths[:-1] > 0) & (lengths[1:] > 0) & (ends[:-1] == heads[1:])
+    # Every definition is looked at by itself: it may change what follows.
+    breaks = np.flatnonzero(~is_joined | (block.raw[heads + 2] == FMT_TYPE))
+    runs: list[tuple[int, int]] = []
+    formats = walk.current.copy()
+    while position < heads[-1] + 1:
+        k = int(np.searchsorted(heads, position))
+        if walk.searching or heads[k] != position or lengths[k] == 0:
+            position = _search(walk, block, heads[k:], position)
+            if walk.searching:
+                break
+            continue
+        e = int(breaks[np.searchsorted(breaks, k)])
+        position = int(ends[e])
+        if position > len(block.raw):
+            position = int(heads[e])
+            runs.append((k, e))
+            break
+        is_changed = _define(walk, block, int(heads[e]))
+        inner = _inner_message(walk, block, int(heads[e]), position)
+        runs.append((k, e + (inner is None)))
+        if inner is not None:
+            position = _after_damage(walk, int(heads[e]), inner)
+        if is_changed:
+            break
+    _keep(walk, block, heads, runs, formats)
+    return position
+
+
+def _linked(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"]) -> Bool[np.ndarray, " h"]:
+    """Return which heads are of a known type, and their messages end where another one begins."""
+    raw, size = block.raw, len(block.raw)
+    lengths = walk.lengths[raw[heads + 2]]
+    ends = heads + lengths
+    at_end = (ends <= size) & (ends > size - HEAD_BYTES) & block.is_last
+    places = np.minimum(ends, size - HEAD_BYTES)
+    follows = (raw[places] == HEAD[0]) & (raw[places + 1] == HEAD[1])
+    follows &= (walk.lengths[raw[places + 2]] > 0) & (places == ends)
+    return (lengths > 0) & (follows | at_end)
+
+
+def _search(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"], position: int) -> int:
+    """Return the first head that can be trusted, else the place after the last one."""
+    first, span = 0, FEW_HEADS
+    while first < len(heads):
+        good = np.flatnonzero(_linked(walk, block, heads[first : first + span]))
+        if len(good):
+            found = int(heads[first + good[0]])
+            walk.skipped_bytes += walk.searched_bytes + found - position
+            walk.damaged_places += 1
+            walk.searching, walk.searched_bytes = False, 0
+            return found
+        first, span = first + span, 4 * span
+    walk.searching = True
+    walk.searched_bytes += int(heads[-1]) + 1 - position
+    return int(heads[-1]) + 1
+
+
+def _inner_message(walk: _Walk, block: _Block, start: int, end: int) -> int | None:
+    """Return where a message begins within one that is followed by none; None: nowhere."""
+    following = block.raw[end : end + HEAD_BYTES]
+    if len(following) < HEAD_BYTES:
+        return None
+    if bytes(following[:2]) == HEAD and walk.lengths[following[2]] > 0:
+        return None
+    first, last = np.searchsorted(block.heads, [start + 1, end])
+    inner = block.heads[first:last]
+    good = inner[_linked(walk, block, inner)]
+    return int(good[0]) if len(good) else None
+
+
+def _after_damage(walk: _Walk, start: int, inner: int) -> int:
+    """Count a message that is left out for the one that begins within it; return where."""
+    walk.dropped += 1
+    walk.damaged_places += 1
+    walk.skipped_bytes += inner - start
+    return inner
+
+
+def _define(walk: _Walk, block: _Block, position: int) -> bool:
+    """Take in the definition at a position, if one is there; return whether anything changed."""
+    if block.raw[position + 2] != FMT_TYPE:
+        return False
+    body = block.raw[position + HEAD_BYTES : position + FMT_OF_FMT.length].tobytes()
+    number, length = body[0], body[1]
+    if length < HEAD_BYTES or number == FMT_TYPE:
+        walk.bad_formats += message_format(body) != FMT_OF_FMT
+        return False
+    index = walk.indices.get(body)
+    if index is None:
+        index = walk.indices[body] = len(walk.formats)
+        walk.formats.append(message_format(body))
+        walk.counts.append(0)
+    if walk.current[number] == index and walk.lengths[number] == length:
+        return False
+    walk.current[number], walk.lengths[number] = index, length
+    walk.redefinitions += 1
+    if len(walk.formats) > MOST_FORMATS or walk.redefinitions > MOST_REDEFINITIONS:
+        raise LogError(
+            f"defines its messages {walk.redefinitions} times, expected once each: the file is "
+            "damaged, or no log; download it from the autopilot again"
+        )
+    return True
+
+
+def _keep(
+    walk: _Walk,
+    block: _Block,
+    heads: Int[np.ndarray, " h"],
+    runs: list[tuple[int, int]],
+    formats: Int[np.ndarray, " 256"],
+) -> None:
+    """Count the messages of some runs of heads, and copy the bytes of those that are wanted."""
+    if not runs:
+        return
+    found = np.concatenate([heads[first:last] for first, last in runs])
+    indices = formats[block.raw[found + 2]]
+    for index, count in enumerate(np.bincount(indices).tolist()):
+        if count == 0:
+            continue
+        walk.counts[index] += count
+        form = walk.formats[index]
+        if walk.wanted is None or form.name in walk.wanted:
+            windows = np.lib.stride_tricks.sliding_window_view(block.raw, form.length)
+            walk.parts.setdefault(index, []).append(windows[found[indices == index]])
