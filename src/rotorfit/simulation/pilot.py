@@ -1,7 +1,7 @@
 """The pilot: band-limited sticks, and the plan of a flight from the ground and back."""
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +13,10 @@ CLIMB_SECONDS: Final = 4.0
 LAND_SECONDS: Final = 5.0
 FLIGHT_HEIGHT: Final = 1.0
 FADE_SECONDS: Final = 1.0
+EDGE_SECONDS: Final = 0.5
+"""How long a pilot takes from one side to the other of a turn."""
+
+Shape = Literal["noise", "turns", "doublets"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,10 +29,15 @@ class Stick:
         Lowest and highest frequency of its movement [Hz].
     rms
         Of its movement, in the unit of what it commands.
+    shape
+        ``"noise"``: anything within the band. ``"turns"``: to one side and to the other, half a
+        period of the band's lowest frequency each. ``"doublets"``: out and back to the other side
+        within a period of the highest frequency, again after each period of the lowest.
     """
 
     band: tuple[float, float]
     rms: float
+    shape: Shape = "noise"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +120,7 @@ def plan_flight(
     n = round(seconds * sample_rate)
     # A generator for each stick, so that changing one leaves the others as they were.
     moved = [
-        band_limited(stick, samples=n, sample_rate=sample_rate, rng=child)
+        movement(stick, samples=n, sample_rate=sample_rate, rng=child)
         for stick, child in zip(
             (sticks.roll, sticks.pitch, sticks.yaw, sticks.climb), rng.spawn(4), strict=True
         )
@@ -127,24 +136,51 @@ def plan_flight(
     return [Reference(*row) for row in flown.tolist()]
 
 
-def band_limited(
+def movement(
     stick: Stick, *, samples: int, sample_rate: float, rng: np.random.Generator
 ) -> Float[np.ndarray, " n"]:
-    """Return Gaussian noise of a flat spectrum within a band, faded in and out."""
-    frequency = np.fft.rfftfreq(samples, 1 / sample_rate)
-    inside = (frequency >= stick.band[0]) & (frequency <= stick.band[1])
-    if not inside.any():
+    """Return the movement of a stick, faded in and out, at its root mean square."""
+    time = np.arange(samples) / sample_rate
+    match stick.shape:
+        case "noise":
+            moved = _noise(stick, samples=samples, sample_rate=sample_rate, rng=rng)
+        case "turns":
+            moved = _turns(time, stick.band[0])
+        case "doublets":
+            moved = _doublets(time + rng.uniform(0.0, 1.0 / stick.band[0]), stick.band)
+    edge = np.minimum(time, time[::-1]) / FADE_SECONDS
+    moved = moved * np.sin(np.pi / 2 * np.minimum(edge, 1.0)) ** 2
+    rms = float(np.sqrt(np.mean(moved**2)))
+    if rms == 0.0:
         raise ExperimentError(
             f"a flight of {samples / sample_rate:g} s is too short for a stick between "
             f"{stick.band[0]:g} and {stick.band[1]:g} Hz: fly longer"
         )
+    return moved * (stick.rms / rms)
+
+
+def _noise(
+    stick: Stick, *, samples: int, sample_rate: float, rng: np.random.Generator
+) -> Float[np.ndarray, " n"]:
+    """Return Gaussian noise of a flat spectrum within a band; zeros where it holds no line."""
+    frequency = np.fft.rfftfreq(samples, 1 / sample_rate)
+    inside = (frequency >= stick.band[0]) & (frequency <= stick.band[1])
     spectrum = rng.normal(size=(2, frequency.size)) * inside
-    movement = np.fft.irfft(spectrum[0] + 1j * spectrum[1], samples)
-    time = np.arange(samples) / sample_rate
-    edge = np.minimum(time, time[::-1]) / FADE_SECONDS
-    movement *= np.sin(np.pi / 2 * np.minimum(edge, 1.0)) ** 2
-    rms = float(np.sqrt(np.mean(movement**2)))
-    return movement * (stick.rms / rms)
+    return np.fft.irfft(spectrum[0] + 1j * spectrum[1], samples)
+
+
+def _turns(time: Float[np.ndarray, " n"], frequency: float) -> Float[np.ndarray, " n"]:
+    """Return +1 and -1 in turn, with ramps between them."""
+    # A triangle wave, cut off where a ramp should end.
+    phase = time * frequency
+    triangle = 1.0 - 4.0 * np.abs((phase + 0.25) % 1.0 - 0.5)
+    return np.clip(triangle / (2.0 * EDGE_SECONDS * frequency), -1.0, 1.0)
+
+
+def _doublets(time: Float[np.ndarray, " n"], band: tuple[float, float]) -> Float[np.ndarray, " n"]:
+    """Return whole sine periods of the highest frequency with rests between them."""
+    since = time % (1.0 / band[0])
+    return np.where(since * band[1] < 1.0, np.sin(2.0 * np.pi * band[1] * since), 0.0)
 
 
 def _take_off(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n 8"]:

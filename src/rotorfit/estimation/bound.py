@@ -1,0 +1,100 @@
+r"""What an estimate can reach at best: the Cramér-Rao bound of the banded likelihood.
+
+With noise variances v known, the likelihood of :math:`e = M(\theta)^{-1} B(\theta) z` has the
+information :math:`\sum_b \sum_k J_{bk}^T J_{bk} / v_{bk}`, J = de/d phi. Nothing in it needs noisy
+data: on exact signals of a flight that was only imagined, it says how well the flight would
+determine the parameters. Informations of several flights add.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float
+
+from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.parameter_map import ParameterMap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Linearised:
+    """The noisy signals' error of one configuration, linearised in the free parameters.
+
+    Attributes
+    ----------
+    error
+        e = error z.
+    slope
+        d error / d phi.
+    of_residual
+        e = of_residual r for a residual r of the equations.
+    """
+
+    error: Float[np.ndarray, "k z"]
+    slope: Float[np.ndarray, "f k z"]
+    of_residual: Float[np.ndarray, "k j"]
+
+
+def linearised(
+    tensor: Float[np.ndarray, "p j z"],
+    mapped: ParameterMap,
+    phi: Float[np.ndarray, " f"],
+    *,
+    configuration: int,
+    noisy: Sequence[int],
+) -> Linearised:
+    """Return the error and its slope: d(M^-1 B) = M^-1 (dB - dM M^-1 B).
+
+    Parameters
+    ----------
+    tensor
+        A_p of the configuration.
+    mapped, phi
+        The parameter map, and where to linearise.
+    configuration
+        Which of the map's.
+    noisy
+        The signals that carry the noise.
+    """
+    theta, dtheta = mapped.theta(phi)[configuration], mapped.jacobian(phi)[configuration]
+    B = np.einsum("p,pjz->jz", theta, tensor)
+    inverse = scipy.linalg.inv(B[:, list(noisy)])
+    G = inverse @ B
+    dB = np.einsum("pjz,pf->fjz", tensor, dtheta)
+    return Linearised(
+        error=G, slope=inverse @ (dB - dB[:, :, list(noisy)] @ G), of_residual=inverse
+    )
+
+
+def information(
+    model: Linearised, factors: Factors, variance: Float[np.ndarray, "b k"]
+) -> Float[np.ndarray, "f f"]:
+    """Return the information of blocks of exact signals about the free parameters.
+
+    Parameters
+    ----------
+    model
+        The linearised error.
+    factors
+        Of the exact signals.
+    variance
+        Of each noisy signal's error per row of each block.
+    """
+    weighted = _weighted_grams(factors, variance)
+    return np.einsum("fkz,kzy,gky->fg", model.slope, weighted, model.slope, optimize=True)
+
+
+def pull(
+    model: Linearised, factors: Factors, variance: Float[np.ndarray, "b k"]
+) -> Float[np.ndarray, " f"]:
+    """Return J^T e / v where the signals do not fit: information^-1 times it is minus the shift."""
+    weighted = _weighted_grams(factors, variance)
+    return np.einsum("fkz,kzy,ky->f", model.slope, weighted, model.error, optimize=True)
+
+
+def _weighted_grams(
+    factors: Factors, variance: Float[np.ndarray, "b k"]
+) -> Float[np.ndarray, "k z z"]:
+    """Return sum_b R_b^T R_b / v_bk."""
+    return np.einsum("bmz,bk,bmy->kzy", factors.R, 1.0 / variance, factors.R, optimize=True)
