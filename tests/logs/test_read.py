@@ -45,7 +45,6 @@ def test_options_reach_the_table_reader(tmp_path):
 @pytest.mark.parametrize(
     ("content", "what"),
     [
-        (b"ULog\x01\x12\x35\x01 and so on", "a PX4 ULog"),
         (b"\xa3\x95\x80\x80\x59FMT", "an ArduPilot DataFlash log"),
         (b"#ROSBAG V2.0\nE\x00\x00\x00", "a ROS 1 bag"),
         (b"\x89MCAP0\r\n\x01", "an MCAP recording"),
@@ -232,7 +231,6 @@ def test_optitrack_reads_by_a_columns_map(flight_data_dir):
 @pytest.mark.parametrize(
     ("file", "what"),
     [
-        ("px4-ulog/quadrotor_local.ulg", "a PX4 ULog"),
         ("ardupilot-dronekit/log171.bin", "an ArduPilot DataFlash log"),
     ],
 )

@@ -138,6 +138,23 @@ def _read_crazyflie(path: Path, options: ReadOptions) -> FlightLog:
     return read_crazyflie(path)
 
 
+def _is_ulog(head: bytes) -> bool:
+    from rotorfit.logs.ulog import is_ulog
+
+    return is_ulog(head)
+
+
+def _read_ulog(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs.ulog import read_ulog
+
+    if options.columns or options.axes != "FLU":
+        what = "a columns map" if options.columns else "axes"
+        raise LogError(f"{path}: a ULog names its own topics and axes: leave out {what}")
+    if options.log_number not in (None, 1):
+        raise LogError(f"{path}: a ULog is one log, there is no log {options.log_number}")
+    return read_ulog(path)
+
+
 def _is_mocap(name: str) -> Callable[[bytes], bool]:
     """Return the recogniser of a motion-capture format; its module is imported when it is asked."""
 
@@ -224,6 +241,12 @@ FORMATS: Final = (
         read=_read_crazyflie,
     ),
     Format(
+        name="ulog",
+        title="PX4 logs (ULog)",
+        recognises=_is_ulog,
+        read=_read_ulog,
+    ),
+    Format(
         name="qualisys",
         title="Qualisys 6DOF exports (TSV)",
         recognises=_is_mocap("qualisys"),
@@ -251,7 +274,6 @@ FORMATS: Final = (
 """What rotorfit reads, tried in this order. A new format is one row."""
 
 FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
-    ("a PX4 ULog", _begins(b"ULog\x01\x12\x35")),
     ("an ArduPilot DataFlash log", _begins(b"\xa3\x95")),
     ("a ROS 1 bag", _begins(b"#ROSBAG V")),
     ("an MCAP recording", _begins(b"\x89MCAP0\r\n")),

@@ -1,0 +1,215 @@
+"""Gyro and accelerometer of a PX4 log, from the best of the topics that have them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.flight.log import Channel
+from rotorfit.logs.axes import vectors_to_flu
+from rotorfit.logs.ulog.scan import Scan, Topic
+
+TOPICS: Final = (
+    "sensor_combined",
+    "vehicle_imu",
+    "vehicle_angular_velocity",
+    "vehicle_acceleration",
+    "sensor_selection",
+)
+FIFO_TOPICS: Final = ("sensor_gyro_fifo", "sensor_accel_fifo")
+GOOD_RATE: Final = 90.0
+"""A source this fast is taken before faster, later ones [Hz]."""
+NO_ACCEL: Final = 0x7FFFFFFF
+"""accelerometer_timestamp_relative of a row without an acceleration."""
+COMPLETE: Final = 0.98
+"""Share of the time that raw samples must cover."""
+LOG_FASTER: Final = "set SDLOG_PROFILE = 17 (bits 0 and 4: default set and high rate)"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imu:
+    """Gyro and accelerometer of one path, and what to say of it."""
+
+    gyro: Channel | None
+    accel: Channel | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rate(self) -> float:
+        """Median rate of the slower of the two [Hz]; 0 where one is missing."""
+        return min(rate_of(self.gyro), rate_of(self.accel))
+
+    @property
+    def rank(self) -> float:
+        """How much it is worth: its rate, as far as rate still helps; half a path a little."""
+        return self.rate or 1e-3 * max(rate_of(self.gyro), rate_of(self.accel))
+
+
+def rate_of(channel: Channel | None) -> float:
+    """Return the median rate of a channel [Hz]; 0 where there is none."""
+    if channel is None or len(channel.time) < 2:
+        return 0.0
+    return 1.0 / max(float(np.median(np.diff(channel.time))), 1e-6)
+
+
+def find_imu(scan: Scan, *, raw: Callable[[], Scan]) -> Imu:
+    """Return the first source that is fast enough, else the fastest.
+
+    In the order of sensor_combined, vehicle_imu, the controllers' signals and raw samples.
+
+    Parameters
+    ----------
+    scan
+        With `TOPICS`.
+    raw
+        Reads the file again for `FIFO_TOPICS`, which can be most of a file.
+    """
+    best = Imu(gyro=None, accel=None)
+    makers = (
+        lambda: _combined(scan),
+        lambda: _integrated(scan),
+        lambda: _filtered(scan),
+        lambda: _fifo(scan, raw),
+    )
+    for maker in makers:
+        found = maker()
+        if found.rank > best.rank:
+            best = found
+        if best.rate >= GOOD_RATE:
+            return best
+    return best
+
+
+def _channel(
+    time: Float[np.ndarray, " n"], frd: Float[np.ndarray, "n 3"] | None, source: str
+) -> Channel | None:
+    """Return a channel of body vectors, turned to FLU; None where nothing usable is in it."""
+    if frd is None:
+        return None
+    values = np.where(np.isfinite(frd), vectors_to_flu(frd, "FRD"), np.nan)
+    if not np.isfinite(values).all(axis=1).any():
+        return None
+    return Channel(time=time, values=values, source=f"{source}, FRD turned to FLU")
+
+
+def _combined(scan: Scan) -> Imu:
+    """Return sensor_combined: means over the time between two samples, not filtered otherwise."""
+    topic = scan.first("sensor_combined")
+    if topic is None:
+        return Imu(gyro=None, accel=None)
+    label = topic.label
+    gyro = _channel(topic.time, topic.vector("gyro_rad", 3), f"{label}.gyro_rad")
+    relative = topic.number("accelerometer_timestamp_relative")
+    values = topic.vector("accelerometer_m_s2", 3)
+    if relative is None or values is None:
+        return Imu(gyro=gyro, accel=None)
+    there = relative != NO_ACCEL
+    time = topic.time[there] + 1e-6 * relative[there]
+    # A sample whose own time is wrong is left out; the clock must not run backwards.
+    rising = time >= np.maximum.accumulate(time) if len(time) else there[there]
+    accel = _channel(time[rising], values[there][rising], f"{label}.accelerometer_m_s2")
+    return Imu(gyro=gyro, accel=accel)
+
+
+def _integrated(scan: Scan) -> Imu:
+    """Return vehicle_imu: angles and velocities over their times, so means between samples."""
+    topic = _selected(scan, scan.all("vehicle_imu"), "gyro_device_id")
+    if topic is None:
+        return Imu(gyro=None, accel=None)
+    gyro = _over_time(topic, "delta_angle")
+    accel = _over_time(topic, "delta_velocity")
+    note = f"Gyro and accelerometer are means from {topic.label}: sensor_combined is not faster."
+    return Imu(gyro=gyro, accel=accel, notes=(note,))
+
+
+def _over_time(topic: Topic, name: str) -> Channel | None:
+    change, span = topic.vector(name, 3), topic.number(f"{name}_dt")
+    if change is None or span is None:
+        return None
+    rates = change / np.where(span > 0, 1e-6 * span, np.nan)[:, None]
+    time = topic.sample_time
+    rising = time >= np.maximum.accumulate(time)
+    return _channel(time[rising], rates[rising], f"{topic.label}.{name} over {name}_dt")
+
+
+def _filtered(scan: Scan) -> Imu:
+    """Return the signals of the controllers, low-passed on board."""
+    gyro, accel = scan.first("vehicle_angular_velocity"), scan.first("vehicle_acceleration")
+    cutoffs = [
+        f"{name} = {cutoff:g} Hz" if cutoff is not None else f"{name} unknown"
+        for name in ("IMU_GYRO_CUTOFF", "IMU_ACCEL_CUTOFF")
+        for cutoff in (scan.number(name),)
+    ]
+    note = (
+        f"Gyro and accelerometer were low-passed on board ({', '.join(cutoffs)}), each with a "
+        f"delay of its own, and logged slowly: {LOG_FASTER} for sensor_combined, which is not "
+        "filtered."
+    )
+    return Imu(gyro=_controller_signal(gyro), accel=_controller_signal(accel), notes=(note,))
+
+
+def _controller_signal(topic: Topic | None) -> Channel | None:
+    if topic is None:
+        return None
+    time = topic.sample_time
+    values = topic.vector("xyz", 3)
+    rising = time >= np.maximum.accumulate(time)
+    kept = None if values is None else values[rising]
+    return _channel(time[rising], kept, f"{topic.label}.xyz, filtered on board")
+
+
+def _selected(scan: Scan, instances: tuple[Topic, ...], device: str) -> Topic | None:
+    """Return the instance of the sensor that the autopilot flew with, else the first."""
+    selection = scan.first("sensor_selection")
+    chosen = None if selection is None else selection.number(device)
+    for topic in instances:
+        mine = topic.number(device)
+        if chosen is not None and mine is not None and mine[0] == chosen[-1]:
+            return topic
+    return next(iter(instances), None)
+
+
+def _fifo(scan: Scan, raw: Callable[[], Scan]) -> Imu:
+    """Return the raw samples of each transfer as their mean."""
+    turned = scan.number("SENS_BOARD_ROT")
+    if not any(name in scan.counts for name in FIFO_TOPICS) or turned not in (None, 0.0):
+        return Imu(gyro=None, accel=None)
+    found = raw()
+    gyro = _selected_fifo(found, "gyro")
+    accel = _selected_fifo(found, "accel")
+    note = (
+        "Gyro and accelerometer are raw samples (sensor_gyro_fifo, sensor_accel_fifo), the mean "
+        "of each transfer, without the autopilot's calibration."
+    )
+    return Imu(gyro=gyro, accel=accel, notes=(note,))
+
+
+def _selected_fifo(found: Scan, kind: str) -> Channel | None:
+    selected = _selected(found, found.all(f"sensor_{kind}_fifo"), "device_id")
+    return None if selected is None else _transfer_means(selected)
+
+
+def _transfer_means(topic: Topic) -> Channel | None:
+    """Return the mean of each transfer, at the middle of its samples; None with holes in them."""
+    step, scale, count = (topic.number(name) for name in ("dt", "scale", "samples"))
+    axes = [topic.vector(axis, 1) for axis in "xyz"]
+    if step is None or scale is None or count is None or any(a is None for a in axes):
+        return None
+    time = topic.sample_time
+    size = min(int(topic.rows.dtype[axis].shape[0]) for axis in "xyz")
+    sound = (count >= 1) & (count <= size) & (step > 0) & (step < 1e5)
+    if np.count_nonzero(sound) < 2:
+        return None
+    covered = float((1e-6 * count * step)[sound][1:].sum()) / max(float(np.ptp(time)), 1e-6)
+    if covered < COMPLETE:
+        return None
+    inside = np.repeat(np.arange(size)[None], len(time), axis=0) < (count * sound)[:, None]
+    sums = [np.einsum("ns,ns->n", topic.column(axis)[:, :size], 1.0 * inside) for axis in "xyz"]
+    with np.errstate(all="ignore"):
+        means = np.stack(sums, axis=1) * (scale / np.where(sound, count, np.nan))[:, None]
+    middle = time - 1e-6 * np.where(sound, 0.5 * (count - 1) * step, 0.0)
+    rising = middle >= np.maximum.accumulate(middle)
+    source = f"{topic.label}.x/y/z, the mean of each transfer"
+    return _channel(middle[rising], means[rising], source)

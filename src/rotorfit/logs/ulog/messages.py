@@ -1,0 +1,152 @@
+"""A ULog as bytes: where each message begins, across damage, in bounded memory.
+
+After a header of 16 bytes come messages of a length (2 bytes), a letter and a content. The file is
+read in blocks; a step through the lengths finds the messages of a block, and where it meets what is
+no message, the search goes on at the next synchronisation mark or data message that fits.
+Format: docs.px4.io, "ULog File Format".
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO, Final, Protocol
+
+import numpy as np
+from jaxtyping import Int, UInt8
+
+MAGIC: Final = b"ULog\x01\x12\x35"
+HEADER_BYTES: Final = 16
+BLOCK_BYTES: Final = 1 << 22
+SYNC: Final = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+KNOWN: Final = b"ABCDFILMOPQRS"
+_IS_KNOWN: Final = bytes(int(i in KNOWN) for i in range(256))
+_SEARCH_BYTES: Final = (1 << 10, 1 << 16)
+"""First and later windows of the search after damage."""
+
+
+class Judge(Protocol):
+    """Knows which data messages a log may have."""
+
+    def accept(self, content: bytes, starts: Int[np.ndarray, " n"]) -> int:
+        """Return how many of these messages are sound, up to the first that is not."""
+        ...
+
+    def first_fit(self, raw: UInt8[np.ndarray, " n"]) -> int | None:
+        """Return the first place in some bytes where a known data message fits."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Whole messages of a stretch of the file.
+
+    Attributes
+    ----------
+    content
+        The bytes.
+    starts
+        Where in them each message begins.
+    skipped
+        Bytes passed over as damage.
+    places
+        In how many places.
+    trailing
+        Bytes at the end of the stretch that are no whole message.
+    """
+
+    content: bytes
+    starts: Int[np.ndarray, " n"]
+    skipped: int
+    places: int
+    trailing: int
+
+
+def read_blocks(file: BinaryIO, begin: int, end: int, *, judge: Judge) -> Iterator[Block]:
+    """Yield the messages from byte `begin` of a file to byte `end`, block by block.
+
+    Parameters
+    ----------
+    file
+        Open for reading.
+    begin, end
+        A message that `end` cuts is left out.
+    judge
+        Asked of every message.
+    """
+    file.seek(begin)
+    left, rest = end - begin, b""
+    while left > 0:
+        fresh = file.read(min(BLOCK_BYTES, left))
+        left = left - len(fresh) if fresh else 0
+        block, used = _walk(rest + fresh, judge, is_last=left == 0)
+        yield block
+        rest = block.content[used:]
+
+
+def _walk(content: bytes, judge: Judge, *, is_last: bool) -> tuple[Block, int]:
+    """Return the messages of some bytes, and how many of the bytes are done with."""
+    parts: list[Int[np.ndarray, " n"]] = []
+    position = skipped = places = 0
+    while True:
+        starts, position = _chain(content, position)
+        sound = judge.accept(content, starts)
+        cut = sound == len(starts) and _is_cut(content, position)
+        position = position if sound == len(starts) else int(starts[sound])
+        parts.append(starts[:sound])
+        if len(content) - position < 3 or (cut and not is_last):
+            break
+        found = _next_message(content, position + 1, judge)
+        if found is None and cut:
+            break
+        # Without a find all is passed over but what may begin a message of the next block.
+        target = found or (len(content) if is_last else max(len(content) - 16, position + 1))
+        places += 1
+        skipped += target - position
+        position = target
+        if found is None:
+            break
+    block = Block(
+        content=content,
+        starts=np.concatenate(parts),
+        skipped=skipped,
+        places=places,
+        trailing=len(content) - position if is_last else 0,
+    )
+    return block, position
+
+
+def _chain(content: bytes, position: int) -> tuple[Int[np.ndarray, " n"], int]:
+    """Return where whole messages begin that follow each other, and where the next would."""
+    starts: list[int] = []
+    append, unpack, is_known = starts.append, struct.Struct("<HB").unpack_from, _IS_KNOWN
+    length = len(content)
+    while position <= length - 3:
+        size, kind = unpack(content, position)
+        end = position + 3 + size
+        if end > length or not is_known[kind] or not size:
+            break
+        append(position)
+        position = end
+    return np.array(starts, dtype=np.int64), position
+
+
+def _is_cut(content: bytes, position: int) -> bool:
+    """Return whether what begins at a place looks like a message that goes on past the end."""
+    if len(content) - position < 3:
+        return True
+    size, kind = struct.unpack_from("<HB", content, position)
+    return bool(_IS_KNOWN[kind]) and position + 3 + size > len(content)
+
+
+def _next_message(content: bytes, position: int, judge: Judge) -> int | None:
+    """Return the next place where a mark stands or a known data message fits."""
+    window = _SEARCH_BYTES[0]
+    while position < len(content):
+        piece = content[position : position + window + len(SYNC)]
+        data, mark = judge.first_fit(np.frombuffer(piece, dtype=np.uint8)), piece.find(SYNC)
+        found = [place for place in (data, mark) if place is not None and place >= 0]
+        if found:
+            return position + min(found)
+        position += window
+        window = _SEARCH_BYTES[1]
+    return None

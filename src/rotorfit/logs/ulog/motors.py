@@ -1,0 +1,338 @@
+"""Rotor speeds by ESC telemetry, and motor commands, of a PX4 log."""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.flight.log import Channel
+from rotorfit.logs.ulog.scan import Scan, Topic
+
+TOPICS: Final = ("esc_status", "actuator_motors", "actuator_outputs")
+FIRST_MOTOR, LAST_MOTOR = 101, 112
+"""Numbers of the output functions Motor 1 to Motor 12."""
+MOST_MOTORS: Final = LAST_MOTOR - FIRST_MOTOR + 1
+_RPM: Final = 2.0 * math.pi / 60.0
+FASTEST: Final = 300_000
+"""No rotor turns as fast [rpm]: a telemetry value beyond it is damaged."""
+DSHOT_MOST: Final = 1999
+_AIRFRAMES: Final = {4: 4, 5: 4, 6: 6, 7: 6, 8: 8, 9: 8, 11: 6, 12: 8}
+"""Motors of the airframes 4000 to 4999 and so on, before PX4 had parameters for the geometry."""
+TELEMETRY: Final = (
+    "for measured rotor speed set DSHOT_BIDIR_EN = 1 (or wire ESC telemetry and set DSHOT_TEL_CFG) "
+    "and SDLOG_PROFILE = 17"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motors:
+    """A motor channel where there is one, and what to say of it."""
+
+    channel: Channel | None = None
+    notes: tuple[str, ...] = ()
+
+
+def motor_count(scan: Scan) -> int | None:
+    """Return the number of motors by the parameters; None where they do not say."""
+    declared = scan.number("CA_ROTOR_COUNT")
+    if declared is not None and 0 < declared <= MOST_MOTORS:
+        return int(declared)
+    airframe = scan.number("SYS_AUTOSTART")
+    return None if airframe is None else _AIRFRAMES.get(int(airframe) // 1000)
+
+
+# Measured speed
+
+
+def find_rotor_speed(scan: Scan) -> Motors:
+    """Return the rotor speeds of esc_status, in the order of the motors."""
+    topic = scan.first("esc_status")
+    if topic is None or "esc" not in (topic.rows.dtype.names or ()):
+        return Motors(notes=(f"No rotor speed (esc_status): {TELEMETRY}.",))
+    escs = topic.rows["esc"]
+    names = escs.dtype.names or ()
+    if escs.ndim != 2 or "esc_rpm" not in names or len(topic.rows) < 2:
+        return Motors(notes=("esc_status has no esc_rpm: rotor speed is left out.",))
+    rpm = np.abs(np.asarray(escs["esc_rpm"], dtype=float))
+    places = _places_of_motors(scan, topic, rpm)
+    if not rpm[:, places].any():
+        note = f"esc_status says 0 rpm throughout: rotor speed is left out; {TELEMETRY}."
+        return Motors(notes=(note,))
+    time, rpm, fresh = _on_one_clock(topic, escs, rpm[:, places], places)
+    rpm = np.where(rpm <= FASTEST, rpm, np.nan)
+    source = f"{topic.label}.esc[{', '.join(map(str, places))}].esc_rpm [rpm]"
+    channel = Channel(
+        time=time, values=rpm * _RPM, source=source, resolution=_smallest_step(rpm) * _RPM
+    )
+    silent = [str(i + 1) for i in range(len(places)) if not np.nan_to_num(rpm[:, i]).any()]
+    notes = [fresh] if fresh else []
+    if silent:
+        notes.append(f"Motor {', '.join(silent)}: 0 rpm throughout, check its telemetry.")
+    return Motors(channel=channel, notes=tuple(notes))
+
+
+def _places_of_motors(scan: Scan, topic: Topic, rpm: Float[np.ndarray, "n e"]) -> list[int]:
+    """Return which place in esc_status each motor has, in the order of the motors."""
+    escs = topic.rows["esc"]
+    if "actuator_function" in (escs.dtype.names or ()):
+        functions = np.max(escs["actuator_function"], axis=0).astype(int).tolist()
+        motors = {f: i for i, f in enumerate(functions) if FIRST_MOTOR <= f <= LAST_MOTOR}
+        if motors:
+            return [motors[function] for function in sorted(motors)]
+    told = topic.number("esc_count")
+    turning = np.flatnonzero(rpm.any(axis=0))
+    count = motor_count(scan) or int(0 if told is None else told.max())
+    count = count or (int(turning[-1]) + 1 if len(turning) else rpm.shape[1])
+    return list(range(min(count, rpm.shape[1])))
+
+
+def _on_one_clock(
+    topic: Topic, escs: np.ndarray, rpm: Float[np.ndarray, "n N"], places: list[int]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m N"], str]:
+    """Return speeds at common times, without repetitions, and a note of what was done.
+
+    With telemetry by wire the ESCs report one after the other, and a message repeats what is not
+    new: then each motor's own reports are joined by lines, nowhere over a hole.
+    """
+    published = topic.time
+    if "timestamp" not in (escs.dtype.names or ()):
+        return published, rpm, ""
+    own = 1e-6 * np.asarray(escs["timestamp"][:, places], dtype=float)
+    late = published[:, None] - own
+    step = float(np.median(np.diff(published)))
+    if not np.any(own, axis=0).all() or (own[1:] < own[:-1]).any() or late.max() > 10.0:
+        return published, rpm, ""
+    is_new = np.concatenate([[True], np.any(own[1:] > own[:-1], axis=1)])
+    if float(np.median(late)) < 0.2 * step and is_new.all():
+        return published, rpm, ""
+    time = published[is_new]
+    joined = [_joined(time, own[is_new, i], rpm[is_new, i]) for i in range(len(places))]
+    rate = 1.0 / max(float(np.median(np.diff(time))), 1e-6) if len(time) > 1 else 0.0
+    note = (
+        f"The ESCs report one after the other, {rate:.0f} new messages a second: their speeds are "
+        "brought to common times by lines between each one's reports."
+    )
+    return time, np.stack(joined, axis=1), note
+
+
+def _joined(
+    time: Float[np.ndarray, " n"], own: Float[np.ndarray, " n"], rpm: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Return one motor's speed by lines between its reports; NaN over holes, and at the ends."""
+    is_new = np.concatenate([[True], np.diff(own) > 0])
+    t, x = own[is_new], rpm[is_new]
+    if len(t) < 2:
+        return np.full(len(time), np.nan)
+    right = np.clip(np.searchsorted(t, time), 1, len(t) - 1)
+    hole = 2.5 * float(np.median(np.diff(t)))
+    inside = (time >= t[0]) & (time <= t[-1]) & (t[right] - t[right - 1] <= hole)
+    return np.where(inside, np.interp(time, t, x), np.nan)
+
+
+def _smallest_step(rpm: Float[np.ndarray, "n N"]) -> float:
+    """Return the step of the telemetry: 1 rpm, or 100 electrical ones over the pole pairs."""
+    values = np.unique(rpm[np.isfinite(rpm)])
+    steps = np.diff(values)
+    return max(float(steps.min()), 1.0) if len(steps) else 1.0
+
+
+# Commands
+
+
+def find_command(scan: Scan) -> Motors:
+    """Return the motor commands as the fraction of the output range that was sent."""
+    topic = scan.first("actuator_motors")
+    if topic is not None and topic.vector("control", 1) is not None and len(topic.rows) > 1:
+        return _from_thrusts(scan, topic)
+    if scan.all("actuator_outputs"):
+        return _from_outputs(scan)
+    note = (
+        "No motor commands (actuator_motors, actuator_outputs): add them to the logged topics, or "
+        "set SDLOG_PROFILE = 17."
+    )
+    return Motors(notes=(note,))
+
+
+def thrust_curve(scan: Scan) -> float:
+    """Return THR_MDL_FAC, 0 where it is none that PX4 acts on."""
+    factor = scan.number("THR_MDL_FAC") or 0.0
+    return factor if 0.0 < factor <= 1.0 else 0.0
+
+
+def _from_thrusts(scan: Scan, topic: Topic) -> Motors:
+    """Return actuator_motors, thrusts that PX4 turns into commands before it sends them.
+
+    By its parameter f = THR_MDL_FAC it takes relative thrust to be f u^2 + (1 - f) u, u being the
+    fraction of the output range; the log has the thrust, so u is its positive root.
+    """
+    thrust = topic.column("control")
+    used = np.flatnonzero(np.isfinite(thrust).any(axis=0))
+    count = motor_count(scan)
+    if count is None or count > thrust.shape[1]:
+        count = int(used[-1]) + 1 if len(used) else 0
+    if count == 0 or not (used < count).any():
+        return Motors(notes=("actuator_motors drives no motor: commands are left out.",))
+    thrust = thrust[:, :count]
+    stopped = np.isnan(thrust)
+    wrong = ~stopped & ((thrust < -1e-6) | (thrust > 1.0 + 1e-6))
+    factor = thrust_curve(scan)
+    fraction = _fraction_of(np.clip(np.where(stopped | wrong, 0.0, thrust), 0.0, 1.0), factor)
+    values = np.where(wrong, np.nan, fraction)
+    notes: list[str] = []
+    source = f"{topic.label}.control[0..{count - 1}]"
+    if factor:
+        source += f", turned from thrust into the output sent (THR_MDL_FAC {factor:g})"
+    if wrong.any():
+        notes.append(
+            f"{int(wrong.any(axis=1).sum())} commands are outside 0 to 1 (reversed motors?): left "
+            "out."
+        )
+    return Motors(
+        channel=Channel(time=topic.time, values=values, source=source), notes=tuple(notes)
+    )
+
+
+def _fraction_of(thrust: Float[np.ndarray, "n N"], factor: float) -> Float[np.ndarray, "n N"]:
+    """Return u >= 0 of factor u^2 + (1 - factor) u = thrust."""
+    if factor == 0.0:
+        return thrust
+    b = 1.0 - factor
+    # The form without cancellation for small factors.
+    return 2.0 * thrust / (b + np.sqrt(b * b + 4.0 * factor * thrust))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Outputs:
+    """Which outputs are motors: their places and ranges, and the parameters that say so."""
+
+    places: tuple[int, ...]
+    ranges: tuple[tuple[float, float], ...]
+    said_by: str
+
+
+def _from_outputs(scan: Scan) -> Motors:
+    """Return actuator_outputs, the values sent, over their ranges."""
+    wiring = _assigned(scan) or _main_outputs(scan)
+    topic = _instance_with_motors(scan, wiring)
+    values = None if topic is None else topic.vector("output", 1 + max(wiring.places))
+    if topic is None or values is None:
+        return Motors(notes=("actuator_outputs has no motors: commands are left out.",))
+    values = values[:, list(wiring.places)]
+    low, high = (np.array(edge) for edge in zip(*wiring.ranges, strict=True))
+    if bool((values > high + 0.05 * (high - low)).any()):
+        note = (
+            f"{topic.label} reaches {float(np.nanmax(values)):g}, beyond its range "
+            f"{low.min():g} to {high.max():g} ({wiring.said_by}): commands are left out; log "
+            "actuator_motors."
+        )
+        return Motors(notes=(note,))
+    fraction = np.clip((values - low) / (high - low), 0.0, 1.0)
+    shown = ", ".join(str(place) for place in wiring.places)
+    source = f"{topic.label}.output[{shown}], {low.min():g}..{high.max():g} ({wiring.said_by})"
+    resolution = 1.0 / float((high - low).min()) if float((high - low).min()) >= 100 else None
+    channel = Channel(time=topic.time, values=fraction, source=source, resolution=resolution)
+    return Motors(channel=channel)
+
+
+def _assigned(scan: Scan) -> _Outputs | None:
+    """Return the outputs that the parameters ..._FUNC1 and so on give to motors (PX4 1.13 on)."""
+    found: dict[str, dict[int, int]] = {}
+    for name, value in scan.parameters.items():
+        match = re.fullmatch(r"([A-Z0-9_]+)_FUNC(\d{1,2})", name)
+        if match and FIRST_MOTOR <= value <= LAST_MOTOR and 1 <= int(match[2]) <= 16:
+            found.setdefault(match[1], {})[int(value)] = int(match[2])
+    if not found:
+        return None
+    prefix, outputs = max(found.items(), key=lambda item: len(item[1]))
+    numbers = [outputs[function] for function in sorted(outputs)]
+    ranges = tuple(_assigned_range(scan, prefix, number) for number in numbers)
+    places = tuple(number - 1 for number in numbers)
+    return _Outputs(places=places, ranges=ranges, said_by=f"{prefix}_FUNC, _MIN, _MAX")
+
+
+def _assigned_range(scan: Scan, prefix: str, number: int) -> tuple[float, float]:
+    timers = [v for n, v in scan.parameters.items() if re.fullmatch(f"{prefix}_TIM\\d+", n)]
+    if any(-5 <= timer <= -2 for timer in timers):
+        return _dshot_range(scan)
+    low, high = scan.number(f"{prefix}_MIN{number}"), scan.number(f"{prefix}_MAX{number}")
+    sound = low is not None and high is not None and high > low >= 0
+    return (low, high) if sound else (1000.0, 2000.0)  # type: ignore[return-value]
+
+
+def _dshot_range(scan: Scan) -> tuple[float, float]:
+    least = scan.number("DSHOT_MIN") or 0.0
+    return (DSHOT_MOST * least if 0.0 <= least < 1.0 else 0.0), float(DSHOT_MOST)
+
+
+def _main_outputs(scan: Scan) -> _Outputs:
+    """Return the first outputs, which older versions of PX4 gave to the motors."""
+    count = motor_count(scan) or _used_outputs(scan)
+    places = tuple(range(max(count, 1)))
+    if (scan.number("DSHOT_CONFIG") or 0) > 0:
+        return _Outputs(
+            places=places, ranges=(_dshot_range(scan),) * len(places), said_by="DSHOT_CONFIG"
+        )
+    low = _first_positive(scan, ("PWM_MAIN_MIN", "PWM_MIN"), 1000.0)
+    high = _first_positive(scan, ("PWM_MAIN_MAX", "PWM_MAX"), 2000.0)
+    ranges = [
+        (
+            _first_positive(scan, (f"PWM_MAIN_MIN{i + 1}",), low),
+            _first_positive(scan, (f"PWM_MAIN_MAX{i + 1}",), high),
+        )
+        for i in places
+    ]
+    sound = tuple((a, b) if b > a else (1000.0, 2000.0) for a, b in ranges)
+    return _Outputs(places=places, ranges=sound, said_by="PWM_MIN, PWM_MAX")
+
+
+def _first_positive(scan: Scan, names: tuple[str, ...], default: float) -> float:
+    for name in names:
+        value = scan.number(name)
+        if value is not None and math.isfinite(value) and value > 0:
+            return value
+    return default
+
+
+def _used_outputs(scan: Scan) -> int:
+    """Return how many outputs of the first instance ever differ from 0."""
+    topic = scan.first("actuator_outputs")
+    values = None if topic is None else topic.vector("output", 1)
+    if topic is None or values is None:
+        return 0
+    used = np.flatnonzero(np.nan_to_num(topic.column("output")).any(axis=0))
+    return min(int(used[-1]) + 1 if len(used) else 0, MOST_MOTORS)
+
+
+def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
+    """Return the instance whose motor outputs move most; several drivers publish their own."""
+    moved: list[tuple[float, int, Topic]] = []
+    for topic in scan.all("actuator_outputs"):
+        values = topic.vector("output", 1 + max(wiring.places))
+        if values is not None and len(topic.rows) > 1:
+            chosen = np.nan_to_num(values[:, list(wiring.places)])
+            moved.append((float(np.ptp(chosen, axis=0).sum()), -topic.instance, topic))
+    return max(moved, key=lambda item: item[:2])[2] if moved else None
+
+
+def commanded_law(scan: Scan) -> str:
+    """Return the ``law`` of the experiment file by the parameters, or an empty text.
+
+    In Gazebo the output is the speed itself, between SIM_GZ_EC_MIN and _MAX; elsewhere PX4 only
+    assumes how thrust goes with the output.
+    """
+    count = motor_count(scan) or 0
+    ranges = {
+        (scan.number(f"SIM_GZ_EC_MIN{i}"), scan.number(f"SIM_GZ_EC_MAX{i}"))
+        for i in range(1, count + 1)
+        if FIRST_MOTOR <= (scan.number(f"SIM_GZ_EC_FUNC{i}") or 0) <= LAST_MOTOR
+    }
+    if len(ranges) == 1:
+        low, high = next(iter(ranges))
+        if low is not None and high is not None and high > low:
+            return f"law = {{ linear = [{low:.1f}, {high - low:.1f}] }}"
+    if scan.number("THR_MDL_FAC") is None:
+        return ""
+    return f"law = {{ sqrt = {{ full_speed = RAD_PER_S, thr_mdl_fac = {thrust_curve(scan)!r} }} }}"

@@ -1,0 +1,140 @@
+"""Logs of PX4 (ULog); its body axes are FRD and its world is NED, turned here."""
+
+from pathlib import Path
+from typing import Final
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.logs.ulog import imu, motors, pose, vehicle
+from rotorfit.logs.ulog.messages import MAGIC
+from rotorfit.logs.ulog.scan import Scan, scan_file
+
+WANTED: Final = frozenset((*imu.TOPICS, *motors.TOPICS, *pose.TOPICS, *vehicle.TOPICS))
+SLOW_MOTORS: Final = 50.0
+"""Commands slower than this say little of inertia [Hz]."""
+_LISTED: Final = 20
+
+
+def is_ulog(head: bytes) -> bool:
+    """Return whether bytes from the beginning of a file are a ULog."""
+    return head.startswith(MAGIC)
+
+
+def read_ulog(path: Path) -> FlightLog:
+    """Read a log of PX4.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    FlightLog
+        Channels in SI units and FLU axes, on the clock of the autopilot, seconds since its boot.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read, or has none of the topics that make a channel.
+    """
+    try:
+        scan = scan_file(path, WANTED)
+        found = imu.find_imu(scan, raw=lambda: scan_file(path, frozenset(imu.FIFO_TOPICS)))
+        channels, notes = _channels(scan, found)
+        if not channels:
+            raise LogError(_no_channels(scan))
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error
+    # A topic begins with its last message before the log: the sensors say when the log began.
+    timed = [c for name, c in channels.items() if name in ("gyro", "accel")] or [*channels.values()]
+    begin, end = min(c.time[0] for c in timed), max(c.time[-1] for c in timed)
+    return FlightLog(
+        path=path,
+        sha256=scan.sha256,
+        format="ulog",
+        channels=channels,
+        seconds=float(end - begin),
+        metadata=vehicle.metadata_of(scan),
+        notes=(
+            *notes,
+            *vehicle.geometry_notes(scan),
+            *vehicle.flown_notes(scan, float(begin)),
+            *vehicle.change_notes(scan),
+            *_appended_note(scan),
+        ),
+        warnings=(*scan.warnings, *vehicle.flight_doubts(scan)),
+    )
+
+
+def _channels(scan: Scan, found: imu.Imu) -> tuple[dict[str, Channel], list[str]]:
+    """Return the channels, in the order of `CHANNELS`, and what to say of them."""
+    speed, command = motors.find_rotor_speed(scan), motors.find_command(scan)
+    posed, pose_notes = pose.find_pose(scan)
+    made: dict[str, Channel | None] = {
+        "gyro": found.gyro,
+        "accel": found.accel,
+        "rotor_speed": speed.channel,
+        "command": command.channel,
+        "battery": pose.find_battery(scan),
+        "velocity": pose.find_velocity(scan),
+        **posed,
+    }
+    channels = {name: channel for name, channel in made.items() if channel is not None}
+    missing = [name for name in ("gyro", "accel") if name not in channels]
+    notes = [
+        *found.notes,
+        *(f"No {name}: {imu.LOG_FASTER}." for name in missing),
+        *_rate_notes(channels),
+        *speed.notes,
+        *command.notes,
+        *_law_notes(scan, channels),
+        *pose_notes,
+    ]
+    return channels, notes
+
+
+def _rate_notes(channels: dict[str, Channel]) -> list[str]:
+    """Return what to set where motor data come too slowly for rotations."""
+    notes: list[str] = []
+    for name in ("rotor_speed", "command"):
+        channel = channels.get(name)
+        rate = 0.0 if channel is None else imu.rate_of(channel)
+        if 0.0 < rate < SLOW_MOTORS:
+            notes.append(
+                f"The {name} channel comes at {rate:.0f} Hz, too slow for inertia and motor lag: "
+                f"{imu.LOG_FASTER}."
+            )
+    return notes
+
+
+def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:
+    """Return how commands and speed belong together, by the parameters."""
+    law = motors.commanded_law(scan)
+    if "command" not in channels or not law:
+        return []
+    if "linear" in law:
+        return [f"Simulated motors: the command is a speed, by [motors] {law}."]
+    factor = motors.thrust_curve(scan)
+    curve = f"{factor:g} u^2 + {1 - factor:g} u of the command u" if factor else "the command"
+    return [
+        f"PX4 takes the thrust of a motor to go with {curve} (THR_MDL_FAC = {factor:g}); if that "
+        f"was measured, write under [motors] {law}, with the speed at full command."
+    ]
+
+
+def _appended_note(scan: Scan) -> list[str]:
+    if not scan.appended:
+        return []
+    return [f"{scan.appended} stretches of data were appended to the log later (after a crash?)."]
+
+
+def _no_channels(scan: Scan) -> str:
+    """Return the message for a log with nothing to use."""
+    topics = sorted(name for name, count in scan.counts.items() if count)
+    shown = ascii(", ".join(topics[:_LISTED]))[1:-1] or "none"
+    more = f" and {len(topics) - _LISTED} more" if len(topics) > _LISTED else ""
+    return (
+        f"no sensor, motor or pose topic with usable messages in it (topics: {shown}{more}); "
+        f"{imu.LOG_FASTER}, and log actuator_motors and esc_status"
+    )

@@ -1,0 +1,440 @@
+"""A ULog file to the rows of chosen topics, the parameters, and what was lost or damaged."""
+
+import hashlib
+import os
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+
+from rotorfit.errors import LogError
+from rotorfit.logs.files import read_head
+from rotorfit.logs.ulog.formats import Field, Row, parse_format, row_of
+from rotorfit.logs.ulog.messages import HEADER_BYTES, MAGIC, Block, read_blocks
+
+Value = int | float
+MOST_PLACES: Final = 10_000
+LONGEST_TEXT: Final = 200
+MOST_TEXTS: Final = 10_000
+DATA: Final = ord("D")
+APPENDED: Final = 1
+"""Bit of the first byte of the incompatible flags."""
+SYSTEM_DEFAULT, AIRFRAME_DEFAULT = 1, 2
+"""Bits of a default's kind: the firmware's, and that of the chosen airframe."""
+LARGEST_NUMBER: Final = 1 << 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """The messages of one instance of a topic, in order of time."""
+
+    name: str
+    instance: int
+    rows: np.ndarray
+
+    @property
+    def label(self) -> str:
+        """As PX4's people write it."""
+        return f"{self.name}[{self.instance}]" if self.instance else self.name
+
+    def has(self, *fields: str) -> bool:
+        """Return whether the topic has all these fields, as numbers or arrays of numbers."""
+        names = self.rows.dtype.names or ()
+        return all(name in names for name in fields)
+
+    def column(self, name: str) -> Float[np.ndarray, "*shape"]:
+        """Return a field as floats: one value a row, or one array."""
+        return np.asarray(self.rows[name], dtype=float)
+
+    def vector(self, name: str, columns: int) -> Float[np.ndarray, "n k"] | None:
+        """Return a field that is an array of at least so many numbers; None if it is not."""
+        if not self.has(name) or self.rows.dtype[name].names:
+            return None
+        values = self.column(name)
+        return values[:, :columns] if values.ndim == 2 and values.shape[1] >= columns else None
+
+    def number(self, name: str) -> Float[np.ndarray, " n"] | None:
+        """Return a field that is one number; None if it is not."""
+        if not self.has(name) or self.rows.dtype[name].names:
+            return None
+        values = self.column(name)
+        return values if values.ndim == 1 else None
+
+    @property
+    def time(self) -> Float[np.ndarray, " n"]:
+        """When each message was published, since boot [s]."""
+        return 1e-6 * self.column("timestamp")
+
+    @property
+    def sample_time(self) -> Float[np.ndarray, " n"]:
+        """When what it tells was measured [s]; where it does not say, when it was published."""
+        sampled = self.number("timestamp_sample")
+        return self.time if sampled is None or not sampled.all() else 1e-6 * sampled
+
+    @property
+    def rate(self) -> float:
+        """Median rate [Hz]."""
+        steps = np.diff(self.time)
+        return 1.0 / max(float(np.median(steps)), 1e-6) if len(steps) else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scan:
+    """What a file has.
+
+    Attributes
+    ----------
+    topics
+        Those that were asked for and have messages, by name; instances in order.
+    counts
+        Messages of every topic, by name.
+    parameters
+        At the start of the log.
+    system_defaults, airframe_defaults
+        Defaults of the firmware and of the airframe, where they differ from the parameters.
+    knows_defaults
+        Whether the log tells defaults at all.
+    changes
+        Parameters that changed in the log: name, value before, value after.
+    info
+        Texts and numbers such as the version.
+    dropouts
+        How long the logger lost messages, each time [ms].
+    appended
+        Number of stretches that were appended later.
+    warnings
+        What was damaged, one sentence each.
+    sha256
+        Of the file.
+    """
+
+    topics: Mapping[str, tuple[Topic, ...]]
+    counts: Mapping[str, int]
+    parameters: Mapping[str, Value]
+    system_defaults: Mapping[str, Value]
+    airframe_defaults: Mapping[str, Value]
+    knows_defaults: bool
+    changes: tuple[tuple[str, Value, Value], ...]
+    info: Mapping[str, str | int]
+    dropouts: tuple[int, ...]
+    appended: int
+    warnings: tuple[str, ...]
+    sha256: str
+
+    def all(self, name: str) -> tuple[Topic, ...]:
+        """Return the instances of a topic."""
+        return self.topics.get(name, ())
+
+    def first(self, name: str) -> Topic | None:
+        """Return the first instance of a topic."""
+        return next(iter(self.all(name)), None)
+
+    def number(self, name: str) -> float | None:
+        """Return a parameter; None where the log does not have it."""
+        value = self.parameters.get(name)
+        return None if value is None else float(value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Subscription:
+    name: str
+    instance: int
+    row: Row | None
+
+
+@dataclass(slots=True, kw_only=True)
+class _Reading:
+    """The state of a file while it is read: what was declared so far, and what was kept."""
+
+    wanted: frozenset[str]
+    formats: dict[str, tuple[Field, ...]] = field(default_factory=dict[str, tuple[Field, ...]])
+    subscribed: dict[int, _Subscription] = field(default_factory=dict[int, _Subscription])
+    rows: dict[int, list[np.ndarray]] = field(default_factory=dict[int, list[np.ndarray]])
+    counts: np.ndarray = field(default_factory=lambda: np.zeros(LARGEST_NUMBER, dtype=np.int64))
+    # Smallest and largest length of a data message by its number; none fits an unknown number.
+    smallest: np.ndarray = field(
+        default_factory=lambda: np.full(LARGEST_NUMBER, LARGEST_NUMBER, dtype=np.int64)
+    )
+    largest: np.ndarray = field(default_factory=lambda: np.zeros(LARGEST_NUMBER, dtype=np.int64))
+    is_known: np.ndarray = field(default_factory=lambda: np.zeros(LARGEST_NUMBER, dtype=bool))
+    parameters: dict[str, Value] = field(default_factory=dict[str, Value])
+    now: dict[str, Value] = field(default_factory=dict[str, Value])
+    defaults: dict[int, dict[str, Value]] = field(
+        default_factory=lambda: {SYSTEM_DEFAULT: {}, AIRFRAME_DEFAULT: {}}
+    )
+    changes: list[tuple[str, Value, Value]] = field(default_factory=list[tuple[str, Value, Value]])
+    info: dict[str, str | int] = field(default_factory=dict[str, str | int])
+    dropouts: list[int] = field(default_factory=list[int])
+    skipped: int = 0
+    places: int = 0
+    trailing: int = 0
+
+    def accept(self, content: bytes, starts: Int[np.ndarray, " n"]) -> int:
+        """Take declarations in, and return how many messages come before one that is unsound."""
+        raw = np.frombuffer(content, dtype=np.uint8)
+        kinds = raw[starts + 2]
+        for start in starts[(kinds != DATA) & (kinds != ord("S"))].tolist():
+            size, kind = struct.unpack_from("<HB", content, start)
+            self._declare(chr(kind), content[start + 3 : start + 3 + size])
+        data = np.flatnonzero(kinds == DATA)
+        places = starts[data]
+        sizes = _uint16(raw, places)
+        numbers = np.where(sizes >= 2, _uint16(raw, np.minimum(places + 3, len(raw) - 2)), 0)
+        fits = (sizes >= self.smallest[numbers]) & (sizes <= self.largest[numbers])
+        bad = np.flatnonzero((sizes < 2) | (self.is_known[numbers] & ~fits))
+        return int(data[bad[0]]) if len(bad) else len(starts)
+
+    def first_fit(self, raw: UInt8[np.ndarray, " n"]) -> int | None:
+        """Return the first place where a data message of a known number and length fits."""
+        if len(raw) < 5:
+            return None
+        places = np.flatnonzero(raw[2:-2] == DATA)
+        numbers, sizes = _uint16(raw, places + 3), _uint16(raw, places)
+        fits = (sizes >= self.smallest[numbers]) & (sizes <= self.largest[numbers])
+        found = places[fits]
+        return int(found[0]) if len(found) else None
+
+    def keep(self, block: Block) -> None:
+        """Keep the rows of the wanted topics in a block."""
+        self.skipped += block.skipped
+        self.places += block.places
+        self.trailing += block.trailing
+        raw = np.frombuffer(block.content, dtype=np.uint8)
+        places = block.starts[raw[block.starts + 2] == DATA]
+        numbers = _uint16(raw, places + 3)
+        self.counts += np.bincount(numbers, minlength=LARGEST_NUMBER)
+        for number in np.unique(numbers).tolist():
+            topic = self.subscribed.get(number)
+            if topic is None or topic.row is None or topic.name not in self.wanted:
+                continue
+            size = topic.row.dtype.itemsize
+            windows = np.lib.stride_tricks.sliding_window_view(raw, size)
+            picked = windows[places[numbers == number] + 5]
+            self.rows.setdefault(number, []).append(picked.view(topic.row.dtype)[:, 0])
+
+    def _declare(self, kind: str, content: bytes) -> None:
+        """Take in a message that is no data; what is no sound message of its kind is passed."""
+        match kind:
+            case "F":
+                parsed = parse_format(content.decode("utf-8", "replace"))
+                if parsed is not None:
+                    self.formats.setdefault(*parsed)
+            case "A":
+                self._subscribe(content)
+            case "I":
+                self._inform(content)
+            case "P":
+                self._set_parameter(content)
+            case "Q":
+                named = _key_and_value(content[1:])
+                if named is not None:
+                    for bit, values in self.defaults.items():
+                        if content[0] & bit:
+                            values[named[0]] = named[1]
+            case "O" if len(content) == 2:
+                self.dropouts.append(int.from_bytes(content, "little"))
+            case _:
+                pass
+
+    def _subscribe(self, content: bytes) -> None:
+        if len(content) < 4:
+            return
+        instance, number = struct.unpack_from("<BH", content)
+        name = content[3:].decode("utf-8", "replace")
+        if number in self.subscribed or name not in self.formats:
+            return
+        row = row_of(self.formats, name)
+        self.subscribed[number] = _Subscription(name=name, instance=instance, row=row)
+        self.is_known[number] = True
+        self.smallest[number] = 2 if row is None else 2 + row.dtype.itemsize
+        self.largest[number] = LARGEST_NUMBER if row is None else 2 + row.largest
+
+    def _inform(self, content: bytes) -> None:
+        end = 1 + content[0] if content else 0
+        kind, _, key = content[1:end].decode("utf-8", "replace").partition(" ")
+        if not key or len(self.info) >= MOST_TEXTS:
+            return
+        if kind.startswith("char["):
+            self.info[key] = content[end:][:LONGEST_TEXT].decode("utf-8", "replace")
+        elif kind in ("uint32_t", "int32_t") and len(content) == end + 4:
+            self.info[key] = int.from_bytes(content[end:], "little", signed=kind[0] == "i")
+
+    def _set_parameter(self, content: bytes) -> None:
+        named = _key_and_value(content)
+        if named is None:
+            return
+        name, value = named
+        if not self.subscribed or name not in self.parameters:
+            self.parameters[name] = value
+        elif self.now.get(name, self.parameters[name]) != value:
+            self.changes.append((name, self.now.get(name, self.parameters[name]), value))
+        self.now[name] = value
+
+
+def _key_and_value(content: bytes) -> tuple[str, Value] | None:
+    """Return name and value of a parameter; None where it is damaged."""
+    end = 1 + content[0] if content else 0
+    kind, _, key = content[1:end].decode("utf-8", "replace").partition(" ")
+    if not key or not key.isprintable() or len(key) > 40 or len(content) != end + 4:
+        return None
+    if kind == "int32_t":
+        return key, int.from_bytes(content[end:], "little", signed=True)
+    if kind == "float":
+        (value,) = struct.unpack("<f", content[end:])
+        # The shortest decimal of single precision: 0.15, not 0.15000000596.
+        return key, float(str(np.float32(value)))
+    return None
+
+
+def _uint16(raw: UInt8[np.ndarray, " n"], places: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
+    return raw[places].astype(np.int64) | raw[places + 1].astype(np.int64) << 8
+
+
+def scan_file(path: Path, wanted: frozenset[str]) -> Scan:
+    """Return the wanted topics of a file, and all its parameters.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wanted
+        Names of topics; the messages of others are counted only.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read, is no ULog, or of a later, incompatible kind.
+    """
+    head = read_head(path, HEADER_BYTES + 3 + 40)
+    _refuse_other(head)
+    reading = _Reading(wanted=wanted)
+    try:
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+            size = os.fstat(file.fileno()).st_size
+            offsets, doubts = _appended(head, size)
+            _read_sections(file, [HEADER_BYTES, *offsets, size], reading)
+    except OSError as error:
+        raise LogError(f"cannot be read ({error}): check the path and the disk") from error
+    topics, unordered = _topics(reading)
+    return Scan(
+        topics=topics,
+        counts=_counts(reading),
+        parameters=reading.parameters,
+        system_defaults=reading.defaults[SYSTEM_DEFAULT],
+        airframe_defaults=reading.defaults[AIRFRAME_DEFAULT],
+        knows_defaults=any(reading.defaults.values()),
+        changes=tuple(reading.changes),
+        info=reading.info,
+        dropouts=tuple(reading.dropouts),
+        appended=len(offsets),
+        warnings=(*doubts, *_damage(reading, unordered)),
+        sha256=digest,
+    )
+
+
+def _refuse_other(head: bytes) -> None:
+    if not head.startswith(MAGIC):
+        raise LogError(f"begins with {head[:7].hex(' ')}, expected the mark of a ULog")
+    if len(head) < HEADER_BYTES + 3:
+        raise LogError(f"{len(head)} bytes, expected a ULog with messages: copy it again")
+
+
+def _read_sections(file: BinaryIO, edges: list[int], reading: _Reading) -> None:
+    """Read the file's stretches one after the other; each begins with a whole message."""
+    for begin, end in pairwise(edges):
+        for block in read_blocks(file, begin, end, judge=reading):
+            reading.keep(block)
+            if reading.places > MOST_PLACES:
+                raise LogError(
+                    f"damaged in more than {MOST_PLACES} places, expected a log of PX4: copy it "
+                    "again from the card"
+                )
+
+
+def _appended(head: bytes, size: int) -> tuple[list[int], list[str]]:
+    """Return where appended stretches begin, from the flags, and doubts about them."""
+    length, kind = struct.unpack_from("<HB", head, HEADER_BYTES)
+    flags = head[HEADER_BYTES + 3 :][:length]
+    if kind != ord("B") or len(flags) < 40:
+        return [], []
+    if flags[8] & ~APPENDED or any(flags[9:16]):
+        raise LogError(
+            f"its flags {flags[8:16].hex(' ')} name changes of the format that rotorfit does not "
+            "know: it was written by a later PX4, or is damaged; copy it again from the card"
+        )
+    if not flags[8] & APPENDED:
+        return [], []
+    given = [offset for offset in struct.unpack_from("<3Q", flags, 16) if offset]
+    sound = [offset for offset in given if HEADER_BYTES < offset < size]
+    if sound != given or sound != sorted(set(sound)):
+        return [], ["the places of appended data are damaged: what was appended may be lost"]
+    return sound, []
+
+
+def _topics(reading: _Reading) -> tuple[dict[str, tuple[Topic, ...]], int]:
+    """Return the topics that have times, in order, and how many messages were out of order."""
+    topics: dict[str, list[Topic]] = {}
+    unordered = 0
+    for number, parts in reading.rows.items():
+        subscription = reading.subscribed[number]
+        dtype = parts[0].dtype
+        if "timestamp" not in (dtype.names or ()) or dtype["timestamp"] != np.dtype("<u8"):
+            continue
+        rows = np.concatenate(parts)
+        kept = _in_order(rows["timestamp"])
+        unordered += int(np.count_nonzero(~kept))
+        rows = rows if kept.all() else rows[kept]
+        topic = Topic(name=subscription.name, instance=subscription.instance, rows=rows)
+        topics.setdefault(topic.name, []).append(topic)
+    ordered = {
+        name: tuple(sorted(found, key=lambda topic: topic.instance))
+        for name, found in topics.items()
+    }
+    return ordered, unordered
+
+
+def _in_order(stamps: np.ndarray) -> np.ndarray:
+    """Return which messages to keep, so that time never goes back.
+
+    A wrong time is either too early or too late: left out are those earlier than one before, or
+    those later than one after, whichever are fewer.
+    """
+    early = stamps < np.maximum.accumulate(stamps)
+    if not early.any():
+        return ~early
+    late = stamps > np.minimum.accumulate(stamps[::-1])[::-1]
+    return ~early if np.count_nonzero(early) <= np.count_nonzero(late) else ~late
+
+
+def _counts(reading: _Reading) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for number, subscription in reading.subscribed.items():
+        counts[subscription.name] = counts.get(subscription.name, 0) + int(reading.counts[number])
+    return counts
+
+
+def _damage(reading: _Reading, unordered: int) -> list[str]:
+    """Return what was damaged or lost, one sentence each."""
+    doubts: list[str] = []
+    if reading.dropouts:
+        total, longest = sum(reading.dropouts), max(reading.dropouts)
+        doubts.append(
+            f"the logger lost messages {len(reading.dropouts)} times, {total / 1000:.2f} s in all, "
+            f"{longest} ms at most: gaps are cut out, not bridged; use a faster card, or log less"
+        )
+    if reading.places:
+        doubts.append(
+            f"{reading.places} damaged places: {reading.skipped} bytes skipped; copy the log again "
+            "from the card"
+        )
+    if reading.trailing:
+        doubts.append(f"the log was cut off: {reading.trailing} bytes at its end are no message")
+    if unordered:
+        doubts.append(f"{unordered} messages left out: their times are out of order")
+    return doubts

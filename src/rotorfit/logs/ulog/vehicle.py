@@ -1,0 +1,228 @@
+"""What a PX4 log says of the vehicle: geometry, versions, settings, and when it flew."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.logs.ulog.motors import commanded_law, motor_count
+from rotorfit.logs.ulog.scan import Scan, Topic
+
+TOPICS: Final = ("actuator_armed", "vehicle_status", "vehicle_land_detected")
+ARMED: Final = 2
+"""vehicle_status.arming_state of an armed vehicle."""
+GENERIC: Final = (4001, 5001, 6001, 7001, 8001, 9001, 11001, 12001, 14001, 4601)
+"""Airframes that stand for any vehicle of their layout."""
+MULTIROTORS: Final = (0, 8)
+"""CA_AIRFRAME of multirotors, and of those with tilt."""
+_AXES: Final = ("X", "Y", "Z")
+_SETTINGS: Final = (
+    *("SYS_AUTOSTART", "CA_AIRFRAME", "THR_MDL_FAC", "MOT_POLE_COUNT", "DSHOT_BIDIR_EN"),
+    *("IMU_GYRO_CUTOFF", "IMU_ACCEL_CUTOFF", "IMU_GYRO_RATEMAX", "IMU_INTEG_RATE"),
+    *("SDLOG_PROFILE", "SENS_BOARD_ROT", "DSHOT_TEL_CFG"),
+)
+_MATTERS: Final = ("CA_", "THR_MDL", "PWM_", "DSHOT_", "IMU_", "SENS_BOARD", "MOT_", "SIM_GZ")
+_LISTED: Final = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorSite:
+    """A rotor by the parameters, in body axes FLU."""
+
+    position: tuple[float, float, float]
+    axis: tuple[float, float, float]
+    spin: str
+
+
+def rotor_sites(scan: Scan) -> tuple[RotorSite, ...]:
+    """Return the rotors by CA_ROTOR*; none where the log has no geometry."""
+    count = motor_count(scan) or 0
+    sites = [_rotor_site(scan, i) for i in range(count)]
+    if any(site is None for site in sites) or "CA_ROTOR_COUNT" not in scan.parameters:
+        return ()
+    found = tuple(site for site in sites if site is not None)
+    return found if any(any(site.position) for site in found) else ()
+
+
+def _rotor_site(scan: Scan, number: int) -> RotorSite | None:
+    """Return one rotor; FRD is FLU turned by half a turn about x."""
+    name = f"CA_ROTOR{number}"
+    place = [scan.number(f"{name}_P{axis}") for axis in _AXES]
+    x, y, z = (0.0 if value is None else value for value in place)
+    moment = scan.number(f"{name}_KM")
+    axis = [scan.number(f"{name}_A{letter}") for letter in _AXES]
+    ax, ay, az = (
+        default if value is None else value
+        for value, default in zip(axis, (0.0, 0.0, -1.0), strict=True)
+    )
+    numbers = (x, y, z, ax, ay, az)
+    if place[0] is None or place[1] is None or moment is None:
+        return None
+    if not all(map(math.isfinite, numbers)) or not any((ax, ay, az)):
+        return None
+    # A positive moment coefficient is that of a rotor turning counter-clockwise seen from above.
+    return RotorSite(
+        position=(x, _negative(y), _negative(z)),
+        axis=(ax, _negative(ay), _negative(az)),
+        spin="ccw" if moment > 0 else "cw",
+    )
+
+
+def _negative(value: float) -> float:
+    return -value if value else 0.0
+
+
+def airframe_text(sites: tuple[RotorSite, ...]) -> str:
+    """Return the rotors as a line of the ``[airframe]`` table of an experiment file."""
+    rows: list[str] = []
+    for site in sites:
+        place = ", ".join(f"{value!r}" for value in site.position)
+        upright = math.isclose(site.axis[2], math.hypot(*site.axis), rel_tol=1e-9)
+        tilt = "" if upright else f", axis = [{', '.join(f'{v!r}' for v in site.axis)}]"
+        rows.append(f'{{ position = [{place}], spin = "{site.spin}"{tilt} }}')
+    return f"rotors = [{', '.join(rows)}]"
+
+
+def geometry_notes(scan: Scan) -> tuple[str, ...]:
+    """Return what to say of the geometry: whose it is, and whether it was ever measured."""
+    sites = rotor_sites(scan)
+    notes: list[str] = []
+    kind = scan.number("CA_AIRFRAME")
+    if kind is not None and int(kind) not in MULTIROTORS:
+        notes.append(f"CA_AIRFRAME = {int(kind)}: this is no multirotor with fixed rotors.")
+    if not sites:
+        notes.append(
+            "The log has no rotor geometry (CA_ROTOR*): measure your arms and describe them under "
+            "[airframe]."
+        )
+        return tuple(notes)
+    arms = [math.hypot(*site.position[:2]) for site in sites]
+    shown = f"arms of {min(arms):.3g} to {max(arms):.3g} m"
+    if _is_template(scan, sites):
+        notes.append(
+            f"CA_ROTOR* is the default geometry ({shown}), not this vehicle: measure your arms; "
+            "only the order and the spin directions of the motors can be taken from it."
+        )
+    else:
+        notes.append(f"Rotor geometry by CA_ROTOR* ({shown}): compare it with the vehicle.")
+    return tuple(notes)
+
+
+def _is_template(scan: Scan, sites: tuple[RotorSite, ...]) -> bool:
+    """Return whether the geometry was left as it is delivered.
+
+    The log names a default where a parameter differs from it: where none of the airframe's is
+    named for the places of the rotors, they are the airframe's own. That of a generic airframe is
+    no vehicle's. All at +-1 is a table of directions, not of metres.
+    """
+    if all(abs(abs(value) - 1.0) < 1e-6 for site in sites for value in site.position[:2]):
+        return True
+    names = [f"CA_ROTOR{i}_P{axis}" for i in range(len(sites)) for axis in "XY"]
+    untouched = scan.knows_defaults and not any(n in scan.airframe_defaults for n in names)
+    return untouched and int(scan.number("SYS_AUTOSTART") or 0) in GENERIC
+
+
+def metadata_of(scan: Scan) -> dict[str, str]:
+    """Return what the log says of vehicle, firmware and settings."""
+    found: dict[str, str] = {}
+    if isinstance(scan.info.get("ver_sw_release"), int):
+        found["Firmware revision"] = f"PX4 {_version(int(scan.info['ver_sw_release']))}"
+    for key, name in (("ver_sw", "Commit"), ("ver_hw", "Board")):
+        if key in scan.info:
+            found[name] = str(scan.info[key])
+    found |= {name: f"{scan.parameters[name]:g}" for name in _SETTINGS if name in scan.parameters}
+    sites = rotor_sites(scan)
+    if sites:
+        found["airframe"] = airframe_text(sites)
+        found["airframe is"] = "default" if _is_template(scan, sites) else "set"
+    if commanded_law(scan):
+        found["motors"] = commanded_law(scan)
+    return found
+
+
+def _version(packed: int) -> str:
+    """Return a version of four bytes: three numbers and the kind of the release."""
+    major, minor, patch, kind = (packed >> shift & 255 for shift in (24, 16, 8, 0))
+    kinds = ((255, ""), (192, " release candidate"), (128, " beta"), (64, " alpha"))
+    word = next((word for least, word in kinds if kind >= least), " development")
+    return f"{major}.{minor}.{patch}{word}"
+
+
+def change_notes(scan: Scan) -> tuple[str, ...]:
+    """Return what to say of parameters that were changed in the log."""
+    if not scan.changes:
+        return ()
+    # Those that change what is measured come first.
+    ordered = sorted(scan.changes, key=lambda change: not change[0].startswith(_MATTERS))
+    shown = [f"{name} {before:g} to {after:g}" for name, before, after in ordered[:_LISTED]]
+    more = f" and {len(ordered) - _LISTED} more" if len(ordered) > _LISTED else ""
+    return (f"Parameters changed in this log: {', '.join(shown)}{more}.",)
+
+
+def flown_notes(scan: Scan, begin: float) -> tuple[str, ...]:
+    """Return when the vehicle was armed, and when it was off the ground, as the autopilot saw it.
+
+    Parameters
+    ----------
+    begin
+        First sample of the log [s]; the times told count from it.
+    """
+    notes: list[str] = []
+    for what, state in (("Armed", _armed(scan)), ("Off the ground", _in_air(scan))):
+        if state is not None and state[1].any():
+            spans = ", ".join(
+                f"{max(a - begin, 0.0):.1f} to {b - begin:.1f} s"
+                for a, b in _spans(*state)
+                if b > begin
+            )
+            notes.append(f"{what} {spans}.")
+    return tuple(notes)
+
+
+def flight_doubts(scan: Scan) -> tuple[str, ...]:
+    """Return a doubt where the vehicle never flew, by its own account."""
+    armed, air = _armed(scan), _in_air(scan)
+    if armed is not None and not armed[1].any():
+        return (
+            "the vehicle was never armed in this log: there is no flight in it; give the log of a "
+            "flight (SDLOG_MODE = 0 logs from arming to disarming)",
+        )
+    if air is not None and not air[1].any():
+        return (
+            "the autopilot never saw the vehicle leave the ground (vehicle_land_detected): give "
+            "the log of a flight",
+        )
+    return ()
+
+
+_State = tuple[Float[np.ndarray, " n"], Bool[np.ndarray, " n"]]
+
+
+def _armed(scan: Scan) -> _State | None:
+    topic, flag = scan.first("actuator_armed"), None
+    if topic is not None:
+        flag = topic.number("armed")
+    if topic is not None and flag is not None:
+        return topic.time, flag != 0
+    topic = scan.first("vehicle_status")
+    state = None if topic is None else topic.number("arming_state")
+    return None if topic is None or state is None else (topic.time, state == ARMED)
+
+
+def _in_air(scan: Scan) -> _State | None:
+    topic: Topic | None = scan.first("vehicle_land_detected")
+    landed = None if topic is None else topic.number("landed")
+    return None if topic is None or landed is None else (topic.time, landed == 0)
+
+
+def _spans(
+    time: Float[np.ndarray, " n"], state: Bool[np.ndarray, " n"]
+) -> list[tuple[float, float]]:
+    """Return the first few stretches of True; each ends where the state is told to be False."""
+    edges = np.diff(np.concatenate([[False], state, [False]]).astype(int))
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    last = len(time) - 1
+    spans = [(float(time[a]), float(time[min(b, last)])) for a, b in zip(begins, ends, strict=True)]
+    return spans[:_LISTED]
