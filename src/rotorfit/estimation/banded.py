@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import Estimate, scaled_singular
@@ -78,6 +78,10 @@ class BandedEstimate:
         Up to a constant; for comparing models and delays on the same flights.
     iterations
         Until the steps were small.
+    problem
+        What was solved: for looking at parts of it afterwards.
+    residual
+        Error of the noisy signals in the rows of each block's factor.
     """
 
     estimate: Estimate
@@ -87,6 +91,25 @@ class BandedEstimate:
     residual_power: Float[np.ndarray, "b k"]
     log_likelihood: float
     iterations: int
+    problem: BandedProblem
+    residual: Float[np.ndarray, "b m k"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NormalEquations:
+    """The linearised equations of some blocks of an estimate, at the estimate.
+
+    Attributes
+    ----------
+    information
+        Of the free parameters, the prior's included.
+    scores
+        What each block asks for, zeros for blocks left out; last what the prior asks for. The
+        step of these blocks alone is information^-1 times their sum.
+    """
+
+    information: Float[np.ndarray, "f f"]
+    scores: Float[np.ndarray, "c f"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -341,4 +364,19 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
         residual_power=np.einsum("bmk,bmk->bk", state.residual, state.residual),
         log_likelihood=-0.5 * state.cost,
         iterations=iterations,
+        problem=problem,
+        residual=state.residual,
     )
+
+
+def normal_equations(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> NormalEquations:
+    """Return the equations of the chosen blocks, with the variances of the whole fit."""
+    # Infinite variance is no weight: the block stays in its place and says nothing.
+    state = _State(
+        phi=fit.estimate.values,
+        residual=fit.residual,
+        variance=np.where(blocks[:, None], fit.variance, np.inf),
+        cost=0.0,
+    )
+    taken, scores, plain = _corrected_equations(fit.problem, state)
+    return NormalEquations(information=plain - taken, scores=scores)

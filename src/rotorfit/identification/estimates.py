@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -9,8 +10,10 @@ from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.identification.doubts import with_doubts
 from rotorfit.identification.experiment import Experiment
-from rotorfit.identification.flights import EDGES, Flown, Timing
+from rotorfit.identification.flights import EDGES, Flown
 from rotorfit.identification.joint import JointConfiguration, joint_estimate
 from rotorfit.identification.joint_parameters import Numbers, joint_numbers
 from rotorfit.identification.joint_tables import joint_tables
@@ -29,19 +32,20 @@ def resolved_method(experiment: Experiment) -> str:
 def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the joint likelihood of all equations and configurations."""
     fit, joint = _joint_fit(flown, flown.timing)
-    numbers = _joint_numbers(flown, fit, joint)
-    return joint_tables(
-        _joint_widened(flown, numbers),
+    numbers = _joint_widened(flown, _joint_numbers(flown, fit, joint))
+    tables = joint_tables(
+        numbers,
         fit,
         joint,
         [c.entry for c in flown.configurations],
         motors=experiment.motors,
         timing=flown.motor_timing,
     )
+    return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
 
 
 def _joint_fit(
-    flown: Flown, timing: Timing | None, *, top: float = np.inf
+    flown: Flown, response: MotorResponse | None, *, top: float = np.inf
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit at a timing of the motors, with the bands that begin under `top` [Hz]."""
     joint = [
@@ -54,7 +58,7 @@ def _joint_fit(
             payload=configured.payload,
             payload_of=configured.entry.payload_of,
         )
-        for factors, configured in zip(flown.bands(timing), flown.configurations, strict=True)
+        for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
     ]
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
     return joint_estimate(joint, starts), joint
@@ -67,19 +71,26 @@ def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfigura
 def _joint_widened(flown: Flown, numbers: Numbers) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
     shifts = [
-        _joint_numbers(flown, *_joint_fit(flown, timing, top=top)).values - numbers.values
-        for timing, top in _other_settings(flown)
+        _joint_numbers(flown, *_joint_fit(flown, response, top=top)).values - numbers.values
+        for response, top in _other_settings(flown)
     ]
     return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, shifts))
 
 
-def _other_settings(flown: Flown) -> list[tuple[Timing | None, float]]:
-    """Return timing and upper edge of the trials: half the range, half a sample both ways."""
-    trials: list[tuple[Timing | None, float]] = [(flown.timing, 0.5 * EDGES[-1])]
-    if flown.timing is not None:
-        lag, delay = flown.timing
+def _other_settings(flown: Flown) -> list[tuple[MotorResponse | None, float]]:
+    """Return timing and upper edge of the trials: half the range, and the motors off both ways.
+
+    By half a sample, or by a deviation of what the flights tell of lag and delay.
+    """
+    trials: list[tuple[MotorResponse | None, float]] = [(flown.timing, 0.5 * EDGES[-1])]
+    found = flown.motor_timing
+    if found is not None:
         half = 0.5 / flown.configurations[0].flights[0].prepared.data.sample_rate
-        trials += [((lag, delay + sign * half), np.inf) for sign in (-1.0, 1.0)]
+        step = max(half, found.total_std)
+        trials += [
+            (replace(found.response, delay=found.response.delay + sign * step), np.inf)
+            for sign in (-1.0, 1.0)
+        ]
     return trials
 
 
@@ -103,8 +114,8 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
     fits = _rows_at(flown, flown.timing)
     quantities = _row_quantities(flown, fits)
     shifts = [
-        _row_quantities(flown, _rows_at(flown, timing, top=top)).values - quantities.values
-        for timing, top in _other_settings(flown)
+        _row_quantities(flown, _rows_at(flown, response, top=top)).values - quantities.values
+        for response, top in _other_settings(flown)
     ]
     return row_tables(
         dataclasses.replace(quantities, half_width=_wider(quantities.half_width, shifts)),
@@ -116,8 +127,8 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
     )
 
 
-def _rows_at(flown: Flown, timing: Timing | None, *, top: float = np.inf) -> RowFits:
-    factors = flown.bands(timing)[0]
+def _rows_at(flown: Flown, response: MotorResponse | None, *, top: float = np.inf) -> RowFits:
+    factors = flown.bands(response)[0]
     factors = factors.select(factors.band[:, 0] < top)
     return fit_rows(factors, flown.model, mass=flown.configurations[0].mass)
 

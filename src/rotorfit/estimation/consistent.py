@@ -1,0 +1,105 @@
+"""The nearest point at which a matrix, linear in the parameters, is positive semidefinite."""
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy import sparse
+
+from rotorfit.errors import EstimationError
+
+SMALLEST_EIGENVALUE = 1e-7
+"""Of the matrix scaled to unit size: the nearest point lies that far inside, so that a program
+that demands strict inequality accepts it too."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nearest:
+    """A point that keeps the constraint.
+
+    Attributes
+    ----------
+    values
+        The point.
+    distance
+        To the given one, in standard deviations: sqrt((x - x_hat)^T C^-1 (x - x_hat)).
+    """
+
+    values: Float[np.ndarray, " q"]
+    distance: float
+
+
+def nearest_consistent(
+    values: Float[np.ndarray, " q"],
+    covariance: Float[np.ndarray, "q q"],
+    matrix: tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "q n n"]],
+) -> Nearest:
+    r"""Return the x nearest to `values` with :math:`M_0 + \sum x_i M_i` positive semidefinite.
+
+    Minimises :math:`(x - \hat x)^T C^{-1} (x - \hat x)`: a quadratic programme over the cone of
+    semidefinite matrices (Wensing, Kim and Slotine 2017 for the inertia of bodies).
+
+    Parameters
+    ----------
+    values, covariance
+        The estimate and its covariance, which must be positive definite.
+    matrix
+        M_0 and the M_i, symmetric.
+
+    Raises
+    ------
+    EstimationError
+        If the covariance is singular, no point keeps the constraint, or Clarabel is not installed
+        (the extra ``physical``).
+    """
+    constant, slopes = matrix
+    std = np.sqrt(np.diagonal(covariance))
+    if not (np.isfinite(std).all() and (std > 0).all()):
+        raise EstimationError("the nearest consistent point needs a deviation of every parameter")
+    scale = np.sqrt(np.abs(np.diagonal(constant + np.einsum("q,qij->ij", values, slopes))))
+    unit = np.outer(*[np.where(scale > 0, scale, 1.0)] * 2)
+    at = (constant + np.einsum("q,qij->ij", values, slopes)) / unit
+    at -= SMALLEST_EIGENVALUE * np.eye(len(at))
+    if np.linalg.eigvalsh(at)[0] >= 0.0:
+        return Nearest(values=values, distance=0.0)
+    information = np.linalg.inv(covariance / np.outer(std, std))
+    step = _solved(information, at, slopes / unit * std[:, None, None])
+    return Nearest(values=values + std * step, distance=float(np.sqrt(step @ information @ step)))
+
+
+def _solved(
+    information: Float[np.ndarray, "q q"],
+    at: Float[np.ndarray, "n n"],
+    slopes: Float[np.ndarray, "q n n"],
+) -> Float[np.ndarray, " q"]:
+    """Return the shortest step d in the metric with at + sum d_i slopes_i semidefinite."""
+    try:
+        clarabel: Any = import_module("clarabel")
+    except ImportError as error:
+        raise EstimationError(
+            'the nearest consistent inertia needs Clarabel: pip install "rotorfit[physical]"'
+        ) from error
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.triu(information)),
+        np.zeros(len(information)),
+        sparse.csc_matrix(-np.array([_triangle(m) for m in slopes]).T),
+        _triangle(at),
+        [clarabel.PSDTriangleConeT(len(at))],
+        settings,
+    )
+    solution = solver.solve()
+    if str(solution.status) not in ("Solved", "AlmostSolved"):
+        raise EstimationError(f"no consistent point was found (Clarabel: {solution.status})")
+    return np.array(solution.x)
+
+
+def _triangle(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, " t"]:
+    """Return the upper triangle column by column, off-diagonals times sqrt(2)."""
+    n = len(matrix)
+    return np.array(
+        [matrix[i, j] * (1.0 if i == j else np.sqrt(2.0)) for j in range(n) for i in range(j + 1)]
+    )

@@ -1,0 +1,147 @@
+"""Gravity as a witness: over a whole flight, what holds a vehicle up is its weight.
+
+Turned by the gyro into axes that do not rotate, the mean of the specific force over T seconds is
+minus gravity plus (change of velocity) / T. Nothing of a fit is in that, and no attitude need be
+known; a gyro's bias turns a window of some seconds by too little to matter. So the accelerometer,
+and the thrust that a fit makes of the rotor speeds, can each be held against gravity.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.data import FlightData, Segment
+from rotorfit.model.reduce import split_segment
+
+LONGEST_WINDOW = 10.0
+"""A bias of the gyro of 0.01 rad/s turns the axes by 0.1 rad in this time [s]."""
+SHORTEST_WINDOW = 2.0
+"""In less, a change of velocity looks too much like gravity [s]."""
+VELOCITY_CHANGE = 1.5
+"""Deviation of the vertical velocity at the end of a stretch from that at its beginning [m/s]."""
+STEPS_PER_SECOND = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Held:
+    """What held a vehicle up, over gravity: 1 where everything is right.
+
+    Attributes
+    ----------
+    ratio
+        Mean of the upward specific force over gravity.
+    std
+        Of the ratio, from the unknown change of velocity.
+    seconds
+        How long it was looked at [s].
+    """
+
+    ratio: float
+    std: float
+    seconds: float
+
+
+def held_up(
+    data: FlightData, force: Float[np.ndarray, "n 3"], *, half: int | None = None
+) -> Held | None:
+    """Return the mean of a specific force along the vertical, over gravity.
+
+    Parameters
+    ----------
+    data
+        Whose gyro tells how the body axes turn, and whose segments are looked at.
+    force
+        Specific force of every sample, body axes [m/s^2]: of the accelerometer, or thrust over
+        mass.
+    half
+        0 or 1: only the windows of the first or second half of the flight.
+
+    Returns
+    -------
+    Held
+        None where no stretch is long enough.
+    """
+    windows = _windows(data)
+    if half is not None:
+        middle = len(windows) // 2
+        windows = windows[:middle] if half == 0 else windows[len(windows) - middle :]
+    if not windows:
+        return None
+    lengths = np.array([len(window) for window in windows]) / data.sample_rate
+    means = np.array([_mean_vertical(data, force, window) for window in windows])
+    # Where one window follows the next, the velocity between them cancels.
+    breaks = 1 + sum(b.start != a.stop for a, b in pairwise(windows))
+    seconds = float(lengths.sum())
+    return Held(
+        ratio=float(lengths @ means) / seconds / GRAVITY,
+        std=VELOCITY_CHANGE * float(np.sqrt(breaks)) / seconds / GRAVITY,
+        seconds=seconds,
+    )
+
+
+def _windows(data: FlightData) -> list[Segment]:
+    """Return the segments in equal windows, none too short."""
+    least = SHORTEST_WINDOW * data.sample_rate
+    return [
+        window
+        for segment in data.segments
+        for window in split_segment(segment, LONGEST_WINDOW * data.sample_rate)
+        if len(window) >= least
+    ]
+
+
+def _mean_vertical(data: FlightData, force: Float[np.ndarray, "n 3"], window: Segment) -> float:
+    """Return the length of the mean force in axes that do not turn with the body."""
+    group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
+    w = _grouped(data.angular_velocity[window.start : window.stop], group)
+    a = _grouped(force[window.start : window.stop], group)
+    attitude = _running_product(_turns(w * group / data.sample_rate))
+    return float(np.linalg.norm(_rotated(attitude, a).mean(axis=0)))
+
+
+def _grouped(values: Float[np.ndarray, "n 3"], group: int) -> Float[np.ndarray, "m 3"]:
+    """Return means over groups of samples."""
+    whole = len(values) // group * group
+    return values[:whole].reshape(-1, group, 3).mean(axis=1)
+
+
+def _turns(angles: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 4"]:
+    """Return the quaternions (scalar first) of small rotation vectors [rad]."""
+    half = 0.5 * np.linalg.norm(angles, axis=1)
+    return np.column_stack([np.cos(half), 0.5 * angles * np.sinc(half / np.pi)[:, None]])
+
+
+def _running_product(q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
+    """Return q_1, q_1 q_2, q_1 q_2 q_3, ... in as many steps as the length has digits."""
+    step = 1
+    while step < len(q):
+        q = np.concatenate([q[:step], _product(q[:-step], q[step:])])
+        step *= 2
+    return q
+
+
+def _product(p: Float[np.ndarray, "m 4"], q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
+    scalar = p[:, 0] * q[:, 0] - np.einsum("mi,mi->m", p[:, 1:], q[:, 1:])
+    vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + np.cross(p[:, 1:], q[:, 1:])
+    return np.column_stack([scalar, vector])
+
+
+def _rotated(q: Float[np.ndarray, "m 4"], v: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
+    """Return vectors of the body in the axes that q turns it from."""
+    across = np.cross(q[:, 1:], v)
+    return v + 2.0 * (q[:, :1] * across + np.cross(q[:, 1:], across))
+
+
+def pooled(parts: Sequence[Held]) -> Held:
+    """Return the mean of several, each with the weight of its deviation."""
+    weight = np.array([part.std**-2.0 for part in parts])
+    ratios = np.array([part.ratio for part in parts])
+    return Held(
+        ratio=float(weight @ ratios / weight.sum()),
+        std=float(weight.sum() ** -0.5),
+        seconds=sum(part.seconds for part in parts),
+    )

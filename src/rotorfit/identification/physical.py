@@ -1,0 +1,213 @@
+r"""Whether a body with that inertia can exist, and the nearest one that can.
+
+A body of positive mass everywhere has a positive semidefinite pseudo-inertia (Wensing, Kim and
+Slotine 2017, arXiv 1701.04395)
+
+.. math:: \begin{pmatrix} \tfrac12 tr(I) 1 - I & ms \\ ms^T & m \end{pmatrix} \succeq 0 ,
+
+the second moments of its mass. About the centre of mass that is :math:`\tfrac12 tr(I_C) 1 - I_C
+\succeq 0`: no principal moment is over the sum of the two others.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.consistent import nearest_consistent
+from rotorfit.identification.joint_parameters import Numbers
+from rotorfit.identification.payload import MOMENTS
+from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.identification.tables import Tables
+from rotorfit.model.parameters import INERTIA, inertia_matrix
+
+IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the two others"
+FLY = "fly longer and livelier about all three axes, 20 s each, then identify all flights together"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondMoment:
+    """The smallest second moment of the mass about the CoM; negative for an impossible body.
+
+    Attributes
+    ----------
+    value, half_width
+        With half of its 95 % interval [kg m^2].
+    share
+        The value over half the trace of the inertia, which no second moment can exceed.
+    """
+
+    value: float
+    half_width: float
+    share: float
+
+    @property
+    def impossible(self) -> bool:
+        """Whether the whole interval is negative."""
+        return self.value + self.half_width < 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Projected:
+    """The nearest body that can exist.
+
+    Attributes
+    ----------
+    values
+        First moments and inertia at the origin, by their names; SI.
+    distance
+        From the estimate, in standard deviations of its covariance; 0 if it could exist already.
+    """
+
+    values: Mapping[str, float]
+    distance: float
+
+
+def second_moments(inertia: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:
+    """Return the second moments of the mass, 1/2 tr(I) 1 - I, about the same point [kg m^2]."""
+    matrix = inertia_matrix(inertia)
+    return 0.5 * np.trace(matrix) * np.eye(3) - matrix
+
+
+def smallest_second_moment(numbers: Numbers, configuration: str) -> SecondMoment:
+    """Return the smallest second moment of a configuration's mass with its interval."""
+    places = [numbers.index(f"{name}_com@{configuration}") for name in INERTIA]
+    values = numbers.values[places]
+    moments, axes = np.linalg.eigh(second_moments(values))
+    slope = np.array([axes[:, 0] @ matrix @ axes[:, 0] for matrix in _slopes()])
+    half = numbers.half_width[places]
+    variance = np.inf
+    if np.isfinite(half).all():
+        spread = slope * half
+        variance = float(spread @ numbers.correlation[np.ix_(places, places)] @ spread)
+    return SecondMoment(
+        value=float(moments[0]),
+        half_width=float(np.sqrt(max(variance, 0.0))),
+        share=float(moments[0] / max(values[:3].sum() / 2.0, np.finfo(float).tiny)),
+    )
+
+
+def _slopes() -> list[Float[np.ndarray, "3 3"]]:
+    """Return the derivative of the second moments by each element of the inertia."""
+    return [second_moments(unit) for unit in np.eye(len(INERTIA))]
+
+
+def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
+    """Return what is wrong with a body in words; None where it can exist."""
+    if moment.value >= 0.0:
+        return None
+    percent = 100.0 * abs(moment.share)
+    if moment.impossible:
+        return f"{configuration}: {IMPOSSIBLE} (by {percent:.0f} %); {FLY}"
+    return (
+        f"{configuration}: {IMPOSSIBLE} (by {percent:.1f} %), though their intervals allow a body "
+        "that can exist"
+    )
+
+
+def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
+    """Return the tables with the inertia of these configurations taken back."""
+    if not configurations:
+        return tables
+    parameters = tuple(
+        _taken_back(p) if p.name in INERTIA and p.configuration in configurations else p
+        for p in tables.parameters
+    )
+    derived = tuple(
+        _emptied(d) if d.configuration in configurations and _holds_inertia(d.name) else d
+        for d in tables.derived
+    )
+    lost = {f"{name}@{c}" for name in INERTIA for c in configurations}
+    keep = [i for i, name in enumerate(tables.covariance_names) if name not in lost]
+    return dataclasses.replace(
+        tables,
+        parameters=parameters,
+        derived=derived,
+        covariance_names=tuple(tables.covariance_names[i] for i in keep),
+        covariance=tables.covariance[np.ix_(keep, keep)],
+    )
+
+
+def _taken_back(parameter: Parameter) -> Parameter:
+    if parameter.value is None:
+        return parameter
+    return dataclasses.replace(
+        parameter,
+        value=None,
+        std=None,
+        interval=None,
+        verdict="not-identified",
+        reason=IMPOSSIBLE,
+        advice=FLY,
+    )
+
+
+def _emptied(derived: Derived) -> Derived:
+    return dataclasses.replace(derived, value=None, std=None, interval=None)
+
+
+def _holds_inertia(name: str) -> bool:
+    return name.startswith(INERTIA) or name.endswith("_over_Izz")
+
+
+def project_to_physical(
+    result: IdentificationResult, configuration: str | None = None
+) -> Projected:
+    """Return the body nearest to an estimate, in its own covariance, that can exist.
+
+    Parameters
+    ----------
+    result
+        With first moments and inertia of the configuration.
+    configuration
+        Its name; may be left out where there is one.
+
+    Raises
+    ------
+    EstimationError
+        If mass, a first moment or an inertia of that configuration is not known, or the projection
+        needs a library that is not installed (the extra ``physical``).
+    """
+    values, covariance, mass = _body(result, configuration)
+    # In units of the mass and of a length of the body, so that all entries are of one size.
+    length = float(np.sqrt(abs(values[3:6]).max() / mass))
+    units = mass * np.array([length] * 3 + [length**2] * 6)
+    constant = np.zeros((4, 4))
+    constant[3, 3] = 1.0
+    nearest = nearest_consistent(
+        values / units, covariance / np.outer(units, units), (constant, _pseudo_slopes())
+    )
+    return Projected(
+        values=dict(zip(MOMENTS, (nearest.values * units).tolist(), strict=True)),
+        distance=nearest.distance,
+    )
+
+
+def _body(
+    result: IdentificationResult, configuration: str | None
+) -> tuple[Float[np.ndarray, " 9"], Float[np.ndarray, "9 9"], float]:
+    """Return the nine moments of a configuration with their covariance, and its mass."""
+    mass = result.parameter("mass", configuration)
+    found = [result.parameter(name, mass.configuration) for name in MOMENTS]
+    unknown = [p.name for p in (mass, *found) if p.value is None]
+    if unknown:
+        raise EstimationError(
+            f"{mass.configuration}: {', '.join(unknown)} not known, and without it no nearest "
+            "body; fly what the result advises, then identify again"
+        )
+    places = [result.covariance_names.index(f"{p.name}@{p.configuration}") for p in found]
+    values = np.array([p.value for p in found], dtype=float)
+    return values, result.covariance[np.ix_(places, places)], float(mass.value or 0.0)
+
+
+def _pseudo_slopes() -> Float[np.ndarray, "9 4 4"]:
+    """Return the derivative of the pseudo-inertia by each of `MOMENTS`."""
+    slopes = np.zeros((len(MOMENTS), 4, 4))
+    for axis in range(3):
+        slopes[axis, axis, 3] = slopes[axis, 3, axis] = 1.0
+    for number, matrix in enumerate(_slopes(), start=3):
+        slopes[number, :3, :3] = matrix
+    return slopes
