@@ -9,7 +9,7 @@ Format: docs.px4.io, "ULog File Format".
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import BinaryIO, Final, Protocol
+from typing import BinaryIO, Final, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Int, UInt8
@@ -24,6 +24,7 @@ _SEARCH_BYTES: Final = (1 << 10, 1 << 16)
 """First and later windows of the search after damage."""
 
 
+@runtime_checkable
 class Judge(Protocol):
     """Knows which data messages a log may have."""
 
