@@ -176,6 +176,66 @@ def validate(
 
 @app.command()
 @interruptible()
+def export(
+    result: Annotated[Path, typer.Argument(help="What  rotorfit identify -o  wrote.")],
+    target: Annotated[
+        Literal[
+            "gazebo",
+            "gazebo-motors",
+            "px4",
+            "px4-sih",
+            "mujoco",
+            "urdf",
+            "rotorpy",
+            "ardupilot-sitl",
+            "crazyflow",
+            "casadi",
+            "table",
+        ],
+        typer.Option("--to", help="Which tool's file; table: wrenches of the flights over time."),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Write the file here.")],
+    configuration: Annotated[
+        str | None,
+        typer.Option(help="Which to export; may be left out where there is one."),
+    ] = None,
+    assume: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="Stand for a number that the flights do not give, SI (kd=3.7e-9); repeatable.",
+        ),
+    ] = None,
+    project: Annotated[
+        bool,
+        typer.Option(help="Replace inertia that no body has by the nearest that one can have."),
+    ] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a result as a file for a simulator, an autopilot or a plot.
+
+    What the flights do not determine is refused unless you stand for it with --assume; what is
+    weak is marked in the file.
+    """
+    from rotorfit.cli.export import ExportRequest, run
+
+    run(
+        ExportRequest(
+            result=result,
+            target=target,
+            output=output,
+            configuration=configuration,
+            assume=tuple(assume or ()),
+            project=project,
+            force=force,
+            as_json=as_json,
+        )
+    )
+
+
+@app.command()
+@interruptible()
 def simulate(
     scenario: Annotated[
         Literal["paper", "single", "hexa", "payload-pair"],

@@ -1,0 +1,131 @@
+"""rotorfit export: a result as a file that another tool reads."""
+
+import datetime
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from rotorfit.cli.outputs import refuse_output_file
+from rotorfit.cli.terminal import say, show
+from rotorfit.errors import OutputError
+from rotorfit.export.assumptions import parse_assumptions
+from rotorfit.export.numbers import Number
+from rotorfit.export.table import (
+    columns_of,
+    csv_text,
+    flight_comparisons,
+    parquet_bytes,
+    table_files,
+)
+from rotorfit.export.targets import TargetName, export
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.logs.files import write_whole
+
+DOUBTFUL = ("weak", "removed", "assumed", "from-ratio")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportRequest:
+    """What the user asked for."""
+
+    result: Path
+    target: str
+    output: Path
+    configuration: str | None
+    assume: tuple[str, ...]
+    project: bool
+    force: bool
+    as_json: bool
+
+
+def run(request: ExportRequest) -> None:
+    """Read the result, write the file, say what is in it."""
+    try:
+        assumed = parse_assumptions(request.assume)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--assume") from error
+    refuse_output_file(request.output, inputs=[request.result], force=request.force)
+    result = IdentificationResult.load(request.result)
+    if request.target == "table":
+        if assumed or request.project:
+            raise typer.BadParameter("table is of flights, and takes no --assume and no --project")
+        _write_tables(request, result)
+    else:
+        _write_vehicle(request, result, assumed)
+
+
+def _write_vehicle(
+    request: ExportRequest, result: IdentificationResult, assumed: dict[str, float]
+) -> None:
+    target: TargetName = request.target  # pyright: ignore[reportAssignmentType] (typer checked it)
+    made = export(
+        result,
+        target,
+        configuration=request.configuration,
+        assumed=assumed,
+        project=request.project,
+    )
+    write_whole(request.output, made.text, force=request.force)
+    doubts = [_doubt(n) for n in made.model.numbers if n.origin in DOUBTFUL]
+    if request.as_json:
+        described = {
+            "target": target,
+            "files": [str(request.output)],
+            "configuration": made.model.configuration,
+            "numbers": [_plain(n) for n in made.model.numbers],
+            "notes": list(made.model.notes),
+        }
+        show(json.dumps(described, indent=1, allow_nan=False))
+        return
+    show(f"{request.output}: {target}, configuration {made.model.configuration}")
+    for line in (*doubts, *made.model.notes):
+        show(f"  {line}")
+
+
+def _doubt(number: Number) -> str:
+    remark = "" if number.remark is None else f": {number.remark}"
+    return f"{number.name} = {number.value:.6g} {number.unit} is {number.origin}{remark}"
+
+
+def _plain(number: Number) -> dict[str, object]:
+    return {
+        "name": number.name,
+        "value": number.value,
+        "unit": number.unit,
+        "origin": number.origin,
+        "interval": number.interval,
+        "remark": number.remark,
+    }
+
+
+def _write_tables(request: ExportRequest, result: IdentificationResult) -> None:
+    """Write the wrenches of each flight: one file, or one a flight, all or none."""
+    say("reading the flights again")
+    comparisons = flight_comparisons(result, request.configuration)
+    if not comparisons:
+        raise OutputError(f"no flight of configuration {request.configuration!r} in the result")
+    files = table_files(request.output, comparisons)
+    for file in files:
+        refuse_output_file(file, inputs=[request.result], force=request.force)
+    contents: list[str | bytes] = []
+    for comparison in comparisons:
+        columns = columns_of(comparison)
+        if request.output.suffix.lower() == ".parquet":
+            date = datetime.date.today().isoformat()
+            head = (
+                f"table, written on {date}, of {result.name}, flight {comparison.flight} "
+                f"(sha256 {comparison.sha256}), configuration {comparison.configuration}",
+            )
+            contents.append(parquet_bytes(columns, head))
+        else:
+            contents.append(csv_text(columns))
+    for file, content in zip(files, contents, strict=True):
+        write_whole(file, content, force=request.force)
+    if request.as_json:
+        show(json.dumps({"target": "table", "files": [str(file) for file in files]}, indent=1))
+        return
+    for file, comparison in zip(files, comparisons, strict=True):
+        kind = "of the fit" if comparison.used_in_fit else "kept apart"
+        show(f"{file}: wrenches of {comparison.flight} ({kind}), low-pass 3 Hz")

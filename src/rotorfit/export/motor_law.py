@@ -1,0 +1,60 @@
+"""What autopilots ask of the law from command to rotor speed: full speed, curve, hover."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.flight.speed_law import SpeedLaw, speed_from_command
+
+GRID = np.linspace(0.0, 1.0, 501)
+"""Commands on which a curve is compared with another."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThrustCurve:
+    """Relative thrust f u^2 + (1 - f) u of a command u, PX4's model and ArduPilot's.
+
+    Attributes
+    ----------
+    factor
+        f: THR_MDL_FAC of PX4, MOT_THST_EXPO of ArduPilot.
+    error
+        Largest difference to the law, as a fraction of full thrust.
+    """
+
+    factor: float
+    error: float
+
+    def command(self, thrust: float) -> float:
+        """Return the command u at a thrust, both as a fraction of full."""
+        f = self.factor
+        if f < 1e-12:
+            return thrust
+        b = 1.0 - f
+        return float((-b + np.sqrt(b * b + 4.0 * f * thrust)) / (2.0 * f))
+
+
+def speeds(law: SpeedLaw, commands: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the speed at commands, at the battery's nominal voltage [rad/s]."""
+    nominal = SpeedLaw(curve=law.curve)
+    return speed_from_command(commands[:, None], nominal)[:, 0]
+
+
+def full_speed_of(law: SpeedLaw) -> float:
+    """Return the speed at full command [rad/s]."""
+    return float(speeds(law, np.array([1.0]))[0])
+
+
+def thrust_curve(law: SpeedLaw) -> ThrustCurve:
+    """Return the curve nearest to a law, in the mean square of thrust over all commands.
+
+    Thrust goes with the speed squared; r = f u^2 + (1 - f) u is r - u = f (u^2 - u), so that f is
+    one quotient, kept between 0 and 1 as both autopilots do.
+    """
+    u = GRID
+    speed = speeds(law, u)
+    relative = (speed / speed[-1]) ** 2
+    bend = u**2 - u
+    f = float(np.clip(bend @ (relative - u) / (bend @ bend), 0.0, 1.0))
+    return ThrustCurve(factor=f, error=float(np.abs(f * bend + u - relative).max()))

@@ -1,0 +1,127 @@
+"""PX4 parameters, as QGroundControl loads and saves them.
+
+Sources, PX4-Autopilot: src/modules/control_allocator/module.yaml (CA_ROTORn_*: positions in body
+axes FRD; KM: torque = KM thrust, positive for ccw; CT: thrust = CT u^2) and
+ActuatorEffectivenessRotors.cpp (moment = ct position x axis - ct km axis, so that positions are
+from the CoM, and AX, AY, AZ point along the thrust); src/lib/mixer_module/functions/
+FunctionMotors.hpp (THR_MDL_FAC: thrust = f x^2 + (1 - f) x); init.d-posix/airframes/4001_gz_x500
+(SIM_GZ_EC_*: the output from MIN to MAX is the rotor speed in rad/s). Types of parameters: 6
+integer, 9 float (MAVLink MAV_PARAM_TYPE).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rotorfit.errors import OutputError
+from rotorfit.export.header import hash_comment, noted
+from rotorfit.export.motor_law import ThrustCurve, speeds, thrust_curve
+from rotorfit.export.units import frd, text
+from rotorfit.export.vehicle_model import COM, ROTORS, VehicleModel
+from rotorfit.flight.airborne import GRAVITY
+
+NEEDS = ("mass", *COM, *ROTORS)
+MOST_ROTORS = 12
+"""PX4's NUM_ROTORS_MAX."""
+MOST_THRUST = 100.0
+"""Largest CA_ROTORn_CT that PX4 takes."""
+HOVER_RANGE = (0.1, 0.8)
+"""Of MPC_THR_HOVER."""
+SIM_CHANNELS = 8
+INTEGER, FLOAT = 6, 9
+
+Parameter = tuple[str, float, int]
+
+
+def write_px4(model: VehicleModel, head: Sequence[str]) -> str:
+    """Return the parameters of the vehicle's geometry, thrust curve and Gazebo outputs."""
+    if len(model.rotors) > MOST_ROTORS:
+        raise OutputError(
+            f"{len(model.rotors)} rotors, but PX4 allocates at most {MOST_ROTORS}; export to a "
+            "simulator instead"
+        )
+    parameters = [*_geometry(model), *_thrust(model), *_simulation(model)]
+    comment = noted(
+        head,
+        "positions and axes in body FRD (x forward, y right, z down), positions from the CoM [m]; "
+        "rotor n here is motor n+1 of PX4, in the order of the log's motors",
+        "KM = kd/kt [m], positive for ccw seen from above",
+        *_thrust_remarks(model),
+    )
+    return params_file(comment, parameters)
+
+
+def params_file(comment: Sequence[str], parameters: Sequence[Parameter]) -> str:
+    """Return parameters in the format of QGroundControl, for vehicle 1, component 1."""
+    lines = [f"1\t1\t{name}\t{text(value)}\t{kind}\n" for name, value, kind in parameters]
+    return hash_comment([*comment, "", "Vehicle-Id Component-Id Name Value Type"]) + "".join(lines)
+
+
+def _geometry(model: VehicleModel) -> list[Parameter]:
+    out: list[Parameter] = [
+        ("CA_AIRFRAME", 0.0, INTEGER),
+        ("CA_ROTOR_COUNT", float(len(model.rotors)), INTEGER),
+    ]
+    for i, (rotor, arm) in enumerate(zip(model.rotors, model.arms, strict=True)):
+        places = zip("XYZ", frd(arm).tolist(), strict=True)
+        out += [(f"CA_ROTOR{i}_P{axis}", value, FLOAT) for axis, value in places]
+        directions = zip("XYZ", frd(rotor.axis).tolist(), strict=True)
+        out += [(f"CA_ROTOR{i}_A{axis}", value, FLOAT) for axis, value in directions]
+        full = rotor.kt * model.max_speed**2
+        if full <= MOST_THRUST:
+            out.append((f"CA_ROTOR{i}_CT", full, FLOAT))
+        out.append((f"CA_ROTOR{i}_KM", rotor.spin * model.kd / rotor.kt, FLOAT))
+    return out
+
+
+def hover_thrust(model: VehicleModel) -> float:
+    """Return the thrust in hover as a fraction of full; NaN where full speed is not known."""
+    full = sum(rotor.kt * float(rotor.axis[2]) for rotor in model.rotors) * model.max_speed**2
+    return model.mass * GRAVITY / full
+
+
+def _curve(model: VehicleModel) -> ThrustCurve | None:
+    return None if model.law is None else thrust_curve(model.law)
+
+
+def _thrust(model: VehicleModel) -> list[Parameter]:
+    curve = _curve(model)
+    if curve is None:
+        return []
+    out: list[Parameter] = [("THR_MDL_FAC", curve.factor, FLOAT)]
+    low, high = HOVER_RANGE
+    if low <= hover_thrust(model) <= high:
+        out.append(("MPC_THR_HOVER", hover_thrust(model), FLOAT))
+    return out
+
+
+def _thrust_remarks(model: VehicleModel) -> list[str]:
+    curve = _curve(model)
+    if curve is None:
+        return [
+            "THR_MDL_FAC and MPC_THR_HOVER are left out: no law from command to rotor speed is "
+            "known (law under [motors] of the experiment)"
+        ]
+    remarks = [
+        f"THR_MDL_FAC is fitted to the law, within {100 * curve.error:.2g} % of full thrust; "
+        "MPC_THR_HOVER goes with it"
+    ]
+    if not HOVER_RANGE[0] <= hover_thrust(model) <= HOVER_RANGE[1]:
+        remarks.append(
+            f"MPC_THR_HOVER would be {hover_thrust(model):.3g}, which PX4 does not take "
+            f"({HOVER_RANGE[0]} to {HOVER_RANGE[1]}): left out"
+        )
+    return remarks
+
+
+def _simulation(model: VehicleModel) -> list[Parameter]:
+    """Return the outputs of PX4 in Gazebo: rotor speed in rad/s at no and at full command."""
+    if model.in_commands or not np.isfinite(model.max_speed) or len(model.rotors) > SIM_CHANNELS:
+        return []
+    idle = 0.0 if model.law is None else float(speeds(model.law, np.zeros(1))[0])
+    out: list[Parameter] = []
+    for i in range(1, len(model.rotors) + 1):
+        out.append((f"SIM_GZ_EC_FUNC{i}", 100.0 + i, INTEGER))
+        out.append((f"SIM_GZ_EC_MIN{i}", float(round(idle)), INTEGER))
+        out.append((f"SIM_GZ_EC_MAX{i}", float(round(model.max_speed)), INTEGER))
+    return out

@@ -1,0 +1,77 @@
+"""PX4's simulation in hardware: the SIH_* parameters of a quadrotor.
+
+Source: PX4-Autopilot, src/modules/simulation/simulator_sih (sih_params, sih.cpp): thrust = T_MAX u
+and torque = Q_MAX u for a motor signal u from 0 to 1 that follows its command with T_TAU; roll
+moment L_ROLL T_MAX (-u0 + u1 + u2 - u3), pitch L_PITCH T_MAX (u0 - u1 + u2 - u3), yaw Q_MAX
+(u0 + u1 - u2 - u3), body axes FRD: motors front right ccw, rear left ccw, front left cw, rear right
+cw, even about the CoM.
+"""
+
+from collections.abc import Sequence
+from itertools import permutations
+
+import numpy as np
+
+from rotorfit.errors import OutputError
+from rotorfit.export.header import noted
+from rotorfit.export.px4 import FLOAT, HOVER_RANGE, INTEGER, Parameter, hover_thrust, params_file
+from rotorfit.export.units import elements, inertia_frd
+from rotorfit.export.vehicle_model import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+
+NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
+SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0))
+"""Of SIH's motors, FLU: sign of x, sign of y, spin."""
+
+
+def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
+    """Return the parameters of PX4's own quadrotor simulation."""
+    refuse_no_lag(model, "SIH")
+    _refuse_other_layouts(model)
+    full = model.kt * model.max_speed**2
+    arms = np.abs(model.arms[:, :2]).mean(axis=0)
+    inertia = elements(inertia_frd(model.inertia_com))
+    names = ("SIH_IXX", "SIH_IYY", "SIH_IZZ", "SIH_IXY", "SIH_IXZ", "SIH_IYZ")
+    parameters: list[Parameter] = [
+        ("SIH_VEHICLE_TYPE", 0.0, INTEGER),
+        ("SIH_MASS", model.mass, FLOAT),
+        *((name, value, FLOAT) for name, value in zip(names, inertia, strict=True)),
+        ("SIH_T_MAX", full, FLOAT),
+        ("SIH_Q_MAX", model.kd * model.max_speed**2, FLOAT),
+        ("SIH_L_ROLL", float(arms[1]), FLOAT),
+        ("SIH_L_PITCH", float(arms[0]), FLOAT),
+        ("SIH_T_TAU", 0.5 * (model.lag_up + model.lag_down), FLOAT),
+        ("SIH_KDV", 0.0, FLOAT),
+        ("SIH_KDW", 0.0, FLOAT),
+        ("THR_MDL_FAC", 0.0, FLOAT),
+    ]
+    if HOVER_RANGE[0] <= hover_thrust(model) <= HOVER_RANGE[1]:
+        parameters.append(("MPC_THR_HOVER", hover_thrust(model), FLOAT))
+    return params_file(noted(head, *_remarks(model)), parameters)
+
+
+def _remarks(model: VehicleModel) -> list[str]:
+    off = 1e3 * (np.array([r.position for r in model.rotors]).mean(axis=0) - model.com)
+    return [
+        "inertia about the CoM in body axes FRD: the signs of xy and xz are opposite to the above",
+        "SIH_T_MAX = kt max_speed^2, SIH_Q_MAX = kd max_speed^2; thrust goes with the motor signal "
+        "in SIH, for which THR_MDL_FAC is 0",
+        "SIH puts the CoM in the middle of the rotors; here the rotors' middle is "
+        f"{off[0]:.2g} mm forward and {off[1]:.2g} mm left of it, which SIH leaves out; as are Jr "
+        "and differences between rotors",
+        "SIH_KDV and SIH_KDW (drag) are not identified: 0",
+    ]
+
+
+def _refuse_other_layouts(model: VehicleModel) -> None:
+    """Raise unless the rotors, in any order, are those of SIH's quadrotor."""
+    arms = np.array([rotor.position for rotor in model.rotors])
+    arms = arms - arms.mean(axis=0)
+    seats = [
+        (float(np.sign(round(x, 6))), float(np.sign(round(y, 6))), rotor.spin)
+        for (x, y, _), rotor in zip(arms.tolist(), model.rotors, strict=True)
+    ]
+    if not model.vertical or tuple(seats) not in set(permutations(SEATS)):
+        raise OutputError(
+            "SIH simulates a quadrotor in X with front right and rear left ccw and upright rotors; "
+            "these rotors are others: export to gazebo or mujoco instead"
+        )

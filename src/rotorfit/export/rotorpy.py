@@ -1,0 +1,61 @@
+"""RotorPy: a Python file with the dictionary `quad_params`.
+
+Source: RotorPy, rotorpy/vehicles/multirotor.py and crazyflie_params.py: vectors are from the CoM,
+axes FLU; thrust k_eta w^2 along z, torque rotor_directions k_m w^2 about z (so -1 for a rotor that
+turns ccw); inertia about the CoM as tensor elements; one time constant tau_m; its allocation
+inverts a 4 x N matrix, and takes four rotors only.
+"""
+
+from collections.abc import Sequence
+
+from rotorfit.errors import OutputError
+from rotorfit.export.header import hash_comment, noted
+from rotorfit.export.units import elements, text
+from rotorfit.export.vehicle_model import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+
+NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
+NOT_IDENTIFIED = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_std")
+
+
+def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
+    """Return the dictionary as a Python module."""
+    refuse_no_lag(model, "RotorPy")
+    if len(model.rotors) != 4 or not model.vertical:
+        raise OutputError(
+            "RotorPy flies four rotors with upright thrust; these are others: export to mujoco or "
+            "gazebo instead"
+        )
+    comment = noted(
+        head,
+        "positions from the CoM [m]; rI is the IMU's; rotor_directions is the sign of the torque "
+        "about z, -1 for a rotor that turns ccw",
+        "k_eta is the mean of the rotors, k_m is kd; tau_m is the mean of up and down; Jr has no "
+        "place in RotorPy",
+        f"not identified, 0 here: {', '.join(NOT_IDENTIFIED)}",
+    )
+    lines = "".join(f"    {name!r}: {value},\n" for name, value in _entries(model))
+    return hash_comment(comment) + f"import numpy as np\n\nquad_params = {{\n{lines}}}\n"
+
+
+def _entries(model: VehicleModel) -> list[tuple[str, str]]:
+    names = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+    inertia = zip(names, (text(v) for v in elements(model.inertia_com)), strict=True)
+    places = ", ".join(f"'r{i}': {_array(arm)}" for i, arm in enumerate(model.arms.tolist(), 1))
+    return [
+        ("mass", text(model.mass)),
+        *inertia,
+        ("num_rotors", str(len(model.rotors))),
+        ("rotor_pos", f"{{{places}}}"),
+        ("rotor_directions", _array([-rotor.spin for rotor in model.rotors])),
+        ("rI", _array((model.imu - model.com).tolist())),
+        ("k_eta", text(model.kt)),
+        ("k_m", text(model.kd)),
+        ("tau_m", text(0.5 * (model.lag_up + model.lag_down))),
+        ("rotor_speed_min", "0.0"),
+        ("rotor_speed_max", text(model.max_speed)),
+        *((name, "0.0") for name in NOT_IDENTIFIED),
+    ]
+
+
+def _array(values: Sequence[float]) -> str:
+    return f"np.array([{', '.join(text(value) for value in values)}])"

@@ -1,0 +1,122 @@
+"""The targets by name, and the way from a result to the text of a file."""
+
+import datetime
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from rotorfit.export import (
+    ardupilot_sitl,
+    casadi,
+    crazyflow,
+    gazebo,
+    gazebo_motors,
+    mjcf,
+    px4,
+    px4_sih,
+    rotorpy,
+    urdf,
+)
+from rotorfit.export.header import header_lines
+from rotorfit.export.vehicle_model import Speed, VehicleModel, vehicle_model
+from rotorfit.identification.result import IdentificationResult
+
+Writer = Callable[[VehicleModel, Sequence[str]], str]
+TargetName = Literal[
+    "gazebo",
+    "gazebo-motors",
+    "px4",
+    "px4-sih",
+    "mujoco",
+    "urdf",
+    "rotorpy",
+    "ardupilot-sitl",
+    "crazyflow",
+    "casadi",
+]
+"""All but ``table``, which is of flights, not of a vehicle."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """A kind of file.
+
+    Attributes
+    ----------
+    write
+        What writes it.
+    needs
+        The numbers without which it cannot be.
+    speed
+        Whether it holds rotor speeds, or only what a rotor does at full command.
+    """
+
+    write: Writer
+    needs: tuple[str, ...]
+    speed: Speed = "rad/s"
+
+
+TARGETS: Final[Mapping[TargetName, Target]] = {
+    "gazebo": Target(write=gazebo.write_gazebo, needs=gazebo.NEEDS),
+    "gazebo-motors": Target(write=gazebo_motors.write_gazebo_motors, needs=gazebo_motors.NEEDS),
+    "px4": Target(write=px4.write_px4, needs=px4.NEEDS, speed="full-command"),
+    "px4-sih": Target(write=px4_sih.write_px4_sih, needs=px4_sih.NEEDS, speed="full-command"),
+    "mujoco": Target(write=mjcf.write_mujoco, needs=mjcf.NEEDS),
+    "urdf": Target(write=urdf.write_urdf, needs=urdf.NEEDS),
+    "rotorpy": Target(write=rotorpy.write_rotorpy, needs=rotorpy.NEEDS),
+    "ardupilot-sitl": Target(write=ardupilot_sitl.write_ardupilot_sitl, needs=ardupilot_sitl.NEEDS),
+    "crazyflow": Target(write=crazyflow.write_crazyflow, needs=crazyflow.NEEDS),
+    "casadi": Target(write=casadi.write_casadi, needs=casadi.NEEDS),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """The text of a file, and the vehicle it describes."""
+
+    text: str
+    model: VehicleModel
+
+
+def export(
+    result: IdentificationResult,
+    target: TargetName,
+    *,
+    configuration: str | None = None,
+    assumed: Mapping[str, float] | None = None,
+    project: bool = False,
+    date: datetime.date | None = None,
+) -> Export:
+    """Return a result as a file of another tool.
+
+    Parameters
+    ----------
+    result
+        What `identify` returned, or `IdentificationResult.load`.
+    target
+        Which tool's file.
+    configuration
+        Which of the result's configurations; may be left out where there is one.
+    assumed
+        Values that the user stands for, by name, SI (`parse_assumptions`).
+    project
+        Replace inertia that no body has by the nearest that one can have.
+    date
+        Written into the file; today's if None.
+
+    Raises
+    ------
+    OutputError
+        If something that the file needs is not known, or the target cannot hold the vehicle.
+    """
+    chosen = TARGETS[target]
+    model = vehicle_model(
+        result,
+        configuration=configuration,
+        needs=chosen.needs,
+        assumed=assumed,
+        speed=chosen.speed,
+        project=project,
+    )
+    head = header_lines(model, result, target=target, date=date or datetime.date.today())
+    return Export(text=chosen.write(model, head), model=model)

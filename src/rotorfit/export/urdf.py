@@ -1,0 +1,127 @@
+"""URDF, with the properties of gym-pybullet-drones where its quadrotor in X fits.
+
+Sources: ROS urdf/XML/link (inertia about the CoM, tensor elements, in the axes of <inertial>);
+gym-pybullet-drones, assets/cf2x.urdf and envs/BaseAviary.py: kf and km are thrust [N] and torque
+[N m] per squared RPM; the parser finds elements by their order (properties, base_link with
+inertial, visual, collision); motors prop0 to prop3 are front right, rear right, rear left, front
+left; yaw torque is -t0 + t1 - t2 + t3; link 4 is the centre of mass, where that torque acts.
+"""
+
+from collections.abc import Sequence
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from rotorfit.export.header import identifier, noted, xml_comment
+from rotorfit.export.units import elements, per_squared_rpm, roll_pitch_yaw, text, texts
+from rotorfit.export.vehicle_model import BODY, ROTORS, ExportedRotor, VehicleModel
+from rotorfit.flight.airborne import GRAVITY
+
+NEEDS = (*BODY, *ROTORS)
+GYM_SEATS = ((1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0))
+"""Of prop0 to prop3, FLU: sign of x, sign of y, spin."""
+GYM_SPEED = 30.0
+"""max_speed_kmh of the package's own cf2x.urdf; it scales velocity commands only."""
+
+
+def write_urdf(model: VehicleModel, head: Sequence[str]) -> str:
+    """Return the vehicle as URDF."""
+    order = gym_order(model)
+    rotors = [model.rotors[i] for i in (order or range(len(model.rotors)))]
+    properties = "" if order is None else _properties(model)
+    return (
+        '<?xml version="1.0"?>\n'
+        + xml_comment(noted(head, *_remarks(model, order)))
+        + f"<robot name={quoteattr(identifier(f'{model.name}_{model.configuration}'))}>\n"
+        + properties
+        + _base_link(model)
+        + "".join(_rotor_link(i, rotor) for i, rotor in enumerate(rotors))
+        + _fixed_link("center_of_mass", texts(model.com), "0 0 0")
+        + "</robot>\n"
+    )
+
+
+def gym_order(model: VehicleModel) -> list[int] | None:
+    """Return which rotor is prop0, prop1 ..., None where the properties cannot be written."""
+    if len(model.rotors) != 4 or not model.vertical or not np.isfinite(model.max_speed):
+        return None
+    seats = [
+        (float(np.sign(x)), float(np.sign(y)), rotor.spin)
+        for (x, y, _), rotor in zip(model.arms.tolist(), model.rotors, strict=True)
+    ]
+    if sorted(seats) != sorted(GYM_SEATS):
+        return None
+    return [seats.index(seat) for seat in GYM_SEATS]
+
+
+def _remarks(model: VehicleModel, order: list[int] | None) -> list[str]:
+    remarks = [
+        "inertia is about the CoM, tensor elements; a link propN_link is at each rotor, z along "
+        "its thrust; the base link's origin is that of the result"
+    ]
+    if order is None:
+        remarks.append(
+            "without the <properties> of gym-pybullet-drones: they take four upright rotors in X, "
+            "front right and rear left ccw, and max_speed (--assume max_speed=VALUE)"
+        )
+        return remarks
+    numbers = ", ".join(f"prop{i} is rotor {k + 1} of the log" for i, k in enumerate(order))
+    return [
+        *remarks,
+        f"{numbers}; kf and km per squared RPM, the mean of the rotors",
+        "properties that are not identified: drag, ground effect and downwash are off (0), "
+        f"max_speed_kmh is {GYM_SPEED:g}",
+    ]
+
+
+def _properties(model: VehicleModel) -> str:
+    full = len(model.rotors) * model.kt * model.max_speed**2
+    values = {
+        "arm": float(np.hypot(model.arms[:, 0], model.arms[:, 1]).mean()),
+        "kf": per_squared_rpm(model.kt),
+        "km": per_squared_rpm(model.kd),
+        "thrust2weight": full / (model.mass * GRAVITY),
+        "max_speed_kmh": GYM_SPEED,
+        **dict.fromkeys(("gnd_eff_coeff", "prop_radius", "drag_coeff_xy", "drag_coeff_z"), 0.0),
+        "dw_coeff_1": 0.0,
+        "dw_coeff_2": 1.0,  # not 0: the package divides by it
+        "dw_coeff_3": 0.0,
+    }
+    attributes = " ".join(f'{name}="{text(value)}"' for name, value in values.items())
+    return f"  <properties {attributes}/>\n"
+
+
+def _base_link(model: VehicleModel) -> str:
+    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    inertia = " ".join(
+        f'{name}="{text(value)}"'
+        for name, value in zip(names, elements(model.inertia_com), strict=True)
+    )
+    arm = float(np.hypot(model.arms[:, 0], model.arms[:, 1]).mean())
+    place = f'<origin xyz="{texts(model.com)}" rpy="0 0 0"/>'
+    body = f'<cylinder radius="{text(arm)}" length="{text(0.3 * arm)}"/>'
+    return (
+        '  <link name="base_link">\n'
+        f"    <inertial>\n      {place}\n"
+        f'      <mass value="{text(model.mass)}"/>\n      <inertia {inertia}/>\n    </inertial>\n'
+        f"    <visual>\n      {place}\n      <geometry>{body}</geometry>\n    </visual>\n"
+        f"    <collision>\n      {place}\n      <geometry>{body}</geometry>\n    </collision>\n"
+        "  </link>\n"
+    )
+
+
+def _rotor_link(i: int, rotor: ExportedRotor) -> str:
+    return _fixed_link(f"prop{i}", texts(rotor.position), texts(roll_pitch_yaw(rotor.axis)))
+
+
+def _fixed_link(name: str, xyz: str, rpy: str) -> str:
+    """Return a link without mass, and the joint that holds it."""
+    return (
+        f'  <link name="{name}_link">\n    <inertial>\n      <origin xyz="0 0 0" rpy="0 0 0"/>\n'
+        '      <mass value="0"/>\n'
+        '      <inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>\n'
+        "    </inertial>\n  </link>\n"
+        f'  <joint name="{name}_joint" type="fixed">\n'
+        f'    <origin xyz="{xyz}" rpy="{rpy}"/>\n'
+        f'    <parent link="base_link"/>\n    <child link="{name}_link"/>\n  </joint>\n'
+    )
