@@ -128,8 +128,16 @@ class ColumnEntry(_Strict):
     range: tuple[Finite, Finite] | None = None
 
 
+class RecordingEntry(_Strict):
+    """A motion-capture file of a flight, and how it is read."""
+
+    file: str
+    axes: Axes = "FLU"
+    columns: dict[str, ColumnEntry | str] | None = None
+
+
 class FlightEntry(_Strict):
-    """One flight: a file, and what is used of it."""
+    """One flight: a file, and what is used of it; the pose from a second file where named."""
 
     file: str
     log: int | None = Field(default=None, ge=1)
@@ -137,6 +145,12 @@ class FlightEntry(_Strict):
     end: Finite | None = None
     axes: Axes = "FLU"
     columns: dict[str, ColumnEntry | str] | None = None
+    mocap: RecordingEntry | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_recording(cls, data: Any) -> Any:
+        return _file_as_table(data, "mocap")
 
     @model_validator(mode="after")
     def _ordered(self) -> "FlightEntry":
@@ -342,12 +356,21 @@ def motor_model_of(motors: MotorsEntry) -> MotorModel:
 
 def read_options_of(flight: FlightEntry, motors: MotorsEntry) -> ReadOptions:
     """Return what the log's reader is told."""
-    columns = None
-    if flight.columns is not None:
-        columns = {key: _column(value) for key, value in flight.columns.items()}
     return ReadOptions(
-        log_number=flight.log, columns=columns, axes=flight.axes, motor_poles=motors.poles
+        log_number=flight.log,
+        columns=_columns(flight.columns),
+        axes=flight.axes,
+        motor_poles=motors.poles,
     )
+
+
+def recording_options_of(recording: RecordingEntry) -> ReadOptions:
+    """Return what the reader of a motion-capture file is told."""
+    return ReadOptions(columns=_columns(recording.columns), axes=recording.axes)
+
+
+def _columns(entries: Mapping[str, ColumnEntry | str] | None) -> dict[str, ColumnSpec] | None:
+    return None if entries is None else {key: _column(value) for key, value in entries.items()}
 
 
 def _column(entry: ColumnEntry | str) -> ColumnSpec:
@@ -374,9 +397,14 @@ def _flu(vector: Vector, axes: Axes) -> Vector:
 
 
 def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationEntry:
+    def at(entry: Model, file: str) -> Model:
+        return entry.model_copy(update={"file": str((folder / file).absolute())})
+
     def moved(flights: tuple[FlightEntry, ...]) -> tuple[FlightEntry, ...]:
         return tuple(
-            flight.model_copy(update={"file": str((folder / flight.file).absolute())})
+            at(flight, flight.file).model_copy(
+                update={"mocap": None if (m := flight.mocap) is None else at(m, m.file)}
+            )
             for flight in flights
         )
 
@@ -386,6 +414,16 @@ def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationE
             "validation": moved(configuration.validation),
         }
     )
+
+
+def _file_as_table(data: Any, key: str) -> Any:
+    """Return the table with one plain file name written out as a table."""
+    if not isinstance(data, dict):
+        return data
+    table = dict(cast("dict[str, Any]", data))
+    if isinstance(table.get(key), str):
+        table[key] = {"file": table[key]}
+    return table
 
 
 def _files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
@@ -438,5 +476,6 @@ _TABLES: tuple[type[BaseModel], ...] = (
     ConfigurationEntry,
     PayloadEntry,
     FlightEntry,
+    RecordingEntry,
     ColumnEntry,
 )

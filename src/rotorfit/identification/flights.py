@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors, stack_factors
+from rotorfit.flight.align import with_poses
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
 from rotorfit.flight.mocap import prepare_mocap
@@ -16,6 +17,7 @@ from rotorfit.identification.experiment import (
     MotorsEntry,
     Source,
     read_options_of,
+    recording_options_of,
 )
 from rotorfit.identification.frame_check import check_frame
 from rotorfit.identification.payload import PointMass
@@ -130,6 +132,9 @@ def load_flight(
         If it cannot be used; the message names the file.
     """
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
+    if entry.mocap is not None:
+        recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
+        log = with_poses(log, recording)
     prepare_flight = prepare_mocap if source == "mocap" else prepare
     prepared = prepare_flight(
         log,
