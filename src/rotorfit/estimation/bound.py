@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Float
 
 from rotorfit.estimation.factors import Factors
@@ -58,9 +57,9 @@ def linearised(
         The signals that carry the noise.
     """
     theta, dtheta = mapped.theta(phi)[configuration], mapped.jacobian(phi)[configuration]
-    B = np.einsum("p,pjz->jz", theta, tensor)
-    inverse = scipy.linalg.inv(B[:, list(noisy)])
-    G = inverse @ B
+    B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, tensor)
+    inverse: Float[np.ndarray, "k j"] = np.linalg.inv(B[:, list(noisy)])
+    G: Float[np.ndarray, "k z"] = inverse @ B
     dB = np.einsum("pjz,pf->fjz", tensor, dtheta)
     return Linearised(
         error=G, slope=inverse @ (dB - dB[:, :, list(noisy)] @ G), of_residual=inverse
