@@ -45,7 +45,6 @@ def test_options_reach_the_table_reader(tmp_path):
 @pytest.mark.parametrize(
     ("content", "what"),
     [
-        (b"\xa3\x95\x80\x80\x59FMT", "an ArduPilot DataFlash log"),
         (b"#ROSBAG V2.0\nE\x00\x00\x00", "a ROS 1 bag"),
         (b"\x89MCAP0\r\n\x01", "an MCAP recording"),
         (b"SQLite format 3\x00\x10\x00", "an SQLite database, perhaps a ROS 2 bag"),
@@ -225,15 +224,3 @@ def test_optitrack_reads_by_a_columns_map(flight_data_dir):
         "attitude": 2577,
     }
     assert np.median(np.diff(log.channels["position"].time)) == pytest.approx(0.0198, abs=1e-4)
-
-
-@pytest.mark.flights
-@pytest.mark.parametrize(
-    ("file", "what"),
-    [
-        ("ardupilot-dronekit/log171.bin", "an ArduPilot DataFlash log"),
-    ],
-)
-def test_real_logs_of_formats_not_read_are_named(flight_data_dir, file, what):
-    with pytest.raises(LogError, match=f"looks like {what}, which"):
-        read_log(flight_data_dir / file)

@@ -155,6 +155,23 @@ def _read_ulog(path: Path, options: ReadOptions) -> FlightLog:
     return read_ulog(path)
 
 
+def _is_dataflash(head: bytes) -> bool:
+    from rotorfit.logs.dataflash import is_dataflash
+
+    return is_dataflash(head)
+
+
+def _read_dataflash(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs.dataflash import read_dataflash
+
+    if options.columns or options.axes != "FLU":
+        what = "a columns map" if options.columns else "axes"
+        raise LogError(f"{path}: a DataFlash log names its own fields and axes: leave out {what}")
+    if options.log_number not in (None, 1):
+        raise LogError(f"{path}: a DataFlash file is one log, there is no log {options.log_number}")
+    return read_dataflash(path)
+
+
 def _is_mocap(name: str) -> Callable[[bytes], bool]:
     """Return the recogniser of a motion-capture format; its module is imported when it is asked."""
 
@@ -247,6 +264,12 @@ FORMATS: Final = (
         read=_read_ulog,
     ),
     Format(
+        name="dataflash",
+        title="ArduPilot DataFlash logs (.bin)",
+        recognises=_is_dataflash,
+        read=_read_dataflash,
+    ),
+    Format(
         name="qualisys",
         title="Qualisys 6DOF exports (TSV)",
         recognises=_is_mocap("qualisys"),
@@ -274,7 +297,6 @@ FORMATS: Final = (
 """What rotorfit reads, tried in this order. A new format is one row."""
 
 FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
-    ("an ArduPilot DataFlash log", _begins(b"\xa3\x95")),
     ("a ROS 1 bag", _begins(b"#ROSBAG V")),
     ("an MCAP recording", _begins(b"\x89MCAP0\r\n")),
     ("an SQLite database, perhaps a ROS 2 bag", _begins(b"SQLite format 3\x00")),

@@ -22,8 +22,20 @@ CLASSES: Final = {
     14: "DECA",
 }
 TYPES: Final = {
-    **{0: "PLUS", 1: "X", 2: "V", 3: "H", 4: "VTAIL", 5: "ATAIL", 6: "PLUSREV"},
-    **{10: "Y6B", 11: "Y6F", 12: "BF_X", 13: "DJI_X", 14: "CW_X", 15: "I", 18: "BF_X_REV"},
+    0: "PLUS",
+    1: "X",
+    2: "V",
+    3: "H",
+    4: "VTAIL",
+    5: "ATAIL",
+    6: "PLUSREV",
+    10: "Y6B",
+    11: "Y6F",
+    12: "BF_X",
+    13: "DJI_X",
+    14: "CW_X",
+    15: "I",
+    18: "BF_X_REV",
 }
 
 # Motors in the order of their numbers: angle [deg], or roll and pitch factor, and + for ccw.
@@ -163,8 +175,8 @@ def _scaled(
     key: tuple[str, str], factors: Float[np.ndarray, "N 3"], angles: tuple[float, ...] | None
 ) -> Frame:
     """Return a frame with each column of its factors reaching 0.5, as the firmware has it."""
-    scaled = 0.5 * factors / np.abs(factors).max(axis=0)
-    return Frame(kind=key[0], type=key[1], factors=np.round(scaled, 9), angles_deg=angles)
+    scaled: Float[np.ndarray, "N 3"] = 0.5 * factors / np.abs(factors).max(axis=0)
+    return Frame(kind=key[0], type=key[1], factors=scaled.round(9), angles_deg=angles)
 
 
 def airframe_text(frame: Frame, imu_position: tuple[float, float, float] | None) -> str:

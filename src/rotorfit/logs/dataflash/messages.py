@@ -1,4 +1,4 @@
-"""Where the messages of a DataFlash log are, found block by block, and the bytes of those wanted."""
+"""Where the messages of a DataFlash log are, found block by block, and the bytes of some."""
 
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field

@@ -1,0 +1,207 @@
+"""Angular velocity and specific force of a DataFlash log: of one IMU, from its fastest messages."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.flight.log import Channel
+from rotorfit.logs.axes import vectors_to_flu
+from rotorfit.logs.dataflash.columns import columns, has_fields, in_order, timed, vector
+from rotorfit.logs.dataflash.messages import Messages
+from rotorfit.logs.dataflash.parameters import Parameters
+
+GYRO: Final = ("GyrX", "GyrY", "GyrZ")
+ACCEL: Final = ("AccX", "AccY", "AccZ")
+LOOP_NAMES: Final = ("IMU", "IMU2", "IMU3")
+MOST_IMUS: Final = 8
+FASTER: Final = 1.2
+"""Raw messages are taken where they come so many times as often as IMU does."""
+_RAW_NAMES: Final = tuple(f"{base}{n}" for base in ("GYR", "ACC") for n in ("", "1", "2", "3"))
+NAMES: Final = (*LOOP_NAMES, *_RAW_NAMES, "XKF4", "NKF4")
+
+Series = tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"], str]
+"""Time [s], values in the file's axes, and where they come from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuChannels:
+    """What one IMU recorded.
+
+    Attributes
+    ----------
+    gyro, accel
+        None where the log has neither.
+    instance
+        Number of the IMU, from 0.
+    notes
+        Which IMU, why, and how it is filtered.
+    """
+
+    gyro: Channel | None
+    accel: Channel | None
+    instance: int
+    notes: tuple[str, ...]
+
+
+def read_imu(messages: Messages, parameters: Parameters) -> ImuChannels:
+    """Return gyro and accelerometer of the IMU that the autopilot used, body axes FLU."""
+    present = instances(messages)
+    if not present:
+        return ImuChannels(gyro=None, accel=None, instance=0, notes=())
+    chosen, why = _chosen(messages, parameters, present)
+    loop = _loop(messages, chosen)
+    raw = _raw(messages, chosen)
+    gyro, accel = raw or loop or (None, None)
+    if loop and raw and not _is_faster(raw, loop):
+        gyro, accel = loop
+    notes = [f"IMU {chosen + 1} of {len(present)} is used: {why}"] if len(present) > 1 else []
+    if gyro is not None and gyro[2].startswith("IMU"):
+        notes += _filter_notes(parameters)
+    if gyro is not None and gyro[2].startswith("GYR"):
+        notes += _raw_notes(parameters)
+    return ImuChannels(
+        gyro=_channel(gyro, "rad/s"),
+        accel=_channel(accel, "m/s^2"),
+        instance=chosen,
+        notes=tuple(notes),
+    )
+
+
+def instances(messages: Messages) -> list[int]:
+    """Return the IMUs that a log has messages of, from 0."""
+    found = {n for n, name in enumerate(LOOP_NAMES) if has_fields(messages, name, GYRO)}
+    for name in ("IMU", "GYR"):
+        numbers = columns(messages, name, ("I",)).get("I")
+        if numbers is not None and numbers.dtype.kind in "iu":
+            inside = numbers[(numbers >= 0) & (numbers < MOST_IMUS)]
+            # A damaged message or two is no IMU.
+            counts = np.bincount(inside.astype(np.int64), minlength=1)
+            present = {int(i) for i in np.flatnonzero(counts > 0.02 * counts.max())}
+            found = (found - {0} if name == "IMU" else found) | present
+    found |= {n for n in range(3) if has_fields(messages, f"GYR{n + 1}", GYRO)}
+    loops = {n for n in found if _has_loop(messages, n)}
+    return sorted(loops or found)
+
+
+def _has_loop(messages: Messages, instance: int) -> bool:
+    if has_fields(messages, "IMU", ("I", *GYRO)):
+        return True
+    return instance < len(LOOP_NAMES) and has_fields(messages, LOOP_NAMES[instance], GYRO)
+
+
+def _chosen(messages: Messages, parameters: Parameters, present: list[int]) -> tuple[int, str]:
+    """Return the IMU of the estimator's primary core, else the first that is in use; and why."""
+    primary = _primary_core(messages)
+    mask = parameters.integer("EK3_IMU_MASK") or parameters.integer("EK2_IMU_MASK") or 0
+    cores = [i for i in range(MOST_IMUS) if mask & (1 << i)]
+    if primary is not None and primary < len(cores) and cores[primary] in present:
+        return cores[primary], "the estimator's primary core flew with it"
+    names = {i: "INS_USE" if i == 0 else f"INS_USE{i + 1}" for i in present}
+    used = [i for i in present if parameters.number(names[i]) != 0.0]
+    if not used:
+        return present[0], "none is switched on by INS_USE; the first is taken"
+    if used[0] == present[0]:
+        return used[0], "the first, as no other is known to have been preferred"
+    return used[0], f"the first that {names[present[0]]} and the like do not switch off"
+
+
+def _primary_core(messages: Messages) -> int | None:
+    """Return the core of the estimator that was in charge most of the time."""
+    for name in ("XKF4", "NKF4"):
+        numbers = columns(messages, name, ("PI",)).get("PI")
+        if numbers is not None and numbers.dtype.kind in "iu" and len(numbers):
+            inside = numbers[(numbers >= 0) & (numbers < MOST_IMUS)].astype(np.int64)
+            return int(np.bincount(inside, minlength=1).argmax())
+    return None
+
+
+def _series(
+    messages: Messages, name: str, labels: tuple[str, ...], instance: int | None
+) -> Series | None:
+    """Return time and vectors of messages of a name, of one instance where they have several."""
+    extra = [x for x in ("I", "SampleUS") if has_fields(messages, name, (x, *labels))]
+    found = timed(messages, name, (*labels, *extra))
+    if found is None or len(found[0]) == 0:
+        return None
+    time, fields = found
+    if "I" in extra and instance is not None:
+        of_instance = fields["I"] == instance
+        time = time[of_instance]
+        fields = {label: values[of_instance] for label, values in fields.items()}
+    time = _sample_time(time, fields.get("SampleUS"))
+    kept = in_order(time)
+    source = f"{name}{f'[{instance}]' if 'I' in extra else ''}.{','.join(labels)}"
+    return (time[kept], vector(fields, labels)[kept], source) if len(time) else None
+
+
+def _sample_time(
+    time: Float[np.ndarray, " n"], sampled: np.ndarray | None
+) -> Float[np.ndarray, " n"]:
+    """Return when samples were taken, where the log says so, else when they were logged."""
+    if sampled is None or len(time) == 0:
+        return time
+    taken = sampled * 1e-6
+    return taken if float(np.median(np.abs(taken - time))) < 1.0 else time
+
+
+def _loop(messages: Messages, instance: int) -> tuple[Series, Series] | None:
+    """Return gyro and accelerometer as the autopilot's loop used them (message IMU)."""
+    has_instances = has_fields(messages, "IMU", ("I",))
+    if not has_instances and instance >= len(LOOP_NAMES):
+        return None
+    name = "IMU" if has_instances else LOOP_NAMES[instance]
+    both = [_series(messages, name, labels, instance) for labels in (GYRO, ACCEL)]
+    return (both[0], both[1]) if both[0] is not None and both[1] is not None else None
+
+
+def _raw(messages: Messages, instance: int) -> tuple[Series, Series] | None:
+    """Return gyro and accelerometer as sampled (messages GYR and ACC)."""
+    found: list[Series] = []
+    for base, labels in (("GYR", GYRO), ("ACC", ACCEL)):
+        name = base if has_fields(messages, base, ("I",)) else f"{base}{instance + 1}"
+        series = _series(messages, name, labels, instance)
+        if series is None:
+            return None
+        found.append(series)
+    return found[0], found[1]
+
+
+def _is_faster(raw: tuple[Series, Series], loop: tuple[Series, Series]) -> bool:
+    return min(map(rate_of, raw)) > FASTER * max(map(rate_of, loop))
+
+
+def rate_of(series: Series) -> float:
+    """Return samples per second, by the median step [Hz]; 0 for fewer than two."""
+    steps = np.diff(series[0])
+    step = float(np.median(steps)) if len(steps) else 0.0
+    return 1.0 / step if step > 0 else 0.0
+
+
+def _channel(series: Series | None, unit: str) -> Channel | None:
+    if series is None:
+        return None
+    time, values, source = series
+    return Channel(time=time, values=vectors_to_flu(values, "FRD"), source=f"{source} [{unit}]")
+
+
+def _filter_notes(parameters: Parameters) -> list[str]:
+    """Return how IMU messages are filtered on board."""
+    gyro = parameters.number("INS_GYRO_FILTER")
+    accel = parameters.number("INS_ACCEL_FILTER")
+    if not gyro or not accel:
+        return []
+    words = (
+        f"IMU messages are low-passed on board: the gyro at {gyro:g} Hz (INS_GYRO_FILTER), the "
+        f"accelerometer at {accel:g} Hz (INS_ACCEL_FILTER)"
+    )
+    if abs(gyro - accel) > 0.1 * accel:
+        words += "; filters that differ delay the two differently: set them alike"
+    return [words]
+
+
+def _raw_notes(parameters: Parameters) -> list[str]:
+    options = parameters.integer("INS_RAW_LOG_OPT") or 0
+    filtered = "after" if options & 4 else "before"
+    return [f"raw IMU messages (GYR, ACC) are used: the gyro {filtered} the filters on board"]

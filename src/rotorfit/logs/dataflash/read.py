@@ -1,0 +1,281 @@
+"""DataFlash files to FlightLog."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import CHANNELS, Channel, FlightLog
+from rotorfit.logs.dataflash import imu, motors, parameters, pose, remix
+from rotorfit.logs.dataflash.advice import advice
+from rotorfit.logs.dataflash.formats import HEAD
+from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
+from rotorfit.logs.dataflash.messages import Messages, find_messages
+from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
+from rotorfit.logs.dataflash.units import unit_doubts
+from rotorfit.logs.files import read_head
+
+BLOCK: Final = 4 << 20
+WANTED: Final = frozenset(
+    (*imu.NAMES, *motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, "UNIT", "FMTU")
+)
+_SAID: Final = 200
+_MOTOR_PARAMETERS: Final = (
+    *("FRAME_CLASS", "FRAME_TYPE", "FRAME", "Q_FRAME_CLASS", "Q_FRAME_TYPE"),
+    *("MOT_THST_EXPO", "MOT_SPIN_ARM", "MOT_SPIN_MIN", "MOT_SPIN_MAX", "MOT_PWM_MIN"),
+    *("MOT_PWM_MAX", "MOT_PWM_TYPE", "MOT_BAT_VOLT_MAX", "MOT_BAT_VOLT_MIN", "MOT_HOVER_LEARN"),
+    *("MOT_THST_HOVER", "Q_M_THST_EXPO", "Q_M_SPIN_MIN", "Q_M_SPIN_MAX", "SERVO_BLH_POLES"),
+    *("INS_GYRO_FILTER", "INS_ACCEL_FILTER", "INS_RAW_LOG_OPT", "INS_LOG_BAT_MASK"),
+    *("LOG_BITMASK", "SCHED_LOOP_RATE", "AHRS_ORIENTATION", "SYSID_SW_MREV"),
+)
+
+
+def is_dataflash(head: bytes) -> bool:
+    """Return whether bytes from the beginning of a file are an ArduPilot DataFlash log."""
+    return head.startswith(HEAD)
+
+
+def read_dataflash(path: Path) -> FlightLog:
+    """Read a DataFlash log of ArduPilot (.bin).
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    FlightLog
+        Channels in SI units and FLU axes, each on the clock of its messages; the frame as
+        ``[airframe]`` text in the metadata.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be read, is no DataFlash log, or has none of the known messages.
+    """
+    head = read_head(path, len(HEAD))
+    if not is_dataflash(head):
+        raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
+    try:
+        messages = find_messages(_blocks(path), wanted=WANTED)
+        found = _understood(messages)
+        channels = {name: found.channels[name] for name in CHANNELS if name in found.channels}
+        if not channels:
+            raise LogError(_nothing(messages))
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error
+    return FlightLog(
+        path=path,
+        sha256=_sha256(path),
+        format="dataflash",
+        channels=channels,
+        seconds=_seconds(channels),
+        metadata=found.metadata,
+        notes=found.notes,
+        warnings=(*found.warnings, *_damage(messages)),
+    )
+
+
+def _blocks(path: Path) -> Iterator[bytes]:
+    """Yield a file in pieces: a log need not fit into the memory."""
+    try:
+        with path.open("rb") as file:
+            while block := file.read(BLOCK):
+                yield block
+    except OSError as error:
+        raise LogError(f"cannot be read ({error}): check the path and the disk") from error
+
+
+def _sha256(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    """What the messages mean."""
+
+    channels: dict[str, Channel]
+    metadata: dict[str, str]
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def _understood(messages: Messages) -> _Found:
+    """Return channels, metadata and what to say."""
+    settings, said = read_parameters(messages), parameters.texts(messages)
+    frame = frame_of(settings, said)
+    wired = motors.wiring(settings, frame)
+    sensors = imu.read_imu(messages, settings)
+    command, command_notes = motors.read_commands(messages, settings, wired)
+    if command is not None:
+        command, mix_notes = remix.remixed(messages, settings, command, frame=frame)
+        command_notes += mix_notes
+    speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
+    made = {
+        "gyro": sensors.gyro,
+        "accel": sensors.accel,
+        "rotor_speed": speed,
+        "command": command,
+        "battery": pose.read_battery(messages),
+        "velocity": pose.read_velocity(messages),
+        **pose.read_pose(messages),
+    }
+    channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
+    text = None if frame is None else airframe_text(frame, _imu_position(settings, sensors))
+    flown, doubts = _armed(messages)
+    return _Found(
+        channels=channels,
+        metadata=_metadata(settings, said, text),
+        notes=(
+            *flown,
+            *sensors.notes,
+            *command_notes,
+            *speed_notes,
+            *_frame_notes(frame, settings, said),
+            *_law_notes(settings),
+            *advice(messages, settings, channels, wired=wired),
+        ),
+        warnings=(*doubts, *unit_doubts(messages), *_changed(settings)),
+    )
+
+
+def _imu_position(
+    settings: Parameters, sensors: imu.ImuChannels
+) -> tuple[float, float, float] | None:
+    """Return where the accelerometer is by INS_POSn, body axes FLU; None where it was never set."""
+    names = [f"INS_POS{sensors.instance + 1}_{axis}" for axis in "XYZ"]
+    x, y, z = (settings.number(name) or 0.0 for name in names)
+    if x == y == z == 0.0:
+        return None
+    return round(x, 6), round(-y, 6) + 0.0, round(-z, 6) + 0.0
+
+
+def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[str, str]:
+    """Return firmware, frame and the parameters that matter to motors and sensors."""
+    known = [t for t in said if t.startswith(("ArduCopter", "ArduPlane", "APM:", "ArduSub"))]
+    metadata = {"Firmware revision": known[0][:_SAID]} if known else {}
+    frames = [t for t in said if t.startswith("Frame: ")]
+    if frames:
+        metadata["Frame"] = frames[0].removeprefix("Frame: ")[:_SAID]
+    if text is not None:
+        metadata["airframe"] = text
+    values = settings.values
+    metadata |= {name: f"{values[name]:g}" for name in _MOTOR_PARAMETERS if name in values}
+    return metadata
+
+
+def _frame_notes(frame: Frame | None, settings: Parameters, said: list[str]) -> list[str]:
+    if frame is None:
+        return [
+            f"the frame is not known ({frame_words(settings, said)}): list the rotors with "
+            "position and spin under [airframe]"
+        ]
+    spins = ", ".join(frame.spins)
+    words = "the metadata has its [airframe], with what is to be measured (--json shows it)"
+    if frame.angles_deg is None:
+        return [f"frame {frame.title}: motors turn {spins}; {words}"]
+    angles = ", ".join(f"{angle:g}" for angle in frame.angles_deg)
+    return [
+        f"frame {frame.title}: motors at {angles} deg clockwise from the front, {spins}; {words}"
+    ]
+
+
+def _law_notes(settings: Parameters) -> list[str]:
+    """Return what the firmware takes for the motors' thrust over command."""
+    curve = remix.thrust_curve(settings)
+    if curve is None:
+        return []
+    e, low, width = curve.expo, curve.spin_min, curve.spin_max - curve.spin_min
+    words = (
+        f"the firmware takes relative thrust for {1 - e:.3g} u + {e:.3g} u^2 with "
+        f"u = (command - {low:.3g}) / {width:.3g} (MOT_THST_EXPO, MOT_SPIN_MIN, MOT_SPIN_MAX)"
+    )
+    if (settings.number("MOT_BAT_VOLT_MAX") or 0.0) > 0.0:
+        words += "; commands make up for the battery's voltage (MOT_BAT_VOLT_MAX)"
+    return [words]
+
+
+def _armed(messages: Messages) -> tuple[list[str], list[str]]:
+    """Return when the vehicle was armed, and a doubt where it never was."""
+    found = parameters.arming(messages)
+    if found is None:
+        return [], []
+    time, states = found
+    if not any(states):
+        return [], ["the vehicle was never armed in this log: its motors did not turn"]
+    if not np.isfinite(time).all():
+        count = sum(states)
+        return [f"armed {'once' if count == 1 else f'{count} times'}"], []
+    turns = [
+        f"{'armed' if s else 'disarmed'} at {t:.1f} s" for t, s in zip(time, states, strict=True)
+    ]
+    return [", ".join(turns[:6]) + " of the autopilot's clock"], []
+
+
+def _changed(settings: Parameters) -> list[str]:
+    """Return a doubt where parameters that matter were changed in flight."""
+    prefixes = ("MOT_PWM", "MOT_SPIN", "MOT_THST_EXPO", "FRAME", "INS_GYRO_F", "INS_ACCEL_F")
+    names = [n for n in settings.changed if n.startswith(prefixes)]
+    names += [n for n in settings.changed if n.startswith("SERVO") and n.endswith("_FUNCTION")]
+    if not names:
+        return []
+    return [f"{', '.join(names[:6])} changed within the log: the last value is taken"]
+
+
+def _seconds(channels: Mapping[str, Channel]) -> float:
+    spans = [(c.time[0], c.time[-1]) for c in channels.values() if len(c.time)]
+    return float(max(b for _, b in spans) - min(a for a, _ in spans)) if spans else 0.0
+
+
+def _nothing(messages: Messages) -> str:
+    """Return what to say of a log without any channel."""
+    read = sum(messages.counts)
+    names = sorted({messages.formats[i].name for i, n in enumerate(messages.counts) if n})
+    listed = ", ".join(f"{name!a}"[1:-1] for name in names[:20])
+    if len(messages.formats) < 2:
+        return (
+            f"no message is defined in it ({read} read): the beginning of the log, with its FMT "
+            "messages, is missing; download it from the autopilot again"
+        )
+    return (
+        f"{read} messages ({listed}), none of them IMU, RCOU or ESC: set LOG_BITMASK to log "
+        "IMU, fast IMU, fast attitude and RC output (bits 7, 18, 0, 10)"
+    )
+
+
+def _damage(messages: Messages) -> list[str]:
+    """Return what was damaged and passed over, one sentence each."""
+    words: list[str] = []
+    if messages.damaged_places:
+        words.append(
+            f"{messages.damaged_places} damaged places: {messages.skipped_bytes} bytes skipped, "
+            f"{messages.dropped} messages left out"
+        )
+    if messages.bad_formats:
+        words.append(
+            f"{messages.bad_formats} definitions of messages are impossible, and passed over"
+        )
+    unread = sorted(
+        {
+            f.name
+            for i, f in enumerate(messages.formats)
+            if f.name in WANTED and messages.counts[i] and not f.fields
+        }
+    )
+    if unread:
+        words.append(
+            f"{', '.join(unread)}: not read, the letters of the definition do not add up to its "
+            "length"
+        )
+    if messages.trailing_bytes > 2:
+        words.append(f"{messages.trailing_bytes} bytes at the end hold no whole message")
+    return words
