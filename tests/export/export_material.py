@@ -1,10 +1,14 @@
 """A result with fixed numbers to export, and the same vehicle for an independent Newton-Euler."""
 
 import datetime
+import sys
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rotorfit.export.targets import export
 from rotorfit.identification.result import (
     Derived,
     FlightRecord,
@@ -12,6 +16,10 @@ from rotorfit.identification.result import (
     Parameter,
 )
 from rotorfit.model.parameters import DERIVED, INERTIA, PARAMETERS
+from rotorfit.model.vehicle import Rotor, Vehicle
+
+sys.path.append(str(Path(__file__).parents[1] / "model"))
+from newton_euler import Body, balanced_motion
 
 DATE = datetime.date(2026, 11, 21)
 MASS = 1.285
@@ -159,7 +167,6 @@ def a_result(
 
 def changed(result, **by_name):
     """Return the result with fields of parameters and derived numbers changed, None: left out."""
-    from dataclasses import replace
 
     def edit(entries):
         out = []
@@ -182,3 +189,62 @@ YAW_LOST = {
     "Izz_com": UNKNOWN,
 }
 """What a flight without yaw leaves: the ratio alone."""
+
+
+def flat(**changes):
+    """The same vehicle with equal rotors and without rotor inertia, as some tools have it."""
+    result = a_result(**changes)
+    unequal = {f"kt_{i}": None for i in range(1, 17)}
+    return changed(result, Jr=None, Jr_over_Izz=None, **unequal)
+
+
+def body_of(*, kt=KT_EACH, Jr=JR, com=COM, inertia_com=INERTIA_COM, shift=(0.0, 0.0, 0.0)):
+    """The vehicle for `newton_euler`."""
+    return Body(
+        mass=MASS,
+        com=np.asarray(com),
+        inertia_com=np.asarray(inertia_com),
+        kt=np.asarray(kt),
+        kd=KD,
+        Jr=Jr,
+        rotor_shift=np.asarray(shift),
+        constant=np.zeros(6),
+    )
+
+
+def vehicle(rotors=ROTORS, axes=None):
+    axes = axes or [(0.0, 0.0, 1.0)] * len(rotors)
+    return Vehicle(
+        rotors=tuple(
+            Rotor(position=p, spin=s, axis=n) for (p, s), n in zip(rotors, axes, strict=True)
+        )
+    )
+
+
+RATES = np.array([0.7, -0.4, 0.9])
+SPEEDS = np.array([900.0, 880.0, 955.0, 930.0])
+"""Rates and rotor speeds of a moment of flight [rad/s]."""
+
+
+def motion(body, rotors, *, rates=RATES, speeds=SPEEDS, spin_up=None):
+    """Return specific force at the origin and angular acceleration by `newton_euler`."""
+    w, O = np.asarray(rates)[None], np.asarray(speeds)[None]
+    dO = np.zeros_like(O) if spin_up is None else np.asarray(spin_up)[None]
+    alpha, dw = balanced_motion(body, rotors, w, O, dO)
+    return alpha[0], dw[0]
+
+
+def com_acceleration(body, alpha, dw, rates=RATES):
+    """Return the specific force at the CoM of one at the origin."""
+    c, w = body.com, np.asarray(rates)
+    return alpha + np.cross(dw, c) + np.cross(w, np.cross(w, c))
+
+
+def text_of(result, target, **options):
+    return export(result, target, date=DATE, **options).text
+
+
+def saved(tmp_path, result, target, name, **options):
+    path = tmp_path / name
+    path.write_text(text_of(result, target, **options), encoding="utf-8")
+    return path

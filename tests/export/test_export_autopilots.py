@@ -1,0 +1,245 @@
+"""PX4, its SIH, ArduPilot and Crazyflow: their own formulas with the file's numbers."""
+
+import json
+import math
+import tomllib
+
+import numpy as np
+import pytest
+from export_material import (
+    COM,
+    INERTIA_COM,
+    JR,
+    KD,
+    KT,
+    KT_EACH,
+    LAG,
+    MASS,
+    RATES,
+    ROTORS,
+    SPEEDS,
+    a_result,
+    body_of,
+    changed,
+    com_acceleration,
+    flat,
+    motion,
+    text_of,
+    vehicle,
+)
+
+from rotorfit.errors import OutputError
+
+FULL = 1100.0
+TURN = np.diag([1.0, -1.0, -1.0])
+"""Between FLU and FRD."""
+CENTERED = tuple(
+    ((x, y, 0.0), s)
+    for (x, y), s in zip(
+        ((0.15, -0.16), (-0.15, 0.16), (0.15, 0.16), (-0.15, -0.16)),
+        ("ccw", "ccw", "cw", "cw"),
+        strict=True,
+    )
+)
+SQRT_LAW = {"sqrt": {"full_speed": FULL, "thr_mdl_fac": 0.3}}
+
+
+def params(text):
+    """Return name to value, as QGroundControl reads them: five columns, tabs between."""
+    found = {}
+    for line in text.splitlines():
+        if line.startswith("#"):
+            continue
+        vehicle_id, component, name, value, kind = line.split("\t")
+        assert (vehicle_id, component) == ("1", "1")
+        assert len(name) <= 16
+        assert kind in ("6", "9")
+        found[name] = int(value) if kind == "6" else float(value)
+    return found
+
+
+def com_torque(body, rotors, speeds):
+    """Return the torque of the rotors about the CoM, FLU."""
+    alpha, dw = motion(body, rotors, rates=np.zeros(3), speeds=speeds)
+    return body.inertia_com @ dw, body.mass * com_acceleration(body, alpha, dw, np.zeros(3))
+
+
+def test_px4_allocates_the_wrench_of_the_vehicle():
+    """ActuatorEffectivenessRotors: moment = ct pos x axis - ct km axis, thrust = ct axis."""
+    p = params(text_of(a_result(), "px4"))
+    assert (p["CA_AIRFRAME"], p["CA_ROTOR_COUNT"]) == (0, 4)
+    u = SPEEDS / FULL
+    moment, thrust = np.zeros(3), np.zeros(3)
+    for i in range(4):
+        place, axis = (np.array([p[f"CA_ROTOR{i}_{k}{a}"] for a in "XYZ"]) for k in "PA")
+        ct = p[f"CA_ROTOR{i}_CT"] * u[i] ** 2
+        moment += ct * np.cross(place, axis) - ct * p[f"CA_ROTOR{i}_KM"] * axis
+        thrust += ct * axis
+    torque, force = com_torque(body_of(Jr=0.0), vehicle(), SPEEDS)
+    np.testing.assert_allclose(moment, TURN @ torque, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(thrust, TURN @ force, rtol=1e-9, atol=1e-9)
+    # ccw turns the nose right, positive about FRD's z, and is positive in KM.
+    assert [math.copysign(1, p[f"CA_ROTOR{i}_KM"]) for i in range(4)] == [1, 1, -1, -1]
+
+
+def test_px4_takes_its_own_law_back():
+    p = params(text_of(a_result(law=SQRT_LAW), "px4"))
+    assert p["THR_MDL_FAC"] == pytest.approx(0.3, abs=1e-9)
+    assert p["MPC_THR_HOVER"] == pytest.approx(MASS * 9.80665 / (4 * KT * FULL**2), rel=1e-9)
+
+
+def test_px4_fits_the_law_of_a_proportional_speed():
+    p = params(text_of(a_result(law={"linear": [0.0, FULL]}), "px4"))
+    assert p["THR_MDL_FAC"] == pytest.approx(1.0, abs=1e-9)
+    assert (p["SIM_GZ_EC_FUNC4"], p["SIM_GZ_EC_MIN4"], p["SIM_GZ_EC_MAX4"]) == (104, 0, 1100)
+
+
+def test_px4_without_a_law_says_what_is_missing():
+    text = text_of(a_result(law=None), "px4")
+    assert not {"THR_MDL_FAC", "MPC_THR_HOVER", "SIM_GZ_EC_MAX1"} & params(text).keys()
+    assert "THR_MDL_FAC and MPC_THR_HOVER are left out: no law" in text
+    known = params(text_of(a_result(law=None), "px4", assumed={"max_speed": 1000.0}))
+    assert known["SIM_GZ_EC_MAX1"] == 1000
+    assert "THR_MDL_FAC" not in known
+
+
+def test_px4_refuses_a_hover_beyond_its_range_and_more_rotors_than_it_has():
+    strong = text_of(a_result(law={"linear": [0.0, 4000.0]}), "px4")
+    assert "MPC_THR_HOVER" not in params(strong)
+    assert "MPC_THR_HOVER would be 0.0542" in strong
+    many = [((float(np.cos(a)), float(np.sin(a)), 0.0), "ccw") for a in range(13)]
+    with pytest.raises(OutputError, match="13 rotors, but PX4 allocates at most 12"):
+        text_of(a_result(rotors=many), "px4")
+
+
+def test_sih_moves_as_the_vehicle():
+    """sih.cpp, Quadcopter: u is the thrust of each motor as a fraction of its largest."""
+    result = flat(rotors=CENTERED, com=np.zeros(3), imu=np.zeros(3))
+    p = params(text_of(result, "px4-sih"))
+    u = SPEEDS**2 / FULL**2
+    torque = np.array(
+        [
+            p["SIH_L_ROLL"] * p["SIH_T_MAX"] * (-u[0] + u[1] + u[2] - u[3]),
+            p["SIH_L_PITCH"] * p["SIH_T_MAX"] * (u[0] - u[1] + u[2] - u[3]),
+            p["SIH_Q_MAX"] * (u[0] + u[1] - u[2] - u[3]),
+        ]
+    )
+    names = ("IXX", "IXY", "IXZ", "IXY", "IYY", "IYZ", "IXZ", "IYZ", "IZZ")
+    I = np.array([p[f"SIH_{name}"] for name in names]).reshape(3, 3)
+    w = TURN @ RATES
+    dw = np.linalg.solve(I, torque - np.cross(w, I @ w))
+    body = body_of(kt=np.full(4, KT), Jr=0.0, com=np.zeros(3))
+    alpha, expected = motion(body, vehicle(CENTERED))
+    np.testing.assert_allclose(dw, TURN @ expected, rtol=1e-9, atol=1e-8)
+    thrust = p["SIH_T_MAX"] * u.sum()
+    assert thrust == pytest.approx(MASS * alpha[2], rel=1e-9)
+    assert p["SIH_T_MAX"] * 4 * p["MPC_THR_HOVER"] == pytest.approx(MASS * 9.80665, rel=1e-9)
+    assert (p["SIH_MASS"], p["SIH_T_TAU"]) == pytest.approx((MASS, LAG))
+
+
+def test_sih_says_what_it_leaves_out_and_refuses_other_layouts():
+    text = text_of(a_result(), "px4-sih")
+    assert "rotors' middle is 1 mm forward and 3 mm left of it" in text
+    reversed_spins = [(p, "cw" if s == "ccw" else "ccw") for p, s in ROTORS]
+    with pytest.raises(OutputError, match="SIH simulates a quadrotor in X"):
+        text_of(a_result(rotors=reversed_spins), "px4-sih")
+
+
+def ardupilot(text):
+    """Return the JSON without its lines of comments."""
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return json.loads("\n".join(lines))
+
+
+def test_ardupilot_hovers_and_turns_as_the_vehicle():
+    """SIM_Motor: torque about z = 0.05 diagonal yaw command thrust; SIM_Frame: position in FRD."""
+    found = ardupilot(text_of(a_result(law=SQRT_LAW), "ardupilot-sitl"))
+    assert found["mass"] == MASS
+    assert found["moment_inertia"] == pytest.approx(np.diag(INERTIA_COM))
+    assert found["propExpo"] == pytest.approx(0.3)
+    hover = found["hoverThrOut"]
+    f, b = 0.3, 0.7
+    command = (-b + math.sqrt(b * b + 4 * f * hover)) / (2 * f)
+    moment = np.zeros(3)
+    for i in range(4):
+        thrust = KT_EACH[i] * SPEEDS[i] ** 2
+        place = np.array(found[f"motor{i + 1}_position"])
+        moment += np.cross(place, [0, 0, -thrust])
+        moment[2] += 0.05 * found["diagonal_size"] * found[f"motor{i + 1}_yaw"] * command * thrust
+    torque, _ = com_torque(body_of(Jr=0.0), vehicle(), SPEEDS)
+    np.testing.assert_allclose(moment, TURN @ torque, rtol=1e-9, atol=1e-9)
+    assert hover == pytest.approx(MASS * 9.80665 / (4 * KT * FULL**2), rel=1e-9)
+
+
+def test_ardupilot_frames_are_found_by_their_rotors():
+    assert "--model x:THIS_FILE.json" in text_of(a_result(), "ardupilot-sitl")
+    betaflight = tuple(ROTORS[i] for i in (3, 0, 1, 2))
+    assert "--model bfx:THIS_FILE.json" in text_of(a_result(rotors=betaflight), "ardupilot-sitl")
+    other = tuple(ROTORS[i] for i in (1, 0, 3, 2))
+    with pytest.raises(OutputError, match="has no frame with these rotors in this order"):
+        text_of(a_result(rotors=other), "ardupilot-sitl")
+    without = text_of(a_result(law=None), "ardupilot-sitl")
+    assert "motor1_yaw" not in ardupilot(without)
+    assert "propExpo, hoverThrOut and yaw torque are left out" in without
+
+
+def crazyflow_motion(p):
+    """Return accelerations by the formulas of crazyflow's first_principles/dynamics.py."""
+    rpm = SPEEDS / (2 * np.pi / 60)
+    curves = np.broadcast_to(np.atleast_2d(p["rpm2thrust"]), (4, 3))
+    forces = np.array([c @ [1, n, n**2] for c, n in zip(curves, rpm, strict=True)])
+    torques = np.array([np.array(p["rpm2torque"]) @ [1, n, n**2] for n in rpm])
+    mixing = np.array(p["mixing_matrix"])
+    torque = mixing @ (forces * p["L"]) * [1, 1, 0] + mixing @ torques * [0, 0, 1]
+    momentum = float(mixing[2] @ SPEEDS) * p["prop_inertia"]
+    torque += [RATES[1] * momentum, -RATES[0] * momentum, 0.0]
+    J = np.array(p["J"])
+    return forces.sum() / p["mass"], np.linalg.solve(J, torque - np.cross(RATES, J @ RATES))
+
+
+@pytest.mark.parametrize("equal", [True, False])
+def test_crazyflow_moves_as_the_vehicle(equal):
+    result = changed(a_result(), **{f"kt_{i}": None for i in range(1, 5)}) if equal else a_result()
+    p = tomllib.loads(text_of(result, "crazyflow"))["export_me"]
+    force, dw = crazyflow_motion(p)
+    body = body_of(kt=np.full(4, KT) if equal else KT_EACH)
+    alpha, expected = motion(body, vehicle())
+    np.testing.assert_allclose(dw, expected, rtol=1e-8, atol=1e-8)
+    assert force == pytest.approx(com_acceleration(body, alpha, expected)[2], rel=1e-9)
+    assert p["prop_inertia"] == pytest.approx(JR)
+    assert p["rotor_dyn_coef"] == pytest.approx([1 / LAG, 0, 1 / LAG, 0])
+    assert p["rpm2torque"][2] == pytest.approx(KD * (2 * np.pi / 60) ** 2, rel=1e-9)
+    assert isinstance(p["drag_matrix"][0][0], float)
+
+
+def test_crazyflow_itself_takes_the_section():
+    dynamics = pytest.importorskip(
+        "crazyflow.dynamics.first_principles", reason="crazyflow is not installed"
+    ).dynamics
+    p = tomllib.loads(text_of(a_result(), "crazyflow"))["export_me"]
+    names = ("mass", "L", "prop_inertia", "J", "rpm2thrust", "rpm2torque")
+    names = (*names, "mixing_matrix", "drag_matrix", "rotor_dyn_coef")
+    rpm = SPEEDS / (2 * np.pi / 60)
+    found = dynamics(
+        np.zeros(3),
+        np.array([0.0, 0.0, 0.0, 1.0]),
+        np.zeros(3),
+        RATES,
+        rpm,
+        rotor_vel=rpm,
+        gravity_vec=np.array([0.0, 0.0, -9.80665]),
+        J_inv=np.linalg.inv(p["J"]),
+        **{name: np.array(p[name]) for name in names},
+    )
+    body = body_of()
+    alpha, dw = motion(body, vehicle())
+    np.testing.assert_allclose(found[3], dw, rtol=1e-8, atol=1e-8)
+    expected = com_acceleration(body, alpha, dw) - [0, 0, 9.80665]
+    np.testing.assert_allclose(found[2], expected, rtol=1e-8, atol=1e-8)
+
+
+def test_the_com_is_taken_off_every_position():
+    p = params(text_of(a_result(), "px4"))
+    for i, (place, _) in enumerate(ROTORS):
+        found = [p[f"CA_ROTOR{i}_P{axis}"] for axis in "XYZ"]
+        np.testing.assert_allclose(found, TURN @ (np.array(place) - COM), atol=1e-12)

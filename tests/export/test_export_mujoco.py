@@ -1,0 +1,105 @@
+"""MuJoCo loads the model, and it moves as Newton-Euler says."""
+
+import numpy as np
+import pytest
+from export_material import (
+    COM,
+    IMU,
+    INERTIA_COM,
+    KD,
+    KT_EACH,
+    LAG,
+    MASS,
+    RATES,
+    SPEEDS,
+    a_result,
+    body_of,
+    motion,
+    text_of,
+    vehicle,
+)
+
+mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+GRAVITY = np.array([0.0, 0.0, -9.80665])
+TILTED = [
+    (0.1, 0.0, np.sqrt(0.99)),
+    (0.0, -0.15, np.sqrt(1 - 0.15**2)),
+    (-0.05, 0.1, np.sqrt(1 - 0.0125)),
+    (0.0, 0.0, 1.0),
+]
+
+
+def loaded(result):
+    model = mujoco.MjModel.from_xml_string(text_of(result, "mujoco"))
+    return model, mujoco.MjData(model)
+
+
+def with_motion(model, data, thrusts, rates):
+    """Set attitude level, rates and settled thrusts; return acceleration of origin and body."""
+    mujoco.mj_resetData(model, data)
+    data.qvel[3:6] = rates
+    data.act[:] = data.ctrl[:] = thrusts
+    mujoco.mj_forward(model, data)
+    return data.qacc[:3].copy(), data.qacc[3:6].copy()
+
+
+def test_mass_com_and_inertia_are_read_back():
+    model, data = loaded(a_result())
+    mujoco.mj_forward(model, data)
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "vehicle")
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+    turn = turn.reshape(3, 3)
+    inertia = turn @ np.diag(model.body_inertia[body]) @ turn.T
+    assert model.body_mass[body] == pytest.approx(MASS, rel=1e-9)
+    assert model.body_ipos[body] == pytest.approx(COM, abs=1e-9)
+    np.testing.assert_allclose(inertia, INERTIA_COM, rtol=0, atol=1e-9 * INERTIA_COM.max())
+    assert model.site_pos[0] == pytest.approx(IMU)
+
+
+@pytest.mark.parametrize("axes", [None, TILTED], ids=["upright", "tilted"])
+def test_one_moment_of_motion_is_newton_eulers(axes):
+    axes = axes and [tuple(float(c) for c in n) for n in axes]
+    model, data = loaded(a_result(axes=axes))
+    linear, angular = with_motion(model, data, KT_EACH * SPEEDS**2, RATES)
+    alpha, dw = motion(body_of(Jr=0.0), vehicle(axes=axes))
+    np.testing.assert_allclose(linear - GRAVITY, alpha, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(angular, dw, rtol=1e-9, atol=1e-8)
+
+
+def test_hover_and_the_sign_of_yaw():
+    model, data = loaded(a_result(com=np.zeros(3), imu=np.zeros(3)))
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    assert data.ctrl.sum() == pytest.approx(MASS * 9.80665, rel=1e-9)
+    assert data.qacc[2] == pytest.approx(0.0, abs=1e-9)
+    thrusts = data.ctrl.copy()
+    thrusts[:2] += 0.1  # of the two rotors that turn ccw
+    thrusts[2:] -= 0.1
+    before = data.qacc[5]
+    _, angular = with_motion(model, data, thrusts, np.zeros(3))
+    torque = -0.1 * sum(KD / KT_EACH[i] for i in range(4))
+    assert torque < 0
+    # The products of inertia turn some of the tilting into yaw: their share is taken off.
+    tilt = INERTIA_COM @ np.array([0, 0, angular[2] - before])
+    assert angular[2] < before
+    assert tilt[2] == pytest.approx(torque, rel=0.2)
+
+
+def test_thrust_lags_as_the_motors_do():
+    model, data = loaded(a_result())
+    data.ctrl[0] = 2.0
+    steps = round(LAG / model.opt.timestep)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    expected = 2.0 * (1 - np.exp(-steps * model.opt.timestep / LAG))
+    assert data.act[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_accelerometer_at_the_imu_reads_the_specific_force_there():
+    model, data = loaded(a_result())
+    with_motion(model, data, KT_EACH * SPEEDS**2, RATES)
+    alpha, dw = motion(body_of(Jr=0.0), vehicle())
+    there = alpha + np.cross(dw, IMU) + np.cross(RATES, np.cross(RATES, IMU))
+    np.testing.assert_allclose(data.sensor("accelerometer").data, there, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(data.sensor("gyro").data, RATES, rtol=1e-12)
