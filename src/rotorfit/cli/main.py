@@ -236,6 +236,72 @@ def export(
 
 @app.command()
 @interruptible()
+def plan(
+    airframe: Annotated[Path, typer.Argument(help="File with [airframe] and [motors].")],
+    mass: Annotated[
+        float | None, typer.Option(help="Weighed as it flies, battery included [kg].")
+    ] = None,
+    accuracy: Annotated[
+        str,
+        typer.Option(
+            help="Wanted half of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), or "
+            "names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm)."
+        ),
+    ] = "5",
+    seconds: Annotated[str, typer.Option(help="Lengths of flight to consider.")] = "20,40,75",
+    speed: Annotated[
+        Literal["measured", "commanded"] | None,
+        typer.Option(help="Rotor speed from telemetry or from motor commands; else [motors] says."),
+    ] = None,
+    payload: Annotated[
+        float | None,
+        typer.Option(help="Mass of each of two payloads on one arm [kg]; 0: consider none."),
+    ] = None,
+    guess: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="NAME=VALUE of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr, motor_lag, where you "
+            "know better than a guess from the geometry (SI); may be repeated."
+        ),
+    ] = None,
+    log_rate: Annotated[float, typer.Option(help="Samples per second of your log.")] = 200.0,
+    after: Annotated[
+        Path | None,
+        typer.Option(help="A result of this vehicle: plan for what it still lacks."),
+    ] = None,
+    card: Annotated[
+        Path | None, typer.Option(help="Write a page for the pilot here (.html to print, .txt).")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write the plan as JSON here.")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Tell which manoeuvres to fly, how long, and with which payload, for the accuracy wanted."""
+    from rotorfit.cli.plan import PlanOptions, run
+
+    run(
+        PlanOptions(
+            airframe=airframe,
+            mass=mass,
+            accuracy=accuracy,
+            seconds=seconds,
+            speed=speed,
+            payload=payload,
+            guess=tuple(guess or ()),
+            log_rate=log_rate,
+            after=after,
+            output=output,
+            card=card,
+            force=force,
+            as_json=as_json,
+        )
+    )
+
+
+@app.command()
+@interruptible()
 def simulate(
     scenario: Annotated[
         Literal["paper", "single", "hexa", "payload-pair"],

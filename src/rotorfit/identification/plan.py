@@ -12,6 +12,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from rotorfit.errors import ExperimentError
 from rotorfit.flight.data import FlightData
 from rotorfit.identification.joint_parameters import Numbers, number_scale
 from rotorfit.identification.payload import PointMass
@@ -63,6 +64,8 @@ SCHEDULES: Final[Mapping[ScheduleName, Mapping[Manoeuvre, float]]] = {
     "mixed": {"turns": 0.5, "wiggles": 0.5},
 }
 """The share of each manoeuvre in a schedule."""
+HEAVIEST_PAYLOAD: Final = 0.3
+"""Each of two payloads, at most, in masses of the vehicle."""
 SECONDS: Final = (20.0, 40.0, 75.0)
 LONGER: Final = (2.0, 3.0, 4.0, 6.0, 8.0)
 """How many times the longest flight is tried, where no candidate is good enough."""
@@ -238,7 +241,7 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
     """
     assumed = assumptions_for(request.mass, log_rate=request.log_rate)
     rough = rough_vehicle(request.vehicle, mass=request.mass, known=_known(request))
-    each = default_payload(request.mass) if request.payload is None else request.payload
+    each = _payload_mass(request)
     pair = payload_pair(request.vehicle, each) if each > 0 else ()
     problem = planned_problem(
         rough,
@@ -251,6 +254,18 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
     flights = _flown(problem, (BARE, LOADED) if pair else (BARE,), progress)
     known = None if request.after is None else knowledge_of(request.after, problem)
     return _answer(request, rough, (problem, flights, known), pair=pair, assumed=assumed)
+
+
+def _payload_mass(request: PlanRequest) -> float:
+    """Return the mass of each of the two payloads; 0: none [kg]."""
+    if request.payload is None:
+        return default_payload(request.mass)
+    if not 0.0 <= request.payload <= HEAVIEST_PAYLOAD * request.mass:
+        raise ExperimentError(
+            f"two payloads of {request.payload:g} kg on a vehicle of {request.mass:g} kg; expected "
+            f"each at most {HEAVIEST_PAYLOAD * request.mass:.2g} kg: a payload is in kilograms"
+        )
+    return request.payload
 
 
 def _known(request: PlanRequest) -> dict[str, float]:

@@ -1,0 +1,241 @@
+"""A plan on one page to print and take along: checklist, flights, manoeuvres."""
+
+import textwrap
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from rotorfit.identification.plan import FlightPlan
+from rotorfit.identification.plan_wanted import WANTABLE
+from rotorfit.logs.files import write_whole
+from rotorfit.report.plan_words import (
+    Step,
+    flown_words,
+    mass_words,
+    payload_words,
+    scale_words,
+    steps_of,
+    unit_of,
+    unmet_words,
+    wanted_words,
+    width_words,
+)
+from rotorfit.report.svg import clean, drawing, label, tag
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+TEMPLATES: Final = Path(__file__).parent / "templates"
+WIDTH: Final = 78
+PLAIN_NAMES: Final = {
+    "kt": "thrust",
+    "kd": "drag torque",
+    "Jr": "rotor inertia",
+    "Ixx": "roll inertia",
+    "Iyy": "pitch inertia",
+    "Izz": "yaw inertia",
+    "com_x": "CoM forward",
+    "com_y": "CoM left",
+    "com_z": "CoM up",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CardFlight:
+    """One flight of the card: its name, how the vehicle is loaded, and its steps."""
+
+    name: str
+    load: str
+    steps: tuple[Step, ...]
+
+    @property
+    def seconds(self) -> float:
+        """From switching on to off [s]."""
+        return sum(step.seconds for step in self.steps)
+
+
+def card_html(plan: FlightPlan) -> str:
+    """Return the card as one self-contained HTML page of A4 size."""
+    page = (
+        _environment()
+        .get_template("card.html")
+        .render(
+            plan=plan,
+            headline=headline(plan),
+            wanted=wanted_words(plan),
+            checklist=checklist(plan),
+            flights=card_flights(plan),
+            expected=expected(plan),
+            command=after_words(plan),
+            payload=payload_words(plan) if plan.chosen.payload else "",
+            view=_top_view(plan),
+            mass=mass_words(plan.rough.truth.mass),
+            style=(TEMPLATES / "card.css").read_text(encoding="utf-8"),
+        )
+    )
+    return clean(page)
+
+
+def card_text(plan: FlightPlan) -> str:
+    """Return the card as plain text."""
+    lines = [
+        f"PILOT CARD  {plan.request.name}",
+        *_wrapped(headline(plan)),
+        *_wrapped(f"Wanted: {wanted_words(plan)}"),
+        "",
+        "BEFORE",
+    ]
+    for item in checklist(plan):
+        lines += _wrapped(item, "  [ ] ")
+    for flight in card_flights(plan):
+        lines += ["", f"{flight.name.upper()}  ({flight.load}, {flight.seconds:.0f} s in all)"]
+        for step in flight.steps:
+            lines += _wrapped(f"{step.title}: {step.words}", f"  [ ] {_seconds(step):>5}  ")
+    lines += ["", "AFTER", *_wrapped(after_words(plan), "  ")]
+    expectations = ", ".join(f"{name} +-{width}" for name, width in expected(plan))
+    lines += ["", *_wrapped(f"Expected: {expectations}")]
+    lines += ["", "Date __________  Place ______________  Pilot ______________", ""]
+    return "\n".join(lines)
+
+
+def write_card(path: Path, plan: FlightPlan, *, force: bool = False) -> None:
+    """Write the card, as text where the file's name ends in ``.txt``, else as HTML.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and `force` is false, or cannot be written.
+    """
+    text = path.suffix.lower() == ".txt"
+    write_whole(path, card_text(plan) if text else card_html(plan), force=force)
+
+
+def headline(plan: FlightPlan) -> str:
+    """Return what is flown, in one sentence."""
+    flown = flown_words(plan.chosen)
+    if plan.enough:
+        return f"Nothing has to be flown any more. To repeat it: {flown}."
+    if plan.recommended is None:
+        return f"{flown.capitalize()}. Not enough for all that is wanted: {unmet_words(plan)}."
+    return f"{flown.capitalize()}."
+
+
+def checklist(plan: FlightPlan) -> tuple[str, ...]:
+    """Return what to do before take-off."""
+    motors = (
+        "rotor speed of every motor (ESC telemetry, bidirectional DShot)"
+        if plan.request.speed == "measured"
+        else "command of every motor"
+    )
+    items = [
+        f"Weighed as it flies, battery and propellers included, to {scale_words(plan)}: "
+        "______________ g",
+        f"Log set: gyro and accelerometer hardly filtered, {motors}; "
+        f"{plan.assumed.log_rate:g} samples a second or more",
+        "Logging starts before arming and stops after disarming",
+        "Propellers sound and balanced, arms and IMU tight, nothing dangles",
+        "A calm place; 6 x 6 m free, 2 m above and below",
+    ]
+    if plan.chosen.payload:
+        items.insert(
+            1,
+            f"For the second flight: {payload_words(plan)}. Each weighed to 0.5 g: ________ g, "
+            "________ g. Place from the centre to 2 mm: x ______ y ______ height ______ mm",
+        )
+    return tuple(items)
+
+
+def card_flights(plan: FlightPlan) -> tuple[CardFlight, ...]:
+    """Return the flights in their order."""
+    steps = steps_of(plan.chosen)
+    bare = "as it flies, no payload"
+    if not plan.chosen.payload:
+        return (CardFlight(name="The flight", load=bare, steps=steps),)
+    return (
+        CardFlight(name="Flight 1", load=bare, steps=steps),
+        CardFlight(name="Flight 2", load="with the payload", steps=steps),
+    )
+
+
+def expected(plan: FlightPlan) -> tuple[tuple[str, str], ...]:
+    """Return what the flights should give: a plain name, and half of the 95 % interval."""
+    rows: list[tuple[str, str]] = []
+    for name in WANTABLE:
+        width = width_words(plan.chosen, name)
+        shown = "no number" if width == "-" else f"{width} {unit_of(name)}"
+        rows.append((f"{PLAIN_NAMES[name]} ({name})", shown))
+    return tuple(rows)
+
+
+def after_words(plan: FlightPlan) -> str:
+    """Return what to do with the log."""
+    if plan.chosen.payload:
+        return (
+            "rotorfit identify EXPERIMENT.toml with both flights, the second with payload = [...] "
+            "and payload_of (see docs/experiment.md)"
+        )
+    mass = f"{plan.rough.truth.mass:g}"
+    return f"rotorfit identify LOG --mass {mass} --airframe {plan.request.name} -o result.json"
+
+
+def _seconds(step: Step) -> str:
+    return f"{step.seconds:.3g} s"
+
+
+def _wrapped(words: str, indent: str = "") -> list[str]:
+    return textwrap.wrap(words, WIDTH, initial_indent=indent, subsequent_indent=" " * len(indent))
+
+
+def _top_view(plan: FlightPlan) -> str:
+    """Return the vehicle seen from above, forward up, with its payload."""
+    vehicle = plan.rough.vehicle
+    size, reach = 200.0, float(np.abs(vehicle.positions[:, :2]).max())
+    scale = 62.0 / reach
+    middle = size / 2.0
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        return middle - scale * y, middle - scale * x
+
+    radius = 0.36 * scale * _spacing(vehicle.positions[:, :2])
+    parts: list[str] = []
+    for rotor in vehicle.rotors:
+        px, py = place(rotor.position[0], rotor.position[1])
+        ends = {"x1": middle, "y1": middle, "x2": px, "y2": py}
+        parts.append(tag("line", {**ends, "class": "arm"}))
+    loads = {item.position for item in plan.payload} if plan.chosen.payload else set[object]()
+    for number, rotor in enumerate(vehicle.rotors, start=1):
+        px, py = place(rotor.position[0], rotor.position[1])
+        loaded = rotor.position in loads
+        parts.append(tag("circle", {"cx": px, "cy": py, "r": radius, "class": "rotor"}))
+        if loaded:
+            parts.append(tag("circle", {"cx": px, "cy": py, "r": 11, "class": "load"}))
+        kind = "number loaded" if loaded else "number"
+        parts.append(label(str(number), {"x": px, "y": py + 4.5, "class": kind}))
+    parts.append(tag("path", {"d": f"M{middle} 4 l7 12 h-14 z", "class": "front"}))
+    words = "The vehicle from above, its rotors numbered, forward up"
+    return drawing(size, size, {"class": "view", "role": "img", "aria-label": words}, *parts)
+
+
+def _spacing(places: np.ndarray) -> float:
+    """Return the smallest distance between two rotors."""
+    apart = np.hypot(
+        places[:, None, 0] - places[None, :, 0], places[:, None, 1] - places[None, :, 1]
+    )
+    return float(apart[~np.eye(len(places), dtype=bool)].min())
+
+
+@cache
+def _environment() -> "Environment":
+    # Inside the function: the command line must not wait for it when it only prints help.
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
