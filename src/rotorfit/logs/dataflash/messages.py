@@ -22,9 +22,9 @@ AHEAD: Final = 2 * LONGEST + HEAD_BYTES
 """Bytes after a head that decide about it: its message, the next one, and the head after that."""
 FEW_HEADS: Final = 64
 """Looked at together while definitions come in; each one changes what the next heads mean."""
-MOST_FORMATS: Final = 2000
+MOST_FORMATS: Final = 1000
 """Of one log; a type has one byte, and firmware defines it once."""
-MOST_REDEFINITIONS: Final = 20_000
+MOST_REDEFINITIONS: Final = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +137,7 @@ def find_messages(blocks: Iterable[bytes], *, wanted: Container[str] | None = No
     )
 
 
-def _joined(parts: list[UInt8[np.ndarray, "n length"]]) -> UInt8[np.ndarray, "n length"]:
+def _joined(parts: list[UInt8[np.ndarray, "_ length"]]) -> UInt8[np.ndarray, "n length"]:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
