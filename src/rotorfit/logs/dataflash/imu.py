@@ -21,8 +21,14 @@ FASTER: Final = 1.2
 _RAW_NAMES: Final = tuple(f"{base}{n}" for base in ("GYR", "ACC") for n in ("", "1", "2", "3"))
 NAMES: Final = (*LOOP_NAMES, *_RAW_NAMES, "XKF4", "NKF4")
 
-Series = tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"], str]
-"""Time [s], values in the file's axes, and where they come from."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """Vectors of one sensor in the file's axes, with their times [s] and where they come from."""
+
+    time: Float[np.ndarray, " n"]
+    values: Float[np.ndarray, "n 3"]
+    source: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +63,9 @@ def read_imu(messages: Messages, parameters: Parameters) -> ImuChannels:
     if loop and raw and not _is_faster(raw, loop):
         gyro, accel = loop
     notes = [f"IMU {chosen + 1} of {len(present)} is used: {why}"] if len(present) > 1 else []
-    if gyro is not None and gyro[2].startswith("IMU"):
+    if gyro is not None and gyro.source.startswith("IMU"):
         notes += _filter_notes(parameters)
-    if gyro is not None and gyro[2].startswith("GYR"):
+    if gyro is not None and gyro.source.startswith("GYR"):
         notes += _raw_notes(parameters)
     return ImuChannels(
         gyro=_channel(gyro, "rad/s"),
@@ -133,7 +139,9 @@ def _series(
     time = _sample_time(time, fields.get("SampleUS"))
     kept = in_order(time)
     source = f"{name}{f'[{instance}]' if 'I' in extra else ''}.{','.join(labels)}"
-    return (time[kept], vector(fields, labels)[kept], source) if len(time) else None
+    if not len(time):
+        return None
+    return Series(time=time[kept], values=vector(fields, labels)[kept], source=source)
 
 
 def _sample_time(
@@ -174,7 +182,7 @@ def _is_faster(raw: tuple[Series, Series], loop: tuple[Series, Series]) -> bool:
 
 def rate_of(series: Series) -> float:
     """Return samples per second, by the median step [Hz]; 0 for fewer than two."""
-    steps = np.diff(series[0])
+    steps = np.diff(series.time)
     step = float(np.median(steps)) if len(steps) else 0.0
     return 1.0 / step if step > 0 else 0.0
 
@@ -182,8 +190,8 @@ def rate_of(series: Series) -> float:
 def _channel(series: Series | None, unit: str) -> Channel | None:
     if series is None:
         return None
-    time, values, source = series
-    return Channel(time=time, values=vectors_to_flu(values, "FRD"), source=f"{source} [{unit}]")
+    values = vectors_to_flu(series.values, "FRD")
+    return Channel(time=series.time, values=values, source=f"{series.source} [{unit}]")
 
 
 def _filter_notes(parameters: Parameters) -> list[str]:

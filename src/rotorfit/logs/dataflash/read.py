@@ -277,5 +277,5 @@ def _damage(messages: Messages) -> list[str]:
             "length"
         )
     if messages.trailing_bytes > 2:
-        words.append(f"{messages.trailing_bytes} bytes at the end hold no whole message")
+        words.append(f"{messages.trailing_bytes} bytes at the end could not be read as messages")
     return words
