@@ -2,8 +2,11 @@ import numpy as np
 import pytest
 
 from rotorfit.flight.motors import (
+    MotorResponse,
     first_order_lag,
+    following_speed,
     shift_time,
+    two_way_lag,
     white_noise_std,
 )
 
@@ -28,6 +31,26 @@ def test_the_lag_answers_a_step_as_the_differential_equation_does():
 def test_without_lag_the_command_is_the_speed(lag):
     held = np.ones((3, 4))
     assert first_order_lag(held, 200.0, lag) is held
+
+
+def test_rising_and_falling_lags_are_the_recursion_that_looks_at_each_sample():
+    held = np.abs(np.cumsum(np.random.default_rng(1).normal(0, 20, (600, 3)), axis=0) + 500)
+    lagged = two_way_lag(held, 200.0, up=0.03, down=0.08)
+    speed = held[0].copy()
+    for row in range(600):
+        assert lagged[row] == pytest.approx(speed, rel=1e-12)
+        left = np.exp(-0.005 / np.where(held[row] > speed, 0.03, 0.08))
+        speed = held[row] + (speed - held[row]) * left
+
+
+def test_equal_lags_both_ways_are_one_lag():
+    held = np.random.default_rng(0).uniform(0, 800, (300, 4))
+    response = MotorResponse(lag=0.04, delay=0.003, lag_down=0.04)
+    one = following_speed(held, 200.0, MotorResponse(lag=0.04, delay=0.003))
+    assert following_speed(held, 200.0, response) == pytest.approx(one, rel=1e-12)
+    assert two_way_lag(held, 200.0, up=0.04, down=0.04) == pytest.approx(
+        first_order_lag(held, 200.0, 0.04), rel=1e-9
+    )
 
 
 def test_motors_start_settled():

@@ -15,7 +15,7 @@ from hand_made_logs import (
 )
 
 from rotorfit.errors import FlightError, FrameError, LogError
-from rotorfit.flight.motors import first_order_lag
+from rotorfit.flight.motors import MotorResponse, first_order_lag
 from rotorfit.flight.prepare import Cut, MotorModel, prepare, with_motors
 from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, TableLaw, VoltageFactor
 from rotorfit.simulation import (
@@ -87,7 +87,7 @@ def test_commands_pass_law_lag_and_delay():
     slope = (result.data.rotor_speed[2:] - result.data.rotor_speed[:-2]) * 100
     assert result.data.rotor_acceleration[1:-1] == pytest.approx(slope)
     assert set(result.spikes) == {"gyro", "accel"}
-    again = with_motors(result.data, result.motor_channel, lag=0.0, delay=0.0)
+    again = with_motors(result.data, result.motor_channel, MotorResponse())
     assert again.rotor_speed == pytest.approx(settled)
     assert again.segments == result.data.segments
 

@@ -151,7 +151,6 @@ def test_unknown_keys_are_refused_with_the_nearest(tmp_path, part, text, words):
     ("part", "key", "reason"),
     [
         ("identification", 'terms = ["drag"]', "a choice of terms"),
-        ("motors", "lag_std = 0.01", "estimation of the motor lag"),
     ],
 )
 def test_keys_of_later_versions_are_refused_with_the_reason(tmp_path, part, key, reason):

@@ -1,13 +1,22 @@
 """Lag and delay of commanded motors are found from the flight, without being told."""
 
 import warnings
+from dataclasses import replace
 
 import pytest
 
+import flown
 from rotorfit.errors import FlightWarning
 from rotorfit.identification.experiment import load_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.identification.validate import validate_file
+from rotorfit.simulation import (
+    Scenario,
+    paper_vehicle,
+    simulate_flight,
+    variant,
+    write_flight_table,
+)
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
 
@@ -45,3 +54,67 @@ def test_validation_uses_the_lag_that_was_found(flown_on_commands):
     # Without the lag these are a third of the wrench and more.
     assert comparison.relative_error["Mx"] < 0.05
     assert comparison.relative_error["My"] < 0.05
+
+
+@pytest.fixture(scope="module")
+def slow_to_fall():
+    """Return a flight whose rotors fall at half the rate at which they rise."""
+    (truth, vehicle), sensors = variant(paper_vehicle("A"), "noisy")
+    truth = replace(truth, motor_lag=0.03, motor_lag_down=0.06, motor_delay=0.01)
+    scenario = Scenario(seconds=30.0, ground_seconds=2.0, sensors=sensors, physics_rate=400.0)
+    return simulate_flight(truth, vehicle, scenario, seed=8)
+
+
+def commanded(folder, flight, motors):
+    write_flight_table(flight, folder / "flight.csv", channels=("gyro", "accel", "command"))
+    path = flown.experiment_file(
+        folder / "experiment.toml",
+        flight.vehicle,
+        [folder / "flight.csv"],
+        mass=flight.truth.mass,
+        extra=f'[motors]\nspeed = "commanded"\nlaw = {{ linear = [0, {flight.max_speed}] }}\n'
+        + motors,
+    )
+    return flown.quietly_identified(path)
+
+
+def test_rising_and_falling_lags_are_told_apart_where_they_differ(tmp_path, slow_to_fall):
+    result = commanded(tmp_path, slow_to_fall, "")
+    assert result.parameter("motor_lag_up").value == pytest.approx(0.03, abs=0.005)
+    assert result.parameter("motor_lag_down").value == pytest.approx(0.06, abs=0.005)
+    assert result.parameter("motor_lag").value == pytest.approx(0.045, abs=0.004)
+    # The log holds a command for one sample of 5 ms before the gyro shows anything of it.
+    assert result.derived_value("motor_lag_total").value == pytest.approx(0.055, abs=3e-3)
+    Ixx = result.derived_value("Ixx_com")
+    assert Ixx.value == pytest.approx(slow_to_fall.truth.com_inertia[0, 0], rel=0.01)
+    assert Ixx.interval[0] < slow_to_fall.truth.com_inertia[0, 0] < Ixx.interval[1]
+
+
+def test_equal_lags_are_reported_as_one(flown_on_commands):
+    _, result = flown_on_commands
+    assert not [p.name for p in result.parameters if p.name in ("motor_lag_up", "motor_lag_down")]
+
+
+def test_a_bench_lag_is_a_prior_or_a_fact(tmp_path, flown_on_commands):
+    folder, free = flown_on_commands
+    text = (folder / "experiment.toml").read_text()
+    assert 'speed = "commanded"\n' in text
+
+    def with_motors(words):
+        changed = text.replace('speed = "commanded"\n', f'speed = "commanded"\n{words}\n')
+        path = folder / "other.toml"
+        path.write_text(changed)
+        return flown.quietly_identified(path)
+
+    prior = with_motors("lag = 0.030\nlag_std = 0.0005")
+    lag = prior.parameter("motor_lag")
+    assert 0.030 < lag.value < 0.5 * (0.030 + free.parameter("motor_lag").value)
+    assert lag.verdict == "identified"
+    total = prior.derived_value("motor_lag_total")
+    assert total.value == pytest.approx(0.050, abs=2e-3)
+    fact = with_motors("lag = 0.030")
+    assert fact.parameter("motor_lag").verdict == "given"
+    assert fact.parameter("motor_delay").value == pytest.approx(0.020, abs=2e-3)
+    known = with_motors("delay = 0.010")
+    assert known.parameter("motor_delay").verdict == "given"
+    assert known.parameter("motor_lag").value == pytest.approx(0.040, abs=1e-3)

@@ -17,30 +17,34 @@ from rotorfit.simulation.scenarios import layout_vehicle, paper_vehicle
 
 
 def test_lag_in_many_steps_is_the_analytic_step_response():
-    lag, dt, n = 0.04, 0.005, 60
+    up, down, dt, n = 0.04, 0.07, 0.005, 60
     speed, command = np.array([300.0, 700.0]), np.array([900.0, 500.0])
-    decay = decay_over(lag, np.array([dt]))
+    truth = replace(paper_vehicle("A")[0], motor_lag=up, motor_lag_down=down)
+    decay = decay_over(truth, np.array([dt]))
     stepped = [speed]
     for _ in range(n):
         stepped.append(lagged(stepped[-1], command, decay)[-1])
     t = dt * np.arange(n + 1)[:, None]
-    np.testing.assert_allclose(stepped, command + (speed - command) * np.exp(-t / lag), rtol=1e-12)
+    lags = np.array([up, down])
+    np.testing.assert_allclose(stepped, command + (speed - command) * np.exp(-t / lags), rtol=1e-12)
 
 
 def test_slope_is_the_derivative_of_the_lagged_speed():
     truth, vehicle = paper_vehicle("A")
+    truth = replace(truth, motor_lag_down=0.07)
     rotors = rotors_of(truth, vehicle)
     speed, command = np.full(4, 800.0), np.array([900.0, 700.0, 850.0, 1000.0])
     h = 1e-6
-    around = lagged(speed, command, decay_over(truth.motor_lag, np.array([0.01, 0.01 + h])))
+    around = lagged(speed, command, decay_over(truth, np.array([0.01, 0.01 + h])))
     slopes = speed_slopes(rotors, around, command)
     np.testing.assert_allclose(slopes.mean(axis=0), (around[1] - around[0]) / h, rtol=1e-6)
 
 
 def test_a_motor_without_lag_is_at_its_command_and_does_not_accelerate():
     truth, vehicle = paper_vehicle("A")
-    rotors = rotors_of(replace(truth, motor_lag=0.0), vehicle)
-    speeds = lagged(np.full(4, 800.0), np.full(4, 900.0), decay_over(0.0, np.array([0.0, 0.1])))
+    truth = replace(truth, motor_lag=0.0)
+    rotors = rotors_of(truth, vehicle)
+    speeds = lagged(np.full(4, 800.0), np.full(4, 900.0), decay_over(truth, np.array([0.0, 0.1])))
     np.testing.assert_array_equal(speeds, 900.0)
     np.testing.assert_array_equal(speed_slopes(rotors, speeds, np.full(4, 900.0)), 0.0)
 

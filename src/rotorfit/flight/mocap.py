@@ -136,7 +136,7 @@ def prepare_mocap(
     frames = _frames(pose, clock, _motor_channel(log, motors))
     measured = motors.speed == "measured"
     data = _differentiated(frames, (log.channels[name].resolution or 0.0) if measured else None)
-    data = with_motors(data, frames.motors, lag=motors.lag, delay=motors.delay or 0.0)
+    data = with_motors(data, frames.motors, motors.response)
     motion = _windowed(data, frames, arm=arm, window=window)
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)

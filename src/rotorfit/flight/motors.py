@@ -1,16 +1,55 @@
 """From commanded to actual rotor speed: the motor's law, its lag and its delay."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Float
 from scipy import signal
 
 from rotorfit.flight.speed_law import SpeedLaw as SpeedLaw
 from rotorfit.flight.speed_law import speed_from_command as speed_from_command
 
+MOST_ROUNDS = 40
+SETTLED = 1e-9
+"""Relative distance between command and speed at which rising and falling are the same."""
 NOISE_ROWS = 256
 """Length of the spectra in which the noise of rotor speeds is looked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorResponse:
+    """How the rotors follow the motor channel.
+
+    Attributes
+    ----------
+    lag
+        First-order time constant [s]; of rising speed where `lag_down` is given.
+    delay
+        Pure delay [s].
+    lag_down
+        Time constant of falling speed [s]; None: as `lag`.
+    """
+
+    lag: float = 0.0
+    delay: float = 0.0
+    lag_down: float | None = None
+
+    @property
+    def mean_lag(self) -> float:
+        """Of rising and falling speed [s]."""
+        return self.lag if self.lag_down is None else 0.5 * (self.lag + self.lag_down)
+
+
+def following_speed(
+    held: Float[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
+) -> Float[np.ndarray, "n N"]:
+    """Return the speed of rotors that follow a held command with delay and lag [rad/s]."""
+    late = shift_time(held, sample_rate, response.delay)
+    if response.lag_down is None or response.lag_down == response.lag:
+        return first_order_lag(late, sample_rate, response.lag)
+    return two_way_lag(late, sample_rate, up=response.lag, down=response.lag_down)
 
 
 def first_order_lag(
@@ -33,9 +72,50 @@ def first_order_lag(
     """
     if lag <= 0:
         return held
-    a = float(np.exp(-1.0 / (sample_rate * lag)))
+    a = _kept(sample_rate, lag)
     lagged, _ = signal.lfilter([0.0, 1.0 - a], [1.0, -a], held, axis=0, zi=held[:1])
     return lagged
+
+
+def two_way_lag(
+    held: Float[np.ndarray, "n N"], sample_rate: float, *, up: float, down: float
+) -> Float[np.ndarray, "n N"]:
+    """Return the same with one time constant while the speed rises and another while it falls.
+
+    A driven rotor is pushed up by the motor and, without active braking, falls by its own drag.
+    The recursion is one of two linear ones at every sample. Which one is guessed, the whole
+    record solved, the guess corrected: Newton's iteration on a piecewise linear equation, which
+    ends after a few rounds.
+    """
+    keep_up, keep_down = _kept(sample_rate, up), _kept(sample_rate, down)
+    speed = first_order_lag(held, sample_rate, 0.5 * (up + down))
+    rising = held > speed
+    for _ in range(MOST_ROUNDS):
+        speed = _solved(held, np.where(rising, keep_up, keep_down))
+        changed = (held > speed) != rising
+        if not (changed & (np.abs(held - speed) > SETTLED * np.abs(held))).any():
+            break
+        rising ^= changed
+    return speed
+
+
+def _kept(sample_rate: float, lag: float) -> float:
+    """Return the share of the distance that is left after a sample."""
+    return float(np.exp(-1.0 / (sample_rate * lag))) if lag > 0 else 0.0
+
+
+def _solved(
+    held: Float[np.ndarray, "n N"], kept: Float[np.ndarray, "n N"]
+) -> Float[np.ndarray, "n N"]:
+    """Return O of O_0 = u_0, O_k+1 = a_k O_k + (1 - a_k) u_k."""
+    n = len(held)
+    speed = np.empty_like(held)
+    for i in range(held.shape[1]):
+        bands = np.ones((2, n))
+        bands[1, :-1] = -kept[:-1, i]
+        right = np.concatenate([held[:1, i], (1.0 - kept[:-1, i]) * held[:-1, i]])
+        speed[:, i] = scipy.linalg.solve_banded((1, 0), bands, right, overwrite_ab=True)
+    return speed
 
 
 def shift_time(

@@ -29,7 +29,13 @@ from rotorfit.flight.checks import (
 from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.flight.motors import first_order_lag, shift_time, speed_from_command, white_noise_std
+from rotorfit.flight.motors import (
+    MotorResponse,
+    first_order_lag,
+    following_speed,
+    speed_from_command,
+    white_noise_std,
+)
 from rotorfit.flight.signals import central_difference, hampel
 from rotorfit.flight.speed_law import SpeedLaw, law_doubts
 from rotorfit.flight.splines import smooth_motors
@@ -63,6 +69,12 @@ class MotorModel:
     law: SpeedLaw | None = None
     lag: float = 0.0
     delay: float | None = None
+    lag_down: float | None = None
+
+    @property
+    def response(self) -> MotorResponse:
+        """As declared; what was not counts as none."""
+        return MotorResponse(lag=self.lag, delay=self.delay or 0.0, lag_down=self.lag_down)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +160,7 @@ def prepare(
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     data = _differentiated(uniform, speed)
-    data = with_motors(data, speed, lag=motors.lag, delay=motors.delay or 0.0)
+    data = with_motors(data, speed, motors.response)
     motion = _motion(data, uniform, arm=arm, window=window)
     refuse_idle_motors(motion)
     refuse_wrong_gravity(motion)
@@ -178,7 +190,7 @@ def prepare(
 
 
 def with_motors(
-    data: FlightData, speed: Float[np.ndarray, "n N"], *, lag: float, delay: float
+    data: FlightData, speed: Float[np.ndarray, "n N"], response: MotorResponse
 ) -> FlightData:
     """Return the flight with its rotor columns made anew from the motor channel.
 
@@ -188,7 +200,7 @@ def with_motors(
     if data.differentiation == "exact":
         # Low-passed already: moved and differentiated by splines, as the pose is.
         moved = [
-            smooth_motors(piece, data.sample_rate, lag=lag, delay=delay)
+            smooth_motors(piece, data.sample_rate, lag=response.mean_lag, delay=response.delay)
             for piece in np.split(speed, jumps)
         ]
         return dataclasses.replace(
@@ -197,8 +209,7 @@ def with_motors(
             rotor_acceleration=np.concatenate([slope for _, slope in moved]),
         )
     pieces = [
-        first_order_lag(shift_time(piece, data.sample_rate, delay), data.sample_rate, lag)
-        for piece in np.split(speed, jumps)
+        following_speed(piece, data.sample_rate, response) for piece in np.split(speed, jumps)
     ]
     turned = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     return dataclasses.replace(

@@ -108,6 +108,8 @@ class MotorsEntry(_Strict):
     speed: Literal["measured", "commanded"] = "measured"
     law: LawEntry | None = None
     lag: NotNegative | None = None
+    lag_std: NotNegative = 0.0
+    lag_down: NotNegative | None = None
     delay: Finite | None = Field(default=None, ge=-0.1, le=0.1)
     poles: int | None = Field(default=None, ge=2, le=60)
 
@@ -115,6 +117,13 @@ class MotorsEntry(_Strict):
     def _belongs_to_commands(self) -> "MotorsEntry":
         if self.speed == "measured" and (self.law is not None or self.lag):
             raise ValueError("law and lag belong to speed = 'commanded'; measured speed has both")
+        if self.lag is None and (self.lag_std or self.lag_down is not None):
+            raise ValueError("lag_std and lag_down belong to lag, the time constant [s]")
+        if self.lag_std and self.lag_down is not None:
+            raise ValueError(
+                "lag_down is for a response that is known; with lag_std the flights refine it, "
+                "rising and falling apart where they ask for it: leave lag_down out"
+            )
         return self
 
 
@@ -350,6 +359,7 @@ def motor_model_of(motors: MotorsEntry) -> MotorModel:
         speed=motors.speed,
         law=None if motors.law is None else speed_law_of(motors.law),
         lag=motors.lag or 0.0,
+        lag_down=motors.lag_down,
         delay=motors.delay,
     )
 

@@ -6,7 +6,6 @@ from pydantic_core import ErrorDetails
 
 LATER: dict[str, str] = {
     "terms": "a choice of terms",
-    "lag_std": "estimation of the motor lag",
 }
 """Keys of the format that this version does not act on; it refuses them rather than ignore them."""
 

@@ -10,18 +10,20 @@ from rotorfit.flight.align import with_poses
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
 from rotorfit.flight.mocap import prepare_mocap
+from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare, with_motors
 from rotorfit.identification.experiment import (
     ConfigurationEntry,
     FlightEntry,
     MotorsEntry,
     Source,
+    motor_model_of,
     read_options_of,
     recording_options_of,
 )
 from rotorfit.identification.frame_check import check_frame
 from rotorfit.identification.payload import PointMass
-from rotorfit.identification.timing import MotorTiming
+from rotorfit.identification.timing import LAG_PRIOR, MotorTiming
 from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import Regressor
@@ -32,9 +34,6 @@ EDGES = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.
 resolution of rotor speed takes over."""
 STRETCH = 5.0
 """Longest stretch of one noise level [s]."""
-
-Timing = tuple[float, float]
-"""Lag and delay of the motors [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,34 +85,33 @@ class Flown:
     source: Source = "imu"
 
     @property
-    def searches_delay(self) -> bool:
-        """Whether the timing of the motor data is to be found from the flights."""
-        declared = (
-            self.source == "imu"
-            and self.motors.speed == "commanded"
-            and (self.motors.lag is not None)
-        )
-        return self.motors.delay is None and not declared
+    def declared(self) -> MotorResponse:
+        """Lag and delay as the user gave them; none where she did not."""
+        return motor_model_of(self.motors).response
 
     @property
-    def searches_lag(self) -> bool:
-        """Whether the motors' lag is to be found too: commands only, and none given."""
+    def unknown_times(self) -> tuple[str, ...]:
+        """Which of lag and delay are to be found from the flights."""
         commanded = self.source == "imu" and self.motors.speed == "commanded"
-        return commanded and self.motors.lag is None and self.motors.delay is None
+        unsure = self.motors.lag is None or self.motors.lag_std > 0
+        lag = ("lag",) if commanded and unsure else ()
+        return (*lag, "delay") if self.motors.delay is None else lag
 
     @property
-    def timing(self) -> Timing | None:
-        """Lag and delay that were found [s]; None leaves the flights as they were prepared."""
-        found = self.motor_timing
-        return None if found is None else self.timing_of(found.lag, found.delay)
+    def lag_prior(self) -> tuple[float, float]:
+        """Mean and standard deviation of the lag before the flight [s]."""
+        if self.motors.lag is None:
+            return LAG_PRIOR
+        return self.motors.lag, self.motors.lag_std
 
-    def timing_of(self, lag: float | None, delay: float) -> Timing:
-        """Return lag and delay [s], the lag as declared where it is None."""
-        return (self.motors.lag or 0.0 if lag is None else lag), delay
+    @property
+    def timing(self) -> MotorResponse | None:
+        """Lag and delay that were found; None leaves the flights as they were prepared."""
+        return None if self.motor_timing is None else self.motor_timing.response
 
-    def bands(self, timing: Timing | None = None) -> tuple[Factors, ...]:
+    def bands(self, response: MotorResponse | None = None) -> tuple[Factors, ...]:
         """Return the band factors of each configuration, at another timing of the motors."""
-        return tuple(flight_bands(c.flights, self.vehicle, timing) for c in self.configurations)
+        return tuple(flight_bands(c.flights, self.vehicle, response) for c in self.configurations)
 
 
 def load_flight(
@@ -146,7 +144,9 @@ def load_flight(
     return UsedFlight(entry=entry, log=log, prepared=prepared)
 
 
-def flight_bands(flights: list[UsedFlight], vehicle: Vehicle, timing: Timing | None) -> Factors:
+def flight_bands(
+    flights: list[UsedFlight], vehicle: Vehicle, response: MotorResponse | None
+) -> Factors:
     """Return the band factors of all flights, calm and lively phases apart.
 
     Parameters
@@ -155,25 +155,24 @@ def flight_bands(flights: list[UsedFlight], vehicle: Vehicle, timing: Timing | N
         Of one configuration.
     vehicle
         Its geometry.
-    timing
-        Lag and delay of the motors [s]; None leaves each flight as it was prepared.
+    response
+        Lag and delay of the motors; None leaves each flight as it was prepared.
     """
-    return stack_factors([_bands(flight.prepared, vehicle, timing) for flight in flights])
+    return stack_factors([_bands(flight.prepared, vehicle, response) for flight in flights])
 
 
-def _bands(prepared: PreparedFlight, vehicle: Vehicle, timing: Timing | None) -> Factors:
-    data = dataclasses.replace(retimed(prepared, timing), segments=prepared.phases)
+def _bands(prepared: PreparedFlight, vehicle: Vehicle, response: MotorResponse | None) -> Factors:
+    data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
     return band_factors(data, vehicle, plan=BandPlan(edges=edges, longest=STRETCH))
 
 
-def retimed(prepared: PreparedFlight, timing: Timing | None) -> FlightData:
-    """Return a flight with its motor data at another lag and delay [s]; None leaves it."""
-    if timing is None:
+def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:
+    """Return a flight with its motor data at another lag and delay; None leaves it."""
+    if response is None:
         return prepared.data
-    lag, delay = timing
-    return with_motors(prepared.data, prepared.motor_channel, lag=lag, delay=delay)
+    return with_motors(prepared.data, prepared.motor_channel, response)
 
 
 def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:

@@ -73,7 +73,7 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     method = resolved_method(experiment)
     flown = _flown(experiment, tell)
     # The paper neglects the motors' delay, but takes out that of its motion capture.
-    if flown.searches_delay and (method != "tls" or flown.source == "mocap"):
+    if flown.unknown_times and (method != "tls" or flown.source == "mocap"):
         tell("timing the motors against the motion")
         flown = dataclasses.replace(flown, motor_timing=find_timing(flown))
     tell("fitting")

@@ -16,13 +16,14 @@ from rotorfit.identification.verdicts import ADVICE, WEAK, Judgement, judge
 from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS, ParameterInfo
 from rotorfit.model.vehicle import Vehicle
 
-SHARED = ("kt", "kd", "Jr", "motor_lag", "motor_delay")
+MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
+SHARED = ("kt", "kd", "Jr", *MOTOR_TIMES)
 SHARED_DERIVED = ("kd_over_kt", "motor_lag_total")
 TIME_SCALE = 0.008
 """A motor delay of this size matters [s]: known to a quarter of it, it is identified."""
 ROW_ORDER = (
     *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
-    *("motor_lag", "motor_delay", "mass"),
+    *(*MOTOR_TIMES, "mass"),
     *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
     *("rotor_center_x", "rotor_center_y", "accel_bias_x", "accel_bias_y", "accel_bias_z"),
 )
@@ -162,14 +163,29 @@ def _ratio_parameter(
 
 
 def motor_parameters(motors: MotorsEntry, timing: MotorTiming | None) -> list[Parameter]:
-    """Return lag and delay, given or found."""
-    declared = (("motor_lag", motors.lag), ("motor_delay", motors.delay))
-    parameters = [_given_time(name, value) for name, value in declared if value is not None]
-    if timing is None:
-        return parameters
-    if timing.lag is not None and timing.lag_std is not None:
-        parameters.append(_found_time("motor_lag", timing.lag, timing.lag_std))
-    return [*parameters, _found_time("motor_delay", timing.delay, timing.delay_std)]
+    """Return lag and delay, given or found; rising and falling apart where they differ."""
+    found: dict[str, tuple[float, float]] = {}
+    if timing is not None:
+        response = timing.response
+        if timing.lag_std is not None:
+            found["motor_lag"] = (response.mean_lag, timing.lag_std)
+        if timing.lag_std is not None and response.lag_down is not None:
+            found["motor_lag_up"] = (response.lag, timing.lag_std)
+            found["motor_lag_down"] = (response.lag_down, timing.lag_std)
+        if timing.delay_std is not None:
+            found["motor_delay"] = (response.delay, timing.delay_std)
+    declared = {
+        "motor_lag": motors.lag if motors.lag_down is None else None,
+        "motor_lag_up": None if motors.lag_down is None else motors.lag,
+        "motor_lag_down": motors.lag_down,
+        "motor_delay": motors.delay,
+    }
+    given = [
+        _given_time(name, value)
+        for name, value in declared.items()
+        if value is not None and name not in found
+    ]
+    return [*given, *(_found_time(name, *number) for name, number in found.items())]
 
 
 def _given_time(name: str, value: float) -> Parameter:
@@ -203,9 +219,9 @@ def _found_time(name: str, value: float, std: float) -> Parameter:
 
 def with_timing_total(tables: Tables, timing: MotorTiming | None) -> Tables:
     """Return the tables with lag plus delay, which is sharper than either alone."""
-    if timing is None or timing.lag is None or timing.total_std is None:
+    if timing is None or timing.lag_std is None:
         return tables
-    value, half = timing.lag + timing.delay, 1.96 * timing.total_std
+    value, half = timing.response.mean_lag + timing.response.delay, 1.96 * timing.total_std
     total = Derived(
         name="motor_lag_total",
         configuration=None,

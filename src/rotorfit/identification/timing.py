@@ -1,10 +1,12 @@
 """When the rotors do what the motor data say: delay of measured speed, lag of commanded speed.
 
 By profile likelihood of the three angular accelerations: every trial makes only the rotor columns
-anew. Of a first-order lag tau and a delay T the sum is well determined, the split hardly; a weak
-prior on tau keeps it from running away.
+anew. Of a first-order lag tau and a delay T the sum is well determined, the split hardly; a prior
+on tau, weak unless the user knows better, keeps it from running away. Rotors that rise and fall at
+different rates get a lag for each where the flights ask for it.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -13,25 +15,35 @@ import numpy as np
 from jaxtyping import Float
 from scipy import optimize
 
-from rotorfit.identification.experiment import Source
-from rotorfit.identification.rows import PILOT_BAND, fit_rows
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.identification.rows import PILOT_BAND, angular_log_likelihood
 
 if TYPE_CHECKING:
     from rotorfit.identification.flights import Flown
 
-DELAYS_TRIED: Final[Mapping[Source, tuple[float, float, int]]] = {
+DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
     "imu": (-0.012, 0.012, 7),
+    "imu commanded": (-0.012, 0.06, 10),
     "mocap": (-0.01, 0.1, 12),
+    "mocap commanded": (-0.01, 0.1, 12),
 }
 """The search for the delay of the motion against the motor data: from, to [s], and in how many
 trials. Motion capture comes late by cameras, network and, with commands, the motors' own lag."""
 LAGS_TRIED: Final = (0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13)
 LONGEST_LAG: Final = 0.2
+LONGEST_DELAY: Final = 0.1
 LAG_PRIOR: Final = (0.035, 0.03)
 """Mean and deviation of a motor's time constant before the flight [s]."""
+SKEW_TRIED: Final = 0.15
+LARGEST_SKEW: Final = 0.8
+LEAST_GAIN: Final = 10.0
+"""Of the log-likelihood, for which rising and falling speed get a lag each."""
 FIRST_STEP: Final = 0.008
+STENCIL: Final = 2e-3
 SMALLEST_STEP: Final = 2e-4
 MOST_TRIALS: Final = 60
+SLOW: Final = (np.inf, PILOT_BAND[1])
+"""Upper edges [Hz]: of all bands, and of those of the pilot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,27 +52,40 @@ class MotorTiming:
 
     Attributes
     ----------
-    delay
-        The motion shows what the motor data ask that much later [s].
-    delay_std
-        Its standard deviation [s].
-    lag, lag_std
-        Time constant of the motors [s]; None where it was given or has no meaning.
+    response
+        Lag and delay, found or given [s].
+    lag_std, delay_std
+        Their standard deviations [s]; None for what was given or has no meaning.
     total_std
         Standard deviation of lag plus delay [s].
     """
 
-    delay: float
-    delay_std: float
-    lag: float | None = None
+    response: MotorResponse
+    total_std: float
     lag_std: float | None = None
-    total_std: float | None = None
+    delay_std: float | None = None
 
 
 def find_timing(flown: "Flown") -> MotorTiming | None:
     """Return the timing that fits best; None where the flights do not determine it."""
-    if flown.searches_lag:
-        return _find_lag(flown)
+    unknown = flown.unknown_times
+    if "lag" in unknown:
+        return _find_lag(flown, delay_free="delay" in unknown)
+    return _find_delay(flown) if unknown else None
+
+
+def _costs(flown: "Flown", response: MotorResponse, tops: tuple[float, ...]) -> list[float]:
+    """Return minus the log-likelihood of the angular accelerations, below each of `tops` [Hz]."""
+    costs = [0.0] * len(tops)
+    for factors, configured in zip(flown.bands(response), flown.configurations, strict=True):
+        for i, top in enumerate(tops):
+            below = factors.select(factors.band[:, 0] < top)
+            costs[i] -= angular_log_likelihood(below, flown.model, mass=configured.mass)
+    return costs
+
+
+def _find_delay(flown: "Flown") -> MotorTiming | None:
+    """Return the delay alone."""
     found = _best_delay(flown, np.inf)
     if found is None:
         return None
@@ -68,24 +93,20 @@ def find_timing(flown: "Flown") -> MotorTiming | None:
     # holds what the best place moves by where only the pilot's frequencies are used.
     slow = _best_delay(flown, PILOT_BAND[1])
     shift = 0.0 if slow is None else slow[0] - found[0]
-    return MotorTiming(delay=found[0], delay_std=float(np.hypot(found[1], shift)))
-
-
-def _cost(flown: "Flown", lag: float | None, delay: float, top: float) -> float:
-    """Return minus the log-likelihood of the angular accelerations at one timing."""
-    total = 0.0
-    for factors, configured in zip(
-        flown.bands(flown.timing_of(lag, delay)), flown.configurations, strict=True
-    ):
-        below = factors.select(factors.band[:, 0] < top)
-        total -= fit_rows(below, flown.model, mass=configured.mass).log_likelihood
-    return total
+    std = float(np.hypot(found[1], shift))
+    response = dataclasses.replace(flown.declared, delay=found[0])
+    return MotorTiming(response=response, delay_std=std, total_std=std)
 
 
 def _best_delay(flown: "Flown", top: float) -> tuple[float, float] | None:
     """Return the best delay by the bands that begin below `top` [Hz]."""
-    first, last, trials = DELAYS_TRIED[flown.source]
-    return _minimum(lambda d: _cost(flown, None, d, top), np.linspace(first, last, trials))
+    kind = " commanded" if flown.motors.speed == "commanded" else ""
+    first, last, trials = DELAYS_TRIED[f"{flown.source}{kind}"]
+
+    def cost(delay: float) -> float:
+        return _costs(flown, dataclasses.replace(flown.declared, delay=delay), (top,))[0]
+
+    return _minimum(cost, np.linspace(first, last, trials))
 
 
 def _minimum(
@@ -107,59 +128,140 @@ def _minimum(
     return place, float(1.0 / np.sqrt(max(curvature, 1e-6)))
 
 
-def _find_lag(flown: "Flown") -> MotorTiming | None:
-    """Return lag and delay of commanded motors, found together."""
-    mean, std = LAG_PRIOR
+Costs = Callable[[Float[np.ndarray, " t"], tuple[float, ...]], list[float]]
+"""Of a point (lag, delay, skew), or only the first of them, below each of some edges [Hz]."""
 
-    def cost(point: Float[np.ndarray, " 2"]) -> float:
-        lag, delay = float(point[0]), float(point[1])
-        # Outside the bounds the cost rises steeply, and the simplex turns back.
-        beyond = max(-lag, 0.0) + max(lag - LONGEST_LAG, 0.0) + max(abs(delay) - 0.1, 0.0)
-        prior = 0.5 * ((lag - mean) / std) ** 2
-        inside = _cost(flown, float(np.clip(lag, 0.0, LONGEST_LAG)), delay, np.inf)
-        return inside + prior + 1e6 * beyond
 
-    grid = [cost(np.array([lag, 0.0])) for lag in LAGS_TRIED]
+def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
+    """Return lag and delay of commanded motors, found together (or the lag alone).
+
+    Then a skew s, lag (1 - s) up and (1 + s) down, if it gains enough.
+    """
+    costs = _penalised(flown)
+    known = flown.declared.delay
+    grid = [costs(np.array([lag, known]), (np.inf,))[0] for lag in LAGS_TRIED]
     best = int(np.argmin(grid))
     if best == len(LAGS_TRIED) - 1:
         return None
-    start = np.array([max(LAGS_TRIED[best], 0.005), 0.0])
-    simplex = np.vstack([start, start + FIRST_STEP * np.eye(2)])
+    start = np.array([max(LAGS_TRIED[best], 0.005), known])
+    free = 2 if delay_free else 1
+    place, value = _descended(costs, start, np.array([FIRST_STEP, FIRST_STEP])[:free])
+    skewed, gained = _with_skew(costs, np.append(place, 0.0), value)
+    if gained > LEAST_GAIN:
+        steps = np.array([0.5 * FIRST_STEP, 0.5 * FIRST_STEP, SKEW_TRIED])
+        place, _ = _descended(costs, skewed, steps if delay_free else steps[[0, 2]])
+    return _with_deviations(costs, place, delay_free=delay_free)
+
+
+def _penalised(flown: "Flown") -> Costs:
+    """Return the cost with what is known of a lag beforehand, rising steeply out of bounds."""
+    mean, std = flown.lag_prior
+
+    def costs(point: Float[np.ndarray, " t"], tops: tuple[float, ...]) -> list[float]:
+        largest = np.array([LONGEST_LAG, LONGEST_DELAY, LARGEST_SKEW])[: len(point)]
+        smallest = np.array([0.0, -LONGEST_DELAY, -LARGEST_SKEW])[: len(point)]
+        inside = np.clip(point, smallest, largest)
+        beyond = 1e6 * float(np.abs(point - inside).sum())
+        prior = 0.5 * ((float(point[0]) - mean) / std) ** 2
+        return [cost + prior + beyond for cost in _costs(flown, _response(inside), tops)]
+
+    return costs
+
+
+def _response(point: Float[np.ndarray, " t"]) -> MotorResponse:
+    """Return the response at lag, delay and, if it is there, skew."""
+    lag, delay = float(point[0]), float(point[1])
+    if len(point) == 2:
+        return MotorResponse(lag=lag, delay=delay)
+    skew = float(point[2])
+    return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
+
+
+def _descended(
+    costs: Costs, start: Float[np.ndarray, " t"], steps: Float[np.ndarray, " s"]
+) -> tuple[Float[np.ndarray, " t"], float]:
+    """Return place and value of the minimum near `start`.
+
+    With one step fewer than coordinates, the delay stays where it is.
+    """
+    moved = [i for i in range(len(start)) if len(steps) == len(start) or i != 1]
+
+    def cost(part: Float[np.ndarray, " s"]) -> float:
+        point = start.copy()
+        point[moved] = part
+        return costs(point, (np.inf,))[0]
+
+    first = start[moved]
     found = optimize.minimize(
         cost,
-        start,
+        first,
         method="Nelder-Mead",
         options={
-            "initial_simplex": simplex,
+            "initial_simplex": np.vstack([first, first + np.diag(steps)]),
             "xatol": SMALLEST_STEP,
             "fatol": 0.05,
             "maxfev": MOST_TRIALS,
         },
     )
-    lag, delay = max(float(found.x[0]), 0.0), float(found.x[1])
-    return _with_deviations(cost, lag, delay)
+    place = start.copy()
+    place[moved] = found.x
+    place[0] = max(float(place[0]), 0.0)
+    return place, float(found.fun)
+
+
+def _with_skew(
+    costs: Costs, place: Float[np.ndarray, " 3"], value: float
+) -> tuple[Float[np.ndarray, " 3"], float]:
+    """Return the best skew at this lag and delay by a parabola, and what it gains."""
+    turn = np.array([0.0, 0.0, 1.0])
+    ahead, behind = place + SKEW_TRIED * turn, place - SKEW_TRIED * turn
+    up, down = costs(ahead, (np.inf,))[0], costs(behind, (np.inf,))[0]
+    curvature, slope = up - 2.0 * value + down, 0.5 * (up - down)
+    if curvature <= 0:
+        return (ahead, value - up) if up < down else (behind, value - down)
+    skew = float(np.clip(-slope / curvature * SKEW_TRIED, -LARGEST_SKEW, LARGEST_SKEW))
+    return place + skew * turn, 0.5 * slope**2 / curvature
 
 
 def _with_deviations(
-    cost: Callable[[Float[np.ndarray, " 2"]], float], lag: float, delay: float
+    costs: Costs, place: Float[np.ndarray, " t"], *, delay_free: bool
 ) -> MotorTiming:
-    """Return the timing with the deviations that the curvature of the cost gives."""
-    place, h = np.array([lag, delay]), 2e-3
-    steps = np.eye(2) * h
-    middle = cost(place)
+    """Return the timing with the deviations that the curvature of the cost gives.
+
+    The sum has beside it what it moves by where only the pilot's frequencies are used, as it
+    does where a motor is no first-order lag, or gusts look like one.
+    """
+    moves = (np.eye(len(place)) * STENCIL)[:2]
+    lag, delay = moves
+
+    def both(offset: Float[np.ndarray, " t"]) -> Float[np.ndarray, " 2"]:
+        return np.array(costs(place + offset, SLOW))
+
+    middle, plus, minus = both(0.0 * lag), both(delay), both(-delay)
     hessian = np.empty((2, 2))
-    for i in range(2):
-        hessian[i, i] = cost(place + steps[i]) - 2.0 * middle + cost(place - steps[i])
-    cross = cost(place + steps[0] + steps[1]) + cost(place - steps[0] - steps[1])
-    cross -= cost(place + steps[0] - steps[1]) + cost(place - steps[0] + steps[1])
-    hessian[0, 1] = hessian[1, 0] = 0.25 * cross
-    covariance = np.linalg.pinv(hessian / h**2)
-    variances = np.maximum(np.diagonal(covariance), 0.0)
-    total = max(float(covariance.sum()), 0.0)
+    hessian[1, 1] = (plus - 2.0 * middle + minus)[0]
+    hessian[0, 0] = (both(lag) - 2.0 * middle + both(-lag))[0]
+    cross = both(lag + delay) + both(-lag - delay) - both(lag - delay) - both(delay - lag)
+    hessian[0, 1] = hessian[1, 0] = 0.25 * cross[0]
+    shift = _parabola_shift(middle[1], plus[1], minus[1])
+    response = _response(place)
+    if not delay_free:
+        std = float(np.hypot(STENCIL / np.sqrt(max(hessian[0, 0], 1e-6)), shift))
+        return MotorTiming(response=response, lag_std=std, total_std=std)
+    covariance = np.linalg.pinv(hessian / STENCIL**2)
+    lag_std, delay_std = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
+    total = float(np.sqrt(max(float(covariance.sum()), 0.0)))
     return MotorTiming(
-        delay=delay,
-        delay_std=float(np.sqrt(variances[1])),
-        lag=lag,
-        lag_std=float(np.sqrt(variances[0])),
-        total_std=float(np.sqrt(total)),
+        response=response,
+        lag_std=float(np.hypot(lag_std, shift)),
+        delay_std=float(np.hypot(delay_std, shift)),
+        total_std=float(np.hypot(total, shift)),
     )
+
+
+def _parabola_shift(middle: float, plus: float, minus: float) -> float:
+    """Return where the parabola through three costs, `STENCIL` apart, is least [s]."""
+    curvature = plus - 2.0 * middle + minus
+    if curvature <= 0:
+        return 0.0
+    return float(np.clip(-0.5 * (plus - minus) / curvature, -5.0, 5.0)) * STENCIL

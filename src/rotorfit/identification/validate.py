@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.flight.motors import MotorResponse
 from rotorfit.identification.comparison import COMPONENTS, SHOWN, WrenchComparison
 from rotorfit.identification.experiment import (
     Experiment,
@@ -17,7 +18,7 @@ from rotorfit.identification.experiment import (
     motor_model_of,
     vehicle_of,
 )
-from rotorfit.identification.flights import Timing, UsedFlight, load_flight, retimed
+from rotorfit.identification.flights import UsedFlight, load_flight, retimed
 from rotorfit.identification.result import IdentificationResult, Parameter
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
 from rotorfit.model.reduce import LowPass, filtered_signals
@@ -153,7 +154,7 @@ def compare_wrenches(
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     model = regressor(vehicle)
-    data = retimed(used.prepared, _found_timing(result))
+    data = retimed(used.prepared, _found_response(result))
     lowpass = LowPass(cutoff=cutoff)
     # What the filter makes of a segment's two ends is its own, not the flight's.
     end = round(0.5 * data.sample_rate / cutoff)
@@ -216,13 +217,18 @@ def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
     return known
 
 
-def _found_timing(result: IdentificationResult) -> Timing | None:
+def _found_response(result: IdentificationResult) -> MotorResponse | None:
     """Return the motors' timing that the fit found; a given one is in the preparation already."""
-    times = {p.name: p for p in result.parameters if p.name in ("motor_lag", "motor_delay")}
-    delay, lag = times.get("motor_delay"), times.get("motor_lag")
-    if delay is None or delay.verdict == "given" or delay.value is None:
+    times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
+    if all(p.verdict == "given" or p.value is None for p in times.values()):
         return None
-    return (0.0 if lag is None or lag.value is None else lag.value), delay.value
+    at = {name: p.value or 0.0 for name, p in times.items()}
+    lag = at.get("motor_lag", 0.0)
+    return MotorResponse(
+        lag=at.get("motor_lag_up", lag),
+        delay=at.get("motor_delay", 0.0),
+        lag_down=at.get("motor_lag_down"),
+    )
 
 
 def _value(parameter: Parameter) -> float | None:

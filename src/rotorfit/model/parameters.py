@@ -45,6 +45,8 @@ PARAMETERS: Final[dict[str, ParameterInfo]] = {
     "rotor_center_x": ParameterInfo("m", 0, "centre of the rotors from the origin"),
     "rotor_center_y": ParameterInfo("m", 0, "centre of the rotors from the origin"),
     "motor_lag": ParameterInfo("s", 0, "first-order time constant of the motors"),
+    "motor_lag_up": ParameterInfo("s", 0, "time constant of rising motor speed"),
+    "motor_lag_down": ParameterInfo("s", 0, "time constant of falling motor speed"),
     "motor_delay": ParameterInfo("s", 0, "time by which motor data lead their effect"),
 }
 """Everything that stands under ``parameters`` of a result."""

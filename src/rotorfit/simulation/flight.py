@@ -99,7 +99,7 @@ class _Stretch(NamedTuple):
     samples_ago: int
     h: float
     fractions: Float[np.ndarray, " k"]
-    decay: Float[np.ndarray, " k"]
+    decay: Float[np.ndarray, "2 k"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,7 +197,7 @@ def _stretches(truth: Truth, *, period: float, physics_rate: float) -> tuple[_St
         if end > begin:
             steps = ceil((end - begin) * period * physics_rate - 1e-9)
             fractions = np.linspace(begin, end, 2 * steps + 1)
-            decay = decay_over(truth.motor_lag, (fractions - begin) * period)
+            decay = decay_over(truth, (fractions - begin) * period)
             stretches.append(_Stretch(age, (end - begin) * period / steps, fractions, decay))
     return tuple(stretches)
 

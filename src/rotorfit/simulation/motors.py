@@ -24,11 +24,14 @@ class Rotors:
         Angular momentum relative to the body per speed, Jr s_i n_i [kg m^2].
     lag
         Time constant of the speed towards its command [s].
+    lag_down
+        The same while it falls [s].
     """
 
     wrench_per_square: Float[np.ndarray, "6 N"]
     spin_per_speed: Float[np.ndarray, "3 N"]
     lag: float
+    lag_down: float
 
 
 def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
@@ -37,6 +40,7 @@ def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
         wrench_per_square=allocation(vehicle, kt=truth.rotor_kt(len(vehicle.rotors)), kd=truth.kd),
         spin_per_speed=truth.Jr * (vehicle.spins[:, None] * vehicle.axes).T,
         lag=truth.motor_lag,
+        lag_down=truth.falling_lag,
     )
 
 
@@ -59,7 +63,7 @@ def allocation(
 def lagged(
     speed: Float[np.ndarray, " N"],
     command: Float[np.ndarray, " N"],
-    decay: Float[np.ndarray, " k"],
+    decay: Float[np.ndarray, "2 k"],
 ) -> Float[np.ndarray, "k N"]:
     """Return the rotor speeds after a constant command has acted for some times.
 
@@ -72,14 +76,16 @@ def lagged(
     command
         Held from then on [rad/s].
     decay
-        exp(-t/lag) at each of the times, see `decay_over`.
+        exp(-t/lag) at each of the times, rising and falling, see `decay_over`.
     """
-    return command + decay[:, None] * (speed - command)
+    left = np.where(command >= speed, decay[0][:, None], decay[1][:, None])
+    return command + left * (speed - command)
 
 
-def decay_over(lag: float, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """Return exp(-t/lag), and zeros for a motor without lag."""
-    return np.exp(-times / lag) if lag > 0 else np.zeros_like(times)
+def decay_over(truth: Truth, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, "2 k"]:
+    """Return exp(-t/lag) of rising and falling speed, zeros for motors without lag."""
+    lags = (truth.motor_lag, truth.falling_lag)
+    return np.array([np.exp(-times / lag) if lag > 0 else np.zeros_like(times) for lag in lags])
 
 
 @no_type_check
@@ -87,7 +93,10 @@ def speed_slopes(
     rotors: Rotors, speeds: Float[np.ndarray, "k N"], command: Float[np.ndarray, "#k N"]
 ) -> Float[np.ndarray, "k N"]:
     """Return dO/dt = (u - O)/lag [rad/s^2]; zeros for a motor without lag."""
-    return (command - speeds) / rotors.lag if rotors.lag > 0 else np.zeros_like(speeds)
+    if rotors.lag == 0:
+        return np.zeros_like(speeds)
+    away = command - speeds
+    return away / np.where(away >= 0, rotors.lag, rotors.lag_down)
 
 
 @no_type_check

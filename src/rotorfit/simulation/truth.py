@@ -32,6 +32,8 @@ class Truth:
         Factor of each rotor's own thrust coefficient to kt; empty for all ones.
     motor_lag
         Time constant of the rotor speed towards the commanded one; 0 follows at once [s].
+    motor_lag_down
+        The same while the speed falls [s]; None: as it rises.
     motor_delay
         Time that a command takes before the motor sees it [s].
     drag
@@ -50,6 +52,7 @@ class Truth:
     Jr: float = 0.0
     kt_spread: tuple[float, ...] = ()
     motor_lag: float = 0.04
+    motor_lag_down: float | None = None
     motor_delay: float = 0.0
     drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_force_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -68,6 +71,13 @@ class Truth:
             raise ExperimentError("motor lag and delay cannot be negative")
         if self.Jr != 0 and self.motor_lag == 0:
             raise ExperimentError("rotors with inertia cannot jump in speed: give a motor lag > 0")
+        if self.motor_lag_down is not None and min(self.motor_lag, self.motor_lag_down) <= 0:
+            raise ExperimentError("with a lag of falling speed, both motor lags must be > 0")
+
+    @property
+    def falling_lag(self) -> float:
+        """Time constant of falling rotor speed [s]."""
+        return self.motor_lag if self.motor_lag_down is None else self.motor_lag_down
 
     @property
     def inertia_tensor(self) -> Float[np.ndarray, "3 3"]:
