@@ -34,6 +34,8 @@ AS_GOOD: Final = 1.1
 SHARED: Final = ("kt", "kd", "Jr")
 RATIOS: Final = {"kd_over_Izz": "kd", "Jr_over_Izz": "Jr"}
 LACKING: Final = ("weak", "ratio-only", "not-identified")
+NUISANCE: Final = ("accel_bias_x", "accel_bias_y", "accel_bias_z")
+"""Of the sensors, not of the vehicle: nobody flies for them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,6 +214,7 @@ def missing_numbers(
         _missing(parameter, problem, trials)
         for parameter in known.result.parameters
         if parameter.verdict in LACKING
+        and parameter.name not in NUISANCE
         and parameter.configuration in (None, known.configuration)
         and _number_name(parameter) in next(iter(trials.values())).names
     )

@@ -100,7 +100,8 @@ def rough_vehicle(
     check_rotors(vehicle)
     arm = vehicle.arm
     diameter = PROPELLER * _nearest(vehicle)
-    body = {name: share * mass * arm**2 for name, share in RADII_SQUARED.items()} | dict(known)
+    body = _inertia(mass, arm, known) | dict(known)
+    _check_inertia(body)
     kt = _thrust_coefficient(vehicle, mass, diameter, body.get("hover_speed"))
     center = np.mean(vehicle.positions, axis=0) + arm * np.array(OFF_CENTER)
     about_com = np.array([body["Ixx"], body["Iyy"], body["Izz"], 0.0, 0.0, 0.0])
@@ -206,11 +207,23 @@ def _check_known(known: Mapping[str, float]) -> None:
             raise ExperimentError(f"no {name!r} to set; known: {', '.join(GUESSABLE)}")
         if not (math.isfinite(value) and value > 0):
             raise ExperimentError(f"{name} = {value:g}, expected more than 0, in SI units")
-    body = [known[name] for name in RADII_SQUARED if name in known]
-    if len(body) == len(RADII_SQUARED) and 2.0 * max(body) > sum(body):
+
+
+def _inertia(mass: float, arm: float, known: Mapping[str, float]) -> dict[str, float]:
+    """Return the guessed inertia about the CoM, in proportion to what of it is known [kg m^2]."""
+    guess = {name: share * mass * arm**2 for name, share in RADII_SQUARED.items()}
+    found = [known[name] / guess[name] for name in guess if name in known]
+    factor = float(np.mean(found)) if found else 1.0
+    return {name: factor * value for name, value in guess.items()}
+
+
+def _check_inertia(body: Mapping[str, float]) -> None:
+    diagonal = [body[name] for name in RADII_SQUARED]
+    if 2.0 * max(diagonal) > sum(diagonal):
+        shown = ", ".join(f"{name} = {body[name]:.3g}" for name in RADII_SQUARED)
         raise ExperimentError(
-            "Ixx, Iyy, Izz of no body: the largest is more than the two others together; "
-            "give kg m^2 about the centre of mass"
+            f"no body has the inertia {shown}: the largest is more than the two others together; "
+            "give all three in kg m^2 about the centre of mass"
         )
 
 

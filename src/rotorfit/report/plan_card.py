@@ -65,7 +65,7 @@ def card_html(plan: FlightPlan) -> str:
         .render(
             plan=plan,
             headline=headline(plan),
-            wanted=wanted_words(plan),
+            promise=promise(plan).replace("+-", "\u00b1"),
             checklist=checklist(plan),
             flights=card_flights(plan),
             expected=expected(plan),
@@ -84,7 +84,7 @@ def card_text(plan: FlightPlan) -> str:
     lines = [
         f"PILOT CARD  {plan.request.name}",
         *_wrapped(headline(plan)),
-        *_wrapped(f"Wanted: {wanted_words(plan)}"),
+        *_wrapped(promise(plan)),
         "",
         "BEFORE",
     ]
@@ -115,12 +115,17 @@ def write_card(path: Path, plan: FlightPlan, *, force: bool = False) -> None:
 
 def headline(plan: FlightPlan) -> str:
     """Return what is flown, in one sentence."""
-    flown = flown_words(plan.chosen)
+    return flown_words(plan.chosen).capitalize()
+
+
+def promise(plan: FlightPlan) -> str:
+    """Return what is wanted, and whether this gives it."""
+    wanted = f"Wanted: {wanted_words(plan)}."
     if plan.enough:
-        return f"Nothing has to be flown any more. To repeat it: {flown}."
+        return f"{wanted} The earlier result reaches that already: this would only repeat it."
     if plan.recommended is None:
-        return f"{flown.capitalize()}. Not enough for all that is wanted: {unmet_words(plan)}."
-    return f"{flown.capitalize()}."
+        return f"{wanted} Not quite reached: this leaves {unmet_words(plan)}."
+    return wanted
 
 
 def checklist(plan: FlightPlan) -> tuple[str, ...]:
@@ -132,7 +137,7 @@ def checklist(plan: FlightPlan) -> tuple[str, ...]:
     )
     items = [
         f"Weighed as it flies, battery and propellers included, to {scale_words(plan)}: "
-        "______________ g",
+        "__________ g",
         f"Log set: gyro and accelerometer hardly filtered, {motors}; "
         f"{plan.assumed.log_rate:g} samples a second or more",
         "Logging starts before arming and stops after disarming",
@@ -142,8 +147,8 @@ def checklist(plan: FlightPlan) -> tuple[str, ...]:
     if plan.chosen.payload:
         items.insert(
             1,
-            f"For the second flight: {payload_words(plan)}. Each weighed to 0.5 g: ________ g, "
-            "________ g. Place from the centre to 2 mm: x ______ y ______ height ______ mm",
+            f"For the second flight: {payload_words(plan)}. Each weighed to 0.5 g: ______ g, "
+            "______ g. Each one's place from the centre to 2 mm: ____ ____ ____, ____ ____ ____ mm",
         )
     return tuple(items)
 
@@ -193,13 +198,14 @@ def _top_view(plan: FlightPlan) -> str:
     """Return the vehicle seen from above, forward up, with its payload."""
     vehicle = plan.rough.vehicle
     size, reach = 200.0, float(np.abs(vehicle.positions[:, :2]).max())
-    scale = 62.0 / reach
+    spacing = _spacing(vehicle.positions[:, :2])
+    scale = 0.47 * size / (reach + 0.4 * spacing)
     middle = size / 2.0
 
     def place(x: float, y: float) -> tuple[float, float]:
         return middle - scale * y, middle - scale * x
 
-    radius = 0.36 * scale * _spacing(vehicle.positions[:, :2])
+    radius = 0.38 * scale * spacing
     parts: list[str] = []
     for rotor in vehicle.rotors:
         px, py = place(rotor.position[0], rotor.position[1])

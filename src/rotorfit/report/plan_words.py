@@ -60,7 +60,7 @@ def steps_of(candidate: Candidate) -> tuple[Step, ...]:
     ]
     rest = "Log running, motors off, hands off."
     return (
-        Step(seconds=GROUND_SECONDS, title="still on the ground", words=rest, flown=False),
+        Step(seconds=GROUND_SECONDS, title="on the ground", words=rest, flown=False),
         Step(
             seconds=SETTLE_SECONDS,
             title="take off",
@@ -69,7 +69,7 @@ def steps_of(candidate: Candidate) -> tuple[Step, ...]:
         ),
         *manoeuvres,
         Step(seconds=LAND_SECONDS, title="land", words="Hover, then set down.", flown=False),
-        Step(seconds=GROUND_SECONDS, title="still on the ground", words=rest, flown=False),
+        Step(seconds=GROUND_SECONDS, title="on the ground", words=rest, flown=False),
     )
 
 

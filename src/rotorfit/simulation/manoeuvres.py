@@ -35,7 +35,7 @@ MANOEUVRES: Final[Mapping[Manoeuvre, Sticks]] = {
     "turns": Sticks(
         roll=_FREE.roll,
         pitch=_FREE.pitch,
-        yaw=Stick(band=(0.1, 0.6), rms=1.15, shape="turns"),
+        yaw=Stick(band=(0.1, 0.6), rms=1.2, shape="turns"),
         climb=_GENTLE_CLIMB,
     ),
 }
