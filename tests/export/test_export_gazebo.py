@@ -131,7 +131,7 @@ def test_up_and_down_may_differ():
 
 def test_without_rotor_inertia_the_links_are_light_and_the_file_says_so():
     text = text_of(changed(a_result(), Jr=not_identified()), "gazebo")
-    assert "Jr is not known from these flights: 0 in the file" in text
+    assert "Jr is not known from these flights: left out" in text
     spins = [tensor[2, 2] for name, _, _, tensor, _ in links_of(ET.fromstring(text))][1:]
     assert max(spins) < 1e-3 * INERTIA_COM[2, 2]
 

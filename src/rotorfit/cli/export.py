@@ -2,14 +2,16 @@
 
 import datetime
 import json
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 
 from rotorfit.cli.outputs import refuse_output_file
-from rotorfit.cli.terminal import say, show
-from rotorfit.errors import OutputError
+from rotorfit.cli.progress import steps
+from rotorfit.cli.terminal import show
+from rotorfit.errors import OutputError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.numbers import Number
 from rotorfit.export.table import (
@@ -102,8 +104,10 @@ def _plain(number: Number) -> dict[str, object]:
 
 def _write_tables(request: ExportRequest, result: IdentificationResult) -> None:
     """Write the wrenches of each flight: one file, or one a flight, all or none."""
-    say("reading the flights again")
-    comparisons = flight_comparisons(result, request.configuration)
+    with warnings.catch_warnings(), steps() as tell:
+        warnings.simplefilter("ignore", RotorfitWarning)  # the result has them already
+        tell("reading the flights again")
+        comparisons = flight_comparisons(result, request.configuration)
     if not comparisons:
         raise OutputError(f"no flight of configuration {request.configuration!r} in the result")
     files = table_files(request.output, comparisons)

@@ -105,6 +105,8 @@ def numbers_of(
     }
     if full_speed is not None:
         found["max_speed"] = full_speed
+    if "kt" in assumed:  # one for all rotors: their own are about the one it replaces
+        found = {name: number for name, number in found.items() if name not in ROTOR_KT}
     found |= {name: _assumed(name, value) for name, value in assumed.items()}
     found = {name: _in_si(number, found, result) for name, number in found.items()}
     return _with_ratios(_with_assumed_origin(found, assumed))

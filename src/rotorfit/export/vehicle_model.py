@@ -39,8 +39,6 @@ Speed = Literal["rad/s", "full-command"]
 LAG: Final = ("motor_lag",)
 SPEED: Final = ("max_speed",)
 
-_LEFT_OUT: Final = "0 in the file"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedRotor:
@@ -364,7 +362,7 @@ def _notes(
     if mean:
         notes.append(f"rotors with the mean kt, their own is not known: {', '.join(mean)}")
     if isinstance(numbers.get("Jr"), Missing):
-        notes.append(f"Jr is not known from these flights: {_LEFT_OUT}")
+        notes.append("Jr is not known from these flights: left out")
     if law is not None and law.voltage is not None:
         notes.append(f"max_speed holds at {law.voltage.nominal:g} V")
     return tuple(notes)

@@ -1,0 +1,148 @@
+"""rotorfit export: files, refusals and usage errors as a user meets them."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorfit.export.table import table_files
+from rotorfit.identification.comparison import WrenchComparison
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.logs.parquet import open_parquet
+
+sys.path.append(str(Path(__file__).parents[1] / "export"))
+from export_material import MASS, YAW_LOST, a_result, changed
+
+
+@pytest.fixture
+def there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    a_result().save(tmp_path / "result.json")
+    changed(a_result(), **YAW_LOST).save(tmp_path / "no_yaw.json")
+    return tmp_path
+
+
+def test_a_file_is_written_and_told(run, there):
+    ended = run("export", "result.json", "--to", "px4", "-o", "my.params")
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out.splitlines()[0] == "my.params: px4, configuration A"
+    assert "CA_ROTOR3_KM" in (there / "my.params").read_text()
+
+
+def test_as_json(run, there):
+    told = run("export", "result.json", "--to", "mujoco", "-o", "my.xml", "--json").json
+    assert told["target"] == "mujoco"
+    assert told["files"] == ["my.xml"]
+    mass = next(n for n in told["numbers"] if n["name"] == "mass")
+    assert (mass["value"], mass["origin"]) == (MASS, "given")
+
+
+def test_what_is_not_known_is_refused_in_one_line(refused, there):
+    words = refused("export", "no_yaw.json", "--to", "gazebo", "-o", "my.sdf")
+    assert "kd is ratio-only (known only together with Izz)" in words
+    assert "--assume kd=VALUE" in words
+
+
+def test_an_assumption_is_told(run, there):
+    asked = ("export", "no_yaw.json", "--to", "gazebo", "-o", "my.sdf", "--assume", "kd=5.2e-8")
+    ended = run(*asked)
+    assert (ended.code, ended.err) == (0, "")
+    assert "kd = 5.2e-08 N m s^2/rad^2 is assumed" in ended.out
+    assert "Izz_com = 0.0293072 kg m^2 is from-ratio: kd, assumed, over kd_over_Izz" in ended.out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--assume", "kdd=3"), "did you mean kd?"),
+        (("--assume", "kd"), "write NAME=VALUE"),
+        (("--assume", "kd=-1"), "it is above 0"),
+        (("--to", "unreal"), "unreal"),
+    ],
+)
+def test_wrong_usage(run, there, options, words):
+    asked = ("export", "result.json", "--to", "px4", "-o", "my.params", *options)
+    ended = run(*asked)
+    assert ended.code == 2
+    assert words in " ".join(ended.err.split()).replace("│ ", "")
+    assert not (there / "my.params").exists()
+
+
+def test_nothing_is_overwritten_without_force(run, refused, there):
+    (there / "my.params").write_text("mine")
+    words = refused("export", "result.json", "--to", "px4", "-o", "my.params")
+    assert "my.params exists" in words
+    assert (there / "my.params").read_text() == "mine"
+    assert run("export", "result.json", "--to", "px4", "-o", "my.params", "--force").code == 0
+    assert "CA_ROTOR" in (there / "my.params").read_text()
+
+
+def test_the_result_itself_is_never_the_output(refused, there):
+    words = refused("export", "result.json", "--to", "px4", "-o", "result.json", "--force")
+    assert "result.json is an input" in words
+
+
+def test_a_file_that_is_no_result(refused, there):
+    (there / "other.json").write_text("{}")
+    assert "is not a rotorfit result" in refused(
+        "export", "other.json", "--to", "px4", "-o", "my.params"
+    )
+
+
+def test_a_table_of_a_flight(run, here):
+    assert run("identify", "experiment.toml", "-o", "r.json").code == 0
+    ended = run("export", "r.json", "--to", "table", "-o", "wrenches.csv")
+    assert ended.code == 0
+    assert "wrenches.csv: wrenches of flight.csv (of the fit), low-pass 3 Hz" in ended.out
+    lines = (here / "wrenches.csv").read_text().splitlines()
+    names = lines[0].split(",")
+    assert names[0] == "time"
+    assert "residual/Fz [N]" in names
+    rows = [[float(v) for v in line.split(",")] for line in lines[1:]]
+    at = names.index("body/Fz [N]")
+    for row in rows[:: max(len(rows) // 20, 1)]:
+        assert row[at] - row[at + 1] == pytest.approx(row[at + 2], abs=1e-6)
+        assert row[at] == pytest.approx(MASS * 9.8, rel=0.5)
+    known = IdentificationResult.load(here / "r.json")
+    assert ("residual/Mz [N m]" in names) == (known.parameter("kd").value is not None)
+
+    told = run("export", "r.json", "--to", "table", "-o", "wrenches.parquet", "--json").json
+    assert told["files"] == ["wrenches.parquet"]
+    table = open_parquet((here / "wrenches.parquet").read_bytes())
+    assert table.names == tuple(names)
+    fz = table.numbers(["body/Fz [N]"])[:, 0]
+    assert fz == pytest.approx([row[at] for row in rows], rel=1e-6)
+    schema = importlib.import_module("pyarrow.parquet").read_schema(here / "wrenches.parquet")
+    assert "flight flight.csv (sha256 " in schema.metadata[b"rotorfit"].decode()
+
+
+def test_a_table_takes_no_assumptions(run, there):
+    asked = ("export", "result.json", "--to", "table", "-o", "t.csv", "--assume", "kd=1e-8")
+    assert run(*asked).code == 2
+
+
+def test_a_table_of_a_flight_that_is_gone(refused, there):
+    words = refused("export", "result.json", "--to", "table", "-o", "t.csv")
+    assert "A1--long.csv" in words
+
+
+def test_files_of_several_flights_have_their_names():
+    def of(flight):
+        return WrenchComparison(
+            configuration="A",
+            flight=flight,
+            sha256="",
+            used_in_fit=True,
+            time=np.zeros(1),
+            body_wrench=np.zeros((1, 6)),
+            rotor_wrench=np.zeros((1, 6)),
+            relative_error={},
+            whiteness={},
+        )
+
+    files = table_files(Path("w.csv"), [of("A1.csv"), of("A2.bfl")])
+    assert [str(f) for f in files] == ["w_A1.csv", "w_A2.csv"]
+    files = table_files(Path("w.csv"), [of("A1.csv"), of("A1.bfl"), of("B.csv")])
+    assert [str(f) for f in files] == ["w_A1_1.csv", "w_A1_2.csv", "w_B.csv"]

@@ -1,0 +1,401 @@
+"""From a result to one checked vehicle: origin, units, ratios, refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from export_material import (
+    COM,
+    IMU,
+    INERTIA_COM,
+    JR,
+    KD,
+    KT,
+    KT_EACH,
+    MASS,
+    RATES,
+    ROTORS,
+    SPEEDS,
+    UNKNOWN,
+    YAW_LOST,
+    a_result,
+    body_of,
+    changed,
+    motion,
+    not_identified,
+    parameter,
+    steiner,
+    text_of,
+    vehicle,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from rotorfit.errors import OutputError
+from rotorfit.export import units
+from rotorfit.export.motor_law import thrust_curve
+from rotorfit.export.targets import TARGETS
+from rotorfit.export.vehicle_model import inertia_at_origin, vehicle_model
+from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
+from rotorfit.identification.commanded import effective_unit
+
+EVERY = sorted(TARGETS)
+
+
+def with_numbers(result, *parameters):
+    """Return the result with parameters put in place of those of the same name."""
+    names = {p.name for p in parameters}
+    kept = tuple(p for p in result.parameters if p.name not in names)
+    return replace(result, parameters=(*kept, *parameters))
+
+
+def without_derived(result):
+    return replace(result, derived=())
+
+
+def motors_of(result, **motors):
+    return replace(result, settings={**result.settings, "motors": motors})
+
+
+def scaled(entry, factor, unit):
+    """Return changes of a parameter in another unit."""
+    low, high = entry.interval
+    return {"value": factor * entry.value, "interval": (factor * low, factor * high), "unit": unit}
+
+
+def test_a_plain_result_is_the_vehicle():
+    model = vehicle_model(a_result())
+    assert (model.mass, model.kd, model.Jr) == (MASS, KD, JR)
+    np.testing.assert_array_equal(model.com, COM)
+    np.testing.assert_array_equal(model.inertia_com, INERTIA_COM)
+    np.testing.assert_allclose(inertia_at_origin(model), INERTIA_COM + steiner(MASS, COM))
+    np.testing.assert_allclose([r.kt for r in model.rotors], KT_EACH)
+    np.testing.assert_allclose(model.arms, np.array([p for p, _ in ROTORS]) - COM)
+    np.testing.assert_array_equal(model.imu, IMU)
+    assert model.max_speed == 1100.0
+    assert model.hover_speed == pytest.approx(np.sqrt(MASS * 9.80665 / KT_EACH.sum()))
+
+
+@pytest.mark.parametrize("axes", ["FLU", "FRD"])
+def test_settings_in_either_axes_are_the_same_vehicle(axes):
+    result = a_result()
+    if axes == "FRD":
+        frame = dict(result.settings["airframe"])
+        frame["axes"] = "FRD"
+        frame["imu"] = {"position": [IMU[0], -IMU[1], -IMU[2]], "position_std": 0.0}
+        frame["rotors"] = [
+            {"position": [x, -y, -z], "spin": s, "axis": [0.0, 0.0, -1.0]}
+            for (x, y, z), s in ROTORS
+        ]
+        result = replace(result, settings={**result.settings, "airframe": frame})
+    model = vehicle_model(result)
+    np.testing.assert_allclose(model.arms, np.array([p for p, _ in ROTORS]) - COM)
+    np.testing.assert_allclose([r.axis for r in model.rotors], [[0, 0, 1]] * 4)
+
+
+def test_where_the_origin_is_the_imu_the_rotors_move_with_their_centre():
+    """The torque about the CoM of rotors declared at p is that of rotors at p + rotor_center."""
+    center = np.array([0.02, -0.015, 0.0])
+    result = with_numbers(
+        a_result(imu=None),
+        parameter("rotor_center_x", 0.02, "A"),
+        parameter("rotor_center_y", -0.015, "A"),
+    )
+    model = vehicle_model(result)
+    np.testing.assert_allclose(model.arms, np.array([p for p, _ in ROTORS]) + center - COM)
+    np.testing.assert_array_equal(model.imu, np.zeros(3))
+    assert any("the origin is the IMU" in note for note in model.notes)
+    body = body_of(shift=center)
+    alpha, dw = motion(body, vehicle())
+    moved = tuple((tuple(float(v) for v in np.array(p) + center), spin) for p, spin in ROTORS)
+    again, same = motion(body_of(), vehicle(moved))
+    np.testing.assert_allclose(alpha, again)
+    np.testing.assert_allclose(dw, same)
+    torque = np.zeros(3)
+    for rotor, arm, O in zip(model.rotors, model.arms, SPEEDS, strict=True):
+        thrust = rotor.kt * O**2 * rotor.axis
+        torque += np.cross(arm, thrust) - rotor.spin * (model.kd * O**2) * rotor.axis
+    wheels = sum(r.spin * model.Jr * O for r, O in zip(model.rotors, SPEEDS, strict=True))
+    torque -= np.cross(RATES, [0, 0, wheels])
+    I = model.inertia_com
+    expected = np.linalg.solve(I, torque - np.cross(RATES, I @ RATES))
+    np.testing.assert_allclose(dw, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_an_unknown_rotor_centre_is_refused():
+    result = with_numbers(
+        a_result(imu=None),
+        parameter("rotor_center_x", 0.02, "A"),
+        replace(parameter("rotor_center_y", 0.0, "A"), **not_identified()),
+    )
+    with pytest.raises(OutputError, match="--assume rotor_center_y=VALUE"):
+        vehicle_model(result)
+
+
+def test_without_derived_numbers_they_are_made_of_the_parameters():
+    model = vehicle_model(without_derived(a_result()))
+    np.testing.assert_allclose(model.com, COM, rtol=1e-12)
+    np.testing.assert_allclose(model.inertia_com, INERTIA_COM, rtol=1e-12, atol=1e-15)
+
+
+def test_unessential_parameters_are_zero_and_marked_but_not_kd():
+    """The paper's method takes parameters out of the model: there they are zero."""
+    removed = {**UNKNOWN, "verdict": "removed"}
+    base = without_derived(a_result())
+    result = changed(base, Ixy=removed, Iyz=removed, msz=removed)
+    model = vehicle_model(result)
+    assert model.com[2] == 0.0
+    assert [n.origin for n in model.numbers if n.name == "com_z"] == ["removed"]
+    assert "com_z = 0 m [REMOVED: " in text_of(result, "px4")
+    with pytest.raises(OutputError, match=r"kd is removed \(the method took it out of the model\)"):
+        vehicle_model(changed(base, kd=removed))
+
+
+def per_kilogram():
+    result = a_result()
+    changes = {
+        p.name: scaled(p, 1 / MASS, f"{p.unit} per kg")
+        for p in result.parameters
+        if p.unit.startswith(("N ", "kg m"))
+    }
+    changes |= {
+        d.name: scaled(d, 1 / MASS, f"{d.unit} per kg")
+        for d in result.derived
+        if d.unit == "kg m^2"
+    }
+    return changed(result, mass={**UNKNOWN, "verdict": "not-identified"}, **changes)
+
+
+def test_an_unknown_mass_is_refused_and_scales_everything_once_assumed():
+    with pytest.raises(OutputError, match="mass is not-identified"):
+        vehicle_model(per_kilogram())
+    model = vehicle_model(per_kilogram(), assumed={"mass": 2 * MASS})
+    np.testing.assert_allclose(model.inertia_com, 2 * INERTIA_COM)
+    np.testing.assert_allclose([r.kt for r in model.rotors], 2 * KT_EACH)
+    np.testing.assert_allclose((model.kd, model.Jr), (2 * KD, 2 * JR))
+    np.testing.assert_allclose(model.com, COM)
+    same = vehicle_model(without_derived(per_kilogram()), assumed={"mass": 2 * MASS})
+    np.testing.assert_allclose(same.com, COM)
+    np.testing.assert_allclose(same.inertia_com, 2 * INERTIA_COM)
+    assert "kg m^2 per kg" not in text_of(per_kilogram(), "casadi", assumed={"mass": MASS})
+
+
+def in_commands(full=1000.0):
+    """The result of commands without a law: speed in parts of `full` rad/s."""
+    result = a_result(law=None)
+    powers = {"kt": 2, "kd": 2, "Jr": 1, "kd_over_Izz": 2, "Jr_over_Izz": 1}
+    powers |= {f"kt_{i}": 2 for i in range(1, 5)}
+    changes = {
+        p.name: scaled(p, full ** powers[p.name], effective_unit(p.name, p.unit))
+        for p in (*result.parameters, *result.derived)
+        if p.name in powers
+    }
+    return motors_of(changed(result, **changes), speed="commanded", lag=0.03)
+
+
+def test_commands_without_a_law_need_the_full_speed():
+    with pytest.raises(OutputError, match="there is no law from command to rotor speed"):
+        vehicle_model(in_commands())
+    model = vehicle_model(in_commands(), assumed={"max_speed": 1000.0})
+    np.testing.assert_allclose([r.kt for r in model.rotors], KT_EACH)
+    np.testing.assert_allclose((model.kd, model.Jr), (KD, JR))
+
+
+def test_an_autopilot_needs_only_the_thrust_at_full_command():
+    with pytest.raises(OutputError, match="max_speed"):
+        text_of(in_commands(), "gazebo", assumed={"motor_lag": 0.03})
+    text = text_of(in_commands(), "px4")
+    lines = [line.split("\t") for line in text.splitlines() if not line.startswith("#")]
+    found = {line[2]: float(line[3]) for line in lines}
+    assert found["CA_ROTOR0_CT"] == pytest.approx(KT_EACH[0] * 1000.0**2)
+    assert found["CA_ROTOR0_KM"] == pytest.approx(KD / KT_EACH[0])
+    assert "SIM_GZ_EC_MAX1" not in found
+    sih = text_of(in_commands(), "px4-sih", assumed={"motor_lag": 0.03})
+    assert f"SIH_T_MAX\t{units.text(KT_EACH.mean() * 1e6)}\t" in sih
+
+
+def test_half_of_a_ratio_gives_the_other():
+    lost = changed(a_result(), **YAW_LOST)
+    model = vehicle_model(lost, assumed={"Izz_com": 0.0288 * 1.1})
+    assert model.kd == pytest.approx(1.1 * KD)
+    assert model.inertia_com[2, 2] == pytest.approx(0.0288 * 1.1)
+    other = vehicle_model(lost, assumed={"kd": 0.9 * KD})
+    assert other.inertia_com[2, 2] == pytest.approx(0.9 * 0.0288)
+    assert "kd = 5.621e-08 N m s^2/rad^2 [FROM A RATIO: kd_over_Izz times Izz_com, assumed]" in (
+        text_of(lost, "mujoco", assumed={"Izz_com": 0.0288 * 1.1})
+    )
+
+
+def test_an_inertia_at_the_origin_may_be_assumed():
+    lost = changed(a_result(), **YAW_LOST)
+    at_origin = float((INERTIA_COM + steiner(MASS, COM))[2, 2])
+    model = vehicle_model(lost, assumed={"Izz": at_origin})
+    assert model.inertia_com[2, 2] == pytest.approx(INERTIA_COM[2, 2])
+    assert model.kd == pytest.approx(KD)
+
+
+@pytest.mark.parametrize("target", EVERY)
+def test_every_target_refuses_a_lost_yaw_with_the_flag_that_would_allow_it(target):
+    with pytest.raises(OutputError) as refused:
+        text_of(changed(a_result(), **YAW_LOST), target)
+    words = str(refused.value)
+    assert "kd is ratio-only (known only together with Izz)" in words
+    assert "--assume kd=VALUE" in words
+    assert "kd in N m s^2/rad^2" in words
+    text = text_of(changed(a_result(), **YAW_LOST), target, assumed={"kd": KD})
+    assert "kd = 5.11e-08 N m s^2/rad^2 [ASSUMED]" in text
+
+
+@pytest.mark.parametrize("target", EVERY)
+def test_every_target_refuses_an_izz_that_is_not_identified(target):
+    lost = changed(
+        a_result(), Izz=not_identified(), Izz_com=UNKNOWN, kd_over_Izz=UNKNOWN, Jr_over_Izz=UNKNOWN
+    )
+    with pytest.raises(OutputError) as refused:
+        text_of(lost, target)
+    words = str(refused.value)
+    assert "Izz_com is not-identified (the interval is wider than the value itself)" in words
+    assert "--assume Izz_com=VALUE" in words
+    assert "Izz_com = 0.03 kg m^2 [ASSUMED]" in text_of(lost, target, assumed={"Izz_com": 0.03})
+
+
+@pytest.mark.parametrize("target", EVERY)
+def test_every_target_marks_what_is_weak(target):
+    weak = {"verdict": "weak", "reason": "known only to +-30 %"}
+    text = text_of(changed(a_result(), kd=weak, msx=weak), target)
+    assert "[WEAK: known only to +-30 %]" in text
+    assert "kd = 5.11e-08" in text
+    comx = next(line for line in text.splitlines() if "com_x = " in line)
+    assert "WEAK" in comx
+
+
+def test_a_wide_interval_about_the_com_is_marked_though_the_one_at_the_origin_is_not():
+    wide = changed(a_result(), Ixx_com={"interval": (0.01, 0.03)})
+    assert "[WEAK: known only to +-55 %]" in text_of(wide, "px4")
+
+
+@pytest.mark.parametrize("target", EVERY)
+def test_every_target_says_where_its_numbers_are_from(target):
+    text = text_of(a_result(), target)
+    assert "on 2026-11-21" in text
+    assert "sha256 0123456789ab" in text
+    assert "/home/someone" not in text
+    assert "long.csv" in text
+    assert "kd = 5.11e-08 (5.0588e-08 to 5.1612e-08) N m s^2/rad^2 [identified]" in text
+
+
+def test_rotors_without_a_coefficient_of_their_own_have_the_mean():
+    model = vehicle_model(changed(a_result(), kt_2=not_identified()))
+    assert [r.kt for r in model.rotors] == pytest.approx([KT_EACH[0], KT, *KT_EACH[2:]])
+    assert any("rotors with the mean kt, their own is not known: 2" in n for n in model.notes)
+
+
+def test_an_assumed_coefficient_is_that_of_every_rotor():
+    model = vehicle_model(a_result(), assumed={"kt": 4e-6, "kt_2": 5e-6})
+    assert [r.kt for r in model.rotors] == [4e-6, 5e-6, 4e-6, 4e-6]
+
+
+def test_several_configurations_must_be_told_apart():
+    one, two = a_result(), a_result(configuration="B", com=np.array([0.01, 0.0, 0.0]))
+    both = replace(
+        one,
+        parameters=(*one.parameters, *(p for p in two.parameters if p.configuration == "B")),
+        derived=(*one.derived, *two.derived),
+    )
+    with pytest.raises(OutputError, match="has the configurations A, B; say which to export"):
+        vehicle_model(both)
+    with pytest.raises(OutputError, match="--configuration NAME"):
+        vehicle_model(both, configuration="C")
+    assert vehicle_model(both, configuration="B").com[0] == 0.01
+
+
+def test_another_mass_than_the_results_is_refused():
+    with pytest.raises(OutputError, match=r"mass=2 was assumed, .* made with 1.285 kg"):
+        vehicle_model(a_result(), assumed={"mass": 2.0})
+
+
+def test_inertia_that_no_body_has_is_refused():
+    flat_disc_and_more = np.diag([0.01, 0.01, 0.0201])
+    with pytest.raises(OutputError, match="no body has this inertia about its CoM") as refused:
+        vehicle_model(a_result(inertia_com=flat_disc_and_more))
+    assert "0.01, 0.01, 0.0201 kg m^2 break the triangle inequality" in str(refused.value)
+    assert vehicle_model(a_result(inertia_com=np.diag([0.01, 0.01, 0.02]))).mass == MASS
+
+
+def test_inertia_that_only_its_products_make_impossible_is_refused():
+    tensor = np.diag([0.01, 0.01, 0.015])
+    tensor[0, 2] = tensor[2, 0] = 0.008
+    with pytest.raises(OutputError, match="no body has this inertia"):
+        vehicle_model(a_result(inertia_com=tensor))
+
+
+@pytest.mark.parametrize("name", ["kt", "kd", "kt_3", "Jr"])
+def test_a_coefficient_below_zero_is_refused(name):
+    own = {} if name == "kt_3" else {f"kt_{i}": None for i in range(1, 5)}
+    lost = {name: {"value": -1e-9, "interval": (-2e-9, 1e-9)}}
+    negative = changed(a_result(), **(own | lost))
+    with pytest.raises(OutputError, match=f"{name} is -1e-09 .*, and nature has it above 0"):
+        vehicle_model(negative)
+
+
+def test_a_result_without_its_vehicle_is_refused():
+    with pytest.raises(OutputError, match="settings do not describe its vehicle"):
+        vehicle_model(replace(a_result(), settings={"name": "lost"}))
+
+
+def test_a_missing_lag_says_why_it_is_missing():
+    with pytest.raises(OutputError) as refused:
+        text_of(a_result(law=None), "gazebo")
+    words = str(refused.value)
+    assert "motor_lag is not in the result (measured rotor speed already has it" in words
+    assert "max_speed is not in the result (no law from command to rotor speed" in words
+    assert "--assume motor_lag=VALUE --assume max_speed=VALUE" in words
+
+
+def test_what_is_not_known_is_never_written():
+    with pytest.raises(ValueError, match="not known was to be written"):
+        units.text(float("nan"))
+
+
+@given(st.floats(-1e9, 1e9, allow_nan=False))
+def test_numbers_are_read_back(value):
+    assert float(units.text(value)) == pytest.approx(value, rel=1e-11, abs=0.0)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1))
+def test_rotations_take_z_to_the_axis(direction):
+    axis = np.array(direction) / np.linalg.norm(direction)
+    w, x, y, z = units.quaternion_wxyz(axis)
+    np.testing.assert_allclose(Rotation.from_quat([x, y, z, w]).apply([0, 0, 1]), axis, atol=1e-6)
+    turned = Rotation.from_euler("xyz", units.roll_pitch_yaw(axis)).apply([0, 0, 1])
+    np.testing.assert_allclose(turned, axis, atol=1e-7)
+
+
+def test_an_inertia_in_frd_is_the_turned_one():
+    turn = Rotation.from_euler("x", np.pi).as_matrix()
+    found = units.inertia_frd(INERTIA_COM)
+    np.testing.assert_allclose(found, turn @ INERTIA_COM @ turn.T, atol=1e-15)
+    assert units.elements(found)[3] == -units.elements(INERTIA_COM)[3]
+
+
+@pytest.mark.parametrize("f", [0.0, 0.35, 1.0])
+def test_the_factor_of_the_thrust_curve_is_found(f):
+    curve = thrust_curve(SpeedLaw(curve=SquareRootLaw(900.0, f)))
+    assert curve.factor == pytest.approx(f, abs=1e-9)
+    assert curve.error == pytest.approx(0.0, abs=1e-9)
+    assert f * curve.command(0.4) ** 2 + (1 - f) * curve.command(0.4) == pytest.approx(0.4)
+
+
+def test_the_misfit_of_a_thrust_curve_is_told():
+    curve = thrust_curve(SpeedLaw(curve=PolynomialLaw((300.0, 700.0))))
+    u = np.linspace(0, 1, 501)
+    relative = (0.3 + 0.7 * u) ** 2
+    miss = np.abs(curve.factor * u**2 + (1 - curve.factor) * u - relative).max()
+    assert curve.error == pytest.approx(miss)
+    assert miss > 0.05
+    for other in (curve.factor - 0.01, curve.factor + 0.01):
+        here, there = (
+            ((f * u**2 + (1 - f) * u - relative) ** 2).sum() for f in (curve.factor, other)
+        )
+        assert here <= there or not 0 <= other <= 1
