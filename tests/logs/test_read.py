@@ -45,11 +45,9 @@ def test_options_reach_the_table_reader(tmp_path):
 @pytest.mark.parametrize(
     ("content", "what"),
     [
-        (b"#ROSBAG V2.0\nE\x00\x00\x00", "a ROS 1 bag"),
-        (b"\x89MCAP0\r\n\x01", "an MCAP recording"),
-        (b"SQLite format 3\x00\x10\x00", "an SQLite database, perhaps a ROS 2 bag"),
         (b"PK\x03\x04\x14\x00", "a zip archive: unpack it first"),
         (b"\x1f\x8b\x08\x00", "a gzip archive: unpack it first"),
+        (b"\x28\xb5\x2f\xfd\x04", "a zstd archive: unpack it first"),
         (b"%PDF-1.7\n", "a PDF document"),
         (b"\x89PNG\r\n\x1a\n", "an image"),
         (b"\xff\xd8\xff\xe0", "an image"),

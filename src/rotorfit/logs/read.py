@@ -27,7 +27,8 @@ class ReadOptions:
         Which log of a file with several, from 1; None: the reader's choice.
     columns
         For tables: canonical name to column. For motion capture with several rigid bodies: the
-        name of one under ``position``.
+        name of one under ``position``. For ROS bags: channel to topic, or canonical name to
+        ``TOPIC.path``.
     axes
         For tables: the file's body axes.
     motor_poles
@@ -81,6 +82,8 @@ def read_log(path: Path, *, options: ReadOptions | None = None) -> FlightLog:
     chosen = options or ReadOptions()
     if chosen.format is not None:
         return _format_named(chosen.format).read(path, chosen)
+    if path.is_dir() and _is_rosbag_folder(path):
+        return _read_rosbag(path, chosen)
     head = read_head(path, _HEAD)
     for candidate in FORMATS:
         if candidate.recognises(head):
@@ -170,6 +173,28 @@ def _read_dataflash(path: Path, options: ReadOptions) -> FlightLog:
     if options.log_number not in (None, 1):
         raise LogError(f"{path}: a DataFlash file is one log, there is no log {options.log_number}")
     return read_dataflash(path)
+
+
+def _is_rosbag(head: bytes) -> bool:
+    from rotorfit.logs.rosbag import is_rosbag
+
+    return is_rosbag(head)
+
+
+def _is_rosbag_folder(path: Path) -> bool:
+    from rotorfit.logs.rosbag import is_rosbag_folder
+
+    return is_rosbag_folder(path)
+
+
+def _read_rosbag(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs.rosbag import read_rosbag
+
+    if options.log_number not in (None, 1):
+        raise LogError(f"{path}: a bag is one log, there is no log {options.log_number}")
+    return read_rosbag(
+        path, columns=options.columns, axes=options.axes, motor_poles=options.motor_poles
+    )
 
 
 def _is_mocap(name: str) -> Callable[[bytes], bool]:
@@ -270,6 +295,12 @@ FORMATS: Final = (
         read=_read_dataflash,
     ),
     Format(
+        name="rosbag",
+        title="ROS bags (ROS 1, ROS 2, MCAP)",
+        recognises=_is_rosbag,
+        read=_read_rosbag,
+    ),
+    Format(
         name="qualisys",
         title="Qualisys 6DOF exports (TSV)",
         recognises=_is_mocap("qualisys"),
@@ -297,11 +328,9 @@ FORMATS: Final = (
 """What rotorfit reads, tried in this order. A new format is one row."""
 
 FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
-    ("a ROS 1 bag", _begins(b"#ROSBAG V")),
-    ("an MCAP recording", _begins(b"\x89MCAP0\r\n")),
-    ("an SQLite database, perhaps a ROS 2 bag", _begins(b"SQLite format 3\x00")),
     ("a zip archive: unpack it first", _begins(b"PK\x03\x04", b"PK\x05\x06")),
     ("a gzip archive: unpack it first", _begins(b"\x1f\x8b")),
+    ("a zstd archive: unpack it first", _begins(b"\x28\xb5\x2f\xfd")),
     ("a PDF document", _begins(b"%PDF")),
     ("an image", _begins(b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*")),
     ("a MATLAB file", _begins(b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n")),

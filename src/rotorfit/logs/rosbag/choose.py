@@ -1,0 +1,252 @@
+"""From topics to channels: which topic is taken, and its numbers in SI units and FLU axes."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import Channel
+from rotorfit.logs.axes import Axes, attitude_to_flu, vectors_to_flu
+from rotorfit.logs.rosbag.clocks import Timing
+from rotorfit.logs.rosbag.decode import Recorded
+from rotorfit.logs.rosbag.messages import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
+
+_RPM: Final = 2.0 * np.pi / 60.0
+_PULSE: Final = (1000.0, 2000.0)
+"""Widths that mean stop and full [us]."""
+_PULSE_RANGE: Final = (700.0, 2300.0)
+_FEWEST: Final = 2
+_OFF_LENGTH: Final = 0.05
+_PAIRS: Final = (("gyro", "accel"), ("position", "attitude"))
+_SHOWN: Final = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A topic that can give a channel.
+
+    Attributes
+    ----------
+    topic, kind
+        Its name and type.
+    channel
+        In SI units, FLU axes.
+    detail
+        What was done to its numbers, in words; empty where nothing is to be said.
+    rate
+        Of its samples, whatever is missing [Hz].
+    """
+
+    topic: str
+    kind: str
+    channel: Channel
+    detail: str
+    rate: float
+
+
+def candidates(
+    topics: Sequence[Recorded], clocks: Sequence[Timing], axes: Axes
+) -> dict[str, list[Candidate]]:
+    """Return the topics that can give each channel."""
+    found: dict[str, list[Candidate]] = {}
+    for recorded, timing in zip(topics, clocks, strict=True):
+        kind = MESSAGES.get(recorded.topic.kind)
+        if kind is None:
+            continue
+        for name, quantity in kind.channels.items():
+            own: Axes = "FRD" if kind.frd else axes
+            values, detail = converted(recorded.values[name], quantity.form, own)
+            known = ~np.all(np.isnan(values), axis=1)
+            if values.shape[1] == 0 or np.count_nonzero(known) < _FEWEST:
+                continue
+            candidate = _candidate(recorded, timing, values, known, detail)
+            found.setdefault(name, []).append(candidate)
+    return found
+
+
+def _candidate(
+    recorded: Recorded,
+    timing: Timing,
+    values: Float[np.ndarray, "n k"],
+    known: Bool[np.ndarray, " n"],
+    detail: str,
+) -> Candidate:
+    time = timing.time[known]
+    order = np.argsort(time, kind="stable")
+    span = float(time[order[-1]] - time[order[0]])
+    said = f", {detail}" if detail else ""
+    source = f"{recorded.topic.name} ({recorded.topic.kind}{said})"
+    return Candidate(
+        topic=recorded.topic.name,
+        kind=recorded.topic.kind,
+        channel=Channel(time=time[order], values=values[known][order], source=source),
+        detail=detail,
+        rate=(len(time) - 1) / span if span > 0 else 0.0,
+    )
+
+
+def converted(
+    numbers: Float[np.ndarray, "n k"], form: Form, axes: Axes
+) -> tuple[Float[np.ndarray, "n m"], str]:
+    """Return numbers of a message in SI units and FLU axes, and what is to be said of it."""
+    values = np.where(np.isfinite(numbers), numbers, np.nan)
+    if form in ("vector", "position"):
+        whole = values if values.shape[1] == 3 else np.zeros((0, 3))
+        return vectors_to_flu(whole, axes), _turned(axes)
+    if form in ("xyzw", "wxyz"):
+        whole = values if values.shape[1] == 4 else np.zeros((0, 4))
+        wxyz = np.roll(whole, 1, axis=1) if form == "xyzw" else whole
+        return attitude_to_flu(_unit(wxyz), axes), _turned(axes)
+    if form == "outputs":
+        return _motor_outputs(values)
+    if form == "fraction":
+        return _fractions(values)
+    if form == "rpm":
+        return _until_last_used(np.abs(values) * _RPM), "rpm"
+    if form == "rad/s":
+        return _until_last_used(np.abs(values)), "rad/s"
+    return values[:, :1], ""
+
+
+def _turned(axes: Axes) -> str:
+    return "turned from FRD" if axes == "FRD" else ""
+
+
+def _unit(attitude: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
+    """Return quaternions of length 1; zeros, as of an IMU without orientation, become NaN."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(attitude, axis=1)
+        good = np.abs(length - 1.0) < _OFF_LENGTH
+    return attitude / np.where(good, length, np.nan)[:, None]
+
+
+def _until_last_used(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n m"]:
+    """Return the columns up to the last one that is ever other than zero."""
+    used = np.flatnonzero((np.nan_to_num(values) != 0).any(axis=0))
+    return values[:, : int(used[-1]) + 1 if len(used) else 0]
+
+
+def _fractions(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m"], str]:
+    """Return commands from 0 to 1; motors that are stopped (NaN) command 0."""
+    used = np.flatnonzero(np.isfinite(values).any(axis=0))
+    kept = values[:, : int(used[-1]) + 1 if len(used) else 0]
+    return np.clip(np.nan_to_num(kept), 0.0, 1.0), ""
+
+
+def _motor_outputs(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m"], str]:
+    """Return the outputs that move, as commands: pulses from 1000 to 2000 us, or fractions."""
+    known = np.nan_to_num(values)
+    if len(known) == 0:
+        return known[:, :0], ""
+    moving = np.ptp(known, axis=0) > 0
+    top = known.max(axis=0)
+    pulses = moving & (top > _PULSE_RANGE[0]) & (top < _PULSE_RANGE[1])
+    if pulses.any():
+        low, high = _PULSE
+        which = ", ".join(str(k + 1) for k in np.flatnonzero(pulses))
+        return np.clip((known[:, pulses] - low) / (high - low), 0.0, 1.0), (
+            f"outputs {which}, pulse widths taken from {low:.0f} to {high:.0f} us"
+        )
+    shares = moving & (top <= 1.0)
+    which = ", ".join(str(k + 1) for k in np.flatnonzero(shares))
+    return np.clip(known[:, shares], 0.0, 1.0), f"outputs {which}"
+
+
+def chosen(
+    found: Mapping[str, list[Candidate]], asked: Mapping[str, str]
+) -> tuple[dict[str, Candidate], list[str]]:
+    """Return a topic for each channel, and notes on the others.
+
+    Gyro and accelerometer come from one topic, and so do position and attitude, where one has both.
+
+    Parameters
+    ----------
+    found
+        Candidates by channel.
+    asked
+        Topic by channel, where the user said so.
+
+    Raises
+    ------
+    LogError
+        If a topic that was asked for does not give the channel.
+    """
+    taken: dict[str, Candidate] = {}
+    for name, topic in asked.items():
+        taken[name] = _asked_for(name, topic, found.get(name, []))
+    for pair in _PAIRS:
+        _take_pair(pair, found, taken)
+    for name, options in found.items():
+        if name not in taken and (best := _best(name, options, taken)) is not None:
+            taken[name] = best
+    return taken, [note for name, one in taken.items() if (note := _others(name, one, found[name]))]
+
+
+def _asked_for(name: str, topic: str, options: Iterable[Candidate]) -> Candidate:
+    listed = list(options)
+    for option in listed:
+        if option.topic == topic:
+            return option
+    have = ", ".join(option.topic for option in listed[:_SHOWN]) or "none"
+    raise LogError(f"no topic {topic!r} that gives {name}; those that do: {have}")
+
+
+def _take_pair(
+    pair: tuple[str, str], found: Mapping[str, list[Candidate]], taken: dict[str, Candidate]
+) -> None:
+    """Take both channels of a pair from one topic, unless the user chose for one of them."""
+    a, b = pair
+    if a in taken or b in taken:
+        # The other one of the same topic goes with it.
+        have, lacks = (a, b) if a in taken else (b, a)
+        partner = [c for c in found.get(lacks, []) if c.topic == taken[have].topic]
+        if lacks not in taken and partner:
+            taken[lacks] = partner[0]
+        return
+    second = {option.topic: option for option in found.get(b, [])}
+    both = [option for option in found.get(a, []) if option.topic in second]
+    best = _best(a, both, taken)
+    if best is not None:
+        taken[a], taken[b] = best, second[best.topic]
+
+
+def _best(
+    name: str, options: Sequence[Candidate], taken: Mapping[str, Candidate]
+) -> Candidate | None:
+    """Return the candidate of the best kind, the fastest of these."""
+    if name == "velocity":
+        place = taken.get("position")
+        options = [o for o in options if place is not None and o.topic == place.topic]
+    return max(options, key=lambda o: (_merit(name, o), o.rate), default=None)
+
+
+def _merit(name: str, option: Candidate) -> int:
+    """Return how much better than others the kind of a topic is for a channel."""
+    words = option.topic.lower()
+    merit = -4 if any(word in words for word in AIMS) else 0
+    if name in ("position", "attitude", "velocity"):
+        merit += 2 * any(word in words for word in CAMERAS)
+        merit -= any(word in words for word in ESTIMATES) or "Odometry" in option.kind
+        merit -= 2 * (option.kind == "sensor_msgs/Imu")
+    if name == "command":
+        merit += option.kind in ("px4_msgs/ActuatorMotors", "mavros_msgs/RCOut")
+    return merit
+
+
+def is_aim(option: Candidate) -> bool:
+    """Tell whether a topic's name says that it is a set-point."""
+    return any(word in option.topic.lower() for word in AIMS)
+
+
+def _others(name: str, one: Candidate, options: Sequence[Candidate]) -> str:
+    left = [f"{o.topic} ({o.rate:.0f} Hz)" for o in options if o.topic != one.topic]
+    if not left:
+        return ""
+    shown = ", ".join(left[:_SHOWN]) + (" and more" if len(left) > _SHOWN else "")
+    return (
+        f"{name} is from {one.topic} ({one.rate:.0f} Hz); not used: {shown}; choose with columns = "
+        f'{{ {name} = "TOPIC" }}.'
+    )

@@ -1,0 +1,229 @@
+"""ROS recordings: from the file to a FlightLog."""
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import CHANNELS, Channel, FlightLog
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.columns import ColumnSpec
+from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim
+from rotorfit.logs.rosbag.clocks import Timing, timings
+from rotorfit.logs.rosbag.container import files_of, scan
+from rotorfit.logs.rosbag.decode import Decoder, Recorded
+from rotorfit.logs.rosbag.mapped import mapped_channels, mapped_paths
+from rotorfit.logs.rosbag.messages import MESSAGES, NOT_MOTORS, STAMPS
+from rotorfit.logs.rosbag.stream import Tally, Topic
+
+_SHOWN: Final = 20
+_MOST_TOPICS_READ: Final = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Contents:
+    """What the files of a recording hold."""
+
+    topics: list[Recorded]
+    others: list[Topic]
+    damage: dict[str, int] = field(default_factory=dict[str, int])
+
+
+def read_rosbag(
+    path: Path,
+    *,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    axes: Axes = "FLU",
+    motor_poles: int | None = None,
+) -> FlightLog:
+    """Read a ROS 1 bag, a ROS 2 bag (SQLite or MCAP, file or folder) or another MCAP of ROS.
+
+    Parameters
+    ----------
+    path
+        The file, or the folder that ``ros2 bag record`` made.
+    columns
+        Name of a channel to a topic, to choose among several; or canonical name of a column (as of
+        flight tables) to ``TOPIC.path.to.number``, for messages that rotorfit does not know.
+    axes
+        Of ROS messages, which are FLU with a world of z up by convention (REP 103). Those of PX4
+        are FRD and north-east-down always.
+    motor_poles
+        For rotor speeds in ``erpm`` of a map.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read, has no message that is known, or lacks what the map names.
+    """
+    specs = dict(columns or {})
+    # The battery is a channel and a column of that name: a path to a number has a dot.
+    mapped = {n: s for n, s in specs.items() if n not in CHANNELS or "." in s.name}
+    asked = {name: spec.name for name, spec in specs.items() if name not in mapped}
+    try:
+        files = files_of(path)
+        contents = _contents(files, mapped)
+        log = _log(path, files, contents, asked, mapped, axes, motor_poles)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error.__cause__
+    except (MemoryError, RecursionError) as error:
+        raise LogError(
+            f"{path}: needs more memory than there is ({type(error).__name__}): damaged, or record "
+            "the sensors only"
+        ) from error
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
+    return log
+
+
+def _contents(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> _Contents:
+    """Return the numbers of the topics that are known or named, one pass through every file."""
+    decoders: dict[tuple[str, str], Decoder] = {}
+    others: dict[tuple[str, str], Topic] = {}
+    damage: dict[str, int] = {}
+
+    def wanted(topic: Topic) -> bool:
+        key = (topic.name, topic.kind)
+        if key in decoders:
+            return True
+        quantities = _quantities(topic, mapped)
+        if not quantities or topic.encoding is None or len(decoders) >= _MOST_TOPICS_READ:
+            others[key] = topic
+            return False
+        decoders[key] = Decoder(topic, quantities, STAMPS)
+        return True
+
+    for file in files:
+        tally = Tally(file_size=file.stat().st_size)
+        for topic, received, data in scan(file, wanted, tally):
+            decoders[(topic.name, topic.kind)].add(received, data)
+        for what, count in tally.damage.items():
+            damage[what] = damage.get(what, 0) + count
+    recorded = [decoder.finish() for decoder in decoders.values()]
+    return _Contents(topics=recorded, others=list(others.values()), damage=damage)
+
+
+def _quantities(topic: Topic, mapped: Mapping[str, ColumnSpec]) -> dict[str, tuple[str, ...]]:
+    """Return what is wanted of a topic's messages."""
+    kind = MESSAGES.get(topic.kind)
+    known = {} if kind is None else {name: q.paths for name, q in kind.channels.items()}
+    return {**known, **mapped_paths(topic.name, mapped)}
+
+
+def _log(
+    path: Path,
+    files: Sequence[Path],
+    contents: _Contents,
+    asked: Mapping[str, str],
+    mapped: Mapping[str, ColumnSpec],
+    axes: Axes,
+    motor_poles: int | None,
+) -> FlightLog:
+    topics = [recorded for recorded in contents.topics if len(recorded.received)]
+    start = min((int(recorded.received.min()) for recorded in topics), default=0)
+    clocks = timings(topics, start)
+    found = candidates(topics, clocks, axes)
+    taken, notes = chosen(found, asked)
+    channels = {name: one.channel for name, one in taken.items()}
+    channels |= mapped_channels(topics, clocks, mapped, axes=axes, motor_poles=motor_poles)
+    if not channels:
+        raise LogError(_nothing(contents))
+    used = {one.topic for one in taken.values()}
+    return FlightLog(
+        path=path,
+        sha256=_sha256(files),
+        format="rosbag",
+        channels={name: channels[name] for name in CHANNELS if name in channels},
+        seconds=_seconds(channels.values()),
+        metadata=_metadata(contents, start),
+        notes=(*notes, *_clock_notes(topics, clocks, used), *_left_out(contents)),
+        warnings=(*_damage(contents), *_aims(taken)),
+    )
+
+
+def _seconds(channels: Iterable[Channel]) -> float:
+    times = [channel.time for channel in channels if len(channel.time)]
+    return float(max(t[-1] for t in times) - min(t[0] for t in times))
+
+
+def _nothing(contents: _Contents) -> str:
+    """Return the message for a recording without anything that is known."""
+    names = [f"{t.name} ({t.kind})" for t in contents.others]
+    empty = [f"{r.topic.name} ({_state(r)})" for r in contents.topics]
+    listed = ", ".join([*empty, *names][:_SHOWN]) or "none"
+    more = len(names) + len(empty) - _SHOWN
+    damage = "; ".join(_damage(contents))
+    return (
+        f"no message that rotorfit knows; topics: {listed}{f' and {more} more' if more > 0 else ''}"
+        f"{f'; {damage}' if damage else ''}: record sensor_msgs/Imu and the motors (ESC telemetry "
+        "or outputs), or name numbers with a columns map, as columns = "
+        '{ gyro_x = "/TOPIC.path.x", ... }'
+    )
+
+
+def _state(recorded: Recorded) -> str:
+    count, why = recorded.unreadable
+    return f"{count} messages unreadable: {why}" if count else f"{len(recorded.received)} messages"
+
+
+def _metadata(contents: _Contents, start: int) -> dict[str, str]:
+    known = [f"{r.topic.name} ({r.topic.kind}) {len(r.received)}" for r in contents.topics]
+    begin = start if start < 2**62 else 0
+    return {
+        "started": datetime.fromtimestamp(begin / 1e9, UTC).isoformat(timespec="milliseconds"),
+        "topics read": ", ".join(known[:_SHOWN]),
+        "other topics": ", ".join(f"{t.name} ({t.kind})" for t in contents.others[:_SHOWN]),
+    }
+
+
+def _clock_notes(topics: Sequence[Recorded], clocks: Sequence[Timing], used: set[str]) -> list[str]:
+    """Return which clock each used topic is on, the same words together."""
+    words: dict[str, list[str]] = {}
+    for recorded, timing in zip(topics, clocks, strict=True):
+        if recorded.topic.name in used:
+            words.setdefault(timing.why, []).append(recorded.topic.name)
+    return [f"Time of {', '.join(names)}: {why}." for why, names in words.items()]
+
+
+def _left_out(contents: _Contents) -> list[str]:
+    notes = [
+        f"Left out {topic.name} ({topic.kind}): {why}."
+        for topic in contents.others
+        if (why := NOT_MOTORS.get(topic.kind))
+    ]
+    coded = [t.name for t in contents.others if t.encoding is None]
+    if coded:
+        notes.append(f"Left out {', '.join(coded[:_SHOWN])}: neither CDR nor ROS 1 messages.")
+    return notes[:_SHOWN]
+
+
+def _damage(contents: _Contents) -> list[str]:
+    words = [f"{what} ({count} times)" for what, count in contents.damage.items()]
+    for recorded in contents.topics:
+        count, why = recorded.unreadable
+        if count:
+            words.append(f"{count} messages of {recorded.topic.name} are left out: {why}")
+    return words
+
+
+def _aims(taken: Mapping[str, Candidate]) -> list[str]:
+    speed = taken.get("rotor_speed")
+    if speed is None or not is_aim(speed):
+        return []
+    return [
+        f"rotor speeds of {speed.topic} are what was asked for, not what was measured: the lag of "
+        "the motors is missing in them; record the measured speeds"
+    ]
+
+
+def _sha256(files: Sequence[Path]) -> str:
+    """Return the SHA-256 of the files one after the other."""
+    digest = hashlib.sha256()
+    for file in files:
+        with file.open("rb") as opened:
+            while block := opened.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
