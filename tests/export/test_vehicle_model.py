@@ -36,9 +36,11 @@ from rotorfit.errors import OutputError
 from rotorfit.export import units
 from rotorfit.export.motor_law import thrust_curve
 from rotorfit.export.targets import TARGETS
-from rotorfit.export.vehicle_model import inertia_at_origin, vehicle_model
+from rotorfit.export.vehicle import inertia_at_origin
+from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.identification.commanded import effective_unit
+from rotorfit.model.parameters import INERTIA
 
 EVERY = sorted(TARGETS)
 
@@ -328,6 +330,60 @@ def test_inertia_that_only_its_products_make_impossible_is_refused():
     tensor[0, 2] = tensor[2, 0] = 0.008
     with pytest.raises(OutputError, match="no body has this inertia"):
         vehicle_model(a_result(inertia_com=tensor))
+
+
+def impossible():
+    """A flat body whose Izz came out 4 % too large, with a covariance of its nine moments."""
+    result = a_result(inertia_com=np.diag([0.0182, 0.0196, 0.0393]))
+    names = ("msx", "msy", "msz", *INERTIA)
+    std = np.array([1e-4] * 3 + [2e-4, 2e-4, 1.5e-3, 1e-4, 1e-4, 1e-4])
+    return replace(
+        result, covariance_names=tuple(f"{n}@A" for n in names), covariance=np.diag(std**2)
+    )
+
+
+def test_impossible_inertia_is_projected_on_request_and_the_distance_is_told():
+    pytest.importorskip("clarabel", reason="clarabel is not installed")
+    with pytest.raises(OutputError, match="--project"):
+        vehicle_model(impossible())
+    model = vehicle_model(impossible(), project=True)
+    moments = np.linalg.eigvalsh(model.inertia_com)
+    assert 0.0 <= moments[0] + moments[1] - moments[2] < 1e-6
+    # Nearest by the covariance: the one that is known least moves most, and all but alone.
+    Ixx, Iyy, Izz = np.diag(model.inertia_com)
+    excess = 0.0393 - 0.0182 - 0.0196
+    assert 0.0393 - Izz == pytest.approx(excess * 1.5**2 / (1.5**2 + 2 * 0.2**2), rel=0.01)
+    assert Ixx - 0.0182 == pytest.approx(Iyy - 0.0196, rel=0.02)
+    distance = excess / np.sqrt(1.5e-3**2 + 2 * 2e-4**2)
+    note = next(n for n in model.notes if "PROJECTED" in n)
+    assert f"{distance:.2g} standard deviations from the estimate" in note
+    text = text_of(impossible(), "urdf", project=True)
+    assert "kg m^2 [WEAK: projected from 0.0393]" in text
+    assert "PROJECTED to the nearest that a body can have" in text
+
+
+def test_a_possible_inertia_is_left_alone_by_the_projection():
+    np.testing.assert_array_equal(vehicle_model(a_result(), project=True).inertia_com, INERTIA_COM)
+
+
+def test_what_was_assumed_is_not_projected():
+    with pytest.raises(OutputError, match="but Izz_com is not from them"):
+        vehicle_model(impossible(), assumed={"Izz_com": 0.05}, project=True)
+
+
+def test_lags_of_rising_and_falling_speed_are_each_written():
+    result = with_numbers(
+        a_result(), parameter("motor_lag_up", 0.03), parameter("motor_lag_down", 0.06)
+    )
+    model = vehicle_model(result)
+    assert (model.lag_up, model.lag_down) == (0.03, 0.06)
+    only = changed(result, motor_lag=None)
+    assert "<timeConstantDown>0.06</timeConstantDown>" in text_of(only, "gazebo-motors")
+    lost = changed(only, motor_lag_down=not_identified())
+    with pytest.raises(OutputError, match="--assume motor_lag_down=VALUE"):
+        text_of(lost, "gazebo-motors")
+    one = vehicle_model(result, assumed={"motor_lag": 0.04})
+    assert (one.lag_up, one.lag_down) == (0.04, 0.04)
 
 
 @pytest.mark.parametrize("name", ["kt", "kd", "kt_3", "Jr"])

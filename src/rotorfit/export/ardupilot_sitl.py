@@ -17,7 +17,7 @@ from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.motor_law import thrust_curve
 from rotorfit.export.px4 import hover_thrust
 from rotorfit.export.units import frd, text
-from rotorfit.export.vehicle_model import BODY, ROTORS, VehicleModel
+from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
 from rotorfit.model.layouts import layout_rotors
 
 NEEDS = (*BODY, *ROTORS)

@@ -20,14 +20,11 @@ MAY_BE_ASSUMED: Final = (
     *(name for name in INERTIA if name not in POSITIVE),
     *(f"{name}_com" for name in INERTIA if f"{name}_com" not in POSITIVE),
 )
-_EXTRA_UNITS: Final = {"max_speed": "rad/s", "motor_lag_up": "s", "motor_lag_down": "s"}
 
 
 def unit_of(name: str) -> str:
     """Return the SI unit of a number by its name."""
-    if name in _EXTRA_UNITS:
-        return _EXTRA_UNITS[name]
-    return (PARAMETERS | DERIVED)[name].unit
+    return "rad/s" if name == "max_speed" else (PARAMETERS | DERIVED)[name].unit
 
 
 def per_kilogram(info: ParameterInfo, like: str) -> str:

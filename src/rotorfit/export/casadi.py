@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.units import text
-from rotorfit.export.vehicle_model import BODY, LAG, ROTORS, VehicleModel, refuse_no_lag
+from rotorfit.export.vehicle import BODY, LAG, ROTORS, VehicleModel, refuse_no_lag
 from rotorfit.flight.airborne import GRAVITY
 
 NEEDS = (*BODY, *ROTORS, *LAG)

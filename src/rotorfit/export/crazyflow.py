@@ -13,7 +13,7 @@ import numpy as np
 from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, identifier, noted
 from rotorfit.export.units import per_squared_rpm, text
-from rotorfit.export.vehicle_model import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 

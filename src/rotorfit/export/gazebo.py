@@ -17,13 +17,13 @@ from rotorfit.errors import OutputError
 from rotorfit.export.gazebo_motors import NEEDS as MOTOR_NEEDS
 from rotorfit.export.gazebo_motors import SLOWDOWN, motor_plugins
 from rotorfit.export.header import identifier, noted, xml_comment
+from rotorfit.export.possible import second_moments
 from rotorfit.export.units import elements, roll_pitch_yaw, text, texts
-from rotorfit.export.vehicle_model import (
+from rotorfit.export.vehicle import (
     BODY,
     ExportedRotor,
     VehicleModel,
     inertia_at_origin,
-    second_moments,
 )
 
 NEEDS = (*BODY, *MOTOR_NEEDS)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from rotorfit.export.header import noted, xml_comment
 from rotorfit.export.units import text
-from rotorfit.export.vehicle_model import LAG, ROTORS, SPEED, ExportedRotor, VehicleModel
+from rotorfit.export.vehicle import LAG, ROTORS, SPEED, ExportedRotor, VehicleModel
 
 NEEDS = (*ROTORS, *LAG, *SPEED)
 SLOWDOWN = 10.0

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import rotorfit
 from rotorfit.export.numbers import Number
-from rotorfit.export.vehicle_model import VehicleModel
+from rotorfit.export.vehicle import VehicleModel
 from rotorfit.identification.result import FlightRecord, IdentificationResult
 
 ORIGINS = {

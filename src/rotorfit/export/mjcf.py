@@ -13,7 +13,7 @@ import numpy as np
 
 from rotorfit.export.header import identifier, noted, xml_comment
 from rotorfit.export.units import elements, quaternion_wxyz, text, texts
-from rotorfit.export.vehicle_model import BODY, LAG, ROTORS, SPEED, ExportedRotor, VehicleModel
+from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, ExportedRotor, VehicleModel
 from rotorfit.flight.airborne import GRAVITY
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)

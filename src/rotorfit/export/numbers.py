@@ -31,6 +31,8 @@ COM: Final = ("com_x", "com_y", "com_z")
 INERTIA_COM: Final = tuple(f"{name}_com" for name in INERTIA)
 DIAGONAL: Final = INERTIA_COM[:3]
 ROTOR_KT: Final = tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))
+REPLACED: Final = {"kt": ROTOR_KT, "motor_lag": ("motor_lag_up", "motor_lag_down")}
+"""What an assumed number is for all of: their own are about the one it replaces."""
 RATIOS: Final = {"kd": "kd_over_Izz", "Jr": "Jr_over_Izz"}
 """What the yaw equation gives even where the number alone is lost."""
 MAY_BE_REMOVED: Final = (*COM, *INERTIA_COM[3:], "Jr")
@@ -105,8 +107,9 @@ def numbers_of(
     }
     if full_speed is not None:
         found["max_speed"] = full_speed
-    if "kt" in assumed:  # one for all rotors: their own are about the one it replaces
-        found = {name: number for name, number in found.items() if name not in ROTOR_KT}
+    for name, parts in REPLACED.items():
+        if name in assumed:
+            found = {key: number for key, number in found.items() if key not in parts}
     found |= {name: _assumed(name, value) for name, value in assumed.items()}
     found = {name: _in_si(number, found, result) for name, number in found.items()}
     return _with_ratios(_with_assumed_origin(found, assumed))

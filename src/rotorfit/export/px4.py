@@ -17,7 +17,7 @@ from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.motor_law import ThrustCurve, speeds, thrust_curve
 from rotorfit.export.units import frd, text
-from rotorfit.export.vehicle_model import COM, ROTORS, VehicleModel
+from rotorfit.export.vehicle import COM, ROTORS, VehicleModel
 from rotorfit.flight.airborne import GRAVITY
 
 NEEDS = ("mass", *COM, *ROTORS)

@@ -16,7 +16,7 @@ from rotorfit.errors import OutputError
 from rotorfit.export.header import noted
 from rotorfit.export.px4 import FLOAT, HOVER_RANGE, INTEGER, Parameter, hover_thrust, params_file
 from rotorfit.export.units import elements, inertia_frd
-from rotorfit.export.vehicle_model import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0))

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.units import elements, text
-from rotorfit.export.vehicle_model import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 NOT_IDENTIFIED = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_std")

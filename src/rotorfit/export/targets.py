@@ -18,7 +18,8 @@ from rotorfit.export import (
     urdf,
 )
 from rotorfit.export.header import header_lines
-from rotorfit.export.vehicle_model import Speed, VehicleModel, vehicle_model
+from rotorfit.export.vehicle import Speed, VehicleModel
+from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.identification.result import IdentificationResult
 
 Writer = Callable[[VehicleModel, Sequence[str]], str]

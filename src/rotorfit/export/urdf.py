@@ -14,7 +14,7 @@ import numpy as np
 
 from rotorfit.export.header import identifier, noted, xml_comment
 from rotorfit.export.units import elements, per_squared_rpm, roll_pitch_yaw, text, texts
-from rotorfit.export.vehicle_model import BODY, ROTORS, ExportedRotor, VehicleModel
+from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, VehicleModel
 from rotorfit.flight.airborne import GRAVITY
 
 NEEDS = (*BODY, *ROTORS)

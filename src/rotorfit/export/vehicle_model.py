@@ -1,4 +1,4 @@
-"""The vehicle that every target writes: checked once, SI units, body axes FLU.
+"""From a result to the vehicle that every target writes, checked once.
 
 A number that the flights do not give is refused, or taken from the user and marked so; inertia that
 no body has is refused. What no target asked for and is not known is NaN, which `units.text` never
@@ -6,11 +6,9 @@ writes.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.export.assumptions import unit_of
@@ -24,117 +22,14 @@ from rotorfit.export.numbers import (
     Number,
     numbers_of,
 )
-from rotorfit.flight.airborne import GRAVITY
+from rotorfit.export.possible import impossible_words, is_possible, projected, refuse_signs
+from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.identification.experiment import Experiment, experiment_of_settings, vehicle_of
 from rotorfit.identification.law_entry import speed_law_of
 from rotorfit.identification.result import IdentificationResult
-from rotorfit.model.parameters import inertia_about, inertia_matrix
+from rotorfit.model.parameters import inertia_matrix
 from rotorfit.model.vehicle import Vehicle
-
-BODY: Final = ("mass", *COM, *INERTIA_COM)
-ROTORS: Final = ("kt", "kd", "Izz_com")
-"""The scale of kd hangs on that of Izz, its partner in the yaw equation: both or neither."""
-Speed = Literal["rad/s", "full-command"]
-LAG: Final = ("motor_lag",)
-SPEED: Final = ("max_speed",)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedRotor:
-    """One rotor, in the order of the log's motors.
-
-    Attributes
-    ----------
-    position
-        From the origin, FLU [m].
-    axis
-        Unit vector of the thrust, FLU.
-    spin
-        +1 for counter-clockwise seen from above, -1 for clockwise.
-    kt
-        Thrust over speed squared, its own where it is known [N s^2/rad^2].
-    """
-
-    position: Float[np.ndarray, " 3"]
-    axis: Float[np.ndarray, " 3"]
-    spin: float
-    kt: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleModel:
-    """One configuration, ready to be written.
-
-    Attributes
-    ----------
-    name, configuration
-        Of the result.
-    mass
-        [kg]
-    com
-        From the origin, FLU [m].
-    inertia_com
-        About the CoM, FLU [kg m^2].
-    rotors
-        With positions from the same origin.
-    kd
-        Drag torque over speed squared [N m s^2/rad^2].
-    Jr
-        Spin inertia of a rotor [kg m^2]; None where it is not known.
-    lag_up, lag_down
-        Time constants of the motors [s]; NaN where not asked for and not known.
-    max_speed
-        Of a rotor [rad/s]; NaN where not asked for and not known. 1 with `in_commands`.
-    in_commands
-        Whether kt, kd and Jr are per (squared) command, so that kt is the thrust at full command.
-    law
-        From command to speed; None where there is none.
-    imu
-        Of the accelerometer from the origin, FLU [m].
-    numbers
-        All of the above as they are known, for the head of the file.
-    notes
-        What a reader of the file has to know beyond them.
-    """
-
-    name: str
-    configuration: str
-    mass: float
-    com: Float[np.ndarray, " 3"]
-    inertia_com: Float[np.ndarray, "3 3"]
-    rotors: tuple[ExportedRotor, ...]
-    kd: float
-    Jr: float | None
-    lag_up: float
-    lag_down: float
-    max_speed: float
-    in_commands: bool
-    law: SpeedLaw | None
-    imu: Float[np.ndarray, " 3"]
-    numbers: tuple[Number, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def kt(self) -> float:
-        """Mean of the rotors' thrust coefficients [N s^2/rad^2]."""
-        return float(np.mean([rotor.kt for rotor in self.rotors]))
-
-    @property
-    def arms(self) -> Float[np.ndarray, "N 3"]:
-        """Rotor positions from the CoM, FLU [m]."""
-        return np.array([rotor.position - self.com for rotor in self.rotors])
-
-    @property
-    def vertical(self) -> bool:
-        """Whether all thrust is along z."""
-        return all(float(rotor.axis[2]) == 1.0 for rotor in self.rotors)
-
-    @property
-    def hover_speed(self) -> float:
-        """Rotor speed, equal for all, whose thrust along z is the weight [rad/s]."""
-        lift = sum(rotor.kt * float(rotor.axis[2]) for rotor in self.rotors)
-        return float(np.sqrt(self.mass * GRAVITY / lift))
 
 
 def vehicle_model(
@@ -180,7 +75,12 @@ def vehicle_model(
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     _refuse_missing(numbers, _needed(needs, numbers, vehicle))
     model = _assembled(result, owner, numbers=numbers, vehicle=vehicle, law=law)
-    return _physical(model, project=project)
+    refuse_signs(model)
+    if is_possible(model):
+        return model
+    if not project:
+        raise OutputError(impossible_words(model))
+    return projected(model, result)
 
 
 def _full_speed(experiment: Experiment, law: SpeedLaw | None, speed: Speed) -> Number | None:
@@ -244,6 +144,7 @@ def _needed(
         needed += [name for name in ("rotor_center_x", "rotor_center_y") if name in numbers]
     if "motor_lag" in needed and {"motor_lag_up", "motor_lag_down"} <= numbers.keys():
         needed.remove("motor_lag")
+        needed += ["motor_lag_up", "motor_lag_down"]
     return needed
 
 
@@ -366,77 +267,3 @@ def _notes(
     if law is not None and law.voltage is not None:
         notes.append(f"max_speed holds at {law.voltage.nominal:g} V")
     return tuple(notes)
-
-
-def second_moments(inertia_com: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
-    r"""Return the integral of r r^T over the mass: tr(I)/2 - I.
-
-    A body with that inertia exists if and only if it has no negative eigenvalue, which holds the
-    triangle inequality of the principal moments (Wensing, Kim and Slotine, RA-L 3(1), 2018).
-    """
-    return 0.5 * float(np.trace(inertia_com)) * np.eye(3) - inertia_com
-
-
-def _physical(model: VehicleModel, *, project: bool) -> VehicleModel:
-    """Return the model if a body can have it, else refuse it or put the nearest in its place."""
-    _refuse_signs(model)
-    if not np.isfinite(model.inertia_com).all():
-        return model
-    size = float(np.abs(model.inertia_com).max())
-    smallest = float(np.linalg.eigvalsh(second_moments(model.inertia_com))[0])
-    if smallest >= -1e-9 * size:
-        return model
-    if project:
-        return _projected(model)
-    moments = np.linalg.eigvalsh(model.inertia_com)
-    raise OutputError(
-        "no body has this inertia about its CoM: the principal moments "
-        f"{', '.join(f'{m:.4g}' for m in moments)} kg m^2 break the triangle inequality (each is "
-        "at most the sum of the others); fly what the report advises, pass --assume Izz_com=VALUE, "
-        "or --project to export the nearest inertia that a body can have"
-    )
-
-
-def _refuse_signs(model: VehicleModel) -> None:
-    """Raise if a coefficient that is above zero in nature is not."""
-    named = [
-        ("mass", model.mass),
-        ("kt", model.kt),
-        ("kd", model.kd),
-        ("max_speed", model.max_speed),
-    ]
-    named += [(f"kt_{i + 1}", rotor.kt) for i, rotor in enumerate(model.rotors)]
-    named += [("Jr", 1.0 if model.Jr is None else model.Jr)]
-    for name, value in named:
-        if value <= 0.0:
-            raise OutputError(
-                f"{name} is {value:.3g} {unit_of(name)}, and nature has it above 0; check spins "
-                f"and axes, fly what the report advises, or pass --assume {name}=VALUE"
-            )
-
-
-def _projected(model: VehicleModel) -> VehicleModel:
-    """Return the model with the nearest inertia that a body can have, the distance said."""
-    raise OutputError("--project is not available in this version; pass --assume Izz_com=VALUE")
-
-
-def inertia_at_origin(model: VehicleModel) -> Float[np.ndarray, "3 3"]:
-    """Return the inertia at the origin (parallel axes), FLU [kg m^2]."""
-    elements = np.array([model.inertia_com[i, j] for i, j in _PLACES])
-    return inertia_matrix(inertia_about(elements, model.mass, model.com))
-
-
-_PLACES: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-
-
-def refuse_no_lag(model: VehicleModel, target: str) -> None:
-    """Raise if the motors have no lag in a target that divides by it."""
-    if model.lag_up <= 0.0 or model.lag_down <= 0.0:
-        raise OutputError(
-            f"the motors' lag is 0, and {target} divides by it; pass --assume motor_lag=VALUE (s)"
-        )
-
-
-def with_note(model: VehicleModel, note: str) -> VehicleModel:
-    """Return the model with one more remark for the reader of the file."""
-    return replace(model, notes=(*model.notes, note))
