@@ -20,7 +20,8 @@ _STEADY: Final = 1.0
 """Spread of the delay of a clock that only began elsewhere [s]."""
 _ONE_SOURCE: Final = 0.25
 """Offsets closer than this belong to one clock [s]."""
-_BACKWARDS: Final = 0.01
+_BACKWARDS: Final = 0.1
+"""Share of stamps before the one received before: messages overtake each other, now and then."""
 _REPEATED: Final = 0.2
 
 

@@ -38,11 +38,14 @@ def scan_ros1(file: BinaryIO, wanted: Wanted, tally: Tally) -> Messages:
     while size := file.read(4):
         header = file.read(min(int.from_bytes(size, "little"), _LARGEST_HEADER))
         length = int.from_bytes(file.read(4), "little")
-        left = tally.file_size - file.tell()
-        if len(header) < int.from_bytes(size, "little") or length > min(left, _LARGEST_RECORD):
+        fields = _fields(header)
+        if len(header) < int.from_bytes(size, "little") or length > _LARGEST_RECORD:
             tally.passed_over("the end is cut off")
             return
-        fields = _fields(header)
+        if length > tally.file_size - file.tell():
+            tally.passed_over("the end is cut off")
+            if fields is None or fields.get(b"compression") != b"none":
+                return
         if fields is None or _opcode(fields) not in (_MESSAGE, _CHUNK, _CONNECTION):
             file.seek(length, 1)
             continue
