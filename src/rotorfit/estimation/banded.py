@@ -33,6 +33,13 @@ RELATIVE_FLOOR = 1e-9
 may be exact, and without a floor its likelihood is a valley that the iteration crawls along."""
 
 
+MOST_NOISE = 0.7
+"""Share of the regressors' noise in the information on a direction, over which the correction for
+it is larger than what it corrects: nothing is known there."""
+UNKNOWN = 1e4
+"""Factor on the deviation of such a direction."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandedProblem:
     """What the estimator is handed; it knows of no drone.
@@ -300,15 +307,29 @@ def _corrected(problem: BandedProblem, state: _State) -> _State:
         return state
     for _ in range(MOST_ITERATIONS):
         taken, scores, plain = _corrected_equations(problem, state)
-        H = plain - taken
-        scale = np.sqrt(np.diagonal(H))
-        inverse = scipy.linalg.inv(H / np.outer(scale, scale)) / np.outer(scale, scale)
-        step: Float[np.ndarray, " f"] = inverse @ scores.sum(axis=0)
+        step = _corrected_step(plain, taken, scores.sum(axis=0))
+        std = np.sqrt(np.diagonal(plain)) ** -1.0
         state = _evaluate(problem, state.phi + step)
-        std = np.sqrt(np.diagonal(inverse))
         if np.all(np.abs(step) <= SMALLEST_STEP * std):
             break
     return state
+
+
+def _corrected_step(
+    plain: Float[np.ndarray, "f f"], taken: Float[np.ndarray, "f f"], score: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " f"]:
+    """Return (plain - taken)^-1 score, at rest where the information is mostly noise."""
+    scale = 1.0 / np.sqrt(np.diagonal(plain))
+    try:
+        root = scipy.linalg.inv(np.linalg.cholesky(plain * np.outer(scale, scale))).T
+    except np.linalg.LinAlgError as error:
+        raise EstimationError(
+            "the flights leave a combination of parameters open; remove a term, or fly more motion"
+        ) from error
+    root = scale[:, None] * root
+    share, V = np.linalg.eigh(root.T @ taken @ root)
+    gain = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), 0.0)
+    return root @ (V @ (gain * (V.T @ (root.T @ score))))
 
 
 def _corrected_equations(
@@ -344,7 +365,9 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
     # From the rows, not from their squares: what only a prior determines would drown beside
     # what exact flights do.
     root = svd.inverse_root
-    kept = scipy.linalg.inv(np.eye(len(root)) - root.T @ taken @ root)
+    share, V = np.linalg.eigh(root.T @ taken @ root)
+    widening = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), UNKNOWN)
+    kept = (V * widening) @ V.T
     inverse = root @ kept @ root.T
     covariance = root @ (kept @ kept.T) @ root.T
     noisy = list(problem.noisy)

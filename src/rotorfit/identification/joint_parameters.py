@@ -187,7 +187,7 @@ def _with_systematic(
         if rho is not None:
             c = by_name[owner] if owner else configurations[0]
             scale = number_scale(numbers, name, mass=c.mass, arm=c.vehicle.arm)
-            parts.append(attenuation_allowance(AXIS_OF[base], max(value, scale), rho))
+            parts.append(attenuation_allowance(base, max(value, scale), rho))
         if (PARAMETERS | DERIVED)[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)

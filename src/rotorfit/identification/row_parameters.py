@@ -187,8 +187,8 @@ def _systematic(
             known = dict(zip(names, values.tolist(), strict=True))
             scale = number_scale(name, known, mass=mass[0], arm=vehicle.arm)
             size = max(abs(float(values[i])), scale)
-            axis = AXIS_OF[name]
-            parts.append(attenuation_allowance(axis, size, fits.excitation[axis]))
+            rho = fits.excitation[AXIS_OF[name]]
+            parts.append(attenuation_allowance(name, size, rho))
         if name == "kt" or name.startswith(("I", "ms")):
             parts.append(weighed * abs(float(values[i])))
         if name in ("com_z", "msz"):
