@@ -12,6 +12,7 @@ import scipy.linalg
 from jaxtyping import Bool, Float
 
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
+from rotorfit.estimation.reweighted import scatter_covariance
 
 UNDETERMINED = 1e-10
 """Eigenvalue of the unit-diagonal information under which a direction counts as lost."""
@@ -49,12 +50,22 @@ def left_out(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
     whole = normal_equations(fit, np.ones_like(blocks))
     rest = normal_equations(fit, ~blocks)
     inverse, inverse_rest = _inverse(whole.information), _inverse(rest.information)
-    influence = rest.scores @ inverse_rest - whole.scores @ inverse
+    influence = (rest.scores @ inverse_rest - whole.scores @ inverse)[:-1]
     formal = inverse_rest - inverse
     return Shift(
         values=rest.scores.sum(axis=0) @ inverse_rest,
-        covariance=_at_least(influence.T @ influence, formal),
+        covariance=_at_least(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal),
     )
+
+
+def _scatter(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
+    """Return the covariance that the scatter within a group of blocks makes (jackknife).
+
+    About their mean: what the two groups differ by is the shift, not chance.
+    """
+    if len(influence) < 2:
+        return influence.T @ influence
+    return scatter_covariance(influence)
 
 
 def _inverse(H: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:

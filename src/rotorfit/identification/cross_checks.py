@@ -22,6 +22,8 @@ UNLIKELY = 1e-4
 LEAST_YAW_SHIFT = 0.1
 """The yaw response with and without the means may differ by this share: what tilted motors make
 goes with thrust, and is not in the mean alone."""
+LEAST_TRIM = 0.03
+"""The same for the difference between ccw and cw rotors: drag of unequal propellers makes 0.01."""
 LEAST_THRUST_ERROR = 0.01
 """Thrust that misses the weight by less than this share is not worth words: so much do tilt, wind
 and a propeller's inflow make."""
@@ -89,40 +91,71 @@ def without_mean(fit: BandedEstimate, numbers: Numbers) -> tuple[str | None, dic
     )
 
 
-def steady_yaw_torque(joint: Sequence[JointConfiguration]) -> tuple[str | None, dict[str, float]]:
-    """Return whether yaw answers the rotors otherwise in the mean than about it.
+def steady_yaw_torque(
+    configurations: Sequence[Configured],
+    joint: Sequence[JointConfiguration],
+    numbers: Numbers,
+) -> tuple[str | None, dict[str, float]]:
+    """Return whether the rotors hold a steady yaw torque that the model does not have.
 
-    Motors tilted by half a degree make a steady yaw torque that the autopilot holds with k_d. The
-    yaw row alone shows it, solved with and without the mean of every stretch.
+    Motors tilted by two tenths of a degree are enough to spoil k_d. Two signs: rotors of one
+    direction carry more than those of the other, or the yaw row, solved without the mean of every
+    stretch, answers the rotors otherwise than the whole fit.
 
     Returns
     -------
     sentence, diagnostics
-        The response k_d / Izz with the means over that without.
+        The difference between the two directions over all thrust, and the yaw response k_d / Izz
+        of the fit over that without means.
     """
     doubts: list[str] = []
     diagnostics: dict[str, float] = {}
-    for c in joint:
-        mean = c.factors.band[:, 0] == 0.0
-        if not mean.any() or mean.all():
-            continue
-        every = fit_rows(c.factors, c.model, mass=c.mass)
-        rest = fit_rows(c.factors.select(~mean), c.model, mass=c.mass)
-        if "yaw.kd" not in every.names:
-            continue
-        i = every.names.index("yaw.kd")
-        value, other = float(rest.values[i]), float(every.values[i])
-        # Of the rest alone: more than that of the difference, which shares its data.
-        std = float(np.sqrt(max(rest.covariance[i, i], rest.formal[i, i])))
-        diagnostics[f"yaw_response_with_mean@{c.name}"] = other / value
-        if abs(other - value) > max(LEAST_YAW_SHIFT * abs(value), _far() * std):
+    for configured, c in zip(configurations, joint, strict=True):
+        trim, response = _yaw_trim(configured, c.vehicle), _yaw_response_without_mean(c)
+        diagnostics[f"yaw_trim@{c.name}"] = trim
+        differs = False
+        if response is not None:
+            rest, std = response
+            whole = float(numbers.values[numbers.index(f"kd_over_Izz@{c.name}")])
+            diagnostics[f"yaw_response_with_mean@{c.name}"] = whole / rest
+            differs = abs(whole - rest) > max(LEAST_YAW_SHIFT * abs(rest), _far() * std)
+        if abs(trim) > LEAST_TRIM or differs:
+            more, less = ("ccw", "cw") if trim > 0 else ("cw", "ccw")
             doubts.append(
-                f"{c.name}: yaw answers the rotors with kd/Izz = {other:.3g} if the mean of every "
-                f"stretch of flight counts, {value:.3g} +- {1.96 * std:.1g} if not: a steady yaw "
-                "torque is missing in the model, as tilted motors or twisted arms make it; do not "
-                "trust kd, Jr and Izz, and set the motors upright"
+                f"{c.name}: the {more} rotors carry {100.0 * abs(trim):.1f} % of the thrust more "
+                f"than the {less} ones: a steady yaw torque that the model does not have, as "
+                "tilted motors or twisted arms make it; set them upright, until then do not trust "
+                "kd, Jr and Izz"
             )
     return _joined(doubts), diagnostics
+
+
+def _yaw_trim(configured: Configured, vehicle: Vehicle) -> float:
+    """Return by what share of all thrust the ccw rotors carry more than the cw ones."""
+    more = total = 0.0
+    for flight in configured.flights:
+        data = flight.prepared.data
+        for segment in data.segments:
+            squares = data.rotor_speed[segment.start : segment.stop] ** 2
+            more += float((squares @ (vehicle.spins - vehicle.spins.mean())).sum())
+            total += float(squares.sum())
+    return more / total
+
+
+def _yaw_response_without_mean(c: JointConfiguration) -> tuple[float, float] | None:
+    """Return k_d / Izz of the yaw row without the means, and its deviation.
+
+    None where the rotors' drag is not in the yaw row (tilted rotors), or there are no means.
+    """
+    mean = c.factors.band[:, 0] == 0.0
+    if not mean.any() or mean.all():
+        return None
+    rest = fit_rows(c.factors.select(~mean), c.model, mass=c.mass)
+    if "yaw.kd" not in rest.names:
+        return None
+    i = rest.names.index("yaw.kd")
+    # Of the rest alone: more than that of the difference, which shares its data.
+    return float(rest.values[i]), float(np.sqrt(max(rest.covariance[i, i], rest.formal[i, i])))
 
 
 def accelerometer_against_gravity(

@@ -59,7 +59,8 @@ def with_doubts(
         *_doubts_of_body(tables, fit, numbers, joint),
         *_doubts_of_flight(flown, fit, numbers),
     ]
-    doubts += [steady_yaw_torque(joint), *_doubts_of_payload(flown, joint)]
+    doubts.append(steady_yaw_torque(flown.configurations, joint, numbers))
+    doubts += _doubts_of_payload(flown, joint)
     moments = {c.name: smallest_second_moment(numbers, c.name) for c in joint}
     impossible = [name for name, moment in moments.items() if moment.impossible]
     tables = without_impossible(tables, impossible)

@@ -1,0 +1,198 @@
+"""Bodies that cannot exist are said, taken back beyond their interval, and projected on request."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.consistent import nearest_consistent
+from rotorfit.identification.joint_parameters import Numbers
+from rotorfit.identification.payload import MOMENTS
+from rotorfit.identification.physical import (
+    IMPOSSIBLE,
+    possible_sentence,
+    project_to_physical,
+    second_moments,
+    smallest_second_moment,
+    without_impossible,
+)
+from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.identification.tables import Tables
+from rotorfit.model.parameters import INERTIA, inertia_matrix
+
+MASS = 1.2
+
+
+def number(name, value, *, std=1e-4, configuration="A"):
+    interval = (value - 1.96 * std, value + 1.96 * std)
+    return Parameter(
+        name=name,
+        configuration=configuration,
+        value=value,
+        std=std,
+        interval=interval,
+        unit="kg m^2",
+        verdict="identified",
+    )
+
+
+def result_of(values, covariance):
+    std = np.sqrt(np.diagonal(covariance)).tolist()
+    moments = [number(n, v, std=s) for n, v, s in zip(MOMENTS, values.tolist(), std, strict=True)]
+    return IdentificationResult(
+        name="made",
+        method="banded",
+        parameters=(number("mass", MASS), *moments),
+        derived=(),
+        flights=(),
+        covariance_names=tuple(f"{name}@A" for name in MOMENTS),
+        covariance=covariance,
+        settings={},
+        versions={},
+    )
+
+
+def numbers_of(inertia, half):
+    names = tuple(f"{name}_com@A" for name in INERTIA)
+    return Numbers(
+        names=names,
+        values=np.array(inertia),
+        half_width=np.full(6, half),
+        correlation=np.eye(6),
+        excitation={},
+    )
+
+
+def pseudo_inertia(values):
+    P = np.zeros((4, 4))
+    P[:3, :3] = second_moments(np.array(values[3:]))
+    P[:3, 3] = P[3, :3] = values[:3]
+    P[3, 3] = MASS
+    return P
+
+
+def point_masses(seed):
+    """Return the nine moments of random point masses of 1.2 kg in all: a body that exists."""
+    rng = np.random.default_rng(seed)
+    m = rng.dirichlet(np.ones(8)) * MASS
+    r = rng.normal(scale=0.1, size=(8, 3))
+    second = np.einsum("i,ij,ik->jk", m, r, r)
+    I = np.trace(second) * np.eye(3) - second
+    elements = [I[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return np.array([*(m @ r), *elements]), second
+
+
+def random_covariance(seed, size=9, scale=1e-3):
+    root = np.random.default_rng(seed).normal(size=(size, size)) * scale
+    return root @ root.T + 1e-2 * scale**2 * np.eye(size)
+
+
+def test_second_moments_are_those_of_the_mass():
+    for seed in range(5):
+        values, second = point_masses(seed)
+        np.testing.assert_allclose(second_moments(values[3:]), second, atol=1e-15)
+
+
+def test_a_body_that_exists_stays_as_it_is():
+    for seed in range(5):
+        values, _ = point_masses(seed)
+        projected = project_to_physical(result_of(values, random_covariance(seed)))
+        assert projected.distance == 0.0
+        assert list(projected.values.values()) == pytest.approx(values.tolist(), rel=1e-12)
+
+
+def test_a_diagonal_body_is_projected_as_by_hand():
+    # Izz over Ixx + Iyy by 3e-3: with equal variances each takes a third of it.
+    values = np.array([0.0, 0.0, 0.0, 0.010, 0.011, 0.024, 0.0, 0.0, 0.0])
+    projected = project_to_physical(result_of(values, np.diag([1e-4**2] * 9)))
+    found = [projected.values[name] for name in ("Ixx", "Iyy", "Izz")]
+    assert found == pytest.approx([0.011, 0.012, 0.023], abs=2e-8)
+    assert projected.distance == pytest.approx(np.sqrt(3.0) * 10.0, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_nearest_body_is_that_of_cvxpy(seed):
+    cvxpy = pytest.importorskip("cvxpy")
+    values, _ = point_masses(seed)
+    values = values + np.array([0.02, -0.03, 0.01, -0.02, 0.0, 0.02, 4e-3, -6e-3, 3e-3])
+    C = random_covariance(seed + 10)
+    assert np.linalg.eigvalsh(pseudo_inertia(values))[0] < 0
+    projected = project_to_physical(result_of(values, C))
+    x = cvxpy.Variable(9)
+    root = np.linalg.inv(np.linalg.cholesky(C))
+    base = pseudo_inertia(np.zeros(9))
+    P = base + sum(x[i] * (pseudo_inertia(unit) - base) for i, unit in enumerate(np.eye(9)))
+    problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(root @ (x - values))), [P >> 0])
+    problem.solve(solver="SCS", eps=1e-9, max_iters=100_000)
+    std = np.sqrt(np.diagonal(C))
+    found = np.array([projected.values[name] for name in MOMENTS])
+    assert np.abs((found - x.value) / std).max() < 2e-3
+    assert projected.distance == pytest.approx(np.sqrt(problem.value), rel=1e-3)
+    assert np.linalg.eigvalsh(pseudo_inertia(found))[0] > 0
+
+
+def test_what_is_unknown_cannot_be_projected():
+    values, _ = point_masses(0)
+    whole = result_of(values, random_covariance(0))
+    lost = tuple(
+        replace(p, value=None, interval=None, std=None) if p.name == "Izz" else p
+        for p in whole.parameters
+    )
+    with pytest.raises(EstimationError, match=r"A: Izz not known.*fly what the result advises"):
+        project_to_physical(replace(whole, parameters=lost))
+    with pytest.raises(EstimationError, match="deviation of every parameter"):
+        nearest_consistent(np.zeros(1), np.zeros((1, 1)), (np.eye(2), np.eye(2)[None]))
+
+
+def test_the_smallest_second_moment_and_its_interval():
+    I = inertia_matrix(np.array([0.010, 0.012, 0.020, 1e-3, 0.0, -5e-4]))
+    elements = [0.010, 0.012, 0.020, 1e-3, 0.0, -5e-4]
+    moment = smallest_second_moment(numbers_of(elements, 1e-3), "A")
+    low, middle, high = np.linalg.eigvalsh(I)
+    assert moment.value == pytest.approx((low + middle - high) / 2.0, rel=1e-9)
+    rng = np.random.default_rng(0)
+    drawn = np.array(elements) + 1e-5 / 1.96 * rng.normal(size=(4000, 6))
+    scatter = np.std([np.linalg.eigvalsh(second_moments(one))[0] for one in drawn])
+    small = smallest_second_moment(numbers_of(elements, 1e-5), "A")
+    assert small.half_width == pytest.approx(1.96 * scatter, rel=0.05)
+    assert possible_sentence(moment, "A") is None
+    unbounded = smallest_second_moment(numbers_of(elements, np.inf), "A")
+    assert unbounded.half_width == np.inf
+
+
+def test_a_body_that_cannot_exist_is_doubted_within_its_interval():
+    moment = smallest_second_moment(numbers_of([0.01, 0.01, 0.021, 0, 0, 0], 2e-3), "A")
+    assert not moment.impossible
+    words = possible_sentence(moment, "A")
+    assert words is not None
+    assert words.startswith(f"A: {IMPOSSIBLE} (by 2.4 %)")
+    assert "intervals allow" in words
+
+
+def test_beyond_its_interval_the_inertia_is_taken_back():
+    moment = smallest_second_moment(numbers_of([0.01, 0.01, 0.03, 0, 0, 0], 1e-3), "A")
+    assert moment.impossible
+    shown = [number(n, 0.01) for n in ("msx", *INERTIA)] + [number("Ixx", 0.02, configuration="B")]
+    derived = [
+        Derived(name=n, configuration="A", value=1.0, std=0.1, interval=(0.8, 1.2), unit="")
+        for n in ("com_x", "Ixx_com", "Izz_over_kt", "kd_over_Izz")
+    ]
+    names = tuple(f"{p.name}@{p.configuration}" for p in shown)
+    tables = Tables(
+        parameters=tuple(shown),
+        derived=tuple(derived),
+        covariance_names=names,
+        covariance=np.diag(np.arange(1.0, 9.0)),
+        settings={},
+    )
+    left = without_impossible(tables, ["A"])
+    for parameter in left.parameters:
+        lost = parameter.configuration == "A" and parameter.name in INERTIA
+        assert (parameter.verdict == "not-identified") is lost
+        assert (parameter.value is None) is lost
+        assert (parameter.reason == IMPOSSIBLE) is lost
+    assert [d.value is None for d in left.derived] == [False, True, True, True]
+    assert left.covariance_names == ("msx@A", "Ixx@B")
+    np.testing.assert_array_equal(left.covariance, np.diag([1.0, 8.0]))
+    assert without_impossible(tables, []) is tables
