@@ -14,11 +14,15 @@ from typing import BinaryIO, Final, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Int, UInt8
 
+from rotorfit.errors import LogError
+
 MAGIC: Final = b"ULog\x01\x12\x35"
 HEADER_BYTES: Final = 16
-BLOCK_BYTES: Final = 1 << 22
+BLOCK_BYTES: Final = 1 << 20
 SYNC: Final = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 KNOWN: Final = b"ABCDFILMOPQRS"
+MOST_PLACES: Final = 1000
+"""A file damaged in more places is no log, and would cost hours of search."""
 _IS_KNOWN: Final = bytes(int(i in KNOWN) for i in range(256))
 _SEARCH_BYTES: Final = (1 << 10, 1 << 16)
 """First and later windows of the search after damage."""
@@ -102,6 +106,7 @@ def _walk(content: bytes, judge: Judge, *, is_last: bool) -> tuple[Block, int]:
         # Without a find all is passed over but what may begin a message of the next block.
         target = found or (len(content) if is_last else max(len(content) - 16, position + 1))
         places += 1
+        refuse_ruin(places)
         skipped += target - position
         position = target
         if found is None:
@@ -114,6 +119,15 @@ def _walk(content: bytes, judge: Judge, *, is_last: bool) -> tuple[Block, int]:
         trailing=len(content) - position if is_last else 0,
     )
     return block, position
+
+
+def refuse_ruin(places: int) -> None:
+    """Raise where a file is damaged in so many places that it is hardly a log."""
+    if places > MOST_PLACES:
+        raise LogError(
+            f"damaged in more than {MOST_PLACES} places, expected a log of PX4: copy it again from "
+            "the card"
+        )
 
 
 def _chain(content: bytes, position: int) -> tuple[Int[np.ndarray, " n"], int]:

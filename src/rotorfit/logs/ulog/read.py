@@ -63,7 +63,7 @@ def read_ulog(path: Path) -> FlightLog:
             *vehicle.change_notes(scan),
             *_appended_note(scan),
         ),
-        warnings=(*scan.warnings, *vehicle.flight_doubts(scan)),
+        warnings=(*scan.warnings, *vehicle.flight_doubts(scan), *_rate_doubts(channels)),
     )
 
 
@@ -85,7 +85,6 @@ def _channels(scan: Scan, found: imu.Imu) -> tuple[dict[str, Channel], list[str]
     notes = [
         *found.notes,
         *(f"No {name}: {imu.LOG_FASTER}." for name in missing),
-        *_rate_notes(channels),
         *speed.notes,
         *command.notes,
         *_law_notes(scan, channels),
@@ -94,18 +93,18 @@ def _channels(scan: Scan, found: imu.Imu) -> tuple[dict[str, Channel], list[str]
     return channels, notes
 
 
-def _rate_notes(channels: dict[str, Channel]) -> list[str]:
+def _rate_doubts(channels: dict[str, Channel]) -> list[str]:
     """Return what to set where motor data come too slowly for rotations."""
-    notes: list[str] = []
+    doubts: list[str] = []
     for name in ("rotor_speed", "command"):
         channel = channels.get(name)
         rate = 0.0 if channel is None else imu.rate_of(channel)
         if 0.0 < rate < SLOW_MOTORS:
-            notes.append(
-                f"The {name} channel comes at {rate:.0f} Hz, too slow for inertia and motor lag: "
-                f"{imu.LOG_FASTER}."
+            doubts.append(
+                f"the {name} channel comes at {rate:.0f} Hz, too slow for inertia and motor lag: "
+                f"{imu.LOG_FASTER}"
             )
-    return notes
+    return doubts
 
 
 def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:
@@ -116,7 +115,8 @@ def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:
     if "linear" in law:
         return [f"Simulated motors: the command is a speed, by [motors] {law}."]
     factor = motors.thrust_curve(scan)
-    curve = f"{factor:g} u^2 + {1 - factor:g} u of the command u" if factor else "the command"
+    curve = f"{factor:g} u^2 + {1 - factor:g} u of the command u"
+    curve = {0.0: "the command", 1.0: "the square of the command"}.get(factor, curve)
     return [
         f"PX4 takes the thrust of a motor to go with {curve} (THR_MDL_FAC = {factor:g}); if that "
         f"was measured, write under [motors] {law}, with the speed at full command."

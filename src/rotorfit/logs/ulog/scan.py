@@ -15,10 +15,11 @@ from jaxtyping import Float, Int, UInt8
 from rotorfit.errors import LogError
 from rotorfit.logs.files import read_head
 from rotorfit.logs.ulog.formats import Field, Row, parse_format, row_of
-from rotorfit.logs.ulog.messages import HEADER_BYTES, MAGIC, Block, read_blocks
+from rotorfit.logs.ulog.messages import HEADER_BYTES, MAGIC, Block, read_blocks, refuse_ruin
 
 Value = int | float
-MOST_PLACES: Final = 10_000
+MOST_TOPICS: Final = 2000
+"""PX4 logs up to 255."""
 LONGEST_TEXT: Final = 200
 MOST_TEXTS: Final = 10_000
 DATA: Final = ord("D")
@@ -49,7 +50,8 @@ class Topic:
 
     def column(self, name: str) -> Float[np.ndarray, "*shape"]:
         """Return a field as floats: one value a row, or one array."""
-        return np.asarray(self.rows[name], dtype=float)
+        with np.errstate(invalid="ignore"):  # some NaN of single precision signal
+            return np.asarray(self.rows[name], dtype=float)
 
     def vector(self, name: str, columns: int) -> Float[np.ndarray, "n k"] | None:
         """Return a field that is an array of at least so many numbers; None if it is not."""
@@ -154,6 +156,7 @@ class _Reading:
     wanted: frozenset[str]
     formats: dict[str, tuple[Field, ...]] = field(default_factory=dict[str, tuple[Field, ...]])
     subscribed: dict[int, _Subscription] = field(default_factory=dict[int, _Subscription])
+    layouts: dict[str, Row] = field(default_factory=dict[str, Row])
     rows: dict[int, list[np.ndarray]] = field(default_factory=dict[int, list[np.ndarray]])
     counts: np.ndarray = field(default_factory=lambda: np.zeros(LARGEST_NUMBER, dtype=np.int64))
     # Smallest and largest length of a data message by its number; none fits an unknown number.
@@ -246,9 +249,12 @@ class _Reading:
             return
         instance, number = struct.unpack_from("<BH", content)
         name = content[3:].decode("utf-8", "replace")
-        if number in self.subscribed or name not in self.formats:
+        is_useless = number in self.subscribed or name not in self.formats
+        if is_useless or len(self.subscribed) >= MOST_TOPICS:
             return
-        row = row_of(self.formats, name)
+        row = self.layouts.get(name) or row_of(self.formats, name)
+        if row is not None:
+            self.layouts[name] = row
         self.subscribed[number] = _Subscription(name=name, instance=instance, row=row)
         self.is_known[number] = True
         self.smallest[number] = 2 if row is None else 2 + row.dtype.itemsize
@@ -350,11 +356,7 @@ def _read_sections(file: BinaryIO, edges: list[int], reading: _Reading) -> None:
     for begin, end in pairwise(edges):
         for block in read_blocks(file, begin, end, judge=reading):
             reading.keep(block)
-            if reading.places > MOST_PLACES:
-                raise LogError(
-                    f"damaged in more than {MOST_PLACES} places, expected a log of PX4: copy it "
-                    "again from the card"
-                )
+            refuse_ruin(reading.places)
 
 
 def _appended(head: bytes, size: int) -> tuple[list[int], list[str]]:

@@ -1,0 +1,418 @@
+"""What a ULog becomes: channels, notes, metadata."""
+
+import re
+
+import numpy as np
+import pytest
+from ulog_encoder import (
+    BOOT,
+    FLIP,
+    Logged,
+    Parts,
+    actuator_motors,
+    actuator_outputs,
+    armed,
+    encode,
+    esc_status,
+    geometry,
+    landed,
+    mocap,
+    sensor_combined,
+    write_ulog,
+)
+
+from flown import simulated, simulated_vehicle
+from rotorfit.errors import LogError
+from rotorfit.logs import ColumnSpec, ReadOptions, read_log
+from rotorfit.logs.ulog import is_ulog, read_ulog
+
+N = 200
+TIME = 100.0 + 0.004 * np.arange(N)
+RNG = np.random.default_rng(1)
+GYRO = RNG.normal(size=(N, 3))
+ACCEL = RNG.normal(size=(N, 3)) + np.array([0.0, 0.0, 9.8])
+IMU = sensor_combined(TIME, GYRO, ACCEL)
+QUAD = {
+    "CA_ROTOR_COUNT": 4,
+    **{
+        f"CA_ROTOR{i}_{key}": value
+        for i, (x, y, km) in enumerate(
+            [(0.15, 0.2, 0.05), (-0.15, -0.2, 0.05), (0.15, -0.2, -0.05), (-0.15, 0.2, -0.05)]
+        )
+        for key, value in (("PX", x), ("PY", y), ("PZ", 0.0), ("KM", km))
+    },
+}
+VECTORS = "uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz;"
+VEHICLE_IMU = (
+    "uint64_t timestamp;uint64_t timestamp_sample;uint32_t accel_device_id;uint32_t gyro_device_id;"
+    "float[3] delta_angle;float[3] delta_velocity;uint32_t delta_angle_dt;"
+    "uint32_t delta_velocity_dt;"
+)
+FIFO = (
+    "uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float dt;float scale;"
+    "uint8_t samples;int16_t[32] x;int16_t[32] y;int16_t[32] z;"
+)
+
+
+def read(tmp_path, *topics, **parts):
+    path = tmp_path / "log.ulg"
+    path.write_bytes(encode([*topics], Parts(**parts), start=99.0))
+    return read_log(path)
+
+
+def noted(log, words):
+    return [note for note in (*log.notes, *log.warnings) if words in note]
+
+
+# A whole flight
+
+
+def test_a_simulated_flight_comes_back(tmp_path):
+    flight = simulated("hexa-x", "noisy", seed=3, seconds=4.0)
+    write_ulog(flight, tmp_path / "log.ulg")
+    log = read_log(tmp_path / "log.ulg")
+    assert (log.format, log.warnings) == ("ulog", ())
+    assert log.seconds == pytest.approx(flight.time[-1])
+    expected = {
+        "gyro": flight.gyro,
+        "accel": flight.accel,
+        "rotor_speed": flight.rotor_speed_measured,
+        "command": flight.command,
+        "velocity": flight.velocity_body,
+        "position": flight.position_measured,
+        "attitude": flight.attitude_wxyz_measured,
+    }
+    step = 2 * np.pi / 60
+    for name, values in expected.items():
+        channel = log.channels[name]
+        atol = 0.51 * step if name == "rotor_speed" else 2e-6
+        np.testing.assert_allclose(channel.values, values, rtol=3e-6, atol=atol, err_msg=name)
+        clock = flight.pose_time if name in ("position", "attitude") else flight.time
+        np.testing.assert_allclose(channel.time, BOOT + clock, atol=1e-6)
+    assert log.channels["battery"].values[0] == pytest.approx(15.8)
+    assert log.channels["rotor_speed"].resolution == pytest.approx(step)
+
+
+def test_the_geometry_comes_back(tmp_path):
+    for name in ("quad-x", "hexa-tilted"):
+        vehicle = simulated_vehicle(name).vehicle
+        log = read(tmp_path, IMU, parameters={**geometry(vehicle), "SYS_AUTOSTART": 4050})
+        assert log.metadata["airframe is"] == "set"
+        numbers = [float(v) for v in re.findall(r"-?\d+\.\d+(?:e-\d+)?", log.metadata["airframe"])]
+        spins = re.findall(r'spin = "(c?cw)"', log.metadata["airframe"])
+        assert spins == [rotor.spin for rotor in vehicle.rotors]
+        tilted = name == "hexa-tilted"
+        parts = [v for r in vehicle.rotors for v in (r.position + r.axis * tilted)]
+        np.testing.assert_allclose(numbers, parts, atol=1e-7)
+        assert noted(log, "Rotor geometry by CA_ROTOR*")
+
+
+def test_geometry_is_ready_for_an_experiment_file(tmp_path):
+    log = read(tmp_path, IMU, parameters={**QUAD, "SYS_AUTOSTART": 4050})
+    assert log.metadata["airframe"] == (
+        'rotors = [{ position = [0.15, -0.2, 0.0], spin = "ccw" }, '
+        '{ position = [-0.15, 0.2, 0.0], spin = "ccw" }, '
+        '{ position = [0.15, 0.2, 0.0], spin = "cw" }, '
+        '{ position = [-0.15, -0.2, 0.0], spin = "cw" }]'
+    )
+
+
+@pytest.mark.parametrize(
+    ("parts", "template"),
+    [
+        ({"parameters": {**QUAD, "SYS_AUTOSTART": 4001}}, False),  # the log tells no defaults
+        ({"parameters": {**QUAD, "SYS_AUTOSTART": 4001}, "system_defaults": {"X": 1}}, True),
+        (
+            {
+                "parameters": {**QUAD, "SYS_AUTOSTART": 4001},
+                "airframe_defaults": {"CA_ROTOR0_PX": 1.0},
+            },
+            False,
+        ),
+        ({"parameters": {**QUAD, "SYS_AUTOSTART": 4052}, "system_defaults": {"X": 1}}, False),
+        (
+            {
+                "parameters": {
+                    k: float(np.sign(v)) if k[-2:] in ("PX", "PY") else v for k, v in QUAD.items()
+                }
+            },
+            True,
+        ),
+    ],
+)
+def test_default_geometry_is_said(tmp_path, parts, template):
+    log = read(tmp_path, IMU, **parts)
+    assert log.metadata["airframe is"] == ("default" if template else "set")
+    assert bool(noted(log, "default geometry")) == template
+    assert bool(noted(log, "measure your arms")) == template
+
+
+def test_a_log_without_geometry_asks_for_it(tmp_path):
+    for parameters in ({}, {"CA_ROTOR_COUNT": 4}, {**QUAD, "CA_ROTOR3_PX": float("nan")}):
+        log = read(tmp_path, IMU, parameters=parameters)
+        assert "airframe" not in log.metadata
+        assert noted(log, "no rotor geometry (CA_ROTOR*): measure your arms")
+
+
+def test_versions_and_settings(tmp_path):
+    info = {"ver_sw_release": 0x010F03FF, "ver_hw": "PX4_FMU_V6C", "ver_sw": "abc"}
+    log = read(tmp_path, IMU, info=info, parameters={"SYS_AUTOSTART": 4001, "MOT_POLE_COUNT": 14})
+    assert log.metadata["Firmware revision"] == "PX4 1.15.3"
+    assert (log.metadata["Board"], log.metadata["SYS_AUTOSTART"]) == ("PX4_FMU_V6C", "4001")
+    log = read(tmp_path, IMU, info={"ver_sw_release": 0x01100080})
+    assert log.metadata["Firmware revision"] == "PX4 1.16.0 beta"
+
+
+# Sensors
+
+
+def test_acceleration_has_a_time_of_its_own(tmp_path):
+    relative = np.where(np.arange(N) % 10 == 3, 0x7FFFFFFF, -1500)
+    log = read(tmp_path, sensor_combined(TIME, GYRO, ACCEL, relative=relative))
+    accel, there = log.channels["accel"], np.arange(N) % 10 != 3
+    np.testing.assert_allclose(accel.time, TIME[there] - 0.0015, atol=1e-6)
+    np.testing.assert_allclose(accel.values, ACCEL[there], rtol=1e-6)
+    assert len(log.channels["gyro"].time) == N
+
+
+def vehicle_imu(instance=0, *, device=7, rate=250.0, gyro=GYRO):
+    time = TIME[0] + np.arange(N) / rate
+    fields = {
+        "timestamp_sample": np.round(1e6 * (time - 0.001)),
+        "gyro_device_id": device,
+        "delta_angle": gyro * FLIP * 0.004,
+        "delta_velocity": ACCEL * FLIP * 0.005,
+        "delta_angle_dt": 4000,
+        "delta_velocity_dt": 5000,
+    }
+    return Logged(
+        name="vehicle_imu", time=time, fields=fields, instance=instance, format=VEHICLE_IMU
+    )
+
+
+def controller_signals(rate):
+    time = TIME[0] + np.arange(N) / rate
+    sampled = np.round(1e6 * (time - 0.002))
+    return [
+        Logged(
+            name=name,
+            time=time,
+            fields={"timestamp_sample": sampled, "xyz": values * FLIP},
+            format=VECTORS,
+        )
+        for name, values in (("vehicle_angular_velocity", GYRO), ("vehicle_acceleration", ACCEL))
+    ]
+
+
+def test_mean_rates_where_there_is_no_sensor_combined(tmp_path):
+    log = read(tmp_path, vehicle_imu())
+    gyro, accel = log.channels["gyro"], log.channels["accel"]
+    np.testing.assert_allclose(gyro.values, GYRO, rtol=1e-6)
+    np.testing.assert_allclose(accel.values, ACCEL, rtol=1e-6)
+    np.testing.assert_allclose(gyro.time, TIME - 0.001, atol=1e-6)
+    assert "delta_angle over delta_angle_dt" in gyro.source
+    assert noted(log, "means from vehicle_imu")
+
+
+def test_the_sensor_that_flew_is_taken(tmp_path):
+    chosen = Logged(
+        name="sensor_selection",
+        time=TIME[:1],
+        fields={"gyro_device_id": 9},
+        format="uint64_t timestamp;uint32_t gyro_device_id;",
+    )
+    two = [vehicle_imu(0, device=7, gyro=0 * GYRO), vehicle_imu(1, device=9)]
+    log = read(tmp_path, *two, chosen)
+    np.testing.assert_allclose(log.channels["gyro"].values, GYRO, rtol=1e-6)
+    assert log.channels["gyro"].source.startswith("vehicle_imu[1].")
+    assert read(tmp_path, *two).channels["gyro"].source.startswith("vehicle_imu.delta")
+
+
+def test_filtered_signals_are_named_with_their_filters(tmp_path):
+    parameters = {"IMU_GYRO_CUTOFF": 40.0}
+    log = read(tmp_path, *controller_signals(250.0), parameters=parameters)
+    np.testing.assert_allclose(log.channels["accel"].values, ACCEL, rtol=1e-6)
+    np.testing.assert_allclose(log.channels["accel"].time, TIME - 0.002, atol=1e-6)
+    (note,) = noted(log, "low-passed on board")
+    assert "IMU_GYRO_CUTOFF = 40 Hz, IMU_ACCEL_CUTOFF unknown" in note
+    assert "SDLOG_PROFILE = 17" in note
+
+
+def test_the_fastest_source_is_taken_where_none_is_fast(tmp_path):
+    log = read(tmp_path, vehicle_imu(rate=2.0), *controller_signals(50.0))
+    assert log.channels["gyro"].source.startswith("vehicle_angular_velocity.xyz")
+    log = read(tmp_path, IMU, *controller_signals(1000.0))
+    assert log.channels["gyro"].source.startswith("sensor_combined.gyro_rad")
+
+
+def fifo(kind, values, *, hole=False, samples=8):
+    """Transfers of samples 0.5 ms apart, on a ramp about each value."""
+    time = TIME[0] + 0.004 * np.arange(N)
+    kept = np.arange(N) % 3 != 0 if hole else np.ones(N, dtype=bool)
+    ramp = np.arange(samples) - (samples - 1) / 2
+    counts = np.round(values * FLIP / 1e-3)
+    fields = {
+        "timestamp_sample": np.round(1e6 * time[kept]),
+        "dt": 500.0,
+        "scale": 1e-3,
+        "samples": samples,
+        **{axis: counts[kept, k, None] + 2 * ramp for k, axis in enumerate("xyz")},
+    }
+    return Logged(name=f"sensor_{kind}_fifo", time=time[kept], fields=fields, format=FIFO)
+
+
+def test_raw_samples_as_means_of_their_transfers(tmp_path):
+    slow = controller_signals(50.0)
+    log = read(tmp_path, *slow, fifo("gyro", GYRO), fifo("accel", ACCEL))
+    gyro, accel = log.channels["gyro"], log.channels["accel"]
+    np.testing.assert_allclose(gyro.values, GYRO, atol=2e-3)
+    np.testing.assert_allclose(accel.values, ACCEL, atol=2e-3)
+    np.testing.assert_allclose(gyro.time, TIME - 3.5 * 0.0005, atol=1e-6)
+    assert noted(log, "without the autopilot's calibration")
+    holed = read(tmp_path, *slow, fifo("gyro", GYRO, hole=True), fifo("accel", ACCEL, hole=True))
+    assert holed.channels["gyro"].source.startswith("vehicle_angular_velocity")
+    turned = {"SENS_BOARD_ROT": 2}
+    log = read(tmp_path, *slow, fifo("gyro", GYRO), fifo("accel", ACCEL), parameters=turned)
+    assert log.channels["gyro"].source.startswith("vehicle_angular_velocity")
+
+
+# Pose, velocity, battery
+
+
+def test_a_pose_by_vision_in_the_older_message(tmp_path):
+    kinds = "uint64_t timestamp;uint64_t timestamp_sample;uint8_t local_frame;float x;float y;"
+    position, q = RNG.normal(size=(N, 3)), RNG.normal(size=(N, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    fields = {
+        "timestamp_sample": np.round(1e6 * TIME),
+        "local_frame": 1,
+        "q": q * np.concatenate([[1], FLIP]),
+        **dict(zip("xyz", (position * FLIP).T, strict=True)),
+    }
+    vision = Logged(
+        name="vehicle_visual_odometry",
+        time=TIME + 0.01,
+        fields=fields,
+        format=kinds + "float z;float[4] q;",
+    )
+    log = read(tmp_path, IMU, vision)
+    np.testing.assert_allclose(log.channels["position"].values, position, rtol=1e-6)
+    np.testing.assert_allclose(log.channels["attitude"].values, q, atol=1e-6)
+    np.testing.assert_allclose(log.channels["position"].time, TIME, atol=1e-6)
+    assert "forward-right-down" in log.channels["position"].source
+
+
+def test_a_pose_in_an_unknown_frame_is_left_out(tmp_path):
+    position, q = np.zeros((N, 3)), np.tile([1.0, 0, 0, 0], (N, 1))
+    log = read(tmp_path, IMU, mocap(TIME, position, q, frame=0))
+    assert "position" not in log.channels
+    assert noted(log, "its frame is neither NED nor FRD")
+
+
+def test_an_attitude_that_is_none_is_nan(tmp_path):
+    q = np.tile([1.0, 0, 0, 0], (N, 1))
+    q[3], q[5] = np.nan, 0.0
+    attitude = read(tmp_path, IMU, mocap(TIME, np.zeros((N, 3)), q)).channels["attitude"].values
+    assert np.flatnonzero(np.isnan(attitude[:, 0])).tolist() == [3, 5]
+
+
+def test_velocity_that_the_autopilot_does_not_know_is_nan(tmp_path):
+    valid = np.arange(N) >= 50
+    place = Logged(
+        name="vehicle_local_position",
+        time=TIME,
+        fields={"vx": 1.0, "vy": 0.0, "vz": -2.0, "v_xy_valid": valid, "v_z_valid": True},
+    )
+    # Nose to the east: north is on the left.
+    east = np.array([np.cos(np.pi / 4), 0, 0, np.sin(np.pi / 4)])
+    turned = Logged(name="vehicle_attitude", time=TIME, fields={"q": np.tile(east, (N, 1))})
+    values = read(tmp_path, IMU, place, turned).channels["velocity"].values
+    assert np.isnan(values[:50]).all()
+    np.testing.assert_allclose(values[50:], np.tile([0, 1, 2], (N - 50, 1)), atol=1e-6)
+
+
+# Armed, landed, changes, what does not belong
+
+
+def test_a_log_never_armed_is_said(tmp_path):
+    (doubt,) = read(tmp_path, IMU, armed(TIME[::50], False)).warnings
+    assert doubt.startswith("the vehicle was never armed in this log")
+    status = Logged(
+        name="vehicle_status",
+        time=TIME[::50],
+        fields={"arming_state": 1},
+        format="uint64_t timestamp;uint8_t arming_state;",
+    )
+    assert noted(read(tmp_path, IMU, status), "never armed")
+    log = read(tmp_path, IMU, armed(TIME[::50], True), landed(TIME[::50], True))
+    assert noted(log, "never saw the vehicle leave the ground")
+
+
+def test_when_it_flew_is_noted(tmp_path):
+    state, air = np.array([0, 1, 1, 0], bool), np.array([1, 1, 0, 1], bool)
+    log = read(tmp_path, IMU, armed(TIME[::50], state), landed(TIME[::50], air))
+    assert log.warnings == ()
+    assert "Armed 0.2 to 0.6 s." in log.notes
+    assert "Off the ground 0.4 to 0.6 s." in log.notes
+
+
+def test_changed_parameters_are_noted(tmp_path):
+    changes = [(100.1, "MPC_X", 3.0), (100.2, "IMU_GYRO_CUTOFF", 80.0), (100.3, "MPC_X", 3.0)]
+    log = read(tmp_path, IMU, parameters={"MPC_X": 2.0, "IMU_GYRO_CUTOFF": 40.0}, changes=changes)
+    assert noted(log, "IMU_GYRO_CUTOFF 40 to 80, MPC_X 2 to 3.")
+
+
+def test_dropouts_are_said_and_not_bridged(tmp_path):
+    kept = np.r_[0:80, 120:N]
+    part = sensor_combined(TIME[kept], GYRO[kept], ACCEL[kept])
+    log = read(tmp_path, part, dropouts=[(100.4, 160), (100.5, 20)])
+    assert noted(log, "the logger lost messages 2 times, 0.18 s in all, 160 ms at most")
+    assert np.diff(log.channels["gyro"].time).max() == pytest.approx(0.164, abs=1e-3)
+
+
+def test_a_log_without_any_known_topic_is_refused(tmp_path):
+    other = Logged(
+        name="cpuload", time=TIME, fields={"load": 0.5}, format="uint64_t timestamp;float load;"
+    )
+    with pytest.raises(LogError, match=r"\(topics: cpuload\); set SDLOG_PROFILE = 17"):
+        read(tmp_path, other)
+
+
+def test_what_is_missing_is_asked_for(tmp_path):
+    log = read(tmp_path, esc_status(TIME, np.full((N, 4), 500.0)))
+    assert noted(log, "No gyro: set SDLOG_PROFILE = 17")
+    assert noted(log, "No accel: set SDLOG_PROFILE = 17")
+    assert noted(log, "No motor commands (actuator_motors, actuator_outputs)")
+    log = read(tmp_path, IMU, actuator_motors(TIME, np.full((N, 4), 0.5)))
+    assert noted(log, "set DSHOT_BIDIR_EN = 1 (or wire ESC telemetry and set DSHOT_TEL_CFG)")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (ReadOptions(axes="FRD"), "names its own topics and axes: leave out axes"),
+        (ReadOptions(columns={"time": ColumnSpec(name="t")}), "leave out a columns map"),
+        (ReadOptions(log_number=2), "a ULog is one log, there is no log 2"),
+    ],
+)
+def test_options_for_other_formats_are_refused(tmp_path, options, words):
+    path = tmp_path / "log.ulg"
+    path.write_bytes(encode([IMU]))
+    with pytest.raises(LogError, match=words):
+        read_log(path, options=options)
+
+
+def test_it_is_told_from_the_content(tmp_path):
+    assert is_ulog(encode([IMU])[:20])
+    assert not is_ulog(b"ULo")
+    path = tmp_path / "flight.csv"
+    path.write_bytes(b"time,gyro_x\n0,1\n")
+    with pytest.raises(LogError, match="expected the mark of a ULog"):
+        read_ulog(path)
+
+
+def test_outputs_are_left_where_motors_are_known(tmp_path):
+    motors = actuator_motors(TIME, np.full((N, 4), 0.5))
+    outputs = actuator_outputs(TIME, np.full((N, 4), 1900.0))
+    log = read(tmp_path, IMU, motors, outputs, parameters=QUAD)
+    assert log.channels["command"].source == "actuator_motors.control[0..3]"
