@@ -71,7 +71,8 @@ def timed(
     found = columns(messages, name, (label, *labels))
     if not found or any(values.dtype.kind == "S" for values in found.values()):
         return None
-    time = found.pop(label) * TIMES[label]
+    time = vector(found, (label,), factor=TIMES[label])[:, 0]
+    del found[label]
     kept = in_order(time)
     return time[kept], {name: values[kept] for name, values in found.items()}
 
@@ -80,20 +81,21 @@ def vector(
     found: Mapping[str, np.ndarray], labels: Sequence[str], *, factor: float = 1.0
 ) -> Float[np.ndarray, "n k"]:
     """Return fields side by side, times a factor; what is not finite as NaN."""
-    values = np.stack([found[label].astype(np.float64) for label in labels], axis=1)
-    if factor != 1.0:
-        values *= factor
+    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers: signalling NaNs, 1e300
+        values = np.stack([found[label].astype(np.float64) for label in labels], axis=1)
+        if factor != 1.0:
+            values *= factor
     values[~np.isfinite(values)] = np.nan
     return values
 
 
 def in_order(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return which messages to keep, so that time never goes back nor beyond `LATEST_TIME`.
+    """Return which messages to keep, so that time never goes back, below 0 or beyond `LATEST_TIME`.
 
     A wrong time is either too early or too late: left out are those earlier than one before, or
     those later than one after, whichever are fewer.
     """
-    possible = time < LATEST_TIME
+    possible = (time >= 0.0) & (time < LATEST_TIME)
     if not possible.all():
         kept = np.zeros(len(time), dtype=bool)
         kept[possible] = in_order(time[possible])

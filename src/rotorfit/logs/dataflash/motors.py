@@ -192,9 +192,9 @@ def _rpm_label(messages: Messages) -> str:
     return "RawRPM" if raw is not None and raw.dtype.kind in "iuf" and np.any(raw) else "RPM"
 
 
-def _escs(messages: Messages) -> dict[int, tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]]:
+def _escs(messages: Messages) -> dict[int, tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]:
     """Return time and speed [rpm] of each ESC that ever turned, by its number from 0."""
-    escs: dict[int, tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]] = {}
+    escs: dict[int, tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]] = {}
     number_label = first_label(messages, "ESC", ("Instance", "I"))
     label = _rpm_label(messages)
     if number_label is not None:
@@ -234,7 +234,7 @@ def _esc_order(numbers: list[int], outputs: tuple[int, ...]) -> tuple[list[int],
 
 
 def _common_clock(
-    series: list[tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]],
+    series: list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]],
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m N"]]:
     """Return several series on the clock of the one with most samples, linear between.
 

@@ -1,0 +1,251 @@
+"""Damaged and made-up DataFlash logs: a LogError or a FlightLog, soon, within little memory."""
+
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from dataflash_encoder import (
+    ACC,
+    ARM,
+    BAT,
+    ESC,
+    FMT_OF_FMT,
+    FMTU,
+    GYR,
+    HEAD,
+    IMU,
+    KINDS,
+    MSG,
+    PARM,
+    QUAD_X,
+    RATE,
+    RCOU,
+    UNIT,
+    Kind,
+    definition,
+    esc,
+    imu,
+    log,
+    message,
+    parameters,
+    rcou,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import CHANNELS, FlightLog
+from rotorfit.logs.dataflash import read_dataflash
+from rotorfit.logs.dataflash.formats import LETTERS
+
+MEMORY = 60e6
+"""A block of 4 MB, its heads, and what they become [bytes]."""
+SECONDS = 3.0
+SECONDS_A_BYTE = 10e-6
+"""With the type checks of tests and the tracing of memory; without, the worst takes a tenth."""
+
+
+def whole_log():
+    xkf1 = Kind(190, "XKF1", "QBccCfff", "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD")
+    att = Kind(191, "ATT", "Qccc", "TimeUS,Roll,Pitch,Yaw")
+    parts = [message(MSG, 0, b"Frame: QUAD/X"), *parameters(QUAD_X), message(ARM, 0, 1, 0, 0, 0)]
+    parts += [message(UNIT, 0, ord("E"), b"rad/s"), message(FMTU, 0, 150, b"s#EEEooo", b"")]
+    for k in range(30):
+        t = 0.01 * k
+        us = round(1e6 * t)
+        parts += [imu(t, (0.1, 0.2, 0.3), (0.0, 0.0, -9.8), instance=i) for i in range(2)]
+        parts += [rcou(t, [1400, 1500, 1600, 1700]), *[esc(t, n, 5000.0 + n) for n in range(4)]]
+        parts += [message(BAT, us, 0, 15.0, 15.0), message(GYR, us, 0, us, 0, 0, 0)]
+        parts += [message(ACC, us, 0, us, 0, 0, -9.8), message(RATE, us, *[0.1] * 12)]
+        parts += [message(xkf1, us, 0, 10, 10, 100, 1, 2, 3), message(att, us, 10, 10, 100)]
+    return log((*KINDS, xkf1, att), parts)
+
+
+WHOLE = whole_log()
+
+
+def read_within_bounds(path, data):
+    """Read, and return the log or the error; anything else, or too much of anything, fails."""
+    path.write_bytes(data)
+    tracemalloc.start()
+    start = time.process_time()
+    try:
+        found = read_dataflash(path)
+    except LogError as error:
+        found = error
+    finally:
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert time.process_time() - start < SECONDS + SECONDS_A_BYTE * len(data)
+    assert peak < MEMORY + 10 * len(data)
+    if isinstance(found, FlightLog):
+        plausible(found)
+    else:
+        assert str(path) in str(found)
+        assert len(str(found)) < 1000
+    return found
+
+
+def plausible(found):
+    assert np.isfinite(found.seconds)
+    assert found.seconds >= 0
+    for name, channel in found.channels.items():
+        columns = CHANNELS[name][0]
+        assert channel.values.shape == (len(channel.time), columns or channel.values.shape[1])
+        assert channel.values.dtype == np.float64
+        assert np.isfinite(channel.time).all()
+        assert (np.diff(channel.time) >= 0).all()
+        assert not np.isinf(channel.values).any()
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return tmp_path_factory.mktemp("fuzz") / "made.bin"
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(2, len(WHOLE)))
+def test_truncations(path, size):
+    read_within_bounds(path, WHOLE[:size])
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.lists(st.tuples(st.integers(2, len(WHOLE) - 1), st.integers(0, 7)), max_size=60))
+def test_bit_flips(path, flips):
+    data = bytearray(WHOLE)
+    for place, bit in flips:
+        data[place] ^= 1 << bit
+    read_within_bounds(path, bytes(data))
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.data())
+def test_definitions_that_lie(path, data):
+    """Any length, letters and labels for messages of names that are read."""
+    letters = st.text("".join(LETTERS) + "x?\xff", max_size=16)
+    labels = ",".join(data.draw(st.permutations(IMU.labels.split(",")))[:9])
+    kinds = [data.draw(st.sampled_from(KINDS)) for _ in range(data.draw(st.integers(1, 4)))]
+    lies = [
+        definition(
+            Kind(
+                data.draw(st.sampled_from([kind.number, data.draw(st.integers(0, 255))])),
+                data.draw(st.sampled_from([kind.name, "IMU", "FMT", "", "\x00\xff"])),
+                kind.letters,
+                data.draw(st.sampled_from([kind.labels, labels, ",,,", ""])),
+            ),
+            length=data.draw(st.one_of(st.just(kind.length), st.integers(0, 255))),
+        )
+        for kind in kinds
+    ]
+    # The letters within: each definition's 16 bytes of them begin 9 bytes after its head.
+    for i, lie in enumerate(lies):
+        if data.draw(st.booleans()):
+            drawn = data.draw(letters).encode("latin-1")[:16].ljust(16, b"\0")
+            lies[i] = lie[:9] + drawn + lie[25:]
+    place = data.draw(st.sampled_from([0, 89, 89 * (1 + len(KINDS)), 4000]))
+    read_within_bounds(path, WHOLE[:place] + b"".join(lies) + WHOLE[place:])
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    st.lists(st.sampled_from([IMU, RCOU, ESC, BAT, RATE, ARM, PARM, GYR, ACC]), max_size=40),
+    st.data(),
+)
+def test_messages_of_any_content(path, kinds, data):
+    """Messages whose fields are any bytes: NaN, infinities, times of any size, instances."""
+    size = max(kind.length for kind in KINDS)
+    source = data.draw(st.binary(min_size=size, max_size=3 * size))
+    parts = []
+    for i, kind in enumerate(kinds):
+        body = (source[i % len(source) :] + source)[: kind.length - 3]
+        parts.append(HEAD + bytes([kind.number]) + body)
+    read_within_bounds(path, log(KINDS, [*parameters(QUAD_X), *parts]))
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.binary(max_size=3000))
+def test_any_bytes(path, data):
+    read_within_bounds(path, FMT_OF_FMT + data)
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    st.dictionaries(
+        st.sampled_from(
+            [
+                *QUAD_X,
+                "SERVO9_FUNCTION",
+                "RC3_MIN",
+                "RC3_MAX",
+                "INS_USE",
+                "INS_POS1_X",
+                "EK3_IMU_MASK",
+                "SERVO_BLH_POLES",
+                "INS_RAW_LOG_OPT",
+                "RCMAP_THROTTLE",
+                "INS_GYRO_FILTER",
+                "INS_ACCEL_FILTER",
+            ]
+        ),
+        st.floats(width=32),
+    )
+)
+def test_parameters_of_any_value(path, values):
+    start = log(KINDS, [])
+    read_within_bounds(path, start + b"".join(parameters(values)) + WHOLE[89:])
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        FMT_OF_FMT * 2000,
+        (definition(IMU) + definition(Kind(150, "IMU", "Q", "TimeUS"))) * 1000,
+        FMT_OF_FMT + HEAD * 500_000,
+        FMT_OF_FMT + definition(Kind(1, "A", "", ""), length=3) + (HEAD + b"\x01") * 300_000,
+        FMT_OF_FMT + definition(Kind(1, "A", "b", "x")) + (HEAD + b"\x01\x07\x00") * 150_000,
+        FMT_OF_FMT
+        + definition(Kind(1, "A", "Z" * 3, "x,y,z"))
+        + (HEAD + b"\x01" + HEAD * 96) * 5_000,
+        FMT_OF_FMT
+        + definition(Kind(1, "A", "hh", "x,y"))
+        + definition(Kind(2, "B", "Z", "x"))
+        + (HEAD + b"\x02abcd" + 2 * (HEAD + b"\x01abcd")) * 2000,
+        FMT_OF_FMT + b"\0" * 2_000_000,
+        WHOLE + b"\xa3" * 1_000_000,
+    ],
+    ids=[
+        "fmt",
+        "fmt in turns",
+        "heads",
+        "empty",
+        "damage",
+        "heads within",
+        "overlaps",
+        "zeros",
+        "half heads",
+    ],
+)
+def test_files_made_to_use_time_or_memory(path, data):
+    read_within_bounds(path, data)
+
+
+@pytest.mark.slow
+def test_much_damage(path):
+    """Flips, cuts, insertions and copies of pieces, some thousand times."""
+    rng = np.random.default_rng(11)
+    for _ in range(3000):
+        data = bytearray(WHOLE)
+        for _ in range(rng.integers(1, 30)):
+            place, size = int(rng.integers(2, len(data))), int(rng.integers(1, 200))
+            match rng.integers(4):
+                case 0:
+                    data[place] ^= 1 << int(rng.integers(8))
+                case 1:
+                    del data[place : place + size]
+                case 2:
+                    data[place:place] = rng.bytes(size)
+                case _:
+                    start = int(rng.integers(2, len(data)))
+                    data[place:place] = data[start : start + size]
+        read_within_bounds(path, bytes(data))
