@@ -84,7 +84,7 @@ def run(paths: list[Path], *, log_number: int | None, as_json: bool) -> None:
 
 
 def _report(path: Path, log_number: int | None) -> "LogReport | SeveralLogs":
-    if log_number is None and is_blackbox(read_head(path, HEAD_BYTES)):
+    if log_number is None and path.is_file() and is_blackbox(read_head(path, HEAD_BYTES)):
         entries = list_blackbox_logs(path)
         if len(entries) > 1:
             return SeveralLogs(
