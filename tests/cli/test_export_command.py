@@ -3,11 +3,14 @@
 import importlib
 import sys
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
 
+from rotorfit.cli.main import export
 from rotorfit.export.table import table_files
+from rotorfit.export.targets import TARGETS
 from rotorfit.identification.comparison import WrenchComparison
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.parquet import open_parquet
@@ -22,6 +25,16 @@ def there(tmp_path, monkeypatch):
     a_result().save(tmp_path / "result.json")
     changed(a_result(), **YAW_LOST).save(tmp_path / "no_yaw.json")
     return tmp_path
+
+
+def test_the_command_and_the_docs_know_every_target():
+    offered = get_args(get_type_hints(export)["target"])
+    assert set(offered) == {*TARGETS, "table"}
+    docs = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
+    first, _, load = docs.partition("## What is never written")
+    for target in offered:
+        assert f"| `{target}`" in first
+        assert f"`{target}`" in load
 
 
 def test_a_file_is_written_and_told(run, there):

@@ -404,7 +404,8 @@ def test_a_missing_lag_says_why_it_is_missing():
     with pytest.raises(OutputError) as refused:
         text_of(a_result(law=None), "gazebo")
     words = str(refused.value)
-    assert "motor_lag is not in the result (measured rotor speed already has it" in words
+    assert "motor_lag is not in the result (measured rotor speed shows none of it)" in words
+    assert "give your own: " in words
     assert "max_speed is not in the result (no law from command to rotor speed" in words
     assert "--assume motor_lag=VALUE --assume max_speed=VALUE" in words
 

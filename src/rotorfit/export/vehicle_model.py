@@ -153,23 +153,24 @@ def _refuse_missing(numbers: Mapping[str, Number | Missing], needed: Sequence[st
     missing = [name for name in needed if not isinstance(numbers.get(name), Number)]
     if not missing:
         return
-    told: list[str] = []
-    for name in missing:
-        gap = numbers.get(name)
-        if isinstance(gap, Missing):
-            told.append(f"{name} is {gap.verdict} ({gap.reason})")
-        else:
-            told.append(f"{name} is not in the result{_WHY_ABSENT.get(name, '')}")
+    gaps = [numbers.get(name) for name in missing]
+    told = [
+        f"{name} is {gap.verdict} ({gap.reason})"
+        if isinstance(gap, Missing)
+        else f"{name} is not in the result{_WHY_ABSENT.get(name, '')}"
+        for name, gap in zip(missing, gaps, strict=True)
+    ]
+    flown = any(isinstance(gap, Missing) for gap in gaps)
+    advice = "fly what the report advises, or stand for it yourself" if flown else "give your own"
     flags = " ".join(f"--assume {name}=VALUE" for name in missing)
     units = ", ".join(f"{name} in {unit_of(name)}" for name in missing)
     raise OutputError(
-        f"{'; '.join(told)}: not exported as if it were known; fly what the report advises, or "
-        f"stand for it yourself: {flags} ({units})"
+        f"{'; '.join(told)}: not exported as if it were known; {advice}: {flags} ({units})"
     )
 
 
 _WHY_ABSENT: Final = {
-    "motor_lag": " (measured rotor speed already has it in itself)",
+    "motor_lag": " (measured rotor speed shows none of it)",
     "max_speed": " (no law from command to rotor speed is given)",
 }
 
