@@ -305,12 +305,15 @@ def _corrected(problem: BandedProblem, state: _State) -> _State:
     """
     if all(factors.noise is None for factors in problem.factors):
         return state
+    uncorrected, before = state, np.inf
     for _ in range(MOST_ITERATIONS):
         taken, scores, plain = _corrected_equations(problem, state)
         step = _corrected_step(plain, taken, scores.sum(axis=0))
-        std = np.sqrt(np.diagonal(plain)) ** -1.0
-        state = _evaluate(problem, state.phi + step)
-        if np.all(np.abs(step) <= SMALLEST_STEP * std):
+        size = float(np.max(np.abs(step) * np.sqrt(np.diagonal(plain))))
+        if not size < 2.0 * before:
+            return uncorrected  # steps that grow lead nowhere: noise outweighs motion
+        state, before = _evaluate(problem, state.phi + step), size
+        if size <= SMALLEST_STEP:
             break
     return state
 
@@ -320,13 +323,9 @@ def _corrected_step(
 ) -> Float[np.ndarray, " f"]:
     """Return (plain - taken)^-1 score, at rest where the information is mostly noise."""
     scale = 1.0 / np.sqrt(np.diagonal(plain))
-    try:
-        root = scipy.linalg.inv(np.linalg.cholesky(plain * np.outer(scale, scale))).T
-    except np.linalg.LinAlgError as error:
-        raise EstimationError(
-            "the flights leave a combination of parameters open; remove a term, or fly more motion"
-        ) from error
-    root = scale[:, None] * root
+    strength, Q = np.linalg.eigh(plain * np.outer(scale, scale))
+    strength = np.maximum(strength, np.finfo(float).eps * strength[-1])
+    root = scale[:, None] * Q / np.sqrt(strength)
     share, V = np.linalg.eigh(root.T @ taken @ root)
     gain = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), 0.0)
     return root @ (V @ (gain * (V.T @ (root.T @ score))))
