@@ -100,8 +100,8 @@ def lowpassed_noise(flight: SimulatedFlight, *, commanded: bool) -> Float[np.nda
 def noise_scaled_total(problem: LinearProblem, noise: list[Float[np.ndarray, "z z"]]) -> Estimate:
     """Return total least squares with each column divided by the known deviation of its noise.
 
-    Over all weighted rows: a column has one deviation here, though its rows differ. The standard
-    deviations are those of Six et al. 2020, eq. 19 and 20, in the scaled columns.
+    One deviation a column, though its rows differ: that of the weighted rows in which it appears.
+    The standard deviations are those of Six et al. 2020, eq. 19 and 20, in the scaled columns.
 
     Parameters
     ----------
@@ -112,12 +112,14 @@ def noise_scaled_total(problem: LinearProblem, noise: list[Float[np.ndarray, "z 
     """
     m = problem.map
     columns = np.concatenate([m.matrix, m.constant[:, :, None]], axis=2)
-    variance, power = np.zeros(columns.shape[2]), np.zeros(columns.shape[2])
+    variance, power, count = np.zeros((3, columns.shape[2]))
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
         rows = np.einsum("pjz,pg,j->gjz", tensor, columns[c], problem.weights[c])
-        variance += np.einsum("gjz,zy,gjy->g", rows, noise[c], rows) * float(factors.rows.sum())
+        samples = float(factors.rows.sum())
+        count += samples * rows.any(axis=2).sum(axis=1)
+        variance += samples * np.einsum("gjz,zy,gjy->g", rows, noise[c], rows)
         power += ((rows @ factors.total.T) ** 2).sum(axis=(1, 2))
-    scale = 1.0 / np.sqrt(np.maximum(variance, LEAST_NOISE**2 * power))
+    scale = np.sqrt(count / np.maximum(variance, LEAST_NOISE**2 * power))
     scaled = replace(m, matrix=m.matrix * scale[:-1], constant=m.constant * scale[-1])
     estimate = total(replace(problem, map=scaled))
     back = scale[:-1] / scale[-1]

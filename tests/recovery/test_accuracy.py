@@ -187,7 +187,7 @@ def test_limits_tell_good_from_bad(scatter, width, failing):
     assert verdicts[0].value == pytest.approx(scatter, rel=0.15)
 
 
-@pytest.mark.parametrize("scenario", ["S1", "stress"])
+@pytest.mark.parametrize("scenario", ["S1", pytest.param("stress", marks=pytest.mark.slow)])
 def test_one_run_has_every_method_and_the_bound(scenario):
     run = one_run(1, scenario=scenario, study=SHORT)
     assert set(run["found"]) == set(METHODS)
