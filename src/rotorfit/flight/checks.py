@@ -1,5 +1,8 @@
 """What makes a flight unusable, and what makes it doubtful: every message in one place."""
 
+import contextlib
+from collections.abc import Generator
+
 import numpy as np
 from jaxtyping import Float
 
@@ -11,6 +14,9 @@ from rotorfit.flight.log import FlightLog
 
 FASTEST_TURN = 40.0
 """The gyros of multirotors end at 2000 deg/s, 35 rad/s; more is another unit [rad/s]."""
+
+SLOWEST_MOTORS = 25.0
+"""Slower motor data do not show what the force follows [Hz]."""
 
 
 def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -> None:
@@ -139,6 +145,21 @@ def refuse_wrong_gravity(motion: Motion) -> None:
             f"{seen}, {size / GRAVITY:.0f} times gravity where about {GRAVITY:.1f} m/s^2 is "
             "expected; check the accelerometer's unit and scale in the columns map"
         )
+
+
+@contextlib.contextmanager
+def slow_motors_said(motor_rate: float) -> Generator[None, None, None]:
+    """Give slow motor data as the reason where no flight is found in them [Hz]."""
+    try:
+        yield
+    except FlightError as error:
+        if motor_rate >= SLOWEST_MOTORS:
+            raise
+        raise FlightError(
+            f"motor data come at {motor_rate:.0f} Hz, too slow to tell flight from ground and to "
+            "find inertia (100 Hz and more are good): log motors faster; of this log, thrust at "
+            "most, with start and end of the flight set by yourself"
+        ) from error
 
 
 def doubts_about(

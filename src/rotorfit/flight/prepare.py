@@ -25,6 +25,7 @@ from rotorfit.flight.checks import (
     refuse_missing_battery,
     refuse_missing_channels,
     refuse_wrong_gravity,
+    slow_motors_said,
 )
 from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
@@ -166,7 +167,8 @@ def prepare(
     refuse_wrong_gravity(motion)
     flights = list(motion.stretches)
     if window == (None, None):
-        flights = airborne_rows(with_likely_lag(motion, motors))
+        with slow_motors_said(uniform.rates["motor"]):
+            flights = airborne_rows(with_likely_lag(motion, motors))
     bias = _gyro_bias(
         data, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     )
