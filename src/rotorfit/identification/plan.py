@@ -21,6 +21,7 @@ from rotorfit.identification.plan_after import (
     Missing,
     knowledge_of,
     missing_numbers,
+    result_mass,
     values_of,
 )
 from rotorfit.identification.plan_bound import (
@@ -242,18 +243,23 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
     assumed = assumptions_for(request.mass, log_rate=request.log_rate)
     rough = rough_vehicle(request.vehicle, mass=request.mass, known=_known(request))
     each = _payload_mass(request)
-    pair = payload_pair(request.vehicle, each) if each > 0 else ()
+    # Without one the loaded vehicle is never flown; it only has to exist.
+    pair = payload_pair(
+        request.vehicle,
+        each or default_payload(request.mass),
+        mass_std=0.5 * assumed.mass_step,
+    )
     problem = planned_problem(
         rough,
-        # Without one the loaded vehicle is never flown; it only has to exist.
-        pair or payload_pair(request.vehicle, default_payload(request.mass)),
+        pair,
         assumed=assumed,
         commanded=request.speed == "commanded",
         timed=request.timed,
     )
-    flights = _flown(problem, (BARE, LOADED) if pair else (BARE,), progress)
+    flights = _flown(problem, (BARE, LOADED) if each > 0 else (BARE,), progress)
     known = None if request.after is None else knowledge_of(request.after, problem)
-    return _answer(request, rough, (problem, flights, known), pair=pair, assumed=assumed)
+    used = pair if each > 0 else ()
+    return _answer(request, rough, (problem, flights, known), pair=used, assumed=assumed)
 
 
 def _payload_mass(request: PlanRequest) -> float:
@@ -270,7 +276,10 @@ def _payload_mass(request: PlanRequest) -> float:
 
 def _known(request: PlanRequest) -> dict[str, float]:
     """Return rough values: those of an earlier result, the user's before them."""
-    earlier = {} if request.after is None else values_of(request.after, request.vehicle)
+    earlier: dict[str, float] = {}
+    if request.after is not None:
+        result_mass(request.after, request.mass)  # refused before anything is flown
+        earlier = values_of(request.after, request.vehicle)
     return {**{k: v for k, v in earlier.items() if k in GUESSABLE}, **request.known}
 
 

@@ -20,7 +20,7 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.flight.data import FlightData
-from rotorfit.identification.excitation import AXIS_OF, attenuation_allowance
+from rotorfit.identification.excitation import attenuation_allowance
 from rotorfit.identification.flights import EDGES, STRETCH
 from rotorfit.identification.joint import BIAS_STD, NOISY, JointConfiguration, joint_map
 from rotorfit.identification.joint_parameters import (
@@ -78,6 +78,8 @@ class Problem:
         Noise and disturbance.
     commanded, timed
         Whether rotor speeds come from commands, and whether the motors' timing is searched for.
+    physical, jacobian
+        The shared numbers and those of the bare vehicle, and their derivatives by phi.
     """
 
     bodies: Mapping[str, Truth]
@@ -88,6 +90,8 @@ class Problem:
     assumed: Assumptions
     commanded: bool
     timed: bool
+    physical: Mapping[str, float]
+    jacobian: Float[np.ndarray, "q f"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,15 +140,24 @@ def planned_problem(
     )
     mapped = joint_map(configurations)
     values = _values(rough.truth)
+    phi = np.array([values.get(name, 0.0) for name in mapped.names])
+    scale = _scales(mapped, rough, payload)
+
+    def numbers(at: Float[np.ndarray, " f"]) -> dict[str, float]:
+        everything = physical(at, mapped, configurations)
+        return {name: v for name, v in everything.items() if not name.endswith(f"@{LOADED}")}
+
     return Problem(
         bodies=bodies,
         configurations=configurations,
         mapped=mapped,
-        phi=np.array([values.get(name, 0.0) for name in mapped.names]),
-        scale=_scales(mapped, rough, payload),
+        phi=phi,
+        scale=scale,
         assumed=assumed,
         commanded=commanded,
         timed=timed,
+        physical=numbers(phi),
+        jacobian=numerical_jacobian(lambda at: np.array(list(numbers(at).values())), phi, scale),
     )
 
 
@@ -218,19 +231,15 @@ def predicted(
     known
         Information from earlier flights.
     """
-    covariance = _covariance(problem, flown, known)
-    jacobian = numerical_jacobian(
-        lambda phi: np.array(list(_physical(problem, phi).values())), problem.phi, problem.scale
-    )
+    covariance, jacobian = _covariance(problem, flown, known), problem.jacobian
     shift = jacobian @ covariance @ flown.timing * (0.5 / problem.assumed.log_rate)
     timing = 2.0 * np.abs(shift) * np.sqrt((TRIALS - 1) / TRIALS) * float(problem.timed)
     std = np.sqrt(np.maximum(np.einsum("if,fg,ig->i", jacobian, covariance, jacobian), 0.0))
-    at_truth = _physical(problem, problem.phi)
     numbers = Numbers(
-        names=tuple(at_truth),
-        values=np.array(list(at_truth.values())),
+        names=tuple(problem.physical),
+        values=np.array(list(problem.physical.values())),
         half_width=np.hypot(1.96 * std, timing),
-        correlation=np.eye(len(at_truth)),
+        correlation=np.eye(len(jacobian)),
         excitation={key: value / flown.residual[key] for key, value in flown.explained.items()},
     )
     return replace(numbers, half_width=np.hypot(numbers.half_width, _systematic(problem, numbers)))
@@ -240,13 +249,10 @@ def bound(
     problem: Problem, flown: Evidence, known: Float[np.ndarray, "f f"] | None = None
 ) -> dict[str, float]:
     """Return the Cramér-Rao standard deviation of every physical number."""
-    covariance = _covariance(problem, flown, known)
-    jacobian = numerical_jacobian(
-        lambda phi: np.array(list(_physical(problem, phi).values())), problem.phi, problem.scale
-    )
+    covariance, jacobian = _covariance(problem, flown, known), problem.jacobian
     variance = np.einsum("if,fg,ig->i", jacobian, covariance, jacobian)
-    names = _physical(problem, problem.phi)
-    return dict(zip(names, np.sqrt(np.maximum(variance, 0.0)).tolist(), strict=True))
+    std = np.sqrt(np.maximum(variance, 0.0)).tolist()
+    return dict(zip(problem.physical, std, strict=True))
 
 
 def _covariance(
@@ -275,12 +281,6 @@ def prior_std(problem: Problem) -> Float[np.ndarray, " f"]:
     )
 
 
-def _physical(problem: Problem, phi: Float[np.ndarray, " f"]) -> dict[str, float]:
-    """Return the shared numbers and those of the bare vehicle."""
-    everything = physical(phi, problem.mapped, problem.configurations)
-    return {name: v for name, v in everything.items() if not name.endswith(f"@{LOADED}")}
-
-
 def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
     """Return half-widths for lack of excitation, and for the scale's step."""
     bare = problem.configurations[0]
@@ -292,7 +292,7 @@ def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
             size = max(
                 abs(value), number_scale(numbers, name, mass=bare.mass, arm=bare.vehicle.arm)
             )
-            extra[i] = attenuation_allowance(AXIS_OF[base], size, rho)
+            extra[i] = attenuation_allowance(base, size, rho)
         if (PARAMETERS | DERIVED)[base].mass_power:
             weighed = 0.5 * problem.assumed.mass_step / bare.mass
             extra[i] = np.hypot(extra[i], weighed * value)

@@ -48,9 +48,8 @@ WEAKEST_CONTROL: Final = 1e-3
 """Smallest singular value of the mixer, relative to the largest."""
 PAYLOAD_SHARE: Final = 0.05
 """Each of two payload masses, as a share of the vehicle's."""
-PAYLOAD_MASS_STD: Final = 5e-4
-PAYLOAD_PLACE_STD: Final = 2e-3
-"""How well a payload's mass [kg] and place [m] are believed to be known."""
+PLACE_STD: Final = (2e-3, 0.02)
+"""How well the place of a payload is known: 2 mm, on short arms two hundredths of them."""
 
 GUESSABLE: Final = ("Ixx", "Iyy", "Izz", "hover_speed", "kd_over_kt", "Jr", "motor_lag")
 """What a user may know better than the guess; inertia about the CoM, SI."""
@@ -139,11 +138,18 @@ def check_rotors(vehicle: Vehicle) -> None:
         )
 
 
-def payload_pair(vehicle: Vehicle, mass: float) -> tuple[PointMass, PointMass]:
+def payload_pair(vehicle: Vehicle, mass: float, *, mass_std: float) -> tuple[PointMass, PointMass]:
     """Return two equal masses at opposite ends of one arm, with the tolerances of a careful hand.
 
     Under the rotors that are furthest from each other: that keeps the CoM where it is and changes
     the inertia most.
+
+    Parameters
+    ----------
+    vehicle
+        The geometry.
+    mass, mass_std
+        Of each, and how well it is weighed [kg].
     """
     places = vehicle.positions
     distances: Float[np.ndarray, "N N"] = np.hypot(
@@ -154,8 +160,8 @@ def payload_pair(vehicle: Vehicle, mass: float) -> tuple[PointMass, PointMass]:
         PointMass(
             mass=mass,
             position=vehicle.rotors[int(i)].position,
-            mass_std=PAYLOAD_MASS_STD,
-            position_std=PAYLOAD_PLACE_STD,
+            mass_std=mass_std,
+            position_std=min(PLACE_STD[0], PLACE_STD[1] * vehicle.arm),
         )
         for i in (first, second)
     )

@@ -16,6 +16,7 @@ from rotorfit.report.plan_words import (
     flown_words,
     mass_words,
     payload_words,
+    place_words,
     scale_words,
     steps_of,
     unit_of,
@@ -147,8 +148,9 @@ def checklist(plan: FlightPlan) -> tuple[str, ...]:
     if plan.chosen.payload:
         items.insert(
             1,
-            f"For the second flight: {payload_words(plan)}. Each weighed to 0.5 g: ______ g, "
-            "______ g. Each one's place from the centre to 2 mm: ____ ____ ____, ____ ____ ____ mm",
+            f"For the second flight: {payload_words(plan)}. Each weighed to {scale_words(plan)}: "
+            f"______ g, ______ g. Place of each from the centre to {place_words(plan)}: "
+            "____ ____ ____, ____ ____ ____ mm",
         )
     return tuple(items)
 

@@ -12,6 +12,7 @@ from rotorfit.report.plan_words import (
     digits,
     flown_words,
     payload_words,
+    place_words,
     scale_words,
     steps_of,
     unmet_words,
@@ -82,7 +83,10 @@ def remedy_words(plan: FlightPlan) -> list[str]:
 def _with_payload(plan: FlightPlan) -> list[str]:
     if not plan.chosen.payload:
         return []
-    return [f"Payload: {payload_words(plan)}; weigh each, measure their places to 2 mm."]
+    return [
+        f"Payload: {payload_words(plan)}; weigh each to "
+        f"{scale_words(plan)}, measure their places to {place_words(plan)}."
+    ]
 
 
 def _missing(plan: FlightPlan) -> list[str]:

@@ -155,6 +155,11 @@ def payload_words(plan: FlightPlan) -> str:
     return f"two equal masses of {mass}, one under rotor {first} and one under rotor {second}"
 
 
+def place_words(plan: FlightPlan) -> str:
+    """Return how well the places of the payload have to be known."""
+    return f"{1e3 * plan.payload[0].position_std:.1g} mm"
+
+
 def mass_words(mass: float) -> str:
     """Return a mass in grams."""
     return f"{1e3 * mass:.3g} g" if mass < 1.0 else f"{1e3 * mass:.0f} g"

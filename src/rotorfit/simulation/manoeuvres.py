@@ -33,8 +33,8 @@ MANOEUVRES: Final[Mapping[Manoeuvre, Sticks]] = {
         climb=_GENTLE_CLIMB,
     ),
     "turns": Sticks(
-        roll=_FREE.roll,
-        pitch=_FREE.pitch,
+        roll=Stick(band=(0.3, 1.3), rms=0.16),
+        pitch=Stick(band=(0.3, 1.2), rms=0.14),
         yaw=Stick(band=(0.1, 0.6), rms=1.2, shape="turns"),
         climb=_GENTLE_CLIMB,
     ),
