@@ -170,8 +170,12 @@ def per_kilogram():
 
 
 def test_an_unknown_mass_is_refused_and_scales_everything_once_assumed():
-    with pytest.raises(OutputError, match="mass is not-identified"):
+    with pytest.raises(OutputError) as refused:
         vehicle_model(per_kilogram())
+    words = str(refused.value)
+    assert "mass is not-identified" in words
+    assert "kt, kd are not-identified (known only per kilogram: the mass is unknown)" in words
+    assert words.endswith("--assume mass=VALUE (mass in kg)")
     model = vehicle_model(per_kilogram(), assumed={"mass": 2 * MASS})
     np.testing.assert_allclose(model.inertia_com, 2 * INERTIA_COM)
     np.testing.assert_allclose([r.kt for r in model.rotors], 2 * KT_EACH)
@@ -197,8 +201,11 @@ def in_commands(full=1000.0):
 
 
 def test_commands_without_a_law_need_the_full_speed():
-    with pytest.raises(OutputError, match="there is no law from command to rotor speed"):
+    with pytest.raises(OutputError) as refused:
         vehicle_model(in_commands())
+    words = str(refused.value)
+    assert "kt, kd are not-identified (known only per command: no law" in words
+    assert words.endswith("--assume max_speed=VALUE (max_speed in rad/s)")
     model = vehicle_model(in_commands(), assumed={"max_speed": 1000.0})
     np.testing.assert_allclose([r.kt for r in model.rotors], KT_EACH)
     np.testing.assert_allclose((model.kd, model.Jr), (KD, JR))
@@ -285,6 +292,11 @@ def test_every_target_says_where_its_numbers_are_from(target):
     assert "/home/someone" not in text
     assert "long.csv" in text
     assert "kd = 5.11e-08 (5.0588e-08 to 5.1612e-08) N m s^2/rad^2 [identified]" in text
+
+
+def test_the_doubts_of_the_result_stand_in_the_file():
+    doubtful = replace(a_result(), warnings=("the gyro's bias is left in",))
+    assert "# Doubt: the gyro's bias is left in\n" in text_of(doubtful, "px4")
 
 
 def test_rotors_without_a_coefficient_of_their_own_have_the_mean():
@@ -407,6 +419,7 @@ def test_a_missing_lag_says_why_it_is_missing():
     assert "motor_lag is not in the result (measured rotor speed shows none of it)" in words
     assert "give your own: " in words
     assert "max_speed is not in the result (no law from command to rotor speed" in words
+    assert "fly" not in words
     assert "--assume motor_lag=VALUE --assume max_speed=VALUE" in words
 
 

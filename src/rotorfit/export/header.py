@@ -48,6 +48,7 @@ def header_lines(
         *(_flight(record) for record in result.flights),
         "Numbers (95 % interval) in SI units, body axes FLU (x forward, y left, z up):",
         *(_number(number) for number in model.numbers),
+        *(f"Doubt: {doubt}" for doubt in result.warnings),
         *(f"Note: {note}" for note in model.notes),
     ]
     return [" ".join(line.split()) if not line.startswith("  ") else line for line in lines]

@@ -65,11 +65,21 @@ class Number:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Missing:
-    """A number that the flights do not give."""
+    """A number that the flights do not give.
+
+    Attributes
+    ----------
+    verdict, reason
+        Of the result.
+    cure
+        The number that would have to be assumed, where it is another: the mass for what is known
+        per kilogram.
+    """
 
     name: str
     verdict: str
     reason: str
+    cure: str | None = None
 
 
 def numbers_of(
@@ -213,7 +223,7 @@ def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number |
         name=name,
         value=value,
         unit=per_kilogram(DERIVED[name], twin.unit),
-        origin="weak" if weak is not None else twin.origin,
+        origin="weak" if weak is not None and twin.origin != "removed" else twin.origin,
         remark=weak.remark if weak is not None else f"from {_twin(name)} at the origin",
     )
 
@@ -237,6 +247,7 @@ def _in_si(
                 name=number.name,
                 verdict="not-identified",
                 reason="known only per kilogram: the mass is unknown",
+                cure="mass",
             )
         factor *= mass.value
         unit = unit.removesuffix(" per kg")
@@ -246,8 +257,9 @@ def _in_si(
             return Missing(
                 name=number.name,
                 verdict="not-identified",
-                reason="known only per command, there is no law from command to rotor speed "
-                "(max_speed, the speed at full command, would do if speed goes with command)",
+                reason="known only per command: no law from command to rotor speed is given; the "
+                "speed at full command would do, if speed is in proportion to command",
+                cure="max_speed",
             )
         if speed.unit != FULL_COMMAND:
             factor /= speed.value ** (1 if number.name in ("Jr", "Jr_over_Izz") else 2)

@@ -153,25 +153,33 @@ def _refuse_missing(numbers: Mapping[str, Number | Missing], needed: Sequence[st
     missing = [name for name in needed if not isinstance(numbers.get(name), Number)]
     if not missing:
         return
-    gaps = [numbers.get(name) for name in missing]
-    told = [
-        f"{name} is {gap.verdict} ({gap.reason})"
-        if isinstance(gap, Missing)
-        else f"{name} is not in the result{_WHY_ABSENT.get(name, '')}"
-        for name, gap in zip(missing, gaps, strict=True)
-    ]
-    flown = any(isinstance(gap, Missing) for gap in gaps)
-    advice = "fly what the report advises, or stand for it yourself" if flown else "give your own"
-    flags = " ".join(f"--assume {name}=VALUE" for name in missing)
-    units = ", ".join(f"{name} in {unit_of(name)}" for name in missing)
-    raise OutputError(
-        f"{'; '.join(told)}: not exported as if it were known; {advice}: {flags} ({units})"
+    gaps = [numbers.get(name) or _absent(name) for name in missing]
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for gap in gaps:
+        if isinstance(gap, Missing):
+            reasons.setdefault((gap.verdict, gap.reason), []).append(gap.name)
+    told = "; ".join(
+        f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {verdict} ({reason})"
+        for (verdict, reason), names in reasons.items()
     )
+    cures = list(dict.fromkeys(gap.cure or gap.name for gap in gaps if isinstance(gap, Missing)))
+    flown = any(verdict != ABSENT for verdict, _ in reasons)
+    advice = "fly what the report advises, or stand for it yourself" if flown else "give your own"
+    flags = " ".join(f"--assume {name}=VALUE" for name in cures)
+    units = ", ".join(f"{name} in {unit_of(name)}" for name in cures)
+    raise OutputError(f"{told}: not exported as if it were known; {advice}: {flags} ({units})")
+
+
+ABSENT: Final = "not in the result"
+
+
+def _absent(name: str) -> Missing:
+    return Missing(name=name, verdict=ABSENT, reason=_WHY_ABSENT.get(name, "it was not estimated"))
 
 
 _WHY_ABSENT: Final = {
-    "motor_lag": " (measured rotor speed shows none of it)",
-    "max_speed": " (no law from command to rotor speed is given)",
+    "motor_lag": "measured rotor speed shows none of it",
+    "max_speed": "no law from command to rotor speed is given",
 }
 
 
