@@ -15,8 +15,8 @@ from rotorfit.logs.rosbag.stream import Encoding, Topic
 _AT_ONCE: Final = 4096
 _BYTES_AT_ONCE: Final = 1 << 24
 _LARGEST_TIME: Final = 2**63 - 1
-_MOST_LAYOUTS: Final = 5000
-_MOST_UNREADABLE: Final = 200
+_MOST_LAYOUTS: Final = 1000
+_MOST_UNREADABLE: Final = 10
 """Of messages that are tried one by one, before those of their size are given up together."""
 
 

@@ -20,7 +20,7 @@ from rotorfit.logs.rosbag.definitions import PRIMITIVES, SEQUENCE, STRING, Field
 from rotorfit.logs.rosbag.stream import Encoding
 
 _DEEPEST: Final = 12
-_MOST_NUMBERS: Final = 4096
+_MOST_NUMBERS: Final = 1024
 """Fields, or elements of an array of messages, in one message that is read."""
 _INDEX: Final = re.compile(r"(.+)\[(\d+)\]")
 

@@ -64,6 +64,7 @@ def scan_mcap(file: BinaryIO, wanted: Wanted, tally: Tally) -> Messages:
             continue
         whole = _record(opcode, file.read(length)) if content is None else content
         yield from _messages(whole, schemas, channels, wanted, tally)
+        del whole, content  # one chunk at a time in memory
 
 
 def _record(opcode: int, content: bytes) -> bytes:
@@ -91,8 +92,8 @@ def _messages(
         opcode = records[place]
         start = place + 9
         place = start + int.from_bytes(records[place + 1 : start], "little")
-        if place > len(records):
-            tally.passed_over("a chunk is cut off")
+        if place > len(records) or opcode == 0:
+            tally.passed_over("a chunk is cut off" if opcode else "a chunk is damaged")
             return
         if opcode == _MESSAGE and place - start >= 22:
             topic, is_wanted = channels.get(

@@ -77,10 +77,10 @@ def _messages(records: bytes, connections: _Connections, wanted: Wanted, tally: 
             tally.passed_over("a chunk is cut off")
             return
         fields = _fields(records[start:end])
-        if fields is None:
-            tally.passed_over("a record is damaged")
-        else:
-            yield from _one(fields, records[end + 4 : after], connections, wanted, tally)
+        if not fields:
+            tally.passed_over("a chunk is damaged")
+            return
+        yield from _one(fields, records[end + 4 : after], connections, wanted, tally)
         place = after
 
 

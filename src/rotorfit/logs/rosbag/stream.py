@@ -11,10 +11,10 @@ from rotorfit.errors import LogError
 
 Encoding = Literal["ros1", "cdr"]
 
-LARGEST_CHUNK: Final = 256 * 2**20
+LARGEST_CHUNK: Final = 128 * 2**20
 """Bytes that one compressed part may unfold to."""
 _LARGEST_MESSAGE: Final = 64 * 2**20
-_LARGEST_EXPANSION: Final = 100
+_LARGEST_EXPANSION: Final = 40
 """A file may unfold to so many times its size (and one chunk more): sensor data never do."""
 ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 
