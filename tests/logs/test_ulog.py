@@ -1,6 +1,7 @@
 """What a ULog becomes: channels, notes, metadata."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,10 +22,11 @@ from ulog_encoder import (
     write_ulog,
 )
 
-from flown import simulated, simulated_vehicle
+from flown import experiment_file, quietly_identified, simulated, simulated_vehicle
 from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.logs.ulog import is_ulog, read_ulog
+from rotorfit.simulation import write_flight_table
 
 N = 200
 TIME = 100.0 + 0.004 * np.arange(N)
@@ -416,3 +418,26 @@ def test_outputs_are_left_where_motors_are_known(tmp_path):
     outputs = actuator_outputs(TIME, np.full((N, 4), 1900.0))
     log = read(tmp_path, IMU, motors, outputs, parameters=QUAD)
     assert log.channels["command"].source == "actuator_motors.control[0..3]"
+
+
+@pytest.mark.slow
+def test_a_ulog_and_a_table_of_one_flight_give_the_same_parameters(tmp_path):
+    flight = simulated("quad-x", "noisy", seed=2, seconds=40.0)
+    write_ulog(flight, tmp_path / "log.ulg")
+    write_flight_table(flight, tmp_path / "log.csv")
+    ulog, table = (
+        quietly_identified(
+            experiment_file(
+                tmp_path / f"{suffix}.toml",
+                flight.vehicle,
+                [Path(f"log.{suffix}")],
+                mass=flight.truth.mass,
+            )
+        )
+        for suffix in ("ulg", "csv")
+    )
+    for mine, other in zip(ulog.parameters, table.parameters, strict=True):
+        assert (mine.name, mine.verdict) == (other.name, other.verdict)
+        if other.std:
+            # Whole rpm and single precision are all that differs.
+            assert mine.value == pytest.approx(other.value, rel=1e-3, abs=0.02 * other.std)
