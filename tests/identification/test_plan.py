@@ -11,6 +11,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.identification.flights import EDGES, STRETCH
 from rotorfit.identification.joint import JointConfiguration, joint_estimate
 from rotorfit.identification.plan import PlanRequest, plan
+from rotorfit.identification.plan_after import values_of
 from rotorfit.identification.plan_bound import (
     bound,
     combined,
@@ -293,7 +294,7 @@ def after_rolling(tmp_path_factory):
 
 
 def test_after_a_flight_it_says_what_is_missing_and_what_fixes_it(after_rolling, usual_plan):
-    planned = plan(request(known={}, after=after_rolling, payload=0.0))
+    planned = plan(request(after=after_rolling, payload=0.0))
     missing = {m.name: m for m in planned.missing}
     assert {"kd", "Iyy", "Izz"} <= missing.keys()
     assert "Ixx" not in missing
@@ -310,13 +311,18 @@ def test_after_a_flight_it_says_what_is_missing_and_what_fixes_it(after_rolling,
             assert here.half_width / here.value < there.half_width / there.value
     known = after_rolling.derived_value("Ixx_com")
     hover = planned.candidate("hover", 20.0, payload=False).numbers["Ixx"]
-    assert hover.half_width <= 1.96 * known.std * (1 + 1e-9)
+    assert hover.half_width / hover.value <= 1.96 * known.std / known.value * (1 + 1e-9)
+
+
+def test_rough_values_come_from_the_result(after_rolling):
+    values = values_of(after_rolling, PAPER)
+    assert values["Ixx"] == after_rolling.derived_value("Ixx_com").value
+    assert values["hover_speed"] == pytest.approx(931.0, rel=0.02)
+    assert "Iyy" not in values and "kd_over_kt" not in values
 
 
 def test_what_is_enough_already_is_said(after_rolling):
-    planned = plan(
-        request(known={}, after=after_rolling, wanted=wanted_accuracy("Ixx=8"), payload=0.0)
-    )
+    planned = plan(request(after=after_rolling, wanted=wanted_accuracy("Ixx=8"), payload=0.0))
     assert planned.enough
 
 
