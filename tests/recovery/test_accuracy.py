@@ -11,12 +11,15 @@ from benchmarks.accuracy.runs import METHODS, Study, fly, one_run
 from benchmarks.accuracy.tables import limits, scored, tables_text
 from benchmarks.common import true_values
 from scipy import optimize
+from scipy.signal import windows
 
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.identification.joint import NOISY, joint_map
 from rotorfit.model.regressor import regressor
+from rotorfit.model.signals import signal_matrix
+from rotorfit.simulation import sampled_flight_data
 
 SHORT = Study(vehicles=("A",), seconds=15.0)
 SLOPE = parameter_map(("slope", "one"), {"slope": {(0, "slope"): 1.0}}, {(0, "one"): -1.0})
@@ -115,6 +118,46 @@ def test_information_is_the_curvature_of_the_expected_likelihood(stressed):
         at = expected_cost(stressed, joint, phi, 0.0)
         assert at == pytest.approx(0.0, abs=1e-9)
         assert up + down - 2.0 * at == pytest.approx(step @ F @ step, rel=1e-3)
+
+
+def in_lines(signals, flight):
+    """Return signals windowed and transformed as the spectrum's are."""
+    n = len(signals)
+    window = windows.tukey(n, bound.TAPER)[:, None] / np.sqrt(n)
+    lines = np.fft.rfft(signals * window, axis=0)
+    return lines[np.fft.rfftfreq(n, 1.0 / flight.sample_rate) <= bound.TOP]
+
+
+def test_noise_and_gusts_have_the_spectra_that_the_bound_takes():
+    flight = fly(0, scenario="S2b", study=replace(SHORT, seconds=60.0))["A"]
+    spectrum = bound.flight_spectrum(flight, flight.vehicle, rotor_speed_std=5.0)
+    physics, rows = regressor(flight.vehicle), (1, len(flight.time) - 1)
+    exact = signal_matrix(sampled_flight_data(flight), flight.vehicle, *rows)
+    logged = sampled_flight_data(flight, signals="measured")
+    noise = in_lines(signal_matrix(logged, flight.vehicle, *rows) - exact, flight)
+    theta = flight.truth.parameters()
+    theta["kt"] = flight.truth.kt
+    gusts = in_lines(physics.residual(exact, theta), flight)
+    power = (spectrum.weight[:, None] * np.abs(in_lines(exact, flight)) ** 2).sum(axis=0)
+    window = windows.tukey(len(exact), bound.TAPER)[:, None]
+    body = [physics.layout.index(n) for n in ("az", "dwy", "wxwy", "O2_1", "one")]
+    np.testing.assert_allclose(power[body], ((window * exact) ** 2).sum(axis=0)[body], rtol=0.02)
+    for low, high in ((0.05, 2.0), (2.0, 10.0), (10.0, 30.0)):
+        band = (spectrum.frequency > low) & (spectrum.frequency <= high)
+        tolerance = 4.0 / np.sqrt(band.sum())
+        for name in ("ax", "dwx", "dwz", "wxwx", "O2_3", "dHz"):
+            i = physics.layout.index(name)
+            taken = spectrum.noise[band, i, i].real
+            found = np.abs(noise[band, i]) ** 2
+            assert np.mean(found / taken) == pytest.approx(1.0, abs=tolerance), (name, low)
+        if high < 20.0:
+            found = np.abs(gusts[band]) ** 2 / spectrum.disturbance[band]
+            np.testing.assert_allclose(found.mean(axis=0), 1.0, atol=tolerance)
+        cross = np.real(noise[band, physics.layout.index("O2_1")].conj() * noise[band, -4])
+        i, j = physics.layout.index("O2_1"), len(physics.layout) - 4
+        size = np.sqrt(np.mean(np.abs(noise[band, i]) ** 2) * np.mean(np.abs(noise[band, j]) ** 2))
+        taken = np.mean(spectrum.noise[band, i, j].real)
+        assert abs(np.mean(cross) - taken) < tolerance * size
 
 
 def test_the_bound_is_taken_at_the_truth(stressed):
