@@ -29,7 +29,7 @@ from pymavlink.DFReader import DFReader_binary
 
 from rotorfit.errors import LogError
 from rotorfit.logs.dataflash.columns import columns, in_order
-from rotorfit.logs.dataflash.messages import find_messages
+from rotorfit.logs.dataflash.messages import Wanted, find_messages
 
 ALL = Kind(200, "ALL", "QbBhHiIfdgcCeEL", "TimeUS,b,B,h,H,i,I,f,d,g,c,C,e,E,L")
 TEXTS = Kind(201, "TXT", "qnNZMa", "q,n,N,Z,M,a")
@@ -288,7 +288,7 @@ def test_two_definitions_in_turns_are_refused_soon():
 
 def test_only_the_wanted_are_kept_and_all_are_counted():
     data = log(KINDS, [*steps(100), *[message(BAT, 0, 0, 1.0, 1.0)] * 50])
-    found = whole(data, wanted={"BAT"})
+    found = whole(data, wanted=Wanted(names={"BAT"}))
     assert found.count("IMU") == 100
     assert [found.formats[i].name for i in found.rows] == ["BAT"]
 
@@ -297,7 +297,7 @@ def test_memory_is_that_of_the_wanted_messages():
     part = b"".join(steps(2000))
     blocks = [FMT_OF_FMT + definition(IMU) + definition(BAT), *[part] * 100]
     tracemalloc.start()
-    found = find_messages(blocks, wanted={"BAT"})
+    found = find_messages(blocks, wanted=Wanted(names={"BAT"}))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert found.count("IMU") == 200_000
@@ -316,3 +316,16 @@ def test_letters_have_the_sizes_of_their_struct():
 
     for letter, packed in STRUCT.items():
         assert Field(letter=letter, offset=3).dtype.itemsize == struct.calcsize("<" + packed)
+
+
+def test_one_instance_is_kept_and_a_glimpse_of_others():
+    rest = ((0.0, 0.0, 0.0), (0.0, 0.0, -9.8))
+    messages = [imu(0.01 * k, *rest, instance=i) for k in range(3000) for i in range(3)]
+    data = log(KINDS, messages)
+    kept = whole(data, wanted=Wanted(names={"IMU"}, instances={"IMU": 2, "BAT": 0}))
+    assert kept.count("IMU") == 9000
+    assert columns(kept, "IMU", ("I",))["I"].tolist() == [2] * 3000
+    glimpse = find_messages([data] * 20, wanted=Wanted(names=(), glimpsed={"IMU"}))
+    numbers = columns(glimpse, "IMU", ("I",))["I"]
+    assert set(numbers.tolist()) == {0, 1, 2}
+    assert len(numbers) < 0.2 * glimpse.count("IMU")

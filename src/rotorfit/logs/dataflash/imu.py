@@ -18,8 +18,9 @@ LOOP_NAMES: Final = ("IMU", "IMU2", "IMU3")
 MOST_IMUS: Final = 8
 FASTER: Final = 1.2
 """Raw messages are taken where they come so many times as often as IMU does."""
-_RAW_NAMES: Final = tuple(f"{base}{n}" for base in ("GYR", "ACC") for n in ("", "1", "2", "3"))
-NAMES: Final = (*LOOP_NAMES, *_RAW_NAMES, "XKF4", "NKF4")
+GLIMPSED: Final = ("IMU", "GYR")
+"""Messages of which some tell the instances there are."""
+CHOICE_NAMES: Final = ("XKF4", "NKF4")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,62 +40,86 @@ class ImuChannels:
     ----------
     gyro, accel
         None where the log has neither.
-    instance
-        Number of the IMU, from 0.
     notes
         Which IMU, why, and how it is filtered.
     """
 
     gyro: Channel | None
     accel: Channel | None
-    instance: int
     notes: tuple[str, ...]
 
 
-def read_imu(messages: Messages, parameters: Parameters) -> ImuChannels:
-    """Return gyro and accelerometer of the IMU that the autopilot used, body axes FLU."""
-    present = instances(messages)
-    if not present:
-        return ImuChannels(gyro=None, accel=None, instance=0, notes=())
-    chosen, why = _chosen(messages, parameters, present)
-    loop = _loop(messages, chosen)
-    raw = _raw(messages, chosen)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuChoice:
+    """Which IMU is read, counted from 0, and why."""
+
+    instance: int
+    notes: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Messages that it may have written."""
+        number = self.instance + 1
+        loop = "IMU" if number == 1 else f"IMU{number}"
+        return (*self.instances, loop, f"GYR{number}", f"ACC{number}")
+
+    @property
+    def instances(self) -> dict[str, int]:
+        """Messages that have a field for the instance, and what it is."""
+        return dict.fromkeys(("IMU", "GYR", "ACC"), self.instance)
+
+
+def read_imu(messages: Messages, parameters: Parameters, choice: ImuChoice) -> ImuChannels:
+    """Return gyro and accelerometer of the IMU that was chosen, body axes FLU."""
+    loop = _loop(messages, choice.instance)
+    raw = _raw(messages, choice.instance)
     gyro, accel = raw or loop or (None, None)
     if loop and raw and not _is_faster(raw, loop):
         gyro, accel = loop
-    notes = [f"IMU {chosen + 1} of {len(present)} is used: {why}"] if len(present) > 1 else []
+    notes = list(choice.notes)
     if gyro is not None and gyro.source.startswith("IMU"):
         notes += _filter_notes(parameters)
     if gyro is not None and gyro.source.startswith("GYR"):
         notes += _raw_notes(parameters)
     return ImuChannels(
-        gyro=_channel(gyro, "rad/s"),
-        accel=_channel(accel, "m/s^2"),
-        instance=chosen,
-        notes=tuple(notes),
+        gyro=_channel(gyro, "rad/s"), accel=_channel(accel, "m/s^2"), notes=tuple(notes)
     )
 
 
-def instances(messages: Messages) -> list[int]:
+def choose_imu(messages: Messages, parameters: Parameters) -> ImuChoice:
+    """Return the IMU that the autopilot used, as far as the log tells.
+
+    Of the messages `GLIMPSED` some are enough.
+    """
+    present = _instances(messages)
+    if not present:
+        return ImuChoice(instance=0, notes=())
+    chosen, why = _chosen(messages, parameters, present)
+    words = f"IMU {chosen + 1} of {len(present)} is used: {why}"
+    return ImuChoice(instance=chosen, notes=(words,) if len(present) > 1 else ())
+
+
+def _instances(messages: Messages) -> list[int]:
     """Return the IMUs that a log has messages of, from 0."""
-    found = {n for n, name in enumerate(LOOP_NAMES) if has_fields(messages, name, GYRO)}
-    for name in ("IMU", "GYR"):
-        numbers = columns(messages, name, ("I",)).get("I")
-        if numbers is not None and numbers.dtype.kind in "iu":
-            inside = numbers[(numbers >= 0) & (numbers < MOST_IMUS)]
-            # A damaged message or two is no IMU.
-            counts = np.bincount(inside.astype(np.int64), minlength=1)
-            present = {int(i) for i in np.flatnonzero(counts > 0.02 * counts.max())}
-            found = (found - {0} if name == "IMU" else found) | present
-    found |= {n for n in range(3) if has_fields(messages, f"GYR{n + 1}", GYRO)}
-    loops = {n for n in found if _has_loop(messages, n)}
-    return sorted(loops or found)
-
-
-def _has_loop(messages: Messages, instance: int) -> bool:
     if has_fields(messages, "IMU", ("I", *GYRO)):
-        return True
-    return instance < len(LOOP_NAMES) and has_fields(messages, LOOP_NAMES[instance], GYRO)
+        return _numbers(messages, "IMU")
+    found = [n for n, name in enumerate(LOOP_NAMES) if has_fields(messages, name, GYRO)]
+    if found:
+        return found
+    if has_fields(messages, "GYR", ("I", *GYRO)):
+        return _numbers(messages, "GYR")
+    return [n for n in range(3) if has_fields(messages, f"GYR{n + 1}", GYRO)]
+
+
+def _numbers(messages: Messages, name: str) -> list[int]:
+    """Return the instances that messages of a name are of."""
+    numbers = columns(messages, name, ("I",)).get("I")
+    if numbers is None or numbers.dtype.kind not in "iu":
+        return []
+    inside = numbers[(numbers >= 0) & (numbers < MOST_IMUS)]
+    counts = np.bincount(inside.astype(np.int64), minlength=1)
+    # A damaged message or two is no IMU.
+    return np.flatnonzero(counts > 0.02 * counts.max()).tolist()
 
 
 def _chosen(messages: Messages, parameters: Parameters, present: list[int]) -> tuple[int, str]:

@@ -1,7 +1,7 @@
 """Where the messages of a DataFlash log are, found block by block, and the bytes of some."""
 
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -25,6 +25,8 @@ FEW_HEADS: Final = 64
 MOST_FORMATS: Final = 1000
 """Of one log; a type has one byte, and firmware defines it once."""
 MOST_REDEFINITIONS: Final = 2000
+GLIMPSES: Final = 8
+"""Runs of messages that are looked at together, of names that are only glimpsed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +60,11 @@ class Messages:
     trailing_bytes: int
     bad_formats: int
 
+    def without(self, names: Container[str]) -> "Messages":
+        """Return the same without the bytes of some messages."""
+        rows = {i: r for i, r in self.rows.items() if self.formats[i].name not in names}
+        return replace(self, rows=rows)
+
     def named(self, name: str) -> list[int]:
         """Return the formats of that name that have messages, as indices."""
         return [i for i, f in enumerate(self.formats) if f.name == name and self.counts[i]]
@@ -67,11 +74,33 @@ class Messages:
         return sum(self.counts[i] for i in self.named(name))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """Which messages are kept, so that a long log need not fit into the memory.
+
+    Attributes
+    ----------
+    names
+        Kept whole; None: all.
+    glimpsed
+        Names of which some of the first are kept.
+    instances
+        Names of messages with a one-byte field I, of which only this number is kept.
+    """
+
+    names: Container[str] | None = None
+    glimpsed: Container[str] = ()
+    instances: Mapping[str, int] = field(default_factory=dict[str, int])
+
+
+ALL: Final = Wanted()
+
+
 @dataclass(slots=True, kw_only=True)
 class _Walk:
     """What is known on the way through the file: the one thing here that changes."""
 
-    wanted: Container[str] | None
+    wanted: Wanted
     formats: list[MessageFormat] = field(default_factory=lambda: [FMT_OF_FMT])
     indices: dict[bytes, int] = field(default_factory=dict[bytes, int])
     lengths: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
@@ -99,7 +128,7 @@ class _Block:
     is_last: bool
 
 
-def find_messages(blocks: Iterable[bytes], *, wanted: Container[str] | None = None) -> Messages:
+def find_messages(blocks: Iterable[bytes], *, wanted: Wanted = ALL) -> Messages:
     """Return the messages of a log.
 
     Each message's length says where the next one begins. Runs of messages that follow each other
@@ -111,7 +140,7 @@ def find_messages(blocks: Iterable[bytes], *, wanted: Container[str] | None = No
     blocks
         The file in pieces, of any size.
     wanted
-        Names of the messages whose bytes are kept; None: all.
+        The messages whose bytes are kept; all of them are counted.
 
     Raises
     ------
@@ -128,7 +157,7 @@ def find_messages(blocks: Iterable[bytes], *, wanted: Container[str] | None = No
     return Messages(
         formats=tuple(walk.formats),
         counts=tuple(walk.counts),
-        rows={i: _joined(walk.parts.pop(i)) for i in list(walk.parts)},
+        rows={i: _joined(parts) for i in list(walk.parts) if (parts := walk.parts.pop(i))},
         damaged_places=walk.damaged_places,
         skipped_bytes=walk.skipped_bytes,
         dropped=walk.dropped,
@@ -294,6 +323,12 @@ def _keep(
             continue
         walk.counts[index] += count
         form = walk.formats[index]
-        if walk.wanted is None or form.name in walk.wanted:
+        wanted, parts = walk.wanted, walk.parts.setdefault(index, [])
+        is_glimpsed = form.name in wanted.glimpsed and len(parts) < GLIMPSES
+        if wanted.names is None or form.name in wanted.names or is_glimpsed:
             windows = np.lib.stride_tricks.sliding_window_view(block.raw, form.length)
-            walk.parts.setdefault(index, []).append(windows[found[indices == index]])
+            rows = windows[found[indices == index]]
+            number = form.fields.get("I")
+            if form.name in wanted.instances and number is not None and number.letter in "bB":
+                rows = rows[rows[:, number.offset] == wanted.instances[form.name]]
+            parts.append(rows)

@@ -1,7 +1,7 @@
 """DataFlash files to FlightLog."""
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -14,15 +14,17 @@ from rotorfit.logs.dataflash import imu, motors, parameters, pose, remix
 from rotorfit.logs.dataflash.advice import advice
 from rotorfit.logs.dataflash.formats import HEAD
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
-from rotorfit.logs.dataflash.messages import Messages, find_messages
+from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
 from rotorfit.logs.dataflash.units import unit_doubts
 from rotorfit.logs.files import read_head
 
 BLOCK: Final = 4 << 20
-WANTED: Final = frozenset(
-    (*imu.NAMES, *motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, "UNIT", "FMTU")
+CHOICE: Final = Wanted(
+    names=frozenset((*imu.CHOICE_NAMES, *parameters.NAMES)), glimpsed=frozenset(imu.GLIMPSED)
 )
+"""Messages that tell which IMU to read."""
+NAMES: Final = (*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, "UNIT", "FMTU")
 _SAID: Final = 200
 _MOTOR_PARAMETERS: Final = (
     *("FRAME_CLASS", "FRAME_TYPE", "FRAME", "Q_FRAME_CLASS", "Q_FRAME_TYPE"),
@@ -62,11 +64,10 @@ def read_dataflash(path: Path) -> FlightLog:
     if not is_dataflash(head):
         raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
     try:
-        messages = find_messages(_blocks(path), wanted=WANTED)
-        found = _understood(messages)
+        found = _understood(path)
         channels = {name: found.channels[name] for name in CHANNELS if name in found.channels}
         if not channels:
-            raise LogError(_nothing(messages))
+            raise LogError(found.nothing)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
     return FlightLog(
@@ -77,7 +78,7 @@ def read_dataflash(path: Path) -> FlightLog:
         seconds=_seconds(channels),
         metadata=found.metadata,
         notes=found.notes,
-        warnings=(*found.warnings, *_damage(messages)),
+        warnings=found.warnings,
     )
 
 
@@ -107,14 +108,25 @@ class _Found:
     metadata: dict[str, str]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    nothing: str
 
 
-def _understood(messages: Messages) -> _Found:
-    """Return channels, metadata and what to say."""
-    settings, said = read_parameters(messages), parameters.texts(messages)
+def _understood(path: Path) -> _Found:
+    """Return channels, metadata and what to say.
+
+    The file is gone through twice: what the other IMUs recorded would fill most of the memory.
+    """
+    glimpse = find_messages(_blocks(path), wanted=CHOICE)
+    settings, said = read_parameters(glimpse), parameters.texts(glimpse)
+    choice = imu.choose_imu(glimpse, settings)
+    del glimpse
+    names = frozenset((*NAMES, *choice.names))
+    wanted = Wanted(names=names, instances=choice.instances)
+    messages = find_messages(_blocks(path), wanted=wanted)
+    sensors = imu.read_imu(messages, settings, choice)
+    messages = messages.without(choice.names)
     frame = frame_of(settings, said)
     wired = motors.wiring(settings, frame)
-    sensors = imu.read_imu(messages, settings)
     command, command_notes = motors.read_commands(messages, settings, wired)
     if command is not None:
         command, mix_notes = remix.remixed(messages, settings, command, frame=frame)
@@ -130,7 +142,7 @@ def _understood(messages: Messages) -> _Found:
         **pose.read_pose(messages),
     }
     channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
-    text = None if frame is None else airframe_text(frame, _imu_position(settings, sensors))
+    text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
     flown, doubts = _armed(messages)
     return _Found(
         channels=channels,
@@ -144,15 +156,19 @@ def _understood(messages: Messages) -> _Found:
             *_law_notes(settings),
             *advice(messages, settings, channels, wired=wired),
         ),
-        warnings=(*doubts, *unit_doubts(messages), *_changed(settings)),
+        warnings=(
+            *doubts,
+            *unit_doubts(messages),
+            *_changed(settings),
+            *_damage(messages, names),
+        ),
+        nothing=_nothing(messages),
     )
 
 
-def _imu_position(
-    settings: Parameters, sensors: imu.ImuChannels
-) -> tuple[float, float, float] | None:
+def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, float] | None:
     """Return where the accelerometer is by INS_POSn, body axes FLU; None where it was never set."""
-    names = [f"INS_POS{sensors.instance + 1}_{axis}" for axis in "XYZ"]
+    names = [f"INS_POS{instance + 1}_{axis}" for axis in "XYZ"]
     x, y, z = (settings.number(name) or 0.0 for name in names)
     if x == y == z == 0.0:
         return None
@@ -252,7 +268,7 @@ def _nothing(messages: Messages) -> str:
     )
 
 
-def _damage(messages: Messages) -> list[str]:
+def _damage(messages: Messages, names: Container[str]) -> list[str]:
     """Return what was damaged and passed over, one sentence each."""
     words: list[str] = []
     if messages.damaged_places:
@@ -268,7 +284,7 @@ def _damage(messages: Messages) -> list[str]:
         {
             f.name
             for i, f in enumerate(messages.formats)
-            if f.name in WANTED and messages.counts[i] and not f.fields
+            if f.name in names and messages.counts[i] and not f.fields
         }
     )
     if unread:
