@@ -39,7 +39,7 @@ def one_seed(seed: int, *, seconds: float) -> tuple[Run, Run]:
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore", FlightWarning)
         folder = Path(name)
-        mujoco_paper.fly_paper(folder, seed=seed, seconds=seconds, validation=seconds)
+        mujoco_paper.fly_paper(folder, seed=seed, seconds=seconds)
         for settings in ("", mujoco_paper.PRESET):
             experiment = load_experiment(mujoco_paper.write_paper(folder, extra=settings))
             result = identify(experiment)

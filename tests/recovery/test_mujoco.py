@@ -88,6 +88,7 @@ def test_five_seeds_and_their_intervals(tmp_path):
         result = flown.quietly_identified(mujoco_paper.write_paper(folder))
         errors = mujoco_paper.errors(result)
         assert within_limits(errors) == {}, seed
+        # Drag, which is not modelled, makes the lag 0.3 ms longer than its interval allows for.
         held += [e.held for name, e in errors.items() if name != "motor_lag_total"]
     assert np.mean(held) >= 0.85
 
