@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rotorfit.cli.main import export
-from rotorfit.export.table import table_files
+from rotorfit.export.table import columns_of, table_files
 from rotorfit.export.targets import TARGETS
 from rotorfit.identification.comparison import WrenchComparison
 from rotorfit.identification.result import IdentificationResult
@@ -141,19 +141,33 @@ def test_a_table_of_a_flight_that_is_gone(refused, there):
     assert "A1--long.csv" in words
 
 
+def of(flight, **errors):
+    return WrenchComparison(
+        configuration="A",
+        flight=flight,
+        sha256="",
+        used_in_fit=True,
+        time=np.zeros(1),
+        body_wrench=np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]),
+        rotor_wrench=np.zeros((1, 6)),
+        relative_error=errors,
+        whiteness={},
+    )
+
+
+def test_columns_are_of_what_is_known_and_per_kilogram_where_the_mass_is_not():
+    found = columns_of(of("A1.csv", Fz=0.1, Mx=0.1), a_result())
+    assert list(found) == [
+        "time",
+        *(f"{side}/Fz [N]" for side in ("body", "rotors", "residual")),
+        *(f"{side}/Mx [N m]" for side in ("body", "rotors", "residual")),
+    ]
+    assert (found["residual/Fz [N]"][0], found["body/Mx [N m]"][0]) == (3.0, 4.0)
+    light = changed(a_result(), mass={"value": None, "verdict": "not-identified"})
+    assert "body/Fz [N per kg]" in columns_of(of("A1.csv", Fz=0.1), light)
+
+
 def test_files_of_several_flights_have_their_names():
-    def of(flight):
-        return WrenchComparison(
-            configuration="A",
-            flight=flight,
-            sha256="",
-            used_in_fit=True,
-            time=np.zeros(1),
-            body_wrench=np.zeros((1, 6)),
-            rotor_wrench=np.zeros((1, 6)),
-            relative_error={},
-            whiteness={},
-        )
 
     files = table_files(Path("w.csv"), [of("A1.csv"), of("A2.bfl")])
     assert [str(f) for f in files] == ["w_A1.csv", "w_A2.csv"]

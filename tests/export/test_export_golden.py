@@ -1,7 +1,13 @@
 """Each file word by word; rewritten by  pytest --update-golden."""
 
+import tomllib
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
 import pytest
 from export_material import a_result, changed, not_identified, text_of
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 import rotorfit
 from rotorfit.export.targets import TARGETS
@@ -48,6 +54,33 @@ def test_file_with_doubts(golden):
     )
     assumed = {"Izz_com": 0.03, "motor_lag": 0.04, "max_speed": 1050.0}
     golden("export/doubts.xml", text_of(doubtful, "mujoco", assumed=assumed))
+
+
+READERS = {
+    "gazebo": ET.fromstring,
+    "mujoco": ET.fromstring,
+    "urdf": ET.fromstring,
+    "rotorpy": lambda text: compile(text, "params.py", "exec"),
+    "casadi": lambda text: compile(text, "vehicle.py", "exec"),
+    "crazyflow": tomllib.loads,
+}
+
+
+@settings(max_examples=25, deadline=None)
+@given(words=st.text(max_size=30))
+@example(words="--> <!-- ]]> --- -")
+@example(words="a\nimport os\x00\u2028b")
+@example(words='"""\\')
+def test_any_name_leaves_the_file_readable(words):
+    """Names of experiments, flights and configurations are the user's, and are any text."""
+    result = a_result()
+    flight = replace(result.flights[0], file=words)
+    named = replace(result, name=words, flights=(flight,), warnings=(words,))
+    for target, read in READERS.items():
+        text = text_of(named, target)
+        assert read(text.encode("utf-8") if target in ("gazebo", "mujoco", "urdf") else text)
+    lines = text_of(named, "px4").split("\n")
+    assert all(line.startswith("#") or line.count("\t") == 4 for line in lines if line)
 
 
 def not_identified_derived():

@@ -299,6 +299,29 @@ def test_the_doubts_of_the_result_stand_in_the_file():
     assert "# Doubt: the gyro's bias is left in\n" in text_of(doubtful, "px4")
 
 
+ANGLES = np.radians([90, -90, -30, 150, 30, -150])  # clockwise from the front: ArduPilot's hexa X
+HEXA = tuple(
+    ((float(0.3 * np.cos(a)), float(-0.3 * np.sin(a)), 0.0), s)
+    for a, s in zip(ANGLES, ("cw", "ccw", "cw", "ccw", "ccw", "cw"), strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    ("target", "marks"),
+    [
+        ("gazebo", ("<motorNumber>5</motorNumber>", "rotor_5_joint")),
+        ("px4", ("CA_ROTOR_COUNT\t6\t6", "CA_ROTOR5_KM", "SIM_GZ_EC_FUNC6\t106")),
+        ("mujoco", ('<general name="rotor_6"',)),
+        ("urdf", ("prop5_joint", "without the <properties>")),
+        ("casadi", ("SPINS = [-1, 1, -1, 1, 1, -1]",)),
+        ("ardupilot-sitl", ("--model hexax:THIS_FILE.json", "motor6_position")),
+    ],
+)
+def test_six_rotors_are_written_where_the_target_has_them(target, marks):
+    text = text_of(a_result(rotors=HEXA), target)
+    assert all(mark in text for mark in marks), text
+
+
 def test_rotors_without_a_coefficient_of_their_own_have_the_mean():
     model = vehicle_model(changed(a_result(), kt_2=not_identified()))
     assert [r.kt for r in model.rotors] == pytest.approx([KT_EACH[0], KT, *KT_EACH[2:]])

@@ -115,7 +115,7 @@ def _write_tables(request: ExportRequest, result: IdentificationResult) -> None:
         refuse_output_file(file, inputs=[request.result], force=request.force)
     contents: list[str | bytes] = []
     for comparison in comparisons:
-        columns = columns_of(comparison)
+        columns = columns_of(comparison, result)
         if request.output.suffix.lower() == ".parquet":
             date = datetime.date.today().isoformat()
             head = (

@@ -208,7 +208,9 @@ def export(
     ] = None,
     project: Annotated[
         bool,
-        typer.Option(help="Replace inertia that no body has by the nearest that one can have."),
+        typer.Option(
+            "--project", help="Replace inertia that no body has by the nearest that one can have."
+        ),
     ] = False,
     force: Force = False,
     as_json: AsJson = False,

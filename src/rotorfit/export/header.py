@@ -51,15 +51,21 @@ def header_lines(
         *(f"Doubt: {doubt}" for doubt in result.warnings),
         *(f"Note: {note}" for note in model.notes),
     ]
-    return [" ".join(line.split()) if not line.startswith("  ") else line for line in lines]
+    return [_one_line(line) for line in lines]
+
+
+def _one_line(line: str) -> str:
+    """Return a line that is one in every format: no breaks, nothing that cannot be printed."""
+    indent = "  " if line.startswith("  ") else ""
+    words = " ".join(line.split())
+    return indent + "".join(letter if letter.isprintable() else "?" for letter in words)
 
 
 def _flight(record: FlightRecord) -> str:
     """Return a flight without its folders, which are nobody else's business."""
     name = record.file.replace("\\", "/").rsplit("/", maxsplit=1)[-1]
-    shown = "".join(letter if letter.isprintable() else "?" for letter in name)
     return (
-        f"  {shown} (sha256 {record.sha256[:SHA]}), configuration {record.configuration}, "
+        f"  {name} (sha256 {record.sha256[:SHA]}), configuration {record.configuration}, "
         f"{record.seconds_used:.1f} s used"
     )
 

@@ -31,11 +31,16 @@ def flight_comparisons(
     return [c for c in found if configuration in (None, c.configuration)]
 
 
-def columns_of(comparison: WrenchComparison) -> Columns:
-    """Return body wrench, rotor wrench and their difference, of the components that are known."""
+def columns_of(comparison: WrenchComparison, result: IdentificationResult) -> Columns:
+    """Return body wrench, rotor wrench and their difference, of the components that are known.
+
+    Per kilogram, and named so, where the mass is unknown.
+    """
+    mass = result.parameter("mass", comparison.configuration).value
+    per_mass = " per kg" if mass is None else ""
     out: dict[str, Float[np.ndarray, " n"]] = {"time": comparison.time}
     for i, component in enumerate(COMPONENTS):
-        unit = "N" if component.startswith("F") else "N m"
+        unit = ("N" if component.startswith("F") else "N m") + per_mass
         if component not in comparison.relative_error:
             continue
         body, rotors = comparison.body_wrench[:, i], comparison.rotor_wrench[:, i]
