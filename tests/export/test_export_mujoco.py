@@ -68,22 +68,21 @@ def test_one_moment_of_motion_is_newton_eulers(axes):
 
 
 def test_hover_and_the_sign_of_yaw():
-    model, data = loaded(a_result(com=np.zeros(3), imu=np.zeros(3)))
+    upright = np.diag(np.diag(INERTIA_COM))  # yaw moves nothing else
+    result = a_result(com=np.zeros(3), imu=np.zeros(3), inertia_com=upright)
+    model, data = loaded(result)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     assert data.ctrl.sum() == pytest.approx(MASS * 9.80665, rel=1e-9)
     assert data.qacc[2] == pytest.approx(0.0, abs=1e-9)
+    # Equal speeds: the reactions of the two that turn ccw and the two that turn cw cancel.
+    assert data.qacc[5] == pytest.approx(0.0, abs=1e-9)
     thrusts = data.ctrl.copy()
     thrusts[:2] += 0.1  # of the two rotors that turn ccw
-    thrusts[2:] -= 0.1
-    before = data.qacc[5]
     _, angular = with_motion(model, data, thrusts, np.zeros(3))
-    torque = -0.1 * sum(KD / KT_EACH[i] for i in range(4))
-    assert torque < 0
-    # The products of inertia turn some of the tilting into yaw: their share is taken off.
-    tilt = INERTIA_COM @ np.array([0, 0, angular[2] - before])
-    assert angular[2] < before
-    assert tilt[2] == pytest.approx(torque, rel=0.2)
+    torque = -0.1 * (KD / KT_EACH[0] + KD / KT_EACH[1])
+    assert angular[2] * upright[2, 2] == pytest.approx(torque, rel=1e-9)
+    assert torque < 0  # the body turns clockwise seen from above
 
 
 def test_thrust_lags_as_the_motors_do():
