@@ -1,6 +1,7 @@
 """A ULog file to the rows of chosen topics, the parameters, and what was lost or damaged."""
 
 import hashlib
+import math
 import os
 import struct
 from collections.abc import Mapping
@@ -20,6 +21,8 @@ from rotorfit.logs.ulog.messages import HEADER_BYTES, MAGIC, Block, read_blocks,
 Value = int | float
 MOST_TOPICS: Final = 2000
 """PX4 logs up to 255."""
+LARGEST_VALUE: Final = 1e100
+"""Beyond it a number of double precision is damage, and its square no number."""
 LONGEST_TEXT: Final = 200
 MOST_TEXTS: Final = 10_000
 DATA: Final = ord("D")
@@ -49,9 +52,10 @@ class Topic:
         return all(name in names for name in fields)
 
     def column(self, name: str) -> Float[np.ndarray, "*shape"]:
-        """Return a field as floats: one value a row, or one array."""
+        """Return a field as floats: one value a row, or one array; what is no number is NaN."""
         with np.errstate(invalid="ignore"):  # some NaN of single precision signal
-            return np.asarray(self.rows[name], dtype=float)
+            values = np.asarray(self.rows[name], dtype=float)
+        return np.where(np.abs(values) < LARGEST_VALUE, values, np.nan)
 
     def vector(self, name: str, columns: int) -> Float[np.ndarray, "n k"] | None:
         """Return a field that is an array of at least so many numbers; None if it is not."""
@@ -292,6 +296,8 @@ def _key_and_value(content: bytes) -> tuple[str, Value] | None:
         return key, int.from_bytes(content[end:], "little", signed=True)
     if kind == "float":
         (value,) = struct.unpack("<f", content[end:])
+        if not math.isfinite(value):
+            return None
         # The shortest decimal of single precision: 0.15, not 0.15000000596.
         return key, float(str(np.float32(value)))
     return None
