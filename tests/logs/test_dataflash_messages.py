@@ -329,3 +329,10 @@ def test_one_instance_is_kept_and_a_glimpse_of_others():
     numbers = columns(glimpse, "IMU", ("I",))["I"]
     assert set(numbers.tolist()) == {0, 1, 2}
     assert len(numbers) < 0.2 * glimpse.count("IMU")
+
+
+def test_a_head_in_garbage_is_no_message():
+    false_head = b"\0" * 50 + HEAD + bytes([IMU.number]) + b"\0" * 10
+    found = whole(log([IMU], steps(5)) + false_head + b"".join(steps(5, first=5)))
+    assert found.count("IMU") == 10
+    assert (found.damaged_places, found.skipped_bytes, found.dropped) == (1, 63, 0)
