@@ -140,6 +140,13 @@ def test_whole_samples_are_whole(tmp_path, samples, name):
     assert log.warnings == ()
 
 
+def test_a_schema_that_is_no_text_is_damage(tmp_path, samples):
+    """Found by fuzzing: the database's own error message cannot be decoded then."""
+    path = tmp_path / "bag"
+    path.write_bytes(samples["db3"].replace(b"CREATE INDEX", b"CREATE I\x80DEX"))
+    assert "damaged SQLite database (" in ends_well(path)
+
+
 # Made to hurt
 
 

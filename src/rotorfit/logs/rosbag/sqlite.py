@@ -31,7 +31,8 @@ def scan_sqlite(path: Path, wanted: Wanted, tally: Tally) -> Messages:
             topics = _topics(database, tally)
             chosen = {number: topic for number, topic in topics.items() if wanted(topic)}
             yield from _messages(database, chosen, tally)
-    except (sqlite3.Error, OverflowError) as error:
+    # A damaged schema may come to light in an error message that is no text.
+    except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
         raise LogError(
             f"damaged SQLite database ({str(error)[:200]}): copy it again, or repair it with "
             "sqlite3 .recover"
@@ -96,7 +97,7 @@ def _messages(database: sqlite3.Connection, topics: dict[int, Topic], tally: Tal
     while True:
         try:
             row = next(rows, None)
-        except sqlite3.DatabaseError:
+        except (sqlite3.Error, OverflowError, UnicodeDecodeError):
             tally.passed_over("the database is damaged from some message on")
             return
         if row is None:
