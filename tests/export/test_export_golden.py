@@ -9,7 +9,7 @@ from export_material import a_result, changed, not_identified, text_of
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-import rotorfit
+from rotorfit import version
 from rotorfit.export.targets import TARGETS
 
 NAMES = {
@@ -28,7 +28,7 @@ NAMES = {
 
 @pytest.fixture(autouse=True)
 def one_version(monkeypatch):
-    monkeypatch.setattr(rotorfit, "__version__", "1.2.3")
+    monkeypatch.setattr(version, "__version__", "1.2.3")
 
 
 def test_every_target_has_a_file():

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-import rotorfit
+from rotorfit import version
 from rotorfit.cli.terminal import internal_error, interruptible, print_any_name, refuse, show
 from rotorfit.errors import RotorfitError
 
@@ -35,7 +35,7 @@ def main() -> None:
 
 def _version(wanted: bool) -> bool:
     if wanted:
-        show(f"rotorfit {rotorfit.__version__}")
+        show(f"rotorfit {version.__version__}")
         raise typer.Exit
     return wanted
 

@@ -1,8 +1,7 @@
 """rotorfit simulate: fly a scenario of known truth, and leave the files of an experiment."""
 
 import json
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +9,6 @@ from pathlib import Path
 from rotorfit.cli.outputs import refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import say, show
-from rotorfit.errors import OutputError
-from rotorfit.logs.files import write_whole
 from rotorfit.simulation.experiment_files import EXPERIMENT_FILE, experiment_files, file_names
 from rotorfit.simulation.experiments import (
     SECONDS,
@@ -20,6 +17,7 @@ from rotorfit.simulation.experiments import (
     ScenarioName,
     plan_experiment,
 )
+from rotorfit.simulation.folder import write_all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,25 +68,3 @@ def simulate_into(
                 folder.rmdir()
         raise
     return list(files)
-
-
-def write_all(folder: Path, files: Mapping[str, str]) -> None:
-    """Write files beside their places first, then move all of them there.
-
-    Raises
-    ------
-    OutputError
-        If one cannot be written; none is then replaced.
-    """
-    unfinished = folder / ".unfinished"
-    try:
-        unfinished.mkdir(exist_ok=True)
-        for name, content in files.items():
-            write_whole(unfinished / name, content, force=True)
-        for name in files:
-            (unfinished / name).replace(folder / name)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise OutputError(f"{folder}: cannot be written ({reason}); name another") from error
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)

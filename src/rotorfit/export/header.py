@@ -3,7 +3,7 @@
 import datetime
 from collections.abc import Sequence
 
-import rotorfit
+from rotorfit import version
 from rotorfit.export.numbers import Number
 from rotorfit.export.vehicle import VehicleModel
 from rotorfit.identification.result import FlightRecord, IdentificationResult
@@ -42,7 +42,7 @@ def header_lines(
         Of the export.
     """
     lines = [
-        f"{target}, written by rotorfit {rotorfit.__version__} on {date.isoformat()}",
+        f"{target}, written by rotorfit {version.__version__} on {date.isoformat()}",
         f"{result.name}, configuration {model.configuration}; identified by "
         f"{result.versions.get('rotorfit', 'an unknown version')}, method {result.method}, from",
         *(_flight(record) for record in result.flights),

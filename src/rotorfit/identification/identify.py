@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-import rotorfit
+from rotorfit import version
 from rotorfit.errors import FlightWarning, RotorfitError
 from rotorfit.identification.commanded import of_commanded_speed
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
@@ -198,7 +198,7 @@ def _settings(experiment: Experiment, tables: Tables) -> dict[str, Any]:
 
 def _versions() -> dict[str, str]:
     return {
-        "rotorfit": rotorfit.__version__,
+        "rotorfit": version.__version__,
         "numpy": np.__version__,
         "scipy": scipy.__version__,
         "python": platform.python_version(),
