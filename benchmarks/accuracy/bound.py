@@ -21,9 +21,8 @@ from scipy.signal import windows
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
-from rotorfit.identification.joint import BIAS_STD, NOISY, JointConfiguration, joint_map
+from rotorfit.identification.joint import NOISY, JointConfiguration, joint_map, joint_prior
 from rotorfit.identification.joint_parameters import physical
-from rotorfit.identification.rows import ROTOR_SPREAD_STD
 from rotorfit.identification.timing import LAG_PRIOR
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
@@ -289,7 +288,9 @@ def flights_bound(flights: Mapping[str, SimulatedFlight], *, commanded: bool) ->
         for f in flights.values()
     ]
     lags = (None, first.truth.motor_lag) if commanded else (None,)
-    information = fisher(spectra, model, lags=lags) + np.diag(prior_information(mapped, len(lags)))
+    information = fisher(spectra, model, lags=lags) + np.diag(
+        prior_information(mapped, joint, len(lags))
+    )
     return _physical_bound(information, mapped, phi, joint)
 
 
@@ -334,14 +335,14 @@ def true_phi(
     return np.array([values.get(name, 0.0) for name in mapped.names])
 
 
-def prior_information(mapped: ParameterMap, lags: int) -> Float[np.ndarray, " g"]:
+def prior_information(
+    mapped: ParameterMap, joint: Sequence[JointConfiguration], lags: int
+) -> Float[np.ndarray, " g"]:
     """Return 1 / std^2 of what the default model knows before the flight."""
     known = np.zeros(len(mapped.names) + lags)
+    prior = joint_prior(joint)
     for i, name in enumerate(mapped.names):
-        if name.startswith("spread_"):
-            known[i] = ROTOR_SPREAD_STD**-2
-        if name.startswith("accel_bias_"):
-            known[i] = BIAS_STD[name.removeprefix("accel_bias_")[0]] ** -2
+        known[i] = prior.get(name, np.inf) ** -2
     if lags > 1:
         known[-1] = LAG_PRIOR[1] ** -2
     return known

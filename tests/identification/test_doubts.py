@@ -123,9 +123,9 @@ def test_a_vibration_is_named_with_its_frequency(flights, doubts):
     assert "what the model leaves of the roll has a peak at 12." in words
 
 
-def test_tilted_motors_are_seen_in_the_steady_yaw_torque(doubts):
+def test_tilted_motors_are_seen_in_the_steady_yaw_torque_and_found(doubts):
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
-    tilt = np.radians(0.3)
+    tilt = np.radians(1.0)
     rotors = tuple(
         replace(r, axis=(-np.sin(tilt) * np.sign(y), np.sin(tilt) * np.sign(x), np.cos(tilt)))
         for r in vehicle.rotors
@@ -137,7 +137,18 @@ def test_tilted_motors_are_seen_in_the_steady_yaw_torque(doubts):
     # Their steady torque kt O^2 d sin(tilt) is held by k_d times the difference.
     expected = 0.2 * np.sin(tilt) * truth.kt / truth.kd
     assert result.diagnostics["yaw_trim@A"] == pytest.approx(expected, rel=0.05)
-    assert any("the ccw rotors carry 7." in words for words in result.warnings)
+    twist = result.parameter("twist", "A")
+    assert twist.value == pytest.approx(0.2 * np.sin(tilt), rel=0.03)
+    assert twist.interval[0] < 0.2 * np.sin(tilt) < twist.interval[1]
+    assert any(
+        "turns the vehicle counter-clockwise (seen from above) as if all motors leaned by 1.0"
+        in words
+        for words in result.warnings
+    )
+    # Without the term, k_d is lost: 0.2 degrees took a quarter of it.
+    low, high = result.parameter("kd").interval
+    assert low < truth.kd < high
+    assert result.parameter("kd").value == pytest.approx(truth.kd, rel=0.1)
 
 
 def test_the_mean_force_in_axes_that_do_not_turn_is_gravity():

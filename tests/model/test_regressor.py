@@ -62,6 +62,32 @@ def test_rotor_center_is_a_common_shift_of_all_rotors(seed, rotors, tilted):
     assert_wrench(actual, expected, size)
 
 
+@settings(max_examples=30, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilt=st.floats(-0.5, 0.5))
+def test_twist_is_the_yaw_torque_of_rotors_tilted_about_their_arms(seed, rotors, tilt):
+    rng = np.random.default_rng(seed)
+    places = rng.normal(size=(rotors, 2))
+    places *= 0.3 / np.linalg.norm(places, axis=1, keepdims=True)
+    upright = ne.random_vehicle(rng, rotors)
+    tilted = Vehicle(
+        rotors=tuple(
+            replace(
+                rotor,
+                position=(float(x), float(y), 0.0),
+                axis=(-np.sin(tilt) * y / 0.3, np.sin(tilt) * x / 0.3, float(np.cos(tilt))),
+            )
+            for rotor, (x, y) in zip(upright.rotors, places, strict=True)
+        )
+    )
+    motion = ne.random_motion(rng, SAMPLES, rotors)
+    body = replace(ne.random_body(rng, rotors, equal_kt=True), kd=0.0, Jr=0.0)
+    wrench = ne.rotor_wrench(body, tilted, *(motion[i] for i in (1, 3, 4)))
+    theta = {"kt_twist": body.kt[0] * 0.3 * np.sin(tilt)}
+    residual, _ = residual_of(upright, theta, motion)
+    np.testing.assert_allclose(residual[:, 5], -wrench[:, 5], rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(residual[:, :5], 0.0)
+
+
 @settings(max_examples=50, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
 def test_an_exact_motion_leaves_no_residual(seed, rotors, tilted):

@@ -22,6 +22,8 @@ UNLIKELY = 1e-4
 LEAST_YAW_SHIFT = 0.1
 """The yaw response with and without the means may differ by this share: what tilted motors make
 goes with thrust, and is not in the mean alone."""
+LEAST_TILT = 0.5
+"""Mean tilt of the motors about their arms that is worth words [degrees]."""
 LEAST_TRIM = 0.03
 """The same for the difference between ccw and cw rotors: drag of unequal propellers makes 0.01."""
 LEAST_THRUST_ERROR = 0.01
@@ -96,11 +98,11 @@ def steady_yaw_torque(
     joint: Sequence[JointConfiguration],
     numbers: Numbers,
 ) -> tuple[str | None, dict[str, float]]:
-    """Return whether the rotors hold a steady yaw torque that the model does not have.
+    """Return whether the rotors hold a steady yaw torque, and whether the model has it.
 
-    Motors tilted by two tenths of a degree are enough to spoil k_d. Two signs: rotors of one
-    direction carry more than those of the other, or the yaw row, solved without the mean of every
-    stretch, answers the rotors otherwise than the whole fit.
+    Without the term ``twist`` motors tilted by two tenths of a degree are enough to spoil k_d. Two
+    signs: rotors of one direction carry more than those of the other, or the yaw row, solved
+    without the mean of every stretch, answers the rotors otherwise than the whole fit.
 
     Returns
     -------
@@ -119,7 +121,9 @@ def steady_yaw_torque(
             whole = float(numbers.values[numbers.index(f"kd_over_Izz@{c.name}")])
             diagnostics[f"yaw_response_with_mean@{c.name}"] = whole / rest
             differs = abs(whole - rest) > max(LEAST_YAW_SHIFT * abs(rest), _far() * std)
-        if abs(trim) > LEAST_TRIM or differs:
+        if f"twist@{c.name}" in numbers.names and not differs:
+            doubts += _tilt_said(c, numbers)
+        elif abs(trim) > LEAST_TRIM or differs:
             more, less = ("ccw", "cw") if trim > 0 else ("cw", "ccw")
             doubts.append(
                 f"{c.name}: the {more} rotors carry {100.0 * abs(trim):.1f} % of the thrust more "
@@ -128,6 +132,20 @@ def steady_yaw_torque(
                 "kd, Jr and Izz"
             )
     return _joined(doubts), diagnostics
+
+
+def _tilt_said(c: JointConfiguration, numbers: Numbers) -> list[str]:
+    """Return the motors' mean tilt about their arms in words, where it is large and certain."""
+    i = numbers.index(f"twist@{c.name}")
+    tilt, half = np.degrees([numbers.values[i], numbers.half_width[i]]) / c.vehicle.arm
+    if abs(tilt) - half <= LEAST_TILT:
+        return []
+    way = "counter-clockwise" if tilt > 0 else "clockwise"
+    return [
+        f"{c.name}: the thrust turns the vehicle {way} (seen from above) as if all motors leaned "
+        f"by {abs(tilt):.1f} degrees about their arms; the model has it (twist), but it costs "
+        "yaw authority: set them upright"
+    ]
 
 
 def _yaw_trim(configured: Configured, vehicle: Vehicle) -> float:

@@ -1,12 +1,13 @@
 """All equations of all configurations at once: the parameter map of the default estimator.
 
-Free parameters: kt, kd, Jr, one spread per rotor (all shared); and per configuration the first
-moments, the inertia at the origin, the accelerometer's bias, and, where the IMU's place is unknown
-and so is the origin itself, the centre of the rotors. The names of a configuration's parameters end
-in ``@`` and its name.
+Free parameters: kt, kd, Jr, one spread per rotor or group of rotors (all shared); and per
+configuration the first moments, the inertia at the origin, the accelerometer's bias, the twist of
+the motors, drag and a constant torque where those terms are asked for, and, where the IMU's place
+is unknown and so is the origin itself, the centre of the rotors. The names of a configuration's
+parameters end in ``@`` and its name.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from jaxtyping import Float
 from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.identification.rows import (
     ACCEL_BIAS_STD,
@@ -22,6 +24,8 @@ from rotorfit.identification.rows import (
     ROTOR_SPREAD_STD,
     RowFits,
 )
+from rotorfit.identification.terms import DEFAULT_TERMS, Term
+from rotorfit.model.parameters import MOST_ROTORS
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -30,6 +34,10 @@ NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 """Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
 IMU and rotor plane look the same."""
+TWIST_STD = np.radians(2.0)
+"""Known of the motors' mean tilt about their arms before the flight [rad]."""
+OFFSET_STD = 0.05
+"""Known of a constant torque, as a share of the weight at the end of an arm."""
 CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
          "y": (("z", "x", 1.0), ("x", "z", -1.0)),
          "z": (("x", "y", 1.0), ("y", "x", -1.0))}  # fmt: skip
@@ -53,7 +61,11 @@ class JointConfiguration:
 
 
 def joint_estimate(
-    configurations: Sequence[JointConfiguration], starts: Sequence[RowFits]
+    configurations: Sequence[JointConfiguration],
+    starts: Sequence[RowFits],
+    *,
+    known_kt: tuple[float, float] | None = None,
+    terms: Collection[Term] = DEFAULT_TERMS,
 ) -> BandedEstimate:
     """Return the estimate of all configurations together.
 
@@ -63,42 +75,69 @@ def joint_estimate(
         Their factors per stretch and frequency band.
     starts
         The row fits of each, from which the iteration begins.
+    known_kt
+        Mean and standard deviation of k_t from elsewhere.
+    terms
+        Optional terms of the model.
     """
-    mapped = joint_map(configurations)
+    problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
+    return banded(problem, joint_start(problem.map, configurations, starts))
+
+
+def joint_problem(
+    configurations: Sequence[JointConfiguration],
+    *,
+    known_kt: tuple[float, float] | None = None,
+    terms: Collection[Term] = DEFAULT_TERMS,
+) -> BandedProblem:
+    """Return the problem that `joint_estimate` solves."""
+    mapped = joint_map(configurations, terms=terms)
     layout = configurations[0].model.layout
-    spread = [name for name in mapped.names if name.startswith("spread_")]
-    prior = dict.fromkeys(spread, ROTOR_SPREAD_STD)
-    for configuration in configurations:
-        prior |= {f"accel_bias_{axis}@{configuration.name}": std for axis, std in BIAS_STD.items()}
-        prior |= {
-            f"{name}@{configuration.name}": std
-            for name, std, _ in tolerances(configuration.payload)
-        }
-    problem = BandedProblem(
+    prior = joint_prior(configurations)
+    return BandedProblem(
         factors=tuple(c.factors for c in configurations),
         tensors=tuple(c.model.tensor for c in configurations),
         map=mapped,
         noisy=tuple(layout.index(name) for name in NOISY),
-        prior_mean={},
-        prior_std=prior,
+        prior_mean={} if known_kt is None else {"kt": known_kt[0]},
+        prior_std=prior if known_kt is None else {**prior, "kt": known_kt[1]},
     )
-    return banded(problem, joint_start(mapped, configurations, starts))
 
 
-def joint_map(configurations: Sequence[JointConfiguration]) -> ParameterMap:
+def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
+    """Return the deviations of free parameters that are known before the flight, about zero."""
+    prior = {f"spread_{i + 1}": ROTOR_SPREAD_STD for i in range(MOST_ROTORS)}
+    for configuration in configurations:
+        at, arm = f"@{configuration.name}", configuration.vehicle.arm
+        prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
+        prior[f"twist{at}"] = TWIST_STD * arm
+        offset = OFFSET_STD * configuration.mass * GRAVITY * arm
+        prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
+        prior |= {f"{name}{at}": std for name, std, _ in tolerances(configuration.payload)}
+    return prior
+
+
+def joint_map(
+    configurations: Sequence[JointConfiguration], *, terms: Collection[Term] = DEFAULT_TERMS
+) -> ParameterMap:
     """Return the map from the free parameters to theta of every configuration."""
-    count = len(configurations[0].vehicle.rotors)
+    spread = spread_names(configurations[0].vehicle) if "rotor_spread" in terms else ()
     everywhere = range(len(configurations))
+    shared = ("kt", "kd", "Jr") if "rotor_inertia" in terms else ("kt", "kd")
     free: dict[str, dict[tuple[int, str], float]] = {
-        name: {(c, name): 1.0 for c in everywhere} for name in ("kt", "kd", "Jr")
+        name: {(c, name): 1.0 for c in everywhere} for name in shared
     }
-    free |= {f"spread_{i + 1}": {} for i in range(count)}
+    free |= {name: {} for name in dict.fromkeys(spread)}
     given: dict[tuple[int, str], float] = {}
     products: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
     for c, configuration in enumerate(configurations):
         given[c, "mass"] = configuration.mass
-        free |= _own_parameters(c, configuration)
-        products |= _bias_torque(c, configuration) | _rotor_terms(c, configuration)
+        free |= _own_parameters(c, configuration) | _own_terms(c, configuration, terms)
+        products |= _rotor_terms(c, configuration, spread)
+        if "accel_bias" in terms:
+            products |= _bias_torque(c, configuration)
+        if "twist" in terms:
+            products[c, "kt_twist"] = [(1.0, "kt", f"twist@{configuration.name}")]
     for c, configuration in enumerate(configurations):
         if configuration.payload_of is not None:
             added = added_moments(configuration.payload)
@@ -123,11 +162,37 @@ def _own_parameters(
         free |= {f"{name}{at}": {(c, name): 1.0} for name in MOMENTS}
     for name, _, effect in tolerances(configuration.payload):
         free[f"{name}{at}"] = {(c, moment): factor for moment, factor in effect.items()}
-    for axis in "xyz":
-        free[f"accel_bias_{axis}{at}"] = {(c, f"F{axis}_0"): configuration.mass}
     if configuration.vehicle.imu_position is None:
         free |= {f"rotor_center_{axis}{at}": {} for axis in "xy"}
     return free
+
+
+def _own_terms(
+    c: int, configuration: JointConfiguration, terms: Collection[Term]
+) -> dict[str, dict[tuple[int, str], float]]:
+    """Return the parameters of the optional terms that each configuration has for itself."""
+    at = f"@{configuration.name}"
+    free: dict[str, dict[tuple[int, str], float]] = {}
+    if "accel_bias" in terms:
+        mass = configuration.mass
+        free |= {f"accel_bias_{axis}{at}": {(c, f"F{axis}_0"): mass} for axis in "xyz"}
+    if "twist" in terms:
+        free[f"twist{at}"] = {}
+    if "drag" in terms:
+        free |= {f"drag_{axis}{at}": {(c, f"drag_{axis}"): 1.0} for axis in "xyz"}
+    if "torque_offset" in terms:
+        free |= {f"torque_offset_{axis}{at}": {(c, f"M{axis}_0"): 1.0} for axis in "xyz"}
+    return free
+
+
+def spread_names(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the spread of each rotor: its own, or that of the first rotor of its group.
+
+    None where all rotors are of one group, which has nothing to differ from.
+    """
+    groups = [rotor.group for rotor in vehicle.rotors]
+    first = [i if group is None else groups.index(group) for i, group in enumerate(groups)]
+    return () if len(set(first)) == 1 else tuple(f"spread_{i + 1}" for i in first)
 
 
 def _link_payload(
@@ -143,7 +208,8 @@ def _link_payload(
     for axis, pairs in CROSS.items():
         for first, second, sign in pairs:
             bias = f"accel_bias_{second}@{configuration.name}"
-            free[bias][c, f"M{axis}_0"] = sign * added[f"ms{first}"]
+            if bias in free:
+                free[bias][c, f"M{axis}_0"] = sign * added[f"ms{first}"]
 
 
 def _bias_torque(
@@ -161,13 +227,13 @@ def _bias_torque(
 
 
 def _rotor_terms(
-    c: int, configuration: JointConfiguration
+    c: int, configuration: JointConfiguration, spread: Sequence[str]
 ) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
-    """Return k_t times the spread of each rotor (spreads sum to zero) and times the centre."""
-    n = len(configuration.vehicle.rotors)
+    """Return k_t times the spread of each rotor (over all rotors zero) and times the centre."""
+    mean = {name: spread.count(name) / len(spread) for name in spread}
     terms: dict[tuple[int, str], list[tuple[float, str, str]]] = {
-        (c, f"kt_{i + 1}"): [(float(i == j) - 1.0 / n, "kt", f"spread_{j + 1}") for j in range(n)]
-        for i in range(n)
+        (c, f"kt_{i}"): [(float(name == own) - share, "kt", name) for name, share in mean.items()]
+        for i, own in enumerate(spread, start=1)
     }
     if configuration.vehicle.imu_position is None:
         at = f"@{configuration.name}"
@@ -194,4 +260,6 @@ def joint_start(
         values |= {f"Ixx{at}": Ixx, f"Iyy{at}": Iyy, f"Izz{at}": Ixx + Iyy}
         values["kd"] = (Ixx + Iyy) * yaw.value("kd")
         values["Jr"] = (Ixx + Iyy) * yaw.value("Jr")
+        if "kt_twist" in yaw.names:
+            values[f"twist{at}"] = (Ixx + Iyy) * yaw.value("kt_twist") / kt
     return np.array([values.get(name, 0.0) for name in mapped.names])

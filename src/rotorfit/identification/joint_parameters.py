@@ -19,7 +19,7 @@ from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.excitation import AXIS_OF, attenuation_allowance
-from rotorfit.identification.joint import JointConfiguration, joint_map
+from rotorfit.identification.joint import JointConfiguration, spread_names
 from rotorfit.identification.payload import MOMENTS
 from rotorfit.identification.rows import PILOT_BAND
 from rotorfit.model.parameters import (
@@ -31,6 +31,11 @@ from rotorfit.model.parameters import (
 )
 
 AXES = ("roll", "pitch", "yaw")
+OWN_NUMBERS = (
+    *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
+    *("rotor_center_x", "rotor_center_y", "twist", "drag_x", "drag_y", "drag_z"),
+    *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
+)
 SHARED_NUMBERS = ("kt", "kd", "Jr", "kd_over_kt", "motor_lag_total")
 
 
@@ -78,7 +83,7 @@ def joint_numbers(
 ) -> Numbers:
     """Return the physical numbers of a joint estimate."""
     estimate = fit.estimate
-    mapped = joint_map(configurations)
+    mapped = fit.problem.map
     at_estimate = physical(estimate.values, mapped, configurations)
     names, values = tuple(at_estimate), np.array(list(at_estimate.values()))
     jacobian = numerical_jacobian(
@@ -111,13 +116,13 @@ def physical(
 ) -> dict[str, float]:
     """Return every physical number at the free parameters `phi`."""
     p = dict(zip(mapped.names, phi.tolist(), strict=True))
-    out = {name: p[name] for name in ("kt", "kd", "Jr")}
+    out = {name: p[name] for name in ("kt", "kd", "Jr") if name in p}
     out["kd_over_kt"] = p["kd"] / p["kt"]
-    spread = {name: value for name, value in p.items() if name.startswith("spread_")}
-    mean = sum(spread.values()) / max(len(spread), 1)
-    for name, value in spread.items():
-        out[name.replace("spread", "kt")] = p["kt"] * (1.0 + value - mean)
     theta = mapped.theta(phi)
+    index = configurations[0].model.names.index
+    spread = spread_names(configurations[0].vehicle)
+    for i in range(len(spread) if set(spread) <= set(p) else 0):
+        out[f"kt_{i + 1}"] = p["kt"] + float(theta[0, index(f"kt_{i + 1}")])
     for c, configuration in enumerate(configurations):
         own = {
             name.removesuffix(f"@{configuration.name}"): value
@@ -138,14 +143,14 @@ def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> d
     com = np.array([p["msx"], p["msy"], p["msz"]]) / mass
     elements = np.array([p[name] for name in INERTIA])
     about_com = inertia_about(elements, -mass, com)
-    names = ("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z")
-    out = {name: p[name] for name in (*names, "rotor_center_x", "rotor_center_y") if name in p}
+    out = {name: p[name] for name in OWN_NUMBERS if name in p}
     out |= {f"com_{axis}": float(c) for axis, c in zip("xyz", com, strict=True)}
     out |= {f"{name}_com": float(v) for name, v in zip(INERTIA, about_com, strict=True)}
     for name, v in zip(("Ixx", "Iyy", "Izz"), about_com[:3], strict=True):
         out[f"{name}_over_kt"] = float(v) / p["kt"]
     out["kd_over_Izz"] = p["kd"] / float(about_com[2])
-    out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
+    if "Jr" in p:
+        out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
     lift = float(configuration.vehicle.axes[:, 2].sum())
     out["hover_speed"] = float(np.sqrt(mass * GRAVITY / (lift * max(p["kt"], 1e-300))))
     return out
@@ -212,8 +217,8 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> flo
     base = base.removesuffix("_com")
     if base in ("msx", "msy", "msz"):
         return mass * arm / 50.0
-    if base.startswith(("com_", "rotor_center_")):
-        return arm / 50.0
+    if base.startswith(("com_", "rotor_center_")) or base == "twist":
+        return arm / 50.0  # of a twist, a degree
     if base.startswith("accel_bias_"):
         return 0.2
     if base == "Jr":

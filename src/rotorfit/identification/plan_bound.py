@@ -22,7 +22,7 @@ from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.flight.data import FlightData
 from rotorfit.identification.excitation import attenuation_allowance
 from rotorfit.identification.flights import EDGES, STRETCH
-from rotorfit.identification.joint import BIAS_STD, NOISY, JointConfiguration, joint_map
+from rotorfit.identification.joint import NOISY, JointConfiguration, joint_map, joint_prior
 from rotorfit.identification.joint_parameters import (
     AXES,
     Numbers,
@@ -38,7 +38,7 @@ from rotorfit.identification.plan_noise import (
     row_variances,
 )
 from rotorfit.identification.plan_vehicle import RoughVehicle, loaded
-from rotorfit.identification.rows import PILOT_BAND, ROTOR_SPREAD_STD
+from rotorfit.identification.rows import PILOT_BAND
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import regressor
@@ -268,13 +268,7 @@ def _covariance(
 
 def prior_std(problem: Problem) -> Float[np.ndarray, " f"]:
     """Return what the default estimate takes for known beforehand; else a vague deviation."""
-    known = {f"spread_{i + 1}": ROTOR_SPREAD_STD for i in range(16)}
-    for configuration in problem.configurations:
-        known |= {f"accel_bias_{axis}@{configuration.name}": std for axis, std in BIAS_STD.items()}
-        known |= {
-            f"{name}@{configuration.name}": std
-            for name, std, _ in tolerances(configuration.payload)
-        }
+    known = joint_prior(problem.configurations)
     names = problem.mapped.names
     return np.array(
         [known.get(n, VAGUE * s) for n, s in zip(names, problem.scale.tolist(), strict=True)]
@@ -394,7 +388,7 @@ def _scales(
             sizes.append(truth.mass * arm)
         elif base in own:
             sizes.append(own[base])
-        elif base.startswith("rotor_center"):
+        elif base.startswith(("rotor_center", "twist")):
             sizes.append(arm)
         elif base.startswith(("spread", "accel_bias")):
             sizes.append(1.0)

@@ -174,6 +174,7 @@ def _moment_map(model: Regressor, row: str, own_rotors: tuple[str, ...] = ()) ->
     first = {"roll": "Iyy", "pitch": "Izz", "yaw": "Ixx"}[row]
     free = {name: {(0, name): 1.0} for name in ("kt", "kd", "Jr", "Ixy", "Ixz", "Iyz")}
     free |= {f"kt_rotor_center_{a}": {(0, f"kt_rotor_center_{a}"): 1.0} for a in "xyz"}
+    free["kt_twist"] = {(0, "kt_twist"): 1.0}
     free["difference"] = {(0, first): -1.0}
     free |= {name: {(0, name): 1.0} for name in own_rotors}
     return parameter_map(model.names, free, {(0, own): 1.0})
@@ -185,8 +186,8 @@ def _without_dead(
     """Return the map without parameters that these rows cannot hold.
 
     Either they do not stand in them at all, or, with tilted rotors, they stand where another one
-    stands already: drag torque along a tilted axis is a thrust torque of another size. Thrust
-    stays in the roll and pitch rows, drag in the yaw row.
+    stands already: drag torque along a tilted axis is a thrust torque of another size, as is the
+    torque of twisted arms. Thrust stays in the roll and pitch rows, drag in the yaw row.
     """
     used = np.flatnonzero(weights)
     columns = np.einsum("pjz,pf->fjz", model.tensor[:, used], mapped.matrix[0])
@@ -195,8 +196,9 @@ def _without_dead(
         if not column.any():
             mapped = mapped.without(name)
     weaker = "kt" if weights[5] else "kd"
-    if {"kt", "kd"} <= set(mapped.names) and _parallel(flat["kt"], flat["kd"]):
-        mapped = mapped.without(weaker)
+    for one, other, less in (("kt", "kd", weaker), ("kd", "kt_twist", "kt_twist")):
+        if {one, other} <= set(mapped.names) and _parallel(flat[one], flat[other]):
+            mapped = mapped.without(less)
     return mapped
 
 

@@ -25,7 +25,8 @@ ROW_ORDER = (
     *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
     *(*MOTOR_TIMES, "mass"),
     *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
-    *("rotor_center_x", "rotor_center_y", "accel_bias_x", "accel_bias_y", "accel_bias_z"),
+    *("rotor_center_x", "rotor_center_y", "twist"),
+    *("accel_bias_x", "accel_bias_y", "accel_bias_z"),
 )
 ORIGIN_IS_IMU = (
     "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured from it, "
@@ -77,7 +78,7 @@ def row_tables(
         derived=_row_derived(quantities, judged, entry),
         covariance_names=tuple(full_name(name, entry) for name in known),
         covariance=quantities.correlation[np.ix_(index, index)] * np.outer(std, std),
-        settings={"noise": "per phase and band", "band": "0 to 30 Hz", "stretch": "5 s"},
+        settings={"noise": "per phase and band", "band": "0 to 30 Hz", "stretch": "20 s"},
         warnings=_row_warnings(fits, vehicle),
         diagnostics={
             **{f"excitation_{axis}": value for axis, value in fits.excitation.items()},

@@ -173,7 +173,7 @@ def compare_wrenches(
         c
         for c in SHOWN
         # Where the coefficient was removed, the rotors give nothing to compare with.
-        if all(name in known for name in NEEDS[c]) and rotors[:, COMPONENTS.index(c)].any()
+        if all(name in known for name in NEEDS[c]) and known[NEEDS[c][0]] != 0.0
     ]
     error = {c: _relative_error(body, rotors, c) for c in predicted}
     step = max(round(data.sample_rate / cutoff), 1)
@@ -257,6 +257,7 @@ def _wrenches(
     for axis in "xy":
         place = known.get(f"rotor_center_{axis}", 0.0)
         rotors[f"kt_rotor_center_{axis}"] = kt * place
+    rotors["kt_twist"] = kt * known.get("twist", 0.0)
     return model.residual(Z, body), -model.residual(Z, rotors)
 
 

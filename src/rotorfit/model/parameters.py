@@ -44,6 +44,7 @@ PARAMETERS: Final[dict[str, ParameterInfo]] = {
     "accel_bias_z": ParameterInfo("m/s^2", 0, "accelerometer bias"),
     "rotor_center_x": ParameterInfo("m", 0, "centre of the rotors from the origin"),
     "rotor_center_y": ParameterInfo("m", 0, "centre of the rotors from the origin"),
+    "twist": ParameterInfo("m", 0, "yaw torque over thrust: mean tilt about the arms, times arm"),
     "motor_lag": ParameterInfo("s", 0, "first-order time constant of the motors"),
     "motor_lag_up": ParameterInfo("s", 0, "time constant of rising motor speed"),
     "motor_lag_down": ParameterInfo("s", 0, "time constant of falling motor speed"),

@@ -177,6 +177,14 @@ def rotor_center(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     return blocks
 
 
+def twist(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Rotors tilted about their arms: yaw torque k_t twist sum O^2, parameter k_t times twist."""
+    block = _block(layout, {})
+    for i in range(len(vehicle.rotors)):
+        block[MZ, layout.index(f"O2_{i + 1}")] = -1.0
+    return {"kt_twist": block}
+
+
 def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Force and torque that do not change: what an accelerometer bias leaves, or a trim."""
     del vehicle
@@ -192,6 +200,7 @@ EFFECTS: dict[str, Callable[[Vehicle, SignalLayout], dict[str, Block]]] = {
     "torque": rotor_torque,
     "rotor_inertia": rotor_inertia,
     "rotor_center": rotor_center,
+    "twist": twist,
     "constant_wrench": constant_wrench,
 }
 """Every effect of the model by name, in the order of its parameters."""

@@ -11,7 +11,7 @@ WIDTH, HEIGHT, MARGIN = 132.0, 18.0, 5.0
 
 def axis_of(name: str) -> str:
     """Return the name of the axis that a number shares with its kin, so that sizes compare."""
-    for family in ("com_", "ms", "rotor_center_", "accel_bias_"):
+    for family in ("com_", "ms", "rotor_center_", "accel_bias_", "drag_", "torque_offset_"):
         if name.startswith(family) and len(name) == len(family) + 1:
             return family
     if name.startswith("I") and len(name.removesuffix("_com")) == 3:
