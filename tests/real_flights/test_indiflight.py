@@ -152,7 +152,7 @@ def test_a_calm_log_says_that_roll_and_pitch_are_weak_and_refuses_yaw(joint):
     for name in ("Izz", "kd", "Jr"):
         found = result.parameter(name)
         assert found.verdict == "not-identified"
-        assert "the yaw response to the rotors is only 2." in found.reason
+        assert "the yaw response to the rotors is only" in found.reason
         assert "yaw while rolling" in found.advice
     for name in ("Izz_com", "kd_over_Izz", "Jr_over_Izz"):
         assert result.derived_value(name).value is None

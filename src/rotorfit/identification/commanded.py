@@ -4,7 +4,6 @@ import dataclasses
 from typing import Final
 
 from rotorfit.identification.experiment import MotorsEntry
-from rotorfit.identification.result import Parameter
 from rotorfit.identification.tables import Tables
 from rotorfit.model.parameters import EFFECTIVE_UNITS
 
@@ -18,17 +17,12 @@ NO_LAW: Final = (
 )
 
 
-LARGEST_BIAS: Final = 1.0
-"""No accelerometer that anyone flies with has more [m/s^2]."""
-
-
 def of_commanded_speed(tables: Tables, motors: MotorsEntry) -> Tables:
     """Return the tables with the units and the doubts that commands instead of speeds bring."""
     if motors.speed == "measured":
         return tables
-    doubts = (*tables.warnings, *_law_doubts(tables.parameters))
     if motors.law is not None:
-        return dataclasses.replace(tables, warnings=doubts)
+        return tables
     return dataclasses.replace(
         tables,
         parameters=tuple(
@@ -37,25 +31,8 @@ def of_commanded_speed(tables: Tables, motors: MotorsEntry) -> Tables:
         derived=tuple(
             dataclasses.replace(d, unit=effective_unit(d.name, d.unit)) for d in tables.derived
         ),
-        warnings=(*doubts, NO_LAW),
+        warnings=(*tables.warnings, NO_LAW),
     )
-
-
-def _law_doubts(parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
-    """Return a doubt about the law where the thrust has an offset that is no sensor's.
-
-    A thrust that is no square of the speed taken looks like one plus a constant about hover, and
-    the constant like a bias of the accelerometer.
-    """
-    for p in parameters:
-        if p.name == "accel_bias_z" and p.value is not None and abs(p.value) > LARGEST_BIAS:
-            return (
-                f"accel_bias_z is {p.value:.2g} m/s^2, more than an accelerometer has: the thrust "
-                "is not in proportion to the square of the speed that the commands stand for; kt "
-                "and what scales with it, inertia, hold about hover only: give law under [motors] "
-                "as a thrust stand shows it, or log the rotor speed",
-            )
-    return ()
 
 
 def effective_unit(name: str, unit: str) -> str:

@@ -21,6 +21,7 @@ from rotorfit.identification.paper import PaperSettings, paper_estimate, paper_t
 from rotorfit.identification.row_parameters import Quantities, row_quantities
 from rotorfit.identification.rows import RowFits, fit_rows
 from rotorfit.identification.tables import Tables, row_tables
+from rotorfit.identification.weight import WeighedThrust, contradiction, kt_from_weight
 
 
 def resolved_method(experiment: Experiment) -> str:
@@ -32,7 +33,15 @@ def resolved_method(experiment: Experiment) -> str:
 def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the joint likelihood of all equations and configurations."""
     fit, joint = _joint_fit(flown, flown.timing)
-    numbers = _joint_widened(flown, _joint_numbers(flown, fit, joint))
+    numbers = _joint_widened(flown, _joint_numbers(flown, fit, joint), None)
+    weighed = kt_from_weight(flown.configurations, flown.vehicle)
+    doubts: tuple[str, ...] = ()
+    if weighed is not None and weighed.contradicts(*_kt_of(numbers)):
+        doubts = (contradiction(weighed, _kt_of(numbers)[0], flown.motors),)
+        fit, joint = _joint_fit(flown, flown.timing, weighed=weighed)
+        numbers = _holding_both(
+            _joint_widened(flown, _joint_numbers(flown, fit, joint), weighed), numbers
+        )
     tables = joint_tables(
         numbers,
         fit,
@@ -41,11 +50,28 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         motors=experiment.motors,
         timing=flown.motor_timing,
     )
+    tables = replace(tables, warnings=(*tables.warnings, *doubts))
     return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
 
 
+def _kt_of(numbers: Numbers) -> tuple[float, float]:
+    """Return value and standard deviation of k_t."""
+    i = numbers.index("kt")
+    return float(numbers.values[i]), float(numbers.half_width[i]) / 1.96
+
+
+def _holding_both(numbers: Numbers, other: Numbers) -> Numbers:
+    """Return the numbers with intervals that hold those of another model, too."""
+    apart = np.abs(numbers.values - other.values)
+    return replace(numbers, half_width=np.maximum(numbers.half_width, apart + other.half_width))
+
+
 def _joint_fit(
-    flown: Flown, response: MotorResponse | None, *, top: float = np.inf
+    flown: Flown,
+    response: MotorResponse | None,
+    *,
+    weighed: WeighedThrust | None = None,
+    top: float = np.inf,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit at a timing of the motors, with the bands that begin under `top` [Hz]."""
     joint = [
@@ -61,17 +87,20 @@ def _joint_fit(
         for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
     ]
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
-    return joint_estimate(joint, starts), joint
+    # Held there: what the flights say of it otherwise is in the interval.
+    known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
+    return joint_estimate(joint, starts, known_kt=known), joint
 
 
 def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfiguration]) -> Numbers:
     return joint_numbers(fit, joint, {c.entry.name: c.entry.mass_std for c in flown.configurations})
 
 
-def _joint_widened(flown: Flown, numbers: Numbers) -> Numbers:
+def _joint_widened(flown: Flown, numbers: Numbers, weighed: WeighedThrust | None) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
     shifts = [
-        _joint_numbers(flown, *_joint_fit(flown, response, top=top)).values - numbers.values
+        _joint_numbers(flown, *_joint_fit(flown, response, weighed=weighed, top=top)).values
+        - numbers.values
         for response, top in _other_settings(flown)
     ]
     return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, shifts))
@@ -80,17 +109,21 @@ def _joint_widened(flown: Flown, numbers: Numbers) -> Numbers:
 def _other_settings(flown: Flown) -> list[tuple[MotorResponse | None, float]]:
     """Return timing and upper edge of the trials: half the range, and the motors off both ways.
 
-    By half a sample, or by a deviation of what the flights tell of lag and delay.
+    By half a sample, or by a deviation of what the flights tell of lag and delay, and of its split.
     """
     trials: list[tuple[MotorResponse | None, float]] = [(flown.timing, 0.5 * EDGES[-1])]
     found = flown.motor_timing
     if found is not None:
         half = 0.5 / flown.configurations[0].flights[0].prepared.data.sample_rate
-        step = max(half, found.total_std)
-        trials += [
-            (replace(found.response, delay=found.response.delay + sign * step), np.inf)
-            for sign in (-1.0, 1.0)
-        ]
+        step, at = max(half, found.total_std), found.response
+        trials += [(replace(at, delay=at.delay + move), np.inf) for move in (-step, step)]
+    if found is not None and found.lag_std is not None and found.delay_std is not None:
+        split = replace(
+            found.response,
+            lag=found.response.lag + found.lag_std,
+            delay=found.response.delay - found.lag_std,
+        )
+        trials.append((split, np.inf))
     return trials
 
 

@@ -44,7 +44,8 @@ def attenuation_allowance(name: str, size: float, rho: float) -> float:
     rho
         Explained over residual power of the axis' angular acceleration.
     """
-    if rho <= NO_EXCITATION:
+    size, rho = float(size), float(rho)
+    if not rho > NO_EXCITATION:
         return float("inf")
     too_small = RATIO_PULL / (rho - RATIO_PULL)
     if AXIS_OF[name] != "yaw":

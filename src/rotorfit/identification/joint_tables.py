@@ -8,6 +8,7 @@ import numpy as np
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.identification.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
+from rotorfit.identification.flights import STRETCH
 from rotorfit.identification.joint import BIAS_STD, JointConfiguration
 from rotorfit.identification.joint_parameters import (
     SHARED_NUMBERS,
@@ -70,7 +71,7 @@ def joint_tables(
         settings={
             "noise": "variances of the six accelerations, per phase and band",
             "band": "0 to 30 Hz",
-            "stretch": "5 s",
+            "stretch": f"{STRETCH:g} s",
             "rotor_spread_prior": ROTOR_SPREAD_STD,
             "accel_bias_prior": list(BIAS_STD.values()),
         },

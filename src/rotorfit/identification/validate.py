@@ -82,6 +82,11 @@ def refuse_fitted(used: UsedFlight, fitted: set[str]) -> None:
 def fitted_comparisons(result: IdentificationResult) -> list[WrenchComparison]:
     """Return the comparisons on the flights of the fit itself, read again, for figures.
 
+    Parameters
+    ----------
+    result
+        With the settings of its experiment, by which the flights are found.
+
     Raises
     ------
     ExperimentError
@@ -106,7 +111,15 @@ def fitted_comparisons(result: IdentificationResult) -> list[WrenchComparison]:
 def validation_comparisons(
     result: IdentificationResult, experiment: Experiment
 ) -> list[WrenchComparison]:
-    """Return the comparisons on the flights that the experiment keeps for validation."""
+    """Return the comparisons on the flights that the experiment keeps for validation.
+
+    Parameters
+    ----------
+    result
+        What `identify` made of the experiment.
+    experiment
+        With flights under ``validation``.
+    """
     fitted = {record.sha256 for record in result.flights}
     comparisons: list[WrenchComparison] = []
     for configuration in experiment.configuration:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 from scipy import signal
 
 from rotorfit.errors import FlightError
@@ -232,14 +232,26 @@ def _stretch_bands(
         return None
     window = signal.windows.tukey(n, plan.taper)
     lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
-    parts = [lines[first:last] for first, last in bands]
-    stacked = [np.concatenate([part.real, part.imag])[None] for part in parts]
+    stacked = [_line_rows(lines, first, last)[None] for first, last in bands]
     return Factors(
         R=np.concatenate([triangular_factors(rows) for rows in stacked]),
-        rows=np.array([2 * len(part) for part in parts], dtype=np.int64),
-        segment=np.zeros(len(parts), dtype=np.int64),
+        rows=np.array([rows.shape[1] for rows in stacked], dtype=np.int64),
+        segment=np.zeros(len(stacked), dtype=np.int64),
         band=np.array([[frequency[a], frequency[b - 1]] for a, b in bands]),
     )
+
+
+def _line_rows(
+    lines: Complex[np.ndarray, "l z"], first: int, last: int
+) -> Float[np.ndarray, "m z"]:
+    """Return real and imaginary parts of lines as rows that carry the same noise.
+
+    The mean is real, and its one row would have the variance of two.
+    """
+    part = lines[first:last]
+    if first > 0:
+        return np.concatenate([part.real, part.imag])
+    return np.concatenate([part.real[:1] / np.sqrt(2.0), part.real[1:], part.imag[1:]])
 
 
 def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tuple[int, int]]:

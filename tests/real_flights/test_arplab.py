@@ -1,0 +1,72 @@
+"""A real Crazyflie on commands only: lag, thrust and inertia as far as its log tells."""
+
+import pytest
+
+import flown
+from rotorfit.model.vehicle import Rotor, Vehicle
+
+pytestmark = pytest.mark.flights
+
+LEVER = 0.028
+"""As the authors of the data take it; the maker's drawing gives 0.0325 m."""
+CRAZYFLIE = Vehicle(
+    rotors=(
+        Rotor(position=(LEVER, -LEVER, 0.0), spin="ccw"),
+        Rotor(position=(-LEVER, -LEVER, 0.0), spin="cw"),
+        Rotor(position=(-LEVER, LEVER, 0.0), spin="ccw"),
+        Rotor(position=(LEVER, LEVER, 0.0), spin="cw"),
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def result(flight_data_dir, tmp_path_factory):
+    log = flight_data_dir / "arplab-crazyflie" / "log15"
+    if not log.is_file():
+        pytest.skip(f"no {log}")
+    path = tmp_path_factory.mktemp("arplab") / "experiment.toml"
+    commands = '[motors]\nspeed = "commanded"\n'
+    flown.experiment_file(path, CRAZYFLIE, [log], mass=0.027, extra=commands)
+    return flown.quietly_identified(path)
+
+
+def test_the_lag_is_found_and_rising_is_faster_than_falling(result):
+    total = result.derived_value("motor_lag_total")
+    assert 0.065 < total.value < 0.09
+    assert total.interval[0] < 0.07 < total.interval[1]
+    up, down = (result.parameter(f"motor_lag_{way}") for way in ("up", "down"))
+    assert up.interval[1] < down.value
+    assert up.value < down.interval[0]
+
+
+def test_thrust_carries_the_weight_and_the_interval_holds_the_thrust_stand(result):
+    kt = result.parameter("kt")
+    assert 0.15 < kt.value < 0.165
+    assert kt.verdict == "weak"
+    # The stand's 0.187 p + 0.323 p^2 N of four rotors, at hover and its slope there.
+    p = 0.66
+    stand = (0.187 * p + 0.323 * p**2) / (4 * p**2)
+    slope = (0.187 + 2 * 0.323 * p) / (8 * p)
+    assert kt.interval[0] < slope < stand < kt.interval[1]
+
+
+def test_inertia_is_in_the_bands_of_its_authors(result):
+    Ixx, Iyy = result.derived_value("Ixx_com"), result.derived_value("Iyy_com")
+    assert 1.6e-5 < Ixx.value < 2.0e-5
+    assert 1.65e-5 < Iyy.value < 2.05e-5
+
+
+def test_the_law_is_said_to_be_neither_linear_nor_square(result):
+    assert any(
+        "thrust goes neither with the command nor with its square" in words
+        and "give law under [motors]" in words
+        for words in result.warnings
+    )
+
+
+def test_yaw_that_was_not_flown_is_refused(result):
+    for name in ("kd", "Jr", "Izz"):
+        found = result.parameter(name)
+        assert found.verdict in ("not-identified", "ratio-only")
+        assert found.value is None
+        assert "yaw" in found.advice
