@@ -11,7 +11,13 @@ Differentiation = Literal["exact", "central"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
-    """A stretch of consecutive samples: rows ``start`` to ``stop`` (exclusive)."""
+    """A stretch of consecutive samples: rows ``start`` to ``stop`` (exclusive).
+
+    Attributes
+    ----------
+    start, stop
+        Rows.
+    """
 
     start: int
     stop: int

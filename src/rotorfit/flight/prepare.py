@@ -64,6 +64,8 @@ class MotorModel:
     delay
         How much later than the rest of the log the motor channel takes effect [s]; negative where
         it was recorded late. None: found from the data where speed is measured, else zero.
+    lag_down
+        Of falling speed, where it differs from `lag` [s].
     """
 
     speed: Literal["measured", "commanded"] = "measured"
@@ -80,7 +82,7 @@ class MotorModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cut:
-    """A stretch of the log that is not used, and why."""
+    """A stretch of the log that is not used [s], and why."""
 
     start: float
     end: float

@@ -4,10 +4,9 @@ The file is TOML (see the README); unknown keys are refused with the nearest kno
 message names the place in the file. Paths of flights are relative to the file.
 """
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, cast
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -21,6 +20,7 @@ from rotorfit.identification.law_entry import (
     speed_law_of,
 )
 from rotorfit.identification.payload import PointMass
+from rotorfit.identification.toml_files import file_as_table, files_as_tables, read_toml
 from rotorfit.logs import ColumnSpec, ReadOptions
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Spin, Vehicle
@@ -159,7 +159,7 @@ class FlightEntry(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _plain_recording(cls, data: Any) -> Any:
-        return _file_as_table(data, "mocap")
+        return file_as_table(data, "mocap")
 
     @model_validator(mode="after")
     def _ordered(self) -> "FlightEntry":
@@ -192,7 +192,7 @@ class ConfigurationEntry(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _plain_names(cls, data: Any) -> Any:
-        return _files_as_tables(data, ("flights", "validation"))
+        return files_as_tables(data, ("flights", "validation"))
 
     @model_validator(mode="after")
     def _each_flight_once(self) -> "ConfigurationEntry":
@@ -213,7 +213,21 @@ class IdentificationEntry(_Strict):
 
 
 class Experiment(_Strict):
-    """The whole experiment, checked."""
+    """The whole experiment, checked: a pydantic model of the experiment file, SI units.
+
+    Attributes
+    ----------
+    name
+        For people.
+    airframe
+        The rotors, the place of the IMU, the axes of every vector in the file.
+    motors
+        Whether rotor speed is measured, else how it comes from the command.
+    identification
+        Method and source of the motion; has good defaults.
+    configuration
+        One or several loadings of the vehicle, each with its mass and its flights.
+    """
 
     name: str = "experiment"
     airframe: AirframeEntry
@@ -272,12 +286,17 @@ class AirframeFile(_Strict):
 def load_experiment(path: Path) -> Experiment:
     """Return the experiment of a TOML file, its flights' paths made absolute.
 
+    Parameters
+    ----------
+    path
+        The file.
+
     Raises
     ------
     ExperimentError
         If the file is missing, not TOML, or not an experiment; every place that is wrong is named.
     """
-    experiment = _checked(Experiment, _read_toml(path), path)
+    experiment = _checked(Experiment, read_toml(path), path)
     return experiment.model_copy(
         update={"configuration": tuple(_absolute(c, path.parent) for c in experiment.configuration)}
     )
@@ -288,12 +307,21 @@ def single_flight_experiment(
 ) -> Experiment:
     """Return the experiment of one log, a mass and an airframe file.
 
+    Parameters
+    ----------
+    log
+        The flight.
+    mass
+        Weighed as it flew [kg], or ``"unknown"``: then everything is per kilogram.
+    airframe
+        TOML file with the tables ``[airframe]`` and ``[motors]``.
+
     Raises
     ------
     ExperimentError
         As `load_experiment`.
     """
-    known = _checked(AirframeFile, _read_toml(airframe), airframe)
+    known = _checked(AirframeFile, read_toml(airframe), airframe)
     described = {
         "name": log.stem,
         "airframe": known.airframe,
@@ -324,6 +352,13 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
 
     Motion capture measures at the body origin itself: where an IMU is given, its place only says
     that the rotors' positions are known from that origin, and it counts as there.
+
+    Parameters
+    ----------
+    airframe
+        Of an `Experiment`.
+    source
+        What measures the motion, ``"imu"`` or ``"mocap"``.
     """
     if airframe.layout is not None:
         rotors = layout_rotors(airframe.layout, arm=airframe.arm or 0.0, order=airframe.order)
@@ -354,7 +389,13 @@ def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:
 
 
 def motor_model_of(motors: MotorsEntry) -> MotorModel:
-    """Return how the motor channel becomes rotor speed."""
+    """Return how the motor channel becomes rotor speed.
+
+    Parameters
+    ----------
+    motors
+        The ``[motors]`` table of an `Experiment`.
+    """
     return MotorModel(
         speed=motors.speed,
         law=None if motors.law is None else speed_law_of(motors.law),
@@ -424,44 +465,6 @@ def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationE
             "validation": moved(configuration.validation),
         }
     )
-
-
-def _file_as_table(data: Any, key: str) -> Any:
-    """Return the table with one plain file name written out as a table."""
-    if not isinstance(data, dict):
-        return data
-    table = dict(cast("dict[str, Any]", data))
-    if isinstance(table.get(key), str):
-        table[key] = {"file": table[key]}
-    return table
-
-
-def _files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
-    """Return the table with plain file names written out as tables."""
-    if not isinstance(data, dict):
-        return data
-    table = dict(cast("dict[str, Any]", data))
-    for key in keys:
-        entries = table.get(key)
-        if isinstance(entries, list):
-            rows = cast("list[Any]", entries)
-            table[key] = [{"file": row} if isinstance(row, str) else row for row in rows]
-    return table
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise ExperimentError(f"no file {path}; give the path of a TOML file") from None
-    except IsADirectoryError:
-        raise ExperimentError(f"{path} is a folder; give the TOML file in it") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ExperimentError(f"{path} cannot be read as text ({error}); expected TOML") from error
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ExperimentError(f"{path} is not valid TOML: {error}") from error
 
 
 def _checked(kind: type[Model], data: Any, path: Path) -> Model:

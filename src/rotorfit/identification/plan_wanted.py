@@ -52,6 +52,12 @@ def shown_width(name: str, half_width: float, value: float) -> float:
 def wanted_accuracy(text: str) -> Wanted:
     """Return the accuracy of words such as ``5`` or ``kd=2,Izz=3,com_x=1``.
 
+    Parameters
+    ----------
+    text
+        One percentage for kt, kd, Ixx, Iyy and Izz, or names with their own: half of the 95 %
+        interval in percent of the value, for the CoM in mm.
+
     Raises
     ------
     ExperimentError

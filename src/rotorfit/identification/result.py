@@ -51,7 +51,15 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Derived:
-    """A number computed from the parameters; None where they do not give it."""
+    """A number computed from the parameters.
+
+    Attributes
+    ----------
+    name, configuration, unit
+        `configuration` is None for what all configurations share.
+    value, std, interval
+        SI; None where the parameters do not give it. The interval is 95 %.
+    """
 
     name: str
     configuration: str | None
@@ -63,7 +71,23 @@ class Derived:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightRecord:
-    """A flight that was used, and what was used of it."""
+    """A flight that was used, and what was used of it.
+
+    Attributes
+    ----------
+    file, sha256
+        The log, and its fingerprint.
+    configuration
+        In which it was flown.
+    seconds_used, samples_used
+        In the air and without gaps [s].
+    used
+        Start and end of each stretch, since the first sample [s].
+    cuts
+        Start and end of what was left out [s], and why.
+    warnings
+        Doubts about this flight, one sentence each.
+    """
 
     file: str
     sha256: str
@@ -81,6 +105,14 @@ class IdentificationResult:
 
     Attributes
     ----------
+    name, method
+        Of the experiment; the estimator that was used.
+    parameters, derived
+        The numbers, SI.
+    validation
+        Relative errors on flights kept apart, one entry a flight.
+    flights
+        What was used of each.
     covariance_names, covariance
         Of the parameters that have a value and are not given, as ``name`` or
         ``name@configuration``.
@@ -88,6 +120,12 @@ class IdentificationResult:
         The whole resolved experiment.
     versions
         Of rotorfit and the libraries that did the arithmetic.
+    warnings
+        What to doubt, one sentence each.
+    axes
+        Of every vector.
+    diagnostics
+        The numbers behind the warnings.
     """
 
     name: str

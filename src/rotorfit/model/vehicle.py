@@ -11,7 +11,7 @@ Spin = Literal["ccw", "cw"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rotor:
-    """One rotor.
+    """One rotor of a vehicle.
 
     Attributes
     ----------

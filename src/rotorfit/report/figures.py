@@ -72,7 +72,15 @@ def write_figures(
 def figure_texts(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison] = ()
 ) -> dict[str, str]:
-    """Return every drawing as an SVG document, by a name that any file system takes."""
+    """Return every drawing as an SVG document, by a name that any file system takes.
+
+    Parameters
+    ----------
+    result
+        What was identified.
+    comparisons
+        Body wrench against rotor wrench on flights, each of which is drawn over time.
+    """
     style = template_text("figure.css")
     out: dict[str, str] = {}
     vehicle = vehicle_drawings(result)

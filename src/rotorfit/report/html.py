@@ -79,7 +79,16 @@ def write_report(
     paper: bool | None = None,
     force: bool = False,
 ) -> None:
-    """Write the page of `report_html`, whole or not at all.
+    """Write a result as one HTML page that needs nothing else, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The file.
+    result, comparisons, paper
+        As for `report_html`.
+    force
+        Replace a file that is there.
 
     Raises
     ------

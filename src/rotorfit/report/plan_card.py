@@ -105,6 +105,15 @@ def card_text(plan: FlightPlan) -> str:
 def write_card(path: Path, plan: FlightPlan, *, force: bool = False) -> None:
     """Write the card, as text where the file's name ends in ``.txt``, else as HTML.
 
+    Parameters
+    ----------
+    path
+        The file.
+    plan
+        From `plan`.
+    force
+        Replace a file that is there.
+
     Raises
     ------
     OutputError

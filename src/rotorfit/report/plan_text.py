@@ -26,7 +26,13 @@ COLUMN = 7
 
 
 def plan_text(plan: FlightPlan) -> str:
-    """Return a plan as text for a terminal."""
+    """Return a plan as text for a terminal.
+
+    Parameters
+    ----------
+    plan
+        From `plan`.
+    """
     sections = [
         _title(plan),
         _answer(plan),

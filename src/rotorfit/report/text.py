@@ -25,7 +25,13 @@ Line = tuple[Parameter | Derived, str]
 
 
 def result_text(result: IdentificationResult) -> str:
-    """Return a result as text for a terminal."""
+    """Return a result as text for a terminal: every number with unit, interval and verdict.
+
+    Parameters
+    ----------
+    result
+        What `identify` returned, or `IdentificationResult.load`.
+    """
     sections = [
         textwrap.wrap(_title(result), WIDTH),
         _table("Rotors", _rotor_lines(result)),

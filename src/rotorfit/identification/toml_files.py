@@ -1,0 +1,52 @@
+"""A TOML file to plain tables, its short forms written out."""
+
+import tomllib
+from pathlib import Path
+from typing import Any, cast
+
+from rotorfit.errors import ExperimentError
+
+
+def file_as_table(data: Any, key: str) -> Any:
+    """Return the table with one plain file name written out as a table."""
+    if not isinstance(data, dict):
+        return data
+    table = dict(cast("dict[str, Any]", data))
+    if isinstance(table.get(key), str):
+        table[key] = {"file": table[key]}
+    return table
+
+
+def files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
+    """Return the table with plain file names written out as tables."""
+    if not isinstance(data, dict):
+        return data
+    table = dict(cast("dict[str, Any]", data))
+    for key in keys:
+        entries = table.get(key)
+        if isinstance(entries, list):
+            rows = cast("list[Any]", entries)
+            table[key] = [{"file": row} if isinstance(row, str) else row for row in rows]
+    return table
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the tables of a file.
+
+    Raises
+    ------
+    ExperimentError
+        If it is missing or not TOML.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ExperimentError(f"no file {path}; give the path of a TOML file") from None
+    except IsADirectoryError:
+        raise ExperimentError(f"{path} is a folder; give the TOML file in it") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ExperimentError(f"{path} cannot be read as text ({error}); expected TOML") from error
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ExperimentError(f"{path} is not valid TOML: {error}") from error
