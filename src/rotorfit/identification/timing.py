@@ -6,9 +6,8 @@ on tau, weak unless the user knows better, keeps it from running away. Rotors th
 different rates get a lag for each where the flights ask for it.
 """
 
-import dataclasses
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -29,7 +28,7 @@ DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
 }
 """The search for the delay of the motion against the motor data: from, to [s], and in how many
 trials. Motion capture comes late by cameras, network and, with commands, the motors' own lag."""
-LAGS_TRIED: Final = (0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13)
+LAGS_TRIED: Final = (0.0, 0.02, 0.04, 0.07, 0.1, 0.14)
 LONGEST_LAG: Final = 0.2
 LONGEST_DELAY: Final = 0.1
 LAG_PRIOR: Final = (0.035, 0.03)
@@ -44,7 +43,9 @@ SPLIT_FAULT: Final = 2e-3
 model of the three turns leaves out, moved them by up to twice that on simulated flights."""
 FIRST_STEP: Final = 0.008
 STENCIL: Final = 2e-3
-SMALLEST_STEP: Final = 2e-4
+SMALLEST_STEP: Final = 1e-3
+SMALLEST_GAIN: Final = 2.0
+"""Where the descent ends [s, log-likelihood]: a parabola through the last trials does the rest."""
 MOST_TRIALS: Final = 60
 SLOW: Final = (np.inf, PILOT_BAND[1])
 """Upper edges [Hz]: of all bands, and of those of the pilot."""
@@ -89,47 +90,33 @@ def _costs(flown: "Flown", response: MotorResponse, tops: tuple[float, ...]) -> 
 
 
 def _find_delay(flown: "Flown") -> MotorTiming | None:
-    """Return the delay alone."""
-    found = _best_delay(flown, np.inf)
-    if found is None:
-        return None
-    # The autopilot's answer to gusts, later than the gusts, looks like a delay: the deviation
-    # holds what the best place moves by where only the pilot's frequencies are used.
-    slow = _best_delay(flown, PILOT_BAND[1])
-    shift = 0.0 if slow is None else slow[0] - found[0]
-    std = _norm(found[1], shift, SUM_FAULT)
-    response = dataclasses.replace(flown.declared, delay=found[0])
-    return MotorTiming(response=response, delay_std=std, total_std=std)
-
-
-def _best_delay(flown: "Flown", top: float) -> tuple[float, float] | None:
-    """Return the best delay by the bands that begin below `top` [Hz]."""
+    """Return the delay alone, None where the best one is at the edge of the search."""
     kind = " commanded" if flown.motors.speed == "commanded" else ""
-    first, last, trials = DELAYS_TRIED[f"{flown.source}{kind}"]
+    low, high, trials = DELAYS_TRIED[f"{flown.source}{kind}"]
 
-    def cost(delay: float) -> float:
-        return _costs(flown, dataclasses.replace(flown.declared, delay=delay), (top,))[0]
+    def costs(delay: float, tops: tuple[float, ...]) -> Float[np.ndarray, " t"]:
+        return np.array(_costs(flown, replace(flown.declared, delay=delay), tops))
 
-    return _minimum(cost, np.linspace(first, last, trials))
-
-
-def _minimum(
-    cost: Callable[[float], float], grid: Float[np.ndarray, " t"]
-) -> tuple[float, float] | None:
-    """Return place and width of the minimum of a smooth function, None if it is at an edge."""
-    values = [cost(float(x)) for x in grid]
+    grid = np.linspace(low, high, trials)
+    values = [costs(float(delay), SLOW[:1])[0] for delay in grid]
     best = int(np.argmin(values))
-    if best in (0, len(grid) - 1):
+    if best in (0, trials - 1):
         return None
     found = optimize.minimize_scalar(
-        cost,
+        lambda delay: float(costs(delay, SLOW[:1])[0]),
         bounds=(float(grid[best - 1]), float(grid[best + 1])),
         method="bounded",
-        options={"xatol": 1e-4},
+        options={"xatol": SMALLEST_STEP},
     )
-    place, h = float(found.x), 1e-3
-    curvature = (cost(place - h) - 2.0 * float(found.fun) + cost(place + h)) / h**2
-    return place, float(1.0 / np.sqrt(max(curvature, 1e-6)))
+    place = float(found.x)
+    middle, plus, minus = (costs(place + move, SLOW) for move in (0.0, STENCIL, -STENCIL))
+    move, slow = _parabola_shifts(middle, plus, minus)
+    curvature = float((plus - 2.0 * middle + minus)[0]) / STENCIL**2
+    # The autopilot's answer to gusts, later than the gusts, looks like a delay: the deviation
+    # holds what the best place moves by where only the pilot's frequencies are used.
+    std = _norm(1.0 / float(np.sqrt(max(curvature, 1e-6))), slow - move, SUM_FAULT)
+    response = replace(flown.declared, delay=place + move)
+    return MotorTiming(response=response, delay_std=std, total_std=std)
 
 
 Costs = Callable[[Float[np.ndarray, " t"], tuple[float, ...]], list[float]]
@@ -142,15 +129,17 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
     Then a skew s, lag (1 - s) up and (1 + s) down, if it gains enough.
     """
     costs = _penalised(flown)
+    # The way there on the first configuration alone; the last steps see all of them.
+    first = _penalised(replace(flown, configurations=flown.configurations[:1]))
     known = flown.declared.delay
-    grid = [costs(np.array([lag, known]), (np.inf,))[0] for lag in LAGS_TRIED]
+    grid = [first(np.array([lag, known]), (np.inf,))[0] for lag in LAGS_TRIED]
     best = int(np.argmin(grid))
     if best == len(LAGS_TRIED) - 1:
         return None
     start = np.array([max(LAGS_TRIED[best], 0.005), known])
     free = 2 if delay_free else 1
-    place, value = _descended(costs, start, np.array([FIRST_STEP, FIRST_STEP])[:free])
-    skewed, gained = _with_skew(costs, np.append(place, 0.0), value)
+    place, value = _descended(first, start, np.array([FIRST_STEP, FIRST_STEP])[:free])
+    skewed, gained = _with_skew(first, np.append(place, 0.0), value)
     if gained > LEAST_GAIN:
         steps = np.array([0.5 * FIRST_STEP, 0.5 * FIRST_STEP, SKEW_TRIED])
         place, _ = _descended(costs, skewed, steps if delay_free else steps[[0, 2]])
@@ -178,7 +167,7 @@ def _split_again(costs: Costs, place: Float[np.ndarray, " 2"]) -> Float[np.ndarr
         cost,
         bounds=(0.0, longest),
         method="bounded",
-        options={"xatol": 1e-3},
+        options={"xatol": 2e-3},
     )
     return np.array([float(found.x), total - float(found.x)])
 
@@ -229,7 +218,7 @@ def _descended(
         options={
             "initial_simplex": np.vstack([first, first + np.diag(steps)]),
             "xatol": SMALLEST_STEP,
-            "fatol": 0.05,
+            "fatol": SMALLEST_GAIN,
             "maxfev": MOST_TRIALS,
         },
     )
@@ -256,7 +245,7 @@ def _with_skew(
 def _with_deviations(
     costs: Costs, place: Float[np.ndarray, " t"], *, delay_free: bool
 ) -> MotorTiming:
-    """Return the timing with the deviations that the curvature of the cost gives.
+    """Return the timing at the bottom near `place`, with the deviations that its curvature gives.
 
     The sum has beside it what it moves by where only the pilot's frequencies are used, as it
     does where a motor is no first-order lag, or gusts look like one.
@@ -268,24 +257,29 @@ def _with_deviations(
         return np.array(costs(place + offset, SLOW))
 
     middle, plus, minus = both(0.0 * lag), both(delay), both(-delay)
+    longer, shorter = both(lag), both(-lag)
     hessian = np.empty((2, 2))
     hessian[1, 1] = (plus - 2.0 * middle + minus)[0]
-    hessian[0, 0] = (both(lag) - 2.0 * middle + both(-lag))[0]
+    hessian[0, 0] = (longer - 2.0 * middle + shorter)[0]
+    if not delay_free:
+        move, slow = _parabola_shifts(middle, longer, shorter)
+        std = STENCIL / np.sqrt(max(hessian[0, 0], 1e-6))
+        return MotorTiming(
+            response=_response(place + move / STENCIL * lag),
+            lag_std=_norm(std, slow - move, SUM_FAULT),
+            total_std=_norm(std, slow - move, SUM_FAULT),
+        )
+    move, slow = _parabola_shifts(middle, plus, minus)
     cross = both(lag + delay) + both(-lag - delay) - both(lag - delay) - both(delay - lag)
     hessian[0, 1] = hessian[1, 0] = 0.25 * cross[0]
-    shift = _parabola_shift(middle[1], plus[1], minus[1])
-    response = _response(place)
-    if not delay_free:
-        std = _norm(STENCIL / np.sqrt(max(hessian[0, 0], 1e-6)), shift, SUM_FAULT)
-        return MotorTiming(response=response, lag_std=std, total_std=std)
     covariance = np.linalg.pinv(hessian / STENCIL**2)
     lag_std, delay_std = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
     total = float(np.sqrt(max(float(covariance.sum()), 0.0)))
     return MotorTiming(
-        response=response,
-        lag_std=_norm(lag_std, shift, SPLIT_FAULT),
-        delay_std=_norm(delay_std, shift, SPLIT_FAULT),
-        total_std=_norm(total, shift, SUM_FAULT),
+        response=_response(place + move / STENCIL * delay),
+        lag_std=_norm(lag_std, slow - move, SPLIT_FAULT),
+        delay_std=_norm(delay_std, slow - move, SPLIT_FAULT),
+        total_std=_norm(total, slow - move, SUM_FAULT),
     )
 
 
@@ -293,9 +287,11 @@ def _norm(*deviations: float) -> float:
     return float(np.linalg.norm(deviations))
 
 
-def _parabola_shift(middle: float, plus: float, minus: float) -> float:
-    """Return where the parabola through three costs, `STENCIL` apart, is least [s]."""
+def _parabola_shifts(
+    middle: Float[np.ndarray, " 2"], plus: Float[np.ndarray, " 2"], minus: Float[np.ndarray, " 2"]
+) -> tuple[float, float]:
+    """Return where the parabolas through three costs, `STENCIL` apart, are least [s]."""
     curvature = plus - 2.0 * middle + minus
-    if curvature <= 0:
-        return 0.0
-    return float(np.clip(-0.5 * (plus - minus) / curvature, -5.0, 5.0)) * STENCIL
+    bottom = -0.5 * (plus - minus) / np.where(curvature > 0, curvature, np.inf)
+    shifts = np.clip(bottom, -5.0, 5.0) * STENCIL
+    return float(shifts[0]), float(shifts[1])
