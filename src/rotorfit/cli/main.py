@@ -238,6 +238,72 @@ def export(
 
 @app.command()
 @interruptible()
+def fly(
+    result: Annotated[Path, typer.Argument(help="What  rotorfit identify -o  wrote.")],
+    configuration: Annotated[
+        str | None,
+        typer.Option(help="Which to fly; may be left out where there is one."),
+    ] = None,
+    assume: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="Stand for a number that the flights do not give, SI (kd=3.7e-9); repeatable.",
+        ),
+    ] = None,
+    flight: Annotated[
+        list[Path] | None,
+        typer.Option(help="Replay this log instead of the result's own flights; repeatable."),
+    ] = None,
+    against: Annotated[
+        list[Path] | None,
+        typer.Option(help="Another result of the vehicle, to stand beside; repeatable."),
+    ] = None,
+    bench: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="A number of your bench to stand beside, SI; all else as identified; repeatable.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write the numbers as JSON here.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Write a page with tables and figures here (HTML).")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Write each figure as a file into this folder (SVG, PNG).")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Fly an identified vehicle: logged rotors replayed, hover and steps in MuJoCo.
+
+    The rotor speeds of the flights move the model over half a second from many measured starts:
+    predicted rates and accelerations against flown ones, beside a bench's or another result's.
+    """
+    from rotorfit.cli.fly import FlyRequest, run
+
+    run(
+        FlyRequest(
+            result=result,
+            configuration=configuration,
+            assume=tuple(assume or ()),
+            bench=tuple(bench or ()),
+            against=tuple(against or ()),
+            flights=tuple(flight or ()),
+            output=output,
+            report=report,
+            figures=figures,
+            force=force,
+            as_json=as_json,
+        )
+    )
+
+
+@app.command()
+@interruptible()
 def plan(
     airframe: Annotated[Path, typer.Argument(help="File with [airframe] and [motors].")],
     mass: Annotated[

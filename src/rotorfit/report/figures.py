@@ -5,7 +5,7 @@ dependencies. Matplotlib would draw everything a second time, and cairosvg needs
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rotorfit.errors import OutputError
@@ -54,7 +54,11 @@ def write_figures(
         If one of the files exists and `force` is false (then none is written), or the folder
         cannot be used.
     """
-    drawings = figure_texts(result, comparisons)
+    return write_drawings(folder, figure_texts(result, comparisons), force=force)
+
+
+def write_drawings(folder: Path, drawings: Mapping[str, str], *, force: bool = False) -> list[Path]:
+    """Write SVG documents by name into a folder, all or none, with PNG where `can_write_png`."""
     contents: dict[str, str | bytes] = {f"{name}.svg": svg for name, svg in drawings.items()}
     if can_write_png():
         contents |= {f"{name}.png": _png(svg) for name, svg in drawings.items()}

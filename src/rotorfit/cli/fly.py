@@ -1,0 +1,228 @@
+"""rotorfit fly: whether the identified model flies, and predicts the flights it was made from."""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+from threadpoolctl import threadpool_limits
+
+from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
+from rotorfit.cli.progress import steps
+from rotorfit.cli.terminal import say, show
+from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
+from rotorfit.export.assumptions import parse_assumptions
+from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, require_mujoco
+from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
+from rotorfit.export.vehicle_model import owner_of, vehicle_model
+from rotorfit.identification.experiment import experiment_of_settings
+from rotorfit.identification.fly_outcome import IDENTIFIED, FlyOutcome
+from rotorfit.identification.model_flight import MANOEUVRES
+from rotorfit.identification.replay import WINDOW
+from rotorfit.identification.replay_flights import Timed, found_response, replay_flights
+from rotorfit.identification.replay_vehicle import replay_vehicle
+from rotorfit.identification.result import IdentificationResult
+from rotorfit.logs.files import write_whole
+
+DRAWS = 40
+BENCH = "bench"
+NEEDS = (*BODY, *ROTORS)
+FIGURES = ("replay-1.svg", "replay-errors.svg", "manoeuvres.svg")
+PER_SPEED = ("kt", "kd", "Jr")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlyRequest:
+    """What the user asked for."""
+
+    result: Path
+    configuration: str | None = None
+    assume: tuple[str, ...] = ()
+    bench: tuple[str, ...] = ()
+    against: tuple[Path, ...] = ()
+    flights: tuple[Path, ...] = ()
+    output: Path | None = None
+    report: Path | None = None
+    figures: Path | None = None
+    force: bool = False
+    as_json: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Side:
+    """One set of parameters: what MuJoCo's autopilot is tuned to, and what the replay flies."""
+
+    model: VehicleModel
+    timed: Timed
+
+
+def run(request: FlyRequest) -> None:
+    """Replay the flights, fly the model, print what came of it, and write it where asked."""
+    assumed = _numbers(request.assume, "--assume")
+    bench = _numbers(request.bench, "--bench")
+    _refuse_outputs(request)
+    require_mujoco()
+    result = IdentificationResult.load(request.result)
+    with threadpool_limits(limits=1, user_api="blas"):
+        outcome = _outcome(request, result, assumed, bench)
+    _write(request, outcome)
+
+
+def _numbers(words: tuple[str, ...], option: str) -> dict[str, float]:
+    try:
+        return parse_assumptions(words)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint=option) from error
+
+
+def _refuse_outputs(request: FlyRequest) -> None:
+    files = [path for path in (request.output, request.report) if path is not None]
+    if len(set(files)) < len(files):
+        raise typer.BadParameter("-o and --report name the same file")
+    inputs = [request.result, *request.against, *request.flights]
+    for path in files:
+        refuse_output_file(path, inputs=inputs, force=request.force)
+    if request.figures is not None:
+        refuse_output_folder(request.figures, FIGURES, force=request.force)
+
+
+def _outcome(
+    request: FlyRequest,
+    result: IdentificationResult,
+    assumed: Mapping[str, float],
+    bench: Mapping[str, float],
+) -> FlyOutcome:
+    owner = owner_of(result, request.configuration)
+    sides = {IDENTIFIED: _side(result, owner, assumed, draws=DRAWS)}
+    if bench:
+        sides[BENCH] = _side(result, owner, {**assumed, **bench})
+    for path in request.against:
+        sides[_label(path, sides)] = _other(path, owner)
+    own = sides[IDENTIFIED].model
+    for label, side in sides.items():
+        _refuse_other_vehicle(own, side.model, label)
+    model, taken = flyable(own)
+    with warnings.catch_warnings(), steps() as tell:
+        warnings.simplefilter("ignore", RotorfitWarning)  # the result has them already
+        replays = replay_flights(
+            result,
+            owner,
+            {label: side.timed for label, side in sides.items()},
+            others=request.flights,
+            tell=tell,
+        )
+        tell("flying the model")
+        manoeuvres = {
+            label: tuple(
+                fly_manoeuvre(model, name, believed=flyable(side.model)[0]) for name in MANOEUVRES
+            )
+            for label, side in sides.items()
+        }
+    return FlyOutcome(
+        name=result.name,
+        configuration=owner,
+        seconds=WINDOW,
+        draws=len(sides[IDENTIFIED].timed.vehicle.mass) - 1,
+        labels=tuple(sides),
+        replays=tuple(replays),
+        manoeuvres=manoeuvres,
+        notes=(*_notes(result, own, bench), *taken),
+    )
+
+
+def _side(
+    result: IdentificationResult, owner: str, assumed: Mapping[str, float], *, draws: int = 0
+) -> _Side:
+    """Return a set of parameters, refused as an export would be."""
+    _refuse_units(result, assumed)
+    model = vehicle_model(
+        result, configuration=owner, needs=NEEDS, assumed=assumed, speed="full-command"
+    )
+    # What was assumed, and what followed from it by a ratio, is not drawn.
+    fixed = {n.name: n.value for n in model.numbers if n.origin in ("assumed", "from-ratio")}
+    fixed = {n: v for n, v in fixed.items() if not n.startswith("motor_") and n != "max_speed"}
+    vehicle = replay_vehicle(result, owner, assumed={**_body(assumed), **fixed}, draws=draws)
+    return _Side(model=model, timed=Timed(vehicle=vehicle, response=found_response(result)))
+
+
+def _body(assumed: Mapping[str, float]) -> dict[str, float]:
+    return {n: v for n, v in assumed.items() if not n.startswith("motor_") and n != "max_speed"}
+
+
+def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) -> None:
+    """Raise if numbers per rad/s are to stand among numbers per command."""
+    motors = experiment_of_settings(result.settings).motors
+    if motors.speed == "measured" or motors.law is not None:
+        return
+    wrong = [n for n in assumed if n.split("_")[0] in PER_SPEED or n == "max_speed"]
+    if wrong:
+        raise OutputError(
+            f"{', '.join(wrong)} is per rad/s, and this result per command (no law from command to "
+            "rotor speed): leave it out (Izz_com=VALUE gives kd by its ratio), or give law under "
+            "[motors] and identify again"
+        )
+
+
+def _other(path: Path, owner: str) -> _Side:
+    """Return the parameters of another result: of the same configuration, or of its only one."""
+    other = IdentificationResult.load(path)
+    names = {p.configuration for p in other.parameters}
+    try:
+        return _side(other, owner_of(other, owner if owner in names else None), {})
+    except RotorfitError as error:
+        raise OutputError(f"{path.name}: {error}") from error
+
+
+def _label(path: Path, taken: Mapping[str, object]) -> str:
+    label = path.stem
+    return label if label not in taken else f"{label} ({len(taken)})"
+
+
+def _refuse_other_vehicle(own: VehicleModel, other: VehicleModel, label: str) -> None:
+    if len(own.rotors) != len(other.rotors):
+        raise OutputError(
+            f"{label} has {len(other.rotors)} rotors, the result {len(own.rotors)}: give a result "
+            "of the same vehicle"
+        )
+    if own.in_commands != other.in_commands:
+        raise OutputError(
+            f"{label} and the result differ in what stands for the rotor speed (rad/s, or commands "
+            "without a law): give a result made from the same motor data"
+        )
+
+
+def _notes(
+    result: IdentificationResult, model: VehicleModel, bench: Mapping[str, float]
+) -> list[str]:
+    notes = [
+        f"{n.name} = {n.value:.6g} {n.unit} is {n.origin}" + (f": {n.remark}" if n.remark else "")
+        for n in model.numbers
+        if n.origin in ("weak", "assumed", "from-ratio")
+    ]
+    if bench:
+        given = ", ".join(f"{name}={value:g}" for name, value in bench.items())
+        notes.append(f"bench: {given}; all else as identified, which favours it")
+    if any(p.name.startswith("drag_") and p.value for p in result.parameters):
+        notes.append("the result knows the frame's drag; replay and MuJoCo leave it out")
+    return notes
+
+
+def _write(request: FlyRequest, outcome: FlyOutcome) -> None:
+    # jinja2 is not worth its time to those who want numbers only.
+    from rotorfit.report.figures import HINT, can_write_png
+    from rotorfit.report.fly_page import write_fly_figures, write_fly_page
+    from rotorfit.report.fly_text import fly_text
+
+    if request.output is not None:
+        write_whole(request.output, outcome.to_json(), force=request.force)
+        say(f"wrote {request.output}")
+    if request.report is not None:
+        write_fly_page(request.report, outcome, force=request.force)
+        say(f"wrote {request.report}")
+    if request.figures is not None:
+        paths = write_fly_figures(request.figures, outcome, force=request.force)
+        say(f"wrote {len(paths)} files to {request.figures}")
+        if not can_write_png():
+            say(HINT)
+    show((outcome.to_json() if request.as_json else fly_text(outcome)).rstrip())

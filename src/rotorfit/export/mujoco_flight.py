@@ -1,0 +1,203 @@
+"""The MuJoCo file of a result, flown by the stock autopilot: hover, and steps of attitude.
+
+What flies is the text that `rotorfit export --to mujoco` writes; what steers it is the autopilot of
+the simulated flights (`simulation.controller`), tuned to the mass and inertia that it believes in:
+those of the file, or others, to see what wrong ones do.
+"""
+
+from dataclasses import replace
+from importlib import import_module
+from typing import Any, Final
+
+import numpy as np
+
+from rotorfit.errors import OutputError
+from rotorfit.export.mjcf import write_mujoco
+from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_origin
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.identification.model_flight import BEFORE, STEP, Manoeuvre, ModelFlight
+from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.simulation.controller import Autopilot, Gains, Memory, autopilot_of, control
+from rotorfit.simulation.motors import allocation
+from rotorfit.simulation.pilot import Reference
+from rotorfit.simulation.truth import Truth, tensor_elements
+
+STEPS_PER_COMMAND: Final = 2
+"""Of the 2 ms that the file has: 250 commands a second."""
+HOVER_SECONDS: Final = 8.0
+STEP_SECONDS: Final = 2.0
+STOCK_LAG: Final = 0.03
+"""Of motors whose lag is not known, as measured rotor speed does not show it [s]."""
+STOCK_THRUST: Final = 2.5
+"""Largest thrust over weight where no law from command to speed tells it."""
+FREE: Final = Gains(position=0.0, velocity=0.0)
+"""Steps are of attitude: nothing holds the place."""
+
+
+def flyable(model: VehicleModel) -> tuple[VehicleModel, tuple[str, ...]]:
+    """Return the vehicle with stock motors where its own are not known, and what was taken."""
+    taken: list[str] = []
+    if not (np.isfinite(model.lag_up) and np.isfinite(model.lag_down)):
+        model = replace(model, lag_up=STOCK_LAG, lag_down=STOCK_LAG)
+        taken.append(
+            f"the motors' lag is not known (measured speed does not show it): {STOCK_LAG:g} s is "
+            "taken for hover and steps; --assume motor_lag=VALUE for yours"
+        )
+    if not np.isfinite(model.max_speed):
+        model = replace(model, max_speed=STOCK_THRUST**0.5 * model.hover_speed)
+        taken.append(
+            f"the largest rotor speed is not known: {STOCK_THRUST:g} times the weight is taken as "
+            "the largest thrust; --assume max_speed=VALUE for yours"
+        )
+    return model, tuple(taken)
+
+
+def fly_manoeuvre(
+    model: VehicleModel, manoeuvre: Manoeuvre, *, believed: VehicleModel | None = None
+) -> ModelFlight:
+    """Fly one manoeuvre in MuJoCo.
+
+    Parameters
+    ----------
+    model
+        What flies; its motors known (`flyable`).
+    manoeuvre
+        Hover for 8 s, or a step.
+    believed
+        What the autopilot takes the vehicle for; the vehicle itself by default.
+
+    Raises
+    ------
+    OutputError
+        If MuJoCo is not installed, or does not take the file.
+    """
+    mujoco = require_mujoco()
+    world = _loaded(mujoco, model)
+    data = mujoco.MjData(world)
+    mujoco.mj_resetDataKeyframe(world, data, 0)
+    belief, vehicle = _belief(believed or model)
+    period = STEPS_PER_COMMAND * float(world.opt.timestep)
+    pilot = autopilot_of(
+        belief,
+        vehicle,
+        thrust_to_weight=_thrust_to_weight(model),
+        period=period,
+        gains=Gains() if manoeuvre == "hover" else FREE,
+    )
+    memory, rows = _settled(model, pilot), list[list[float]]()
+    kt = np.array([rotor.kt for rotor in model.rotors])
+    for k in range(round((HOVER_SECONDS if manoeuvre == "hover" else STEP_SECONDS) / period)):
+        state = _state(mujoco, data)
+        reference, wish = _reference(manoeuvre, k * period)
+        speeds, memory = control(pilot, memory, state, reference, grounded=False)
+        rows.append([k * period, wish, *_seen(manoeuvre, state)])
+        data.ctrl[:] = kt * speeds**2
+        mujoco.mj_step(world, data, STEPS_PER_COMMAND)
+    time, asked, flown, tilt = np.array(rows).T
+    return ModelFlight(manoeuvre=manoeuvre, time=time, asked=asked, flown=flown, tilt=tilt)
+
+
+def require_mujoco() -> Any:
+    """Return the module.
+
+    Raises
+    ------
+    OutputError
+        If it is not installed; with the command that installs it.
+    """
+    try:
+        return import_module("mujoco")
+    except ImportError as error:
+        raise OutputError(
+            'flying the model needs MuJoCo: pip install "rotorfit[mujoco]"'
+        ) from error
+
+
+def _loaded(mujoco: Any, model: VehicleModel) -> Any:
+    try:
+        return mujoco.MjModel.from_xml_string(write_mujoco(model, ()))
+    except ValueError as error:
+        raise OutputError(
+            f"MuJoCo does not take the model ({error}); look at what  rotorfit export --to mujoco  "
+            "writes, and at the doubts of the result"
+        ) from error
+
+
+def _belief(model: VehicleModel) -> tuple[Truth, Vehicle]:
+    """Return the vehicle in the words of the simulated flights."""
+    x, y, z = (model.mass * model.com).tolist()
+    kt = model.kt
+    truth = Truth(
+        mass=model.mass,
+        first_moments=(x, y, z),
+        inertia=tensor_elements(inertia_at_origin(model)),
+        kt=kt,
+        kd=model.kd,
+        kt_spread=tuple(rotor.kt / kt for rotor in model.rotors),
+    )
+    return truth, Vehicle(rotors=tuple(_rotor(rotor) for rotor in model.rotors))
+
+
+def _settled(model: VehicleModel, pilot: Autopilot) -> Memory:
+    """Return the memory of an autopilot whose integrators have found the trim of hover.
+
+    What its mixer, made for equal rotors, must be asked for so that the rotors as they are give
+    the weight, and its torque about the origin.
+    """
+    _, vehicle = _belief(model)
+    kt = np.array([rotor.kt for rotor in model.rotors])
+    given = allocation(vehicle, kt=kt, kd=model.kd)[2:] @ pilot.mixer
+    weight = model.mass * GRAVITY
+    needed = np.array([weight, weight * model.com[1], -weight * model.com[0], 0.0])
+    _, x, y, z = np.linalg.solve(given, needed).tolist()
+    return Memory(0.0, (x, y, z), (0.0, 0.0, 0.0))
+
+
+def _rotor(rotor: ExportedRotor) -> Rotor:
+    (px, py, pz), (nx, ny, nz) = rotor.position.tolist(), rotor.axis.tolist()
+    spin = "ccw" if rotor.spin > 0 else "cw"
+    return Rotor(position=(px, py, pz), axis=(nx, ny, nz), spin=spin)
+
+
+def _thrust_to_weight(model: VehicleModel) -> float:
+    return float((model.max_speed / model.hover_speed) ** 2)
+
+
+def _state(mujoco: Any, data: Any) -> tuple[float, ...]:
+    """Return what the autopilot sees: rates, attitude, velocity in body axes, place."""
+    turned, velocity = np.empty(4), np.empty(3)
+    mujoco.mju_negQuat(turned, data.qpos[3:7])
+    mujoco.mju_rotVecQuat(velocity, data.qvel[:3], turned)
+    place = np.asarray(data.qpos[:3]) - (0.0, 0.0, 1.0)  # where the key hover puts it
+    return tuple(np.concatenate([data.qvel[3:6], data.qpos[3:7], velocity, place]).tolist())
+
+
+def _reference(manoeuvre: Manoeuvre, time: float) -> tuple[Reference, float]:
+    """Return what the pilot asks for, and the one number of it that is looked at."""
+    size = float(STEP.get(manoeuvre, 0.0)) if time >= BEFORE else 0.0
+    reference = Reference(
+        roll=size if manoeuvre == "roll" else 0.0,
+        pitch=size if manoeuvre == "pitch" else 0.0,
+        yaw_rate=size if manoeuvre == "yaw rate" else 0.0,
+        climb=0.0,
+        height=0.0,
+        height_rate=0.0,
+        throttle=1.0,
+        landing=0.0,
+    )
+    return reference, size
+
+
+def _seen(manoeuvre: Manoeuvre, state: tuple[float, ...]) -> tuple[float, float]:
+    """Return the number that is looked at, and the tilt [rad]."""
+    w, x, y, z = state[3:7]
+    tilt = float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+    match manoeuvre:
+        case "hover":
+            return state[12], tilt
+        case "roll":
+            return float(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))), tilt
+        case "pitch":
+            return float(np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))), tilt
+        case "yaw rate":
+            return state[2], tilt

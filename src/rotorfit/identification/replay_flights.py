@@ -1,0 +1,143 @@
+"""Which flights are replayed: a result's own, read again, or others of the same vehicle."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rotorfit.errors import ExperimentError, LogError
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.identification.experiment import (
+    Experiment,
+    FlightEntry,
+    experiment_of_settings,
+    motor_model_of,
+    vehicle_of,
+)
+from rotorfit.identification.flights import UsedFlight, load_flight, retimed
+from rotorfit.identification.replay import WINDOW, Entrant, Replay, replay
+from rotorfit.identification.replay_vehicle import ReplayVehicle
+from rotorfit.identification.result import IdentificationResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timed:
+    """A vehicle (and draws of it), and its motors' timing; None leaves flights as prepared."""
+
+    vehicle: ReplayVehicle
+    response: MotorResponse | None
+
+
+def replay_flights(
+    result: IdentificationResult,
+    owner: str,
+    vehicles: Mapping[str, Timed],
+    *,
+    others: Sequence[Path] = (),
+    seconds: float = WINDOW,
+    tell: Callable[[str], None] | None = None,
+) -> list[Replay]:
+    """Return the replays of a configuration's flights, or of others.
+
+    Parameters
+    ----------
+    result
+        With the settings of its experiment, by which flights are read and prepared.
+    owner
+        The configuration; its flights of the fit, then those kept apart.
+    vehicles
+        By label, each with the timing of the motors that was found with it.
+    others
+        Logs to replay instead.
+    seconds
+        Length of a window [s].
+    tell
+        Is told what is being done.
+
+    Raises
+    ------
+    ExperimentError
+        If a flight of the result is gone, or has changed since the fit.
+    LogError, FlightError, FrameError
+        If a log cannot be used.
+    """
+    experiment = experiment_of_settings(result.settings)
+    entries = [FlightEntry(file=str(path.absolute())) for path in others]
+    replays: list[Replay] = []
+    for entry in entries or _own(experiment, owner):
+        if tell is not None:
+            tell(f"replaying {Path(entry.file).name}")
+        used = _loaded(experiment, entry) if entries else _unchanged(result, experiment, entry)
+        replays.append(
+            replay(
+                used.prepared.data,
+                {
+                    label: Entrant(
+                        vehicle=timed.vehicle,
+                        rotor_speed=retimed(used.prepared, timed.response).rotor_speed,
+                    )
+                    for label, timed in vehicles.items()
+                },
+                flight=Path(entry.file).name,
+                sha256=used.log.sha256,
+                configuration=owner,
+                seconds=seconds,
+            )
+        )
+    return replays
+
+
+def found_response(result: IdentificationResult) -> MotorResponse | None:
+    """Return the motors' timing that the fit found; a given one is in the preparation already."""
+    times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
+    if all(p.verdict == "given" or p.value is None for p in times.values()):
+        return None
+    at = {name: p.value or 0.0 for name, p in times.items()}
+    lag = at.get("motor_lag", 0.0)
+    return MotorResponse(
+        lag=at.get("motor_lag_up", lag),
+        delay=at.get("motor_delay", 0.0),
+        lag_down=at.get("motor_lag_down"),
+    )
+
+
+def _own(experiment: Experiment, owner: str) -> list[FlightEntry]:
+    return [
+        entry
+        for configuration in experiment.configuration
+        if configuration.name == owner
+        for entry in (*configuration.flights, *configuration.validation)
+    ]
+
+
+def _loaded(experiment: Experiment, entry: FlightEntry) -> UsedFlight:
+    source = experiment.identification.source
+    return load_flight(
+        entry,
+        experiment.motors,
+        vehicle_of(experiment.airframe, source),
+        motor_model_of(experiment.motors),
+        source=source,
+    )
+
+
+def _unchanged(
+    result: IdentificationResult, experiment: Experiment, entry: FlightEntry
+) -> UsedFlight:
+    """Return a flight of the result itself, refused where it is not what the fit has seen."""
+    name = Path(entry.file).name
+    if not Path(entry.file).exists():
+        raise ExperimentError(
+            f"the result's flight {name} is no longer where it was ({entry.file}); say where it "
+            f"is now (--flight PATH/{name}), or give another flight of this vehicle"
+        )
+    try:
+        used = _loaded(experiment, entry)
+    except LogError as error:
+        raise LogError(f"{error}; or give another flight of this vehicle (--flight LOG)") from error
+    known = {record.file: record.sha256 for record in result.flights}
+    if used.log.sha256 != known.get(entry.file, used.log.sha256):
+        raise ExperimentError(
+            f"{name} has changed since the fit (its SHA-256 is another); identify again, or replay "
+            f"it all the same (--flight {name})"
+        )
+    return used

@@ -1,0 +1,142 @@
+"""What `rotorfit fly` found, on one screen."""
+
+import math
+import textwrap
+from collections.abc import Sequence
+
+from rotorfit.identification.fly_outcome import (
+    AXES,
+    FlyOutcome,
+    band,
+    manoeuvre_of,
+    rate_errors,
+    ratio_to,
+    told_times,
+)
+from rotorfit.identification.model_flight import (
+    STEP,
+    STEPS,
+    Manoeuvre,
+    ModelFlight,
+    departure,
+    is_lost,
+    overshoot,
+    settling_time,
+)
+from rotorfit.identification.replay import HOLD, force_errors
+from rotorfit.report.words import file_name
+
+WIDTH = 100
+BAND = "95 % band of the parameters"
+EVEN = 0.05
+"""Errors that differ by less count as equal."""
+FORCE_HELD = "first mean held"
+
+
+def fly_text(outcome: FlyOutcome) -> str:
+    """Return replay, manoeuvres and what to know as plain text."""
+    lines = [
+        headline(outcome),
+        "",
+        "Replay: rms error of the rates [rad/s], so long after the start of a window",
+    ]
+    width = max(len(label) for label in (*outcome.labels, BAND))
+    times = told_times(outcome)
+    lines.append(f"  {'':<{width}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
+    lines.append(f"  {'':<{width}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
+    lines += [f"  {label:<{width}}" + _numbers(row) for label, row in rate_rows(outcome)]
+    lines += ["", *(f"  {line}" for line in verdicts(outcome))]
+    lines += ["", "Replay: rms error of the specific force, means over 0.05 s [m/s^2]"]
+    lines.append(f"  {'':<{width}}" + "".join(f"{axis:>10}" for axis in "xyz"))
+    lines += [f"  {label:<{width}}" + _numbers(row) for label, row in force_rows(outcome)]
+    lines += ["", "In MuJoCo: the identified model, its autopilot tuned to these parameters"]
+    names = "".join(f"{step_name(n):<21}" for n in STEPS).rstrip()
+    lines.append(f"  {'':<{width}}  {'hover':<14}{names}")
+    for label in outcome.labels:
+        cells = "".join(f"{step_words(manoeuvre_of(outcome, label, n)):<21}" for n in STEPS)
+        lines.append(f"  {label:<{width}}  {hover_words(outcome, label):<14}{cells}".rstrip())
+    if outcome.notes:
+        lines += ["", "To know"]
+        for note in outcome.notes:
+            lines += textwrap.wrap(
+                note, WIDTH, initial_indent="  - ", subsequent_indent="    ", break_long_words=False
+            )
+    return "\n".join(lines)
+
+
+def headline(outcome: FlyOutcome) -> str:
+    """Return what was flown, in one sentence."""
+    flights = ", ".join(file_name(replay.flight) for replay in outcome.replays)
+    return (
+        f"{outcome.name}, configuration {outcome.configuration}: {outcome.windows} windows of "
+        f"{outcome.seconds:g} s of {flights}"
+    )
+
+
+def rate_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
+    """Return the errors of the rates: each label, then the rate held, then the band."""
+    times = told_times(outcome)
+    rows = [
+        (label, [x for t in times for x in rate_errors(outcome, label, t).tolist()])
+        for label in (*outcome.labels, HOLD)
+    ]
+    if outcome.draws:
+        rows.append((BAND, [x for t in times for x in band(outcome, t).tolist()]))
+    return rows
+
+
+def force_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
+    """Return the errors of the specific force: each label, then the first mean held."""
+    rows = [(label, force_errors(outcome.replays, label).tolist()) for label in outcome.labels]
+    return [*rows, (FORCE_HELD, force_errors(outcome.replays, HOLD).tolist())]
+
+
+def verdicts(outcome: FlyOutcome) -> list[str]:
+    """Return how the identified parameters stand to the others at the end of a window."""
+    end = told_times(outcome)[-1]
+    return [
+        f"against {label}, after {end:.3g} s: "
+        + ", ".join(
+            _stand(axis, ratio)
+            for axis, ratio in zip(AXES, ratio_to(outcome, label, end).tolist(), strict=True)
+        )
+        for label in (*outcome.labels[1:], HOLD)
+    ]
+
+
+def _stand(axis: str, ratio: float) -> str:
+    if not math.isfinite(ratio):
+        return f"{axis} -"
+    word = "even" if abs(ratio - 1.0) < EVEN else "better" if ratio < 1.0 else "WORSE"
+    return f"{axis} {word} (error x {ratio:.2f})"
+
+
+def manoeuvre_words(outcome: FlyOutcome, label: str) -> str:
+    """Return how hover and steps went, in one line."""
+    parts = [f"hover {hover_words(outcome, label)}"]
+    parts += [f"{step_name(n)} {step_words(manoeuvre_of(outcome, label, n))}" for n in STEPS]
+    return "; ".join(parts)
+
+
+def hover_words(outcome: FlyOutcome, label: str) -> str:
+    """Return how well the height was held."""
+    hover = manoeuvre_of(outcome, label, "hover")
+    return "lost" if is_lost(hover) else f"to {departure(hover):.3f} m"
+
+
+def step_name(name: Manoeuvre) -> str:
+    """Return a step with its size."""
+    return f"{name} {STEP[name]:g} {'rad/s' if name == 'yaw rate' else 'rad'}"
+
+
+def step_words(flight: ModelFlight) -> str:
+    """Return how one step went: when it stays within a tenth, and how far it went beyond."""
+    if is_lost(flight):
+        return "lost"
+    settled = settling_time(flight)
+    ended = "not settled" if settled is None else f"in {settled:.2f} s"
+    return f"{ended}, {100 * overshoot(flight):.0f} % over"
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return "".join(f"{value:>10.3f}" if math.isfinite(value) else f"{'-':>10}" for value in values)
