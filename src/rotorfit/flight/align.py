@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
 from rotorfit.flight.camera import camera_clock, poses
-from rotorfit.flight.clocks import uniform_channels, usable_samples
+from rotorfit.flight.clocks import JITTER_STEPS, uniform_channels, usable_samples
 from rotorfit.flight.kinematics import continuous_quaternions, motion_from_quaternions
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.splines import low_pass
@@ -313,7 +313,8 @@ def _at(
     rows = (time - rates.start) / rates.step
     left = np.clip(np.floor(rows).astype(int), 0, len(rates.values) - 2)
     share = (rows - left)[:, None]
-    inside = (rows >= 0) & (rows <= len(rates.values) - 1)
+    edge = len(rates.values) - 1 + JITTER_STEPS
+    inside = (rows >= -JITTER_STEPS) & (rows <= edge)
     values = (1.0 - share) * rates.values[left] + share * rates.values[left + 1]
     return values, inside & rates.known[left] & rates.known[left + 1]
 
@@ -365,19 +366,12 @@ class _Pair:
 
 def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> Alignment:
     """Return the alignment by Gauss-Newton, from a start within a step or two."""
-    known = body.known & _at(marker, body.time - start.offset)[1]
-    pair = _Pair(
-        body=body,
-        marker=marker,
-        slope=dataclasses.replace(marker, values=np.gradient(marker.values, marker.step, axis=0)),
-        known=known,
-        origin=float(body.time[known].mean()),
-        alike=1.0 / (2.0 * cutoff * body.step),
-    )
     trial = _Trial(offset=start.offset, drift=0.0, rotation=start.rotation, bias=np.zeros(3))
-    for _ in range(ITERATIONS):
-        information, gradient, _ = _normal_equations(pair, trial)
-        trial = trial.moved(-np.linalg.solve(information, gradient))
+    pair = _pair(body, marker, trial, cutoff=cutoff)
+    trial = _solved(pair, trial)
+    # Which rows they share is seen anew: the start is off by a step, and a row more or less tells.
+    pair = _pair(body, marker, trial, cutoff=cutoff)
+    trial = _solved(pair, trial)
     information, _, unexplained = _normal_equations(pair, trial)
     std = np.sqrt(np.diag(np.linalg.inv(information)))
     found = Alignment(
@@ -392,6 +386,27 @@ def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> A
     )
     _refuse_vague(found)
     return found
+
+
+def _pair(body: _Rates, marker: _Rates, trial: _Trial, *, cutoff: float) -> _Pair:
+    """Return both rates with the rows that they share at a trial."""
+    known = body.known & _at(marker, body.time - trial.offset)[1]
+    return _Pair(
+        body=body,
+        marker=marker,
+        slope=dataclasses.replace(marker, values=np.gradient(marker.values, marker.step, axis=0)),
+        known=known,
+        origin=float(body.time[known].mean()),
+        alike=1.0 / (2.0 * cutoff * body.step),
+    )
+
+
+def _solved(pair: _Pair, trial: _Trial) -> _Trial:
+    """Return where Gauss-Newton leads from a trial."""
+    for _ in range(ITERATIONS):
+        information, gradient, _ = _normal_equations(pair, trial)
+        trial = trial.moved(-np.linalg.solve(information, gradient))
+    return trial
 
 
 def _normal_equations(

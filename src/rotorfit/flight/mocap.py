@@ -23,6 +23,7 @@ from rotorfit.flight.checks import (
 )
 from rotorfit.flight.clocks import (
     FEWEST_SAMPLES,
+    JITTER_STEPS,
     UniformChannels,
     uniform_channels,
     usable_samples,
@@ -233,12 +234,14 @@ def _on_frames(
     Low-passed on its own clock, so that what is faster than the cameras does not fold back.
     """
     motors, rate = own.values["motor"], own.sample_rate
+    edge = JITTER_STEPS / rate
     values = np.zeros((len(clock.time), motors.shape[1]))
     there = np.zeros(len(clock.time), dtype=bool)
     for a, b in own.stretches:
         if b - a < FEWEST_SAMPLES:
             continue
-        inside = (clock.time >= own.time[a]) & (clock.time <= own.time[b - 1])
+        # Where both begin at one instant, rounding must not decide whether the frame counts.
+        inside = (clock.time >= own.time[a] - edge) & (clock.time <= own.time[b - 1] + edge)
         smooth_speed = low_pass(motors[a:b], rate, min(cutoff, 0.45 * rate))
         values[inside] = spline_at(smooth_speed, (clock.time[inside] - own.time[a]) * rate)[0]
         there |= inside
