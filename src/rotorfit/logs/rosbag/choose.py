@@ -94,10 +94,10 @@ def converted(
     """Return numbers of a message in SI units and FLU axes, and what is to be said of it."""
     values = np.where(np.isfinite(numbers), numbers, np.nan)
     if form in ("vector", "position"):
-        whole = values if values.shape[1] == 3 else np.zeros((0, 3))
+        whole = values if values.shape[1] == 3 else np.full((len(values), 3), np.nan)
         return vectors_to_flu(whole, axes), _turned(axes)
     if form in ("xyzw", "wxyz"):
-        whole = values if values.shape[1] == 4 else np.zeros((0, 4))
+        whole = values if values.shape[1] == 4 else np.full((len(values), 4), np.nan)
         wxyz = np.roll(whole, 1, axis=1) if form == "xyzw" else whole
         return attitude_to_flu(_unit(wxyz), axes), _turned(axes)
     if form == "outputs":
