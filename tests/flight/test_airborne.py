@@ -10,6 +10,7 @@ from rotorfit.flight.airborne import phase_edges
 from rotorfit.flight.prepare import MotorModel, prepare
 from rotorfit.logs.read import read_log
 from rotorfit.simulation import (
+    STILL,
     Scenario,
     layout_vehicle,
     paper_vehicle,
@@ -330,3 +331,16 @@ def test_real_throws_are_kept_from_hand_to_ground(flight_data_dir, name):
     assert result.phases[0].start == first
     assert (result.phases[1].start - first) / data.sample_rate < 2.5
     assert max(result.spikes.values()) < 0.005 * len(data.time)
+
+
+@pytest.mark.parametrize("kind", ["clean", "noisy", "real"])
+def test_a_hover_without_any_motion_is_flight_where_its_take_off_was_seen(kind):
+    vehicle, sensors = variant(paper_vehicle("A"), kind)
+    scenario = Scenario(seconds=20.0, ground_seconds=2.0, sticks=STILL, sensors=sensors)
+    flight = simulate_flight(*vehicle, scenario, seed=3)
+    result = prepared(to_flight_log(flight))
+    assert result.data.seconds_used > 20.0
+    used = np.zeros(len(flight.time), dtype=bool)
+    for segment in result.data.segments:
+        used[segment.start : segment.stop] = True
+    assert not (used & ~flight.airborne).any()

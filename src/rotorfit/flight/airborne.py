@@ -231,9 +231,11 @@ def _refuse_grounded(
     turning = float(rates.std(axis=0).max())
     change = float(push.std() / push.mean())
     steering = float((speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1e-12)).max())
+    follows, std = _following(az, thrust_to_force(motion, thrust) * push)
+    if follows > max(0.5, 6.0 * std):
+        # However still it hovers: the ground would have carried what the thrust changed by.
+        return
     if change > 0.03:
-        swing = push - push.mean()
-        follows = float(swing @ az / (swing @ swing)) / thrust_to_force(motion, thrust)
         why = "its acceleration does not follow the rotors" if follows < 0.2 else ""
     else:
         why = "it does not turn at all, and its thrust stays the same" if turning < 0.01 else ""
@@ -244,6 +246,22 @@ def _refuse_grounded(
             f"the motors turn but the vehicle never flies ({why}); give the log of a flight, or "
             "set start and end of the flight yourself"
         )
+
+
+def _following(
+    acceleration: Float[np.ndarray, " n"], push: Float[np.ndarray, " n"]
+) -> tuple[float, float]:
+    """Return by how much the acceleration changes with the push (1 in flight), and its deviation.
+
+    Infinite where the push never changes: then nothing is known.
+    """
+    swing = push - push.mean()
+    size = float(swing @ swing)
+    if size < (1e-6 * float(push.mean())) ** 2 * len(push):
+        return 0.0, np.inf
+    answer = acceleration - acceleration.mean()
+    follows = float(swing @ answer) / size
+    return follows, float((answer - follows * swing).std()) / size**0.5
 
 
 def _block_means(values: Float[np.ndarray, "n k"], block: int) -> Float[np.ndarray, "m k"]:

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from rotorfit.errors import ExperimentError
 from rotorfit.flight.prepare import MotorModel
+from rotorfit.identification.arms import refuse_impossible_arms
 from rotorfit.identification.experiment_problems import problems_in_words
 from rotorfit.identification.law_entry import (
     LawEntry,
@@ -76,6 +77,7 @@ class AirframeEntry(_Strict):
         if self.layout is not None and self.arm is None:
             raise ValueError("layout needs arm, the distance of a rotor from the centre [m]")
         if self.rotors is None:
+            refuse_impossible_arms([(self.arm or 0.0, 0.0), (-(self.arm or 0.0), 0.0)])
             self._refuse_unknown_layout()
         else:
             self._refuse_odd_rotors(self.rotors)
@@ -90,6 +92,7 @@ class AirframeEntry(_Strict):
     def _refuse_odd_rotors(self, rotors: tuple[RotorEntry, ...]) -> None:
         if not 3 <= len(rotors) <= 16:
             raise ValueError(f"{len(rotors)} rotors; a multirotor has 3 to 16")
+        refuse_impossible_arms([rotor.position for rotor in rotors])
         if {"arm", "order"} & self.model_fields_set:
             raise ValueError("arm and order belong to layout; listed rotors have positions")
         # Coaxial rotors may share a position, but then they turn against each other.

@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
+from rotorfit.identification.plausible import refuse_implausible_size
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Rotor, Vehicle
 
@@ -102,8 +103,13 @@ def _square_columns(vehicle: Vehicle) -> list[int]:
 
 
 def _inside_band(factors: Factors) -> Float[np.ndarray, "z z"]:
+    return _inside(factors).total
+
+
+def _inside(factors: Factors) -> Factors:
+    """Return the factors of the band that a vehicle answers its rotors in."""
     inside = (factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1])
-    return factors.select(inside).total if inside.any() else factors.total
+    return factors.select(inside) if inside.any() else factors
 
 
 def _apart(columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]) -> np.ndarray:
@@ -153,7 +159,8 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     Raises
     ------
     FrameError
-        If the data contradict it; the message says which declaration would fit.
+        If the data contradict it; the message says which declaration would fit, or that no body
+        on these arms can answer as the gyro says.
     """
     R = _inside_band(factors)
     declared = _response(R, vehicle, declared=vehicle)
@@ -177,6 +184,7 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
             f"{seen}; with free places of the rotors their speeds explain {_shown(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
         )
+    refuse_implausible_size(_inside(factors), vehicle)
     return declared
 
 

@@ -29,6 +29,7 @@ from rotorfit.identification.flights import (
     check_flights,
     load_flight,
 )
+from rotorfit.identification.plausible import refuse_gyro_in_degrees
 from rotorfit.identification.result import FlightRecord, IdentificationResult
 from rotorfit.identification.tables import ORIGIN_IS_IMU, Tables, with_timing_total
 from rotorfit.identification.timing import find_timing
@@ -98,7 +99,9 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
     configurations: list[Configured] = []
     for entry in experiment.configuration:
         flights = [_loaded(experiment, flight, vehicle, tell) for flight in entry.flights]
-        tell("checking axes and rotors")
+        tell("checking axes, units and rotors")
+        if source == "imu":
+            refuse_gyro_in_degrees({Path(f.entry.file).name: f.prepared.data for f in flights})
         check_flights(flights, vehicle)
         payload = payload_of(entry, experiment.airframe.axes)
         configurations.append(Configured(entry=entry, flights=flights, payload=payload))
