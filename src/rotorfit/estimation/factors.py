@@ -7,7 +7,7 @@ scatter) or merged in any order: R of stacked R's.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -39,6 +39,8 @@ class Factors:
     noise
         Variance per row that known errors of measurement add to each signal, where they are
         known: for signals that stand among the regressors. None: nothing is known, or none.
+    source
+        Which recording (flight) each block comes from, where that is told.
     """
 
     R: Float[np.ndarray, "b z z"]
@@ -46,6 +48,7 @@ class Factors:
     segment: Int[np.ndarray, " b"]
     band: Float[np.ndarray, "b 2"]
     noise: Float[np.ndarray, "b z"] | None = None
+    source: Int[np.ndarray, " b"] | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -77,6 +80,7 @@ class Factors:
             segment=self.segment[keep],
             band=self.band[keep],
             noise=None if self.noise is None else self.noise[keep],
+            source=None if self.source is None else self.source[keep],
         )
 
 
@@ -95,6 +99,12 @@ def stack_factors(parts: Sequence[Factors]) -> Factors:
         band=np.concatenate([part.band for part in parts]),
         noise=None if silent else np.concatenate([part.known_noise for part in parts]),
     )
+
+
+def stack_recordings(parts: Sequence[Factors]) -> Factors:
+    """Return the same with every block marked by the part it comes from."""
+    source = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    return replace(stack_factors(parts), source=source)
 
 
 def borrowed_mean_square(

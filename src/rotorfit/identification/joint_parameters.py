@@ -14,6 +14,7 @@ from jaxtyping import Float
 from scipy import stats
 
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
@@ -31,6 +32,8 @@ from rotorfit.model.parameters import (
 )
 
 AXES = ("roll", "pitch", "yaw")
+FEWEST_FLIGHTS = 3
+"""Of one configuration, from which their scatter tells anything."""
 OWN_NUMBERS = (
     *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
     *("rotor_center_x", "rotor_center_y", "twist", "drag_x", "drag_y", "drag_z"),
@@ -98,6 +101,7 @@ def joint_numbers(
     scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T * (blocks / free)
     std = np.sqrt(np.diagonal(formal))
     random = np.maximum(1.96 * std, float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(scatter)))
+    random = np.maximum(random, _between_flights(fit, jacobian))
     safe = np.where(std > 0, std, 1.0)
     numbers = Numbers(
         names=names,
@@ -107,6 +111,33 @@ def joint_numbers(
         excitation=excitation(fit, configurations),
     )
     return _with_systematic(numbers, configurations, mass_std)
+
+
+def _between_flights(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width that the pull of each flight as a whole shows; zeros for one or two.
+
+    Real flights differ by more than any one of them can know. As the jackknife over blocks, with a
+    flight for a block (the cluster-robust variance, and its few degrees of freedom).
+    """
+    variance, degrees = np.zeros(len(jacobian)), np.inf
+    first = 0
+    for factors in fit.problem.factors:
+        own = fit.influence[first : first + len(factors)]
+        first += len(factors)
+        source = np.zeros(len(factors), dtype=np.int64)
+        if factors.source is not None:
+            source = factors.source
+        pulls = np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T
+        m = len(pulls)
+        if m < FEWEST_FLIGHTS:
+            continue
+        variance += m / (m - 1.0) * ((pulls - pulls.mean(axis=0)) ** 2).sum(axis=0)
+        degrees = min(degrees, m - 1)
+    if not np.isfinite(degrees):
+        return variance
+    return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
 
 
 def physical(
@@ -159,21 +190,42 @@ def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> d
 def excitation(
     fit: BandedEstimate, configurations: Sequence[JointConfiguration]
 ) -> dict[str, float]:
-    """Return explained over residual power of the angular accelerations, where a pilot flies."""
-    low, high = PILOT_BAND
+    """Return explained over residual power of the angular accelerations, where a pilot flies.
+
+    Of several flights the mean, each for as long as it is: the fit gives every flight the weight
+    of its own noise, so that a calm one beside a lively one does no harm.
+    """
     rho: dict[str, float] = {}
     first = 0
     for configuration in configurations:
-        band = configuration.factors.band
-        rows = np.arange(first, first + len(band))
-        first += len(band)
-        chosen = rows[(band[:, 1] > low) & (band[:, 0] < high)]
-        for k, axis in enumerate(AXES, start=3):
-            residual = float(fit.residual_power[chosen, k].sum())
-            explained = float(fit.signal_power[chosen, k].sum()) - residual
-            share = max(explained, 0.0) / max(residual, np.finfo(float).tiny)
-            rho[f"{axis}@{configuration.name}"] = share
+        count = len(configuration.factors)
+        signal = fit.signal_power[first : first + count, 3:]
+        residual = fit.residual_power[first : first + count, 3:]
+        first += count
+        means = _flight_ratios(configuration.factors, signal, residual)
+        rho |= {
+            f"{axis}@{configuration.name}": float(mean)
+            for axis, mean in zip(AXES, means, strict=True)
+        }
     return rho
+
+
+def _flight_ratios(
+    factors: Factors, signal: Float[np.ndarray, "b 3"], residual: Float[np.ndarray, "b 3"]
+) -> Float[np.ndarray, " 3"]:
+    """Return the mean over flights of explained over residual power in the pilot's band."""
+    low, high = PILOT_BAND
+    inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
+    source = np.zeros(len(factors), dtype=np.int64) if factors.source is None else factors.source
+    total, weight = np.zeros(3), 0.0
+    for number in np.unique(source):
+        own = inside & (source == number)
+        left = residual[own].sum(axis=0)
+        explained = np.maximum(signal[own].sum(axis=0) - left, 0.0)
+        rows = float(factors.rows[own].sum())
+        total += rows * explained / np.maximum(left, np.finfo(float).tiny)
+        weight += rows
+    return total / max(weight, 1.0)
 
 
 def _with_systematic(
@@ -219,6 +271,10 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> flo
         return mass * arm / 50.0
     if base.startswith(("com_", "rotor_center_")) or base == "twist":
         return arm / 50.0  # of a twist, a degree
+    if base.startswith("drag_"):
+        return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
+    if base.startswith("torque_offset_"):
+        return mass * GRAVITY * arm / 50.0
     if base.startswith("accel_bias_"):
         return 0.2
     if base == "Jr":
