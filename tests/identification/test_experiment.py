@@ -147,16 +147,11 @@ def test_unknown_keys_are_refused_with_the_nearest(tmp_path, part, text, words):
     assert words in refusal(written(tmp_path, **{part: text}))
 
 
-@pytest.mark.parametrize(
-    ("part", "key", "reason"),
-    [
-        ("identification", 'terms = ["drag"]', "a choice of terms"),
-    ],
-)
-def test_keys_of_later_versions_are_refused_with_the_reason(tmp_path, part, key, reason):
-    text = f"{FLIGHT}\n{key}" if part == "flights" else key
-    message = refusal(written(tmp_path, **{part: text}))
-    assert f"({reason} is not available in this version; take the key out)" in message
+def test_terms_are_those_of_the_model_each_once(tmp_path):
+    text = 'terms = ["twist", "drag", "twist"]'
+    asked = load_experiment(written(tmp_path, identification=text)).identification
+    assert asked.terms == ("twist", "drag")
+    assert load_experiment(written(tmp_path)).identification.terms is None
 
 
 @pytest.mark.parametrize(
@@ -166,6 +161,15 @@ def test_keys_of_later_versions_are_refused_with_the_reason(tmp_path, part, key,
         ('preset = "papers"', "should be 'paper' (it is 'papers')"),
         ("cutoff = 0", "cutoff: should be greater than 0"),
         ('r_sigma = "x"', "r_sigma: should be a valid number"),
+        (
+            'terms = ["twits"]',
+            "terms: no term 'twits', did you mean 'twist'? known terms: rotor_in",
+        ),
+        ('terms = ["qq"]', "terms: no term 'qq'; known terms: rotor_inertia, rotor_spread, accel"),
+        ("terms = [1]", "terms: no term '1'; known terms: "),
+        ('terms = "drag"', "terms: should be a list [ ... ] (it is 'drag')"),
+        ('method = "ols"\nterms = ["drag"]', 'terms: they belong to method = "banded"; the other'),
+        ('preset = "paper"\nterms = []', 'terms: they belong to method = "banded"; the other'),
     ],
 )
 def test_wrong_settings_are_refused(tmp_path, key, words):

@@ -27,6 +27,8 @@ class Body:
     Jr: float
     rotor_shift: np.ndarray
     constant: np.ndarray
+    twist: float = 0.0
+    drag: np.ndarray | float = 0.0
 
     @property
     def inertia_origin(self):
@@ -42,6 +44,8 @@ def theta_of(body, shared_kt=0.0):
     theta |= I
     theta |= {f"kt_{i + 1}": k - shared_kt for i, k in enumerate(body.kt)}
     theta |= {f"kt_rotor_center_{a}": body.kt[0] * body.rotor_shift[i] for i, a in enumerate("xyz")}
+    theta |= {"kt_twist": body.kt[0] * body.twist}
+    theta |= dict(zip(("drag_x", "drag_y", "drag_z"), body.drag * np.ones(3), strict=True))
     names = ("Fx_0", "Fy_0", "Fz_0", "Mx_0", "My_0", "Mz_0")
     return theta | dict(zip(names, body.constant, strict=True))
 
@@ -71,9 +75,15 @@ def rotor_wrench(body, vehicle, w, O, dO):
         thrust = body.kt[i] * O[:, i, None] ** 2 * n
         force += thrust
         torque += np.cross(place, thrust) - s * body.kd * O[:, i, None] ** 2 * n
+        torque += body.twist * body.kt[0] * O[:, i, None] ** 2 * [0.0, 0.0, 1.0]
         wheel = s * body.Jr * O[:, i, None] * n
         torque -= s * body.Jr * dO[:, i, None] * n + np.cross(w, wheel)
     return np.concatenate([force, torque], axis=1)
+
+
+def drag_wrench(body, v):
+    """Return force and torque about the origin of the air that the body moves through."""
+    return np.concatenate([-body.drag * v, np.zeros_like(v)], axis=1)
 
 
 def at_point(alpha, w, dw, p):
@@ -155,7 +165,7 @@ def random_motion(rng, n, rotors):
     return alpha, w, dw, O, dO
 
 
-def flight_of(alpha, w, dw, O, dO, *, rate=200.0, differentiation="exact", margin=0):
+def flight_of(alpha, w, dw, O, dO, *, rate=200.0, differentiation="exact", margin=0, velocity=None):
     """Return the arrays as a flight of one segment, `margin` rows inside at both ends."""
     n = len(w)
     return FlightData(
@@ -168,6 +178,7 @@ def flight_of(alpha, w, dw, O, dO, *, rate=200.0, differentiation="exact", margi
         rotor_acceleration=dO,
         differentiation=differentiation,
         segments=(Segment(start=margin, stop=n - margin),),
+        velocity=velocity,
     )
 
 

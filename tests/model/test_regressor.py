@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rotorfit.errors import FlightError
 from rotorfit.model.regressor import EFFECTS, regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Vehicle
@@ -45,6 +46,37 @@ def test_regressor_times_parameters_is_newton_euler(seed, rotors, tilted, has_im
     measured = alpha if imu is None else ne.at_point(alpha, w, dw, imu)
     actual, size = residual_of(vehicle, ne.theta_of(body, 3e-6), (measured, w, dw, O, dO))
     assert_wrench(actual, expected, size)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans(), has_imu=st.booleans())
+def test_drag_is_newton_eulers_where_the_velocity_is_known(seed, rotors, tilted, has_imu):
+    rng = np.random.default_rng(seed)
+    imu = rng.normal(size=3) * 0.05 if has_imu else None
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted, imu=imu)
+    body = replace(ne.random_body(rng, rotors, equal_kt=True), drag=rng.normal(size=3), twist=0.01)
+    alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
+    v = rng.normal(size=(SAMPLES, 3)) * 3.0
+    expected = ne.body_wrench(body, alpha, w, dw) - ne.drag_wrench(body, v)
+    expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
+    measured = alpha if imu is None else ne.at_point(alpha, w, dw, imu)
+    flight = ne.flight_of(measured, w, dw, O, dO, velocity=v)
+    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)
+    A = regressor(vehicle, velocity=True)
+    theta = ne.theta_of(body, 3e-6)
+    values = np.array([theta.get(name, 0.0) for name in A.names])
+    size = np.abs(Z) @ np.einsum("p,pjz->jz", np.abs(values), np.abs(A.tensor)).T
+    assert_wrench(A.residual(Z, theta), expected, size)
+
+
+def test_velocity_is_a_signal_only_where_it_is_asked_for():
+    vehicle = ne.paper_vehicle()
+    assert "vx" not in signal_layout(vehicle) and "drag_x" not in regressor(vehicle).names
+    with_it, without = signal_layout(vehicle, velocity=True), signal_layout(vehicle)
+    assert len(with_it) == len(without) + 3
+    flight = ne.flight_of(*ne.random_motion(np.random.default_rng(2), SAMPLES, 4))
+    with pytest.raises(FlightError, match="the velocity of the body is not known throughout"):
+        signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)
 
 
 @settings(max_examples=50, deadline=None)
@@ -265,6 +297,6 @@ def test_rows_and_residual_are_the_same_equations():
     vehicle = ne.random_vehicle(rng, 6, tilted=True, imu=[0.01, -0.02, 0.03])
     Z = signal_matrix(ne.flight_of(*ne.random_motion(rng, 40, 6)), vehicle, 0, 40)
     A = regressor(vehicle)
-    theta = ne.theta_of(ne.random_body(rng, 6))
+    theta = {n: v for n, v in ne.theta_of(ne.random_body(rng, 6)).items() if n in A.names}
     rows = A.rows(Z, list(theta))
     np.testing.assert_allclose(rows @ list(theta.values()), A.residual(Z, theta), atol=1e-10)

@@ -1,7 +1,7 @@
 """The three estimators, each from what was flown to the tables of a result."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -11,6 +11,7 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.flight.motors import MotorResponse
+from rotorfit.identification.choice import chosen
 from rotorfit.identification.doubts import with_doubts
 from rotorfit.identification.experiment import Experiment
 from rotorfit.identification.flights import EDGES, Flown
@@ -21,6 +22,7 @@ from rotorfit.identification.paper import PaperSettings, paper_estimate, paper_t
 from rotorfit.identification.row_parameters import Quantities, row_quantities
 from rotorfit.identification.rows import RowFits, fit_rows
 from rotorfit.identification.tables import Tables, row_tables
+from rotorfit.identification.terms import DEFAULT_TERMS, Term
 from rotorfit.identification.weight import WeighedThrust, contradiction, kt_from_weight
 
 
@@ -32,15 +34,18 @@ def resolved_method(experiment: Experiment) -> str:
 
 def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the joint likelihood of all equations and configurations."""
-    fit, joint = _joint_fit(flown, flown.timing)
-    numbers = _joint_widened(flown, _joint_numbers(flown, fit, joint), None)
+    wanted = experiment.identification.terms
+    fit, joint = _joint_fit(flown, flown.timing, terms=DEFAULT_TERMS if wanted is None else wanted)
+    choice, fit = chosen(wanted, fit, joint, refit=lambda terms, at: _refitted(joint, terms, at))
+    terms = choice.terms
+    numbers = _joint_widened(flown, _joint_numbers(flown, fit, joint), None, terms)
     weighed = kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     if weighed is not None and weighed.contradicts(*_kt_of(numbers)):
         doubts = (contradiction(weighed, _kt_of(numbers)[0], flown.motors),)
-        fit, joint = _joint_fit(flown, flown.timing, weighed=weighed)
+        fit, joint = _joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
         numbers = _holding_both(
-            _joint_widened(flown, _joint_numbers(flown, fit, joint), weighed), numbers
+            _joint_widened(flown, _joint_numbers(flown, fit, joint), weighed, terms), numbers
         )
     tables = joint_tables(
         numbers,
@@ -50,7 +55,11 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         motors=experiment.motors,
         timing=flown.motor_timing,
     )
-    tables = replace(tables, warnings=(*tables.warnings, *doubts))
+    tables = replace(
+        tables,
+        warnings=(*tables.warnings, *choice.sentences, *doubts),
+        settings={**tables.settings, **choice.settings},
+    )
     return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
 
 
@@ -72,6 +81,7 @@ def _joint_fit(
     *,
     weighed: WeighedThrust | None = None,
     top: float = np.inf,
+    terms: Sequence[Term] = DEFAULT_TERMS,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit at a timing of the motors, with the bands that begin under `top` [Hz]."""
     joint = [
@@ -89,20 +99,31 @@ def _joint_fit(
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
-    return joint_estimate(joint, starts, known_kt=known), joint
+    return joint_estimate(joint, starts, known_kt=known, terms=terms), joint
+
+
+def _refitted(
+    joint: Sequence[JointConfiguration], terms: Sequence[Term], fit: BandedEstimate
+) -> BandedEstimate:
+    """Return the fit with other terms, begun where another one ended."""
+    starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
+    begin = dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
+    return joint_estimate(joint, starts, terms=terms, begin=begin)
 
 
 def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfiguration]) -> Numbers:
     return joint_numbers(fit, joint, {c.entry.name: c.entry.mass_std for c in flown.configurations})
 
 
-def _joint_widened(flown: Flown, numbers: Numbers, weighed: WeighedThrust | None) -> Numbers:
+def _joint_widened(
+    flown: Flown, numbers: Numbers, weighed: WeighedThrust | None, terms: Sequence[Term]
+) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
-    shifts = [
-        _joint_numbers(flown, *_joint_fit(flown, response, weighed=weighed, top=top)).values
-        - numbers.values
+    others = [
+        _joint_fit(flown, response, weighed=weighed, top=top, terms=terms)
         for response, top in _other_settings(flown)
     ]
+    shifts = [_joint_numbers(flown, *other).values - numbers.values for other in others]
     return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, shifts))
 
 

@@ -21,6 +21,7 @@ from rotorfit.identification.law_entry import (
     speed_law_of,
 )
 from rotorfit.identification.payload import PointMass
+from rotorfit.identification.terms import Terms
 from rotorfit.identification.toml_files import file_as_table, files_as_tables, read_toml
 from rotorfit.logs import ColumnSpec, ReadOptions
 from rotorfit.model.layouts import layout_rotors
@@ -211,6 +212,7 @@ class IdentificationEntry(_Strict):
     source: Source = "imu"
     method: Literal["banded", "ols", "tls"] = "banded"
     preset: Literal["paper"] | None = None
+    terms: Terms | None = None
     cutoff: Positive | None = None
     r_sigma: Positive | None = None
 

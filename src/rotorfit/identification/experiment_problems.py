@@ -4,12 +4,6 @@ import difflib
 
 from pydantic_core import ErrorDetails
 
-LATER: dict[str, str] = {
-    "terms": "a choice of terms",
-}
-"""Keys of the format that this version does not act on; it refuses them rather than ignore them."""
-
-
 EXPECTED: dict[str, str] = {
     "tuple_type": "should be a list [ ... ]",
     "model_type": "should be a table { ... }",
@@ -64,8 +58,6 @@ def _expected(detail: ErrorDetails) -> str:
 
 
 def _nearest(key: str, known: list[str]) -> str:
-    if key in LATER:
-        return f" ({LATER[key]} is not available in this version; take the key out)"
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     return f", did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(known)}"
 

@@ -4,6 +4,8 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors, stack_factors
 from rotorfit.flight.align import with_poses
@@ -76,6 +78,8 @@ class Flown:
         When the rotors do what the motor data say, where it was found.
     source
         What measured the motion.
+    velocity
+        Whether the body's velocity is among the signals.
     """
 
     vehicle: Vehicle
@@ -84,6 +88,7 @@ class Flown:
     configurations: tuple[Configured, ...]
     motor_timing: MotorTiming | None = None
     source: Source = "imu"
+    velocity: bool = False
 
     @property
     def declared(self) -> MotorResponse:
@@ -112,7 +117,10 @@ class Flown:
 
     def bands(self, response: MotorResponse | None = None) -> tuple[Factors, ...]:
         """Return the band factors of each configuration, at another timing of the motors."""
-        return tuple(flight_bands(c.flights, self.vehicle, response) for c in self.configurations)
+        return tuple(
+            flight_bands(c.flights, self.vehicle, response, velocity=self.velocity)
+            for c in self.configurations
+        )
 
 
 def load_flight(
@@ -146,7 +154,11 @@ def load_flight(
 
 
 def flight_bands(
-    flights: list[UsedFlight], vehicle: Vehicle, response: MotorResponse | None
+    flights: list[UsedFlight],
+    vehicle: Vehicle,
+    response: MotorResponse | None,
+    *,
+    velocity: bool = False,
 ) -> Factors:
     """Return the band factors of all flights, calm and lively phases apart.
 
@@ -158,15 +170,38 @@ def flight_bands(
         Its geometry.
     response
         Lag and delay of the motors; None leaves each flight as it was prepared.
+    velocity
+        Whether the body's velocity is among the signals.
     """
-    return stack_factors([_bands(flight.prepared, vehicle, response) for flight in flights])
+    return stack_factors(
+        [_bands(flight.prepared, vehicle, response, velocity=velocity) for flight in flights]
+    )
 
 
-def _bands(prepared: PreparedFlight, vehicle: Vehicle, response: MotorResponse | None) -> Factors:
+def velocity_known(flights: list[UsedFlight]) -> bool:
+    """Return whether every used sample of every flight has a velocity, its neighbours too."""
+    return all(
+        flight.prepared.data.velocity is not None
+        and all(
+            np.isfinite(flight.prepared.data.velocity[max(s.start - 1, 0) : s.stop + 1]).all()
+            for s in flight.prepared.data.segments
+        )
+        for flight in flights
+    )
+
+
+def _bands(
+    prepared: PreparedFlight,
+    vehicle: Vehicle,
+    response: MotorResponse | None,
+    *,
+    velocity: bool = False,
+) -> Factors:
     data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
-    return band_factors(data, vehicle, plan=BandPlan(edges=edges, longest=STRETCH))
+    plan = BandPlan(edges=edges, longest=STRETCH)
+    return band_factors(data, vehicle, plan=plan, velocity=velocity)
 
 
 def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit import version
 from rotorfit.errors import FlightWarning, RotorfitError
+from rotorfit.identification.choice import velocity_wanted
 from rotorfit.identification.commanded import of_commanded_speed
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.experiment import (
@@ -105,12 +106,16 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         check_flights(flights, vehicle)
         payload = payload_of(entry, experiment.airframe.axes)
         configurations.append(Configured(entry=entry, flights=flights, payload=payload))
+    velocity = resolved_method(experiment) == "banded" and velocity_wanted(
+        experiment.identification.terms, configurations
+    )
     return Flown(
         vehicle=vehicle,
-        model=regressor(vehicle),
+        model=regressor(vehicle, velocity=velocity),
         motors=experiment.motors,
         configurations=tuple(configurations),
         source=source,
+        velocity=velocity,
     )
 
 

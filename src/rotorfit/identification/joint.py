@@ -66,6 +66,7 @@ def joint_estimate(
     *,
     known_kt: tuple[float, float] | None = None,
     terms: Collection[Term] = DEFAULT_TERMS,
+    begin: Mapping[str, float] | None = None,
 ) -> BandedEstimate:
     """Return the estimate of all configurations together.
 
@@ -79,9 +80,15 @@ def joint_estimate(
         Mean and standard deviation of k_t from elsewhere.
     terms
         Optional terms of the model.
+    begin
+        Better values to begin with, of free parameters that have them.
     """
     problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
-    return banded(problem, joint_start(problem.map, configurations, starts))
+    start = joint_start(problem.map, configurations, starts)
+    names = problem.map.names
+    known = begin or {}
+    start = np.array([known.get(n, s) for n, s in zip(names, start.tolist(), strict=True)])
+    return banded(problem, start)
 
 
 def joint_problem(

@@ -275,6 +275,10 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> flo
         return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
     if base.startswith("torque_offset_"):
         return mass * GRAVITY * arm / 50.0
+    if base.startswith("drag_"):
+        return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
+    if base.startswith("torque_offset_"):
+        return mass * GRAVITY * arm / 50.0
     if base.startswith("accel_bias_"):
         return 0.2
     if base == "Jr":

@@ -80,7 +80,8 @@ def _errors(
         for segment in data.segments:
             for stretch in split_segment(segment, STRETCH * data.sample_rate):
                 if len(stretch) >= SHORTEST_STRETCH * data.sample_rate:
-                    Z = signal_matrix(data, flown.vehicle, stretch.start, stretch.stop)
+                    rows = stretch.start, stretch.stop
+                    Z = signal_matrix(data, flown.vehicle, *rows, velocity=flown.velocity)
                     yield Z @ G.T, data.sample_rate
 
 

@@ -4,7 +4,11 @@ Mass, thrust, drag torque, first moments and inertia are always there; what else
 a choice of these terms: by the user, or by what the flights say (`choice.py`).
 """
 
-from typing import Final, Literal, get_args
+import difflib
+from collections.abc import Sequence
+from typing import Annotated, Any, Final, Literal, cast, get_args
+
+from pydantic import BeforeValidator
 
 Term = Literal[
     "rotor_inertia", "rotor_spread", "accel_bias", "twist", "drag", "torque_offset"
@@ -23,3 +27,28 @@ TERM_WORDS: Final[dict[Term, str]] = {
     "drag": "air drag of the frame, in proportion to its velocity",
     "torque_offset": "a torque that does not change",
 }
+
+
+def known_terms(given: object, info: Any) -> object:
+    """Return what a file gives as its terms, each named once.
+
+    Raises
+    ------
+    ValueError
+        If a name is no term, with the nearest one; or if the method has terms of its own.
+    """
+    if given is None or not isinstance(given, list | tuple):
+        return given
+    if info.data.get("method", "banded") != "banded" or info.data.get("preset") is not None:
+        raise ValueError('they belong to method = "banded"; the other methods have their own')
+    names = [str(name) for name in cast("Sequence[object]", given)]
+    for name in names:
+        if name not in TERMS:
+            close = difflib.get_close_matches(name, TERMS, n=1, cutoff=0.4)
+            nearest = f", did you mean {close[0]!r}?" if close else ";"
+            raise ValueError(f"no term {name!r}{nearest} known terms: {', '.join(TERMS)}")
+    return tuple(dict.fromkeys(names))
+
+
+Terms = Annotated[tuple[Term, ...], BeforeValidator(known_terms)]
+"""What stands under ``terms`` of an experiment."""

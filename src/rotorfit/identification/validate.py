@@ -18,7 +18,7 @@ from rotorfit.identification.experiment import (
     motor_model_of,
     vehicle_of,
 )
-from rotorfit.identification.flights import UsedFlight, load_flight, retimed
+from rotorfit.identification.flights import UsedFlight, load_flight, retimed, velocity_known
 from rotorfit.identification.result import IdentificationResult, Parameter
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
 from rotorfit.model.reduce import LowPass, filtered_signals
@@ -166,7 +166,8 @@ def compare_wrenches(
     known = _known(result, owner)
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    model = regressor(vehicle)
+    velocity = any(f"drag_{axis}" in known for axis in "xyz") and velocity_known([used])
+    model = regressor(vehicle, velocity=velocity)
     data = retimed(used.prepared, _found_response(result))
     lowpass = LowPass(cutoff=cutoff)
     # What the filter makes of a segment's two ends is its own, not the flight's.
@@ -177,7 +178,9 @@ def compare_wrenches(
             f"{Path(used.entry.file).name}: no airborne stretch is longer than "
             f"{4 * end / data.sample_rate:.1f} s; a longer flight is needed to compare wrenches"
         )
-    parts = [filtered_signals(data, vehicle, s, lowpass)[end:-end] for s in inner]
+    parts = [
+        filtered_signals(data, vehicle, s, lowpass, velocity=velocity)[end:-end] for s in inner
+    ]
     Z = np.concatenate(parts)
     body, rotors = _wrenches(_without_bias(Z, known), model, known)
     time = np.concatenate([data.time[s.start + end : s.stop - end] for s in inner])
@@ -261,7 +264,7 @@ def _without_bias(
 def _wrenches(
     Z: Float[np.ndarray, "n z"], model: Regressor, known: Mapping[str, float]
 ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "n 6"]]:
-    """Return the body wrench and the rotor wrench."""
+    """Return the body wrench and the rotor wrench, drag and constant torque with the rotors."""
     body = {name: known.get(name, 0.0) for name in BODY}
     kt = known.get("kt", 0.0)
     # A rotor whose own coefficient is not known has the mean one.
@@ -271,6 +274,8 @@ def _wrenches(
         place = known.get(f"rotor_center_{axis}", 0.0)
         rotors[f"kt_rotor_center_{axis}"] = kt * place
     rotors["kt_twist"] = kt * known.get("twist", 0.0)
+    rotors |= {f"drag_{axis}": known.get(f"drag_{axis}", 0.0) for axis in "xyz"}
+    rotors |= {f"M{axis}_0": known.get(f"torque_offset_{axis}", 0.0) for axis in "xyz"}
     return model.residual(Z, body), -model.residual(Z, rotors)
 
 

@@ -101,11 +101,17 @@ def time_factors(
 
 
 def filtered_signals(
-    flight: FlightData, vehicle: Vehicle, segment: Segment, lowpass: LowPass
+    flight: FlightData,
+    vehicle: Vehicle,
+    segment: Segment,
+    lowpass: LowPass,
+    *,
+    velocity: bool = False,
 ) -> Float[np.ndarray, "n z"]:
     """Return the low-passed signals of every sample of a segment, for looking at a flight."""
     every = replace(lowpass, samples_per_period=None)
-    return np.concatenate(list(_filtered_chunks(flight, vehicle, segment, (every, 1))))
+    chunks = _filtered_chunks(flight, vehicle, segment, (every, 1), velocity=velocity)
+    return np.concatenate(list(chunks))
 
 
 def _filtered_chunks(
@@ -113,6 +119,8 @@ def _filtered_chunks(
     vehicle: Vehicle,
     segment: Segment,
     plan: tuple[LowPass | None, int],
+    *,
+    velocity: bool = False,
 ) -> Iterator[Float[np.ndarray, "n z"]]:
     """Yield the filtered, decimated signals of a segment in whole blocks of bounded size."""
     lowpass, block = plan
@@ -120,11 +128,11 @@ def _filtered_chunks(
     for start in range(segment.start, segment.stop, chunk):
         stop = min(start + chunk, segment.stop)
         if lowpass is None:
-            yield signal_matrix(flight, vehicle, start, stop)
+            yield signal_matrix(flight, vehicle, start, stop, velocity=velocity)
             continue
         margin = lowpass.memory_rows(flight.sample_rate)
         first, last = max(start - margin, segment.start), min(stop + margin, segment.stop)
-        Z = signal_matrix(flight, vehicle, first, last)
+        Z = signal_matrix(flight, vehicle, first, last, velocity=velocity)
         smooth = _zero_phase(Z, lowpass.sos(flight.sample_rate))
         yield smooth[start - first : stop - first : lowpass.step(flight.sample_rate)]
 
@@ -160,8 +168,10 @@ class BandPlan:
     taper: float = 0.1
 
 
-def band_factors(flight: FlightData, vehicle: Vehicle, *, plan: BandPlan) -> Factors:
-    """Return one factor per stretch of flight and frequency band.
+def band_factors(
+    flight: FlightData, vehicle: Vehicle, *, plan: BandPlan, velocity: bool = False
+) -> Factors:
+    """Return one factor per stretch of flight and frequency band, of the velocity too if asked for.
 
     Each stretch is tapered (Tukey), transformed and scaled to unit window energy; a band stacks
     real and imaginary parts. Every step is linear and equal for all signals: the equations
@@ -175,10 +185,10 @@ def band_factors(flight: FlightData, vehicle: Vehicle, *, plan: BandPlan) -> Fac
     parts: list[Factors] = []
     for segment in flight.segments:
         for stretch in split_segment(segment, plan.longest * flight.sample_rate):
-            Z = signal_matrix(flight, vehicle, stretch.start, stretch.stop)
+            Z = signal_matrix(flight, vehicle, stretch.start, stretch.stop, velocity=velocity)
             blocks = _stretch_bands(Z, flight.sample_rate, plan)
             if blocks is not None:
-                noise = rotor_noise(flight, vehicle, stretch, blocks.band)
+                noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
                 parts.append(replace(blocks, noise=noise))
     return _stacked(parts)
 
@@ -188,6 +198,8 @@ def rotor_noise(
     vehicle: Vehicle,
     stretch: Segment,
     band: Float[np.ndarray, "b 2"],
+    *,
+    velocity: bool = False,
 ) -> Float[np.ndarray, "b z"] | None:
     """Return what white noise of the rotor speeds adds to each signal, per row of a band.
 
@@ -197,7 +209,7 @@ def rotor_noise(
     """
     if flight.rotor_speed_std <= 0:
         return None
-    layout = signal_layout(vehicle)
+    layout = signal_layout(vehicle, velocity=velocity)
     noise = np.zeros((len(band), len(layout)))
     turn = 2.0 * np.pi * band.mean(axis=1) / flight.sample_rate
     average, difference = np.ones_like(turn), turn * flight.sample_rate

@@ -16,6 +16,9 @@ rotor inertia:
     f = \sum k_t O_i^2 n_i, \quad
     \tau = \sum r_i \times k_t O_i^2 n_i - s_i k_d O_i^2 n_i - J_r (\dot H + \omega \times H)
 
+and, where the velocity v of the body is known, the drag of the frame, -d_x v_x, -d_y v_y, -d_z v_z
+at the origin (Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018).
+
 One function per effect; each returns the entries of A for its parameters. To add an effect, write
 its function and name it in `EFFECTS`.
 """
@@ -64,7 +67,9 @@ class Regressor:
         return Z @ np.einsum("p,pjz->jz", values, self.tensor).T
 
 
-def regressor(vehicle: Vehicle, *, effects: Sequence[str] | None = None) -> Regressor:
+def regressor(
+    vehicle: Vehicle, *, effects: Sequence[str] | None = None, velocity: bool = False
+) -> Regressor:
     """Return the constant tensor of a vehicle.
 
     Parameters
@@ -74,8 +79,10 @@ def regressor(vehicle: Vehicle, *, effects: Sequence[str] | None = None) -> Regr
         IMU, and the equations hold at the body origin all the same.
     effects
         Names of `EFFECTS`; by default all.
+    velocity
+        Whether the velocity is among the signals; without it there is no drag of the frame.
     """
-    layout = signal_layout(vehicle)
+    layout = signal_layout(vehicle, velocity=velocity)
     blocks: dict[str, Block] = {}
     for effect in EFFECTS if effects is None else effects:
         blocks |= EFFECTS[effect](vehicle, layout)
@@ -185,6 +192,15 @@ def twist(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     return {"kt_twist": block}
 
 
+def frame_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Drag -d v along each body axis, at the origin; nothing where the velocity is unknown."""
+    del vehicle
+    if "vx" not in layout:
+        return {}
+    rows = zip("xyz", (FX, FY, FZ), strict=True)
+    return {f"drag_{axis}": _block(layout, {(row, f"v{axis}"): 1.0}) for axis, row in rows}
+
+
 def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Force and torque that do not change: what an accelerometer bias leaves, or a trim."""
     del vehicle
@@ -201,6 +217,7 @@ EFFECTS: dict[str, Callable[[Vehicle, SignalLayout], dict[str, Block]]] = {
     "rotor_inertia": rotor_inertia,
     "rotor_center": rotor_center,
     "twist": twist,
+    "drag": frame_drag,
     "constant_wrench": constant_wrench,
 }
 """Every effect of the model by name, in the order of its parameters."""

@@ -1,8 +1,9 @@
 """The signals of a flight: the few columns in which every equation of the model is linear.
 
 z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
-terms, 1). The spin terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with
-tilted rotors, three where all axes are z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
+terms, velocity 3 where it is asked for, 1). The spin terms are dH/dt and w x H of the rotors' spin
+H = sum s_i O_i n_i: six with tilted rotors, three where all axes are z (dH_z/dt, w_y H_z, -w_x H_z;
+the others vanish).
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ BODY_SIGNALS = (
 )
 SPIN_SIGNALS = ("dHx", "dHy", "dHz", "wxH_x", "wxH_y", "wxH_z")
 ALIGNED_SPIN_SIGNALS = ("dHz", "wxH_x", "wxH_y")
+VELOCITY_SIGNALS = ("vx", "vy", "vz")
 DERIVATIVES = ("dwx", "dwy", "dwz", "dHx", "dHy", "dHz")
 
 
@@ -41,16 +43,17 @@ class SignalLayout:
         return self.names.index(name)
 
 
-def signal_layout(vehicle: Vehicle) -> SignalLayout:
-    """Return the signals that the equations of this vehicle need."""
+def signal_layout(vehicle: Vehicle, *, velocity: bool = False) -> SignalLayout:
+    """Return the signals that the equations of this vehicle need, its velocity if asked for."""
     aligned = bool(np.all(vehicle.axes == [0.0, 0.0, 1.0]))
     squares = tuple(f"O2_{i + 1}" for i in range(len(vehicle.rotors)))
     spin = ALIGNED_SPIN_SIGNALS if aligned else SPIN_SIGNALS
-    return SignalLayout((*BODY_SIGNALS, *squares, *spin, "one"))
+    drag = VELOCITY_SIGNALS if velocity else ()
+    return SignalLayout((*BODY_SIGNALS, *squares, *spin, *drag, "one"))
 
 
 def signal_matrix(
-    flight: FlightData, vehicle: Vehicle, start: int, stop: int
+    flight: FlightData, vehicle: Vehicle, start: int, stop: int, *, velocity: bool = False
 ) -> Float[np.ndarray, "n z"]:
     """Return the signals of rows `start` to `stop` (exclusive) of a flight.
 
@@ -66,7 +69,8 @@ def signal_matrix(
     Raises
     ------
     FlightError
-        If the flight does not have these rows, or not their neighbours where they are needed.
+        If the flight does not have these rows, or not their neighbours where they are needed, or
+        not its velocity.
     """
     margin = 0 if flight.differentiation == "exact" else 1
     if start < margin or stop > len(flight.time) - margin:
@@ -75,9 +79,9 @@ def signal_matrix(
             f"{margin} neighbour row on each side do not exist; shorten the segment"
         )
     if flight.differentiation == "exact":
-        return _raw_signals(flight, vehicle, slice(start, stop))
-    wide = _raw_signals(flight, vehicle, slice(start - 1, stop + 1))
-    layout = signal_layout(vehicle)
+        return _raw_signals(flight, vehicle, slice(start, stop), velocity=velocity)
+    wide = _raw_signals(flight, vehicle, slice(start - 1, stop + 1), velocity=velocity)
+    layout = signal_layout(vehicle, velocity=velocity)
     Z = wide[:-2] + wide[2:]
     Z += 4.0 * wide[1:-1]
     Z /= 6.0
@@ -86,11 +90,13 @@ def signal_matrix(
     return Z
 
 
-def _raw_signals(flight: FlightData, vehicle: Vehicle, rows: slice) -> Float[np.ndarray, "n z"]:
+def _raw_signals(
+    flight: FlightData, vehicle: Vehicle, rows: slice, *, velocity: bool
+) -> Float[np.ndarray, "n z"]:
     """Return the signals without averaging."""
     w = flight.angular_velocity[rows]
     O = flight.rotor_speed[rows]
-    layout = signal_layout(vehicle)
+    layout = signal_layout(vehicle, velocity=velocity)
     N = len(vehicle.rotors)
     Z = np.empty((len(w), len(layout)), order="F")  # written and multiplied column by column
     Z[:, 0:3] = flight.specific_force[rows]
@@ -100,8 +106,20 @@ def _raw_signals(flight: FlightData, vehicle: Vehicle, rows: slice) -> Float[np.
         np.multiply(w[:, i], w[:, j], out=Z[:, column])
     np.multiply(O, O, out=Z[:, 12 : 12 + N])
     _fill_spin(Z, layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
+    if velocity:
+        first = layout.index("vx")
+        Z[:, first : first + 3] = _known_velocity(flight, rows)
     Z[:, -1] = 1.0
     return Z
+
+
+def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:
+    if flight.velocity is None or not np.isfinite(flight.velocity[rows]).all():
+        raise FlightError(
+            "the velocity of the body is not known throughout the flight; log it without gaps, or "
+            "leave the term drag out"
+        )
+    return flight.velocity[rows]
 
 
 def _fill_spin(
