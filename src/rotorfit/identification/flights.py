@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rotorfit.errors import FrameError
-from rotorfit.estimation.factors import Factors, stack_factors
+from rotorfit.estimation.factors import Factors, stack_recordings
 from rotorfit.flight.align import with_poses
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
@@ -173,7 +173,7 @@ def flight_bands(
     velocity
         Whether the body's velocity is among the signals.
     """
-    return stack_factors(
+    return stack_recordings(
         [_bands(flight.prepared, vehicle, response, velocity=velocity) for flight in flights]
     )
 
