@@ -217,10 +217,12 @@ def _on_grid(
     if not times:
         raise FlightError("never runs for a second without a gap; record it again")
     start, end = float(times[0][0]), float(times[-1][-1])
-    grid = start + step * np.arange(int((end - start) / step) + 1)
+    # Rounding must not decide whether the last frame counts.
+    edge = JITTER_STEPS * step
+    grid = start + step * np.arange(int((end + edge - start) / step) + 1)
     values, known = np.zeros((len(grid), 3)), np.zeros(len(grid), dtype=bool)
     for time, part in zip(times, parts, strict=True):
-        inside = (grid >= time[0]) & (grid <= time[-1])
+        inside = (grid >= time[0] - edge) & (grid <= time[-1] + edge)
         for k in range(3):
             values[inside, k] = np.interp(grid[inside], time, part[:, k])
         known |= inside
