@@ -1,0 +1,98 @@
+"""The documentation site:  sphinx-build -n -W -b html docs build/docs"""
+
+import importlib
+import inspect
+
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+
+import rotorfit
+
+project = "rotorfit"
+author = "rotorfit contributors"
+copyright = author
+version = release = rotorfit.__version__
+exclude_patterns = ["_build"]
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_enable_extensions = ["dollarmath", "deflist"]
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+default_role = "literal"  # docstrings write names in single backquotes
+python_use_unqualified_type_names = True
+
+nitpicky = True
+nitpick_ignore_regex = [
+    # Types of the standard library and of what rotorfit is built on: they are not on this site.
+    ("py:.*", r"(?!rotorfit).*"),
+]
+
+html_theme = "furo"
+html_title = "rotorfit"
+html_static_path = ["_static"]
+html_css_files = ["rotorfit.css"]
+html_math_renderer = "mathml"
+html_theme_options = {
+    "light_css_variables": {
+        "color-brand-primary": "#1a5fa3",
+        "color-brand-content": "#1a5fa3",
+    },
+    "dark_css_variables": {
+        "color-brand-primary": "#7db4ee",
+        "color-brand-content": "#7db4ee",
+    },
+}
+
+
+def public_name(app, env, node, contnode):
+    """Resolve a name by where it is defined to the public name; leave inner ones as text.
+
+    A name that does not exist stays unresolved, and is then a warning.
+    """
+    target = node.get("reftarget", "")
+    if node.get("refdomain") != "py" or not target.startswith("rotorfit."):
+        return None
+    thing = existing(target)
+    if thing is None:
+        return None
+    name = target.rpartition(".")[2]
+    if getattr(rotorfit, name, None) is thing:
+        domain = env.get_domain("py")
+        return domain.resolve_xref(
+            env, node["refdoc"], app.builder, "obj", f"rotorfit.{name}", node, contnode
+        )
+    return contnode
+
+
+def existing(target):
+    """Return what a dotted name stands for; None where it stands for nothing."""
+    module, _, name = target.rpartition(".")
+    try:
+        return getattr(importlib.import_module(module), name, None)
+    except ImportError:
+        return None
+
+
+def without_generated_text(app, what, name, obj, options, lines):
+    """Take out the docstring that a dataclass writes for itself: its own signature."""
+    if inspect.isclass(obj) and lines and lines[0].startswith(f"{obj.__name__}("):
+        lines.clear()
+
+
+def mathml(translator, node):
+    """Write a formula as MathML, which browsers draw themselves: no script, no network."""
+    block = isinstance(node, nodes.math_block)
+    body = tex2mathml(node.astext(), as_block=block)
+    translator.body.append(f'<div class="formula">{body}</div>' if block else body)
+    raise nodes.SkipNode
+
+
+def setup(app):
+    app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))
+    app.connect("missing-reference", public_name)
+    app.connect("autodoc-process-docstring", without_generated_text)

@@ -1,0 +1,120 @@
+"""What the pages tell the reader to type is typed: commands, and the lines of Python.
+
+Every shell block runs, page by page, in a folder that holds a short simulated flight as a reader
+would have it; a block that cannot run here (a real log, a device) says why in the line before it:
+``<!-- not run: REASON -->``.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import rotorfit
+from rotorfit.cli.main import main
+
+DOCS = Path(__file__).parents[2] / "docs"
+BLOCK = re.compile(
+    r"(?:<!-- not run: (?P<why>.+?) -->\n)?```(?P<kind>sh|python)\n(?P<text>.*?)```", re.S
+)
+
+
+class Block(NamedTuple):
+    """One block of a page; `why` it is not run, where it is not."""
+
+    kind: str
+    text: str
+    why: str | None
+
+
+def blocks_of(page: Path, kind: str) -> list[Block]:
+    found = BLOCK.finditer(page.read_text(encoding="utf-8"))
+    blocks = [Block(m["kind"], m["text"], m["why"]) for m in found]
+    return [block for block in blocks if block.kind == kind]
+
+
+PAGES = sorted(DOCS.rglob("*.md"))
+WITH_COMMANDS = [page for page in PAGES if blocks_of(page, "sh")]
+SLOW = ("payload", "plan")  # two configurations of two flights each; every manoeuvre flown
+LAW = """speed = "commanded"
+law = { polynomial = [0.0, 1900.0, -450.0], voltage = { nominal = 16.0 } }"""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory) -> Path:
+    """A folder with an experiment by motor commands, its result, and the files that pages name."""
+    folder = tmp_path_factory.mktemp("flown")
+    experiment_file = rotorfit.simulate(folder, "single", "real", seconds=15.0)
+    text = experiment_file.read_text(encoding="utf-8").replace('speed = "measured"', LAW)
+    experiment_file.write_text(text, encoding="utf-8")
+    result = rotorfit.identify(rotorfit.load_experiment(experiment_file))
+    result.save(folder / "result.json")
+    result.save(folder / "other.json")
+    (folder / "airframe.toml").write_text(text[text.index("[airframe]") : text.index("[identif")])
+    return folder
+
+
+@pytest.fixture
+def here(flown, tmp_path, monkeypatch) -> Path:
+    shutil.copytree(flown, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def typed(line: str) -> int:
+    """Run one command as the shell would, in this process; return its exit code."""
+    sys.argv = [os.path.expandvars(word) for word in shlex.split(line, comments=True)]
+    assert sys.argv[0] == "rotorfit", f"{line!r} is not run by the tests: mark its block"
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code if isinstance(ended.value.code, int) else 0
+
+
+def lines_of(block: Block) -> list[str]:
+    joined = block.text.replace("\\\n", " ")
+    return [line for line in joined.splitlines() if line.strip() and not line.startswith("#")]
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
+        for page in WITH_COMMANDS
+    ],
+)
+def test_commands(page, here, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", sys.argv)
+    lines = [line for block in blocks_of(page, "sh") if not block.why for line in lines_of(block)]
+    if not lines:
+        pytest.skip("; ".join(block.why or "" for block in blocks_of(page, "sh")))
+    if any("-o result.json" in line for line in lines):
+        (here / "result.json").unlink()  # this page makes its own
+    for line in lines:
+        code = typed(line)
+        printed = capsys.readouterr()
+        assert code == 0, f"{line}\n{printed.err}"
+        assert printed.out.strip(), f"{line} printed nothing"
+
+
+def test_most_pages_with_commands_run_some():
+    run = [p.stem for p in WITH_COMMANDS if any(not b.why for b in blocks_of(p, "sh"))]
+    assert {"tutorial", "plan", "export", "payload", "mocap"} <= set(run)
+
+
+def test_the_lines_of_python(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in blocks_of(DOCS / "python.md", "python"):
+        exec(block.text, names)
+    printed = capsys.readouterr().out
+    assert "single-real: 1 flight" in printed
+    assert "N s^2/rad^2 identified" in printed
+    assert (tmp_path / "quad.urdf").read_text().count("<joint") == 5  # four rotors, the CoM
+    assert isinstance(names["unseen"], rotorfit.WrenchComparison)
+    first = blocks_of(DOCS / "python.md", "python")[0].text.splitlines()
+    assert len([line for line in first if line and not line.startswith(("from", "import"))]) == 10
