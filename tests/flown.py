@@ -89,4 +89,5 @@ def quietly_identified(path: Path) -> IdentificationResult:
 
 def _rotor(rotor: Rotor) -> str:
     place, axis = list(rotor.position), list(rotor.axis)
-    return f'{{ position = {place}, spin = "{rotor.spin}", axis = {axis} }}'
+    group = f', group = "{rotor.group}"' if rotor.group is not None else ""
+    return f'{{ position = {place}, spin = "{rotor.spin}", axis = {axis}{group} }}'

@@ -8,12 +8,13 @@ parameters end in ``@`` and its name.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded, log_likelihood
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.flight.airborne import GRAVITY
@@ -23,9 +24,9 @@ from rotorfit.identification.rows import (
     MOUNTING_STD,
     ROTOR_SPREAD_STD,
     RowFits,
+    fit_rows,
 )
 from rotorfit.identification.terms import DEFAULT_TERMS, Term
-from rotorfit.model.parameters import MOST_ROTORS
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -34,6 +35,9 @@ NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 """Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
 IMU and rotor plane look the same."""
+GROUP_SPREAD_STD = 0.1
+"""Thrust coefficients of groups that the user tells apart differ by about this share: lower rotors
+in the wake of upper ones, other propellers."""
 TWIST_STD = np.radians(2.0)
 """Known of the motors' mean tilt about their arms before the flight [rad]."""
 OFFSET_STD = 0.05
@@ -75,7 +79,8 @@ def joint_estimate(
     configurations
         Their factors per stretch and frequency band.
     starts
-        The row fits of each, from which the iteration begins.
+        The row fits of each, from which the iteration begins, or from those of the liveliest
+        flight for each row where that is likelier; empty if `begin` has all values.
     known_kt
         Mean and standard deviation of k_t from elsewhere.
     terms
@@ -84,11 +89,45 @@ def joint_estimate(
         Better values to begin with, of free parameters that have them.
     """
     problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
-    start = joint_start(problem.map, configurations, starts)
-    names = problem.map.names
+    start = np.zeros(len(problem.map.names))
+    if starts:
+        start = _likeliest_start(problem, configurations, starts)
     known = begin or {}
+    names = problem.map.names
     start = np.array([known.get(n, s) for n, s in zip(names, start.tolist(), strict=True)])
     return banded(problem, start)
+
+
+def _likeliest_start(
+    problem: BandedProblem, configurations: Sequence[JointConfiguration], starts: Sequence[RowFits]
+) -> Float[np.ndarray, " f"]:
+    """Return the better of two starts: every row from all flights, or from its liveliest one.
+
+    Flights in which an axis is calm pull its row fit towards no response at all, and an iteration
+    that begins there may end there.
+    """
+    lively = [liveliest_rows(c, rows) for c, rows in zip(configurations, starts, strict=True)]
+    options = [joint_start(problem.map, configurations, rows) for rows in (starts, lively)]
+    return max(options, key=lambda start: log_likelihood(problem, start))
+
+
+def liveliest_rows(configuration: JointConfiguration, rows: RowFits) -> RowFits:
+    """Return the row fits, each of roll, pitch and yaw from the flight that moves it most."""
+    factors, source = configuration.factors, configuration.factors.source
+    if source is None or len(np.unique(source)) < 2:
+        return rows
+    best, fits = dict(rows.excitation), dict(rows.fits)
+    for number in np.unique(source):
+        try:
+            one = fit_rows(
+                factors.select(source == number), configuration.model, mass=configuration.mass
+            )
+        except EstimationError:
+            continue  # too short or too still a flight to tell anything by itself
+        for row in best:
+            if one.excitation[row] > best[row]:
+                best[row], fits[row] = one.excitation[row], one.fits[row]
+    return replace(rows, fits=fits)
 
 
 def joint_problem(
@@ -113,7 +152,10 @@ def joint_problem(
 
 def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
     """Return the deviations of free parameters that are known before the flight, about zero."""
-    prior = {f"spread_{i + 1}": ROTOR_SPREAD_STD for i in range(MOST_ROTORS)}
+    prior = {
+        f"spread_{i}": ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
+        for i, rotor in enumerate(configurations[0].vehicle.rotors, start=1)
+    }
     for configuration in configurations:
         at, arm = f"@{configuration.name}", configuration.vehicle.arm
         prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}

@@ -16,6 +16,7 @@ from rotorfit.identification.joint_parameters import (
     number_scale,
 )
 from rotorfit.identification.result import Derived, Parameter
+from rotorfit.identification.rotor_spread import assumed_rotors
 from rotorfit.identification.rows import ROTOR_SPREAD_STD
 from rotorfit.identification.tables import (
     ORIGIN_IS_IMU,
@@ -47,7 +48,7 @@ def joint_tables(
     timing: MotorTiming | None,
 ) -> Tables:
     """Return parameters and derived numbers of all configurations, each with its verdict."""
-    judged = _judgements(numbers, configurations)
+    judged = _judgements(numbers, configurations) | assumed_rotors(fit, configurations)
     parameters = [
         _parameter(name, numbers, judged, entries) for name in numbers.names if _is_parameter(name)
     ]
