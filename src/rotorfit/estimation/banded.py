@@ -36,7 +36,7 @@ may be exact, and without a floor its likelihood is a valley that the iteration 
 MOST_NOISE = 0.7
 """Share of the regressors' noise in the information on a direction, over which the correction for
 it is larger than what it corrects: nothing is known there."""
-UNKNOWN = 1e4
+UNKNOWN = 10.0
 """Factor on the deviation of such a direction."""
 
 
@@ -164,6 +164,12 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
         "remove a term, or fly more motion"
     )
+
+
+def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
+    """Return the log-likelihood at `phi`, minus infinity where the equations have no solution."""
+    state = _evaluate_or_none(problem, phi)
+    return -np.inf if state is None else -0.5 * state.cost
 
 
 def _evaluate_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State | None:
@@ -310,7 +316,7 @@ def _corrected(problem: BandedProblem, state: _State) -> _State:
         taken, scores, plain = _corrected_equations(problem, state)
         step = _corrected_step(plain, taken, scores.sum(axis=0))
         size = float(np.max(np.abs(step) * np.sqrt(np.diagonal(plain))))
-        if not size < 2.0 * before:
+        if not size < before:
             return uncorrected  # steps that grow lead nowhere: noise outweighs motion
         state, before = _evaluate(problem, state.phi + step), size
         if size <= SMALLEST_STEP:

@@ -1,7 +1,7 @@
 """The three estimators, each from what was flown to the tables of a result."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -38,15 +38,15 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     fit, joint = _joint_fit(flown, flown.timing, terms=DEFAULT_TERMS if wanted is None else wanted)
     choice, fit = chosen(wanted, fit, joint, refit=lambda terms, at: _refitted(joint, terms, at))
     terms = choice.terms
-    numbers = _joint_widened(flown, _joint_numbers(flown, fit, joint), None, terms)
+    numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
     weighed = kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     if weighed is not None and weighed.contradicts(*_kt_of(numbers)):
         doubts = (contradiction(weighed, _kt_of(numbers)[0], flown.motors),)
         fit, joint = _joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
-        numbers = _holding_both(
-            _joint_widened(flown, _joint_numbers(flown, fit, joint), weighed, terms), numbers
-        )
+        anchored = _joint_numbers(flown, fit, joint)
+        anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)
+        numbers = _holding_both(anchored, numbers)
     tables = joint_tables(
         numbers,
         fit,
@@ -82,8 +82,12 @@ def _joint_fit(
     weighed: WeighedThrust | None = None,
     top: float = np.inf,
     terms: Sequence[Term] = DEFAULT_TERMS,
+    begin: Mapping[str, float] | None = None,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
-    """Return the fit at a timing of the motors, with the bands that begin under `top` [Hz]."""
+    """Return the fit at a timing of the motors, with the bands that begin under `top` [Hz].
+
+    It begins at `begin` where that is given, else at the row fits.
+    """
     joint = [
         JointConfiguration(
             name=configured.entry.name,
@@ -96,10 +100,10 @@ def _joint_fit(
         )
         for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
     ]
-    starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
+    starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if begin is None else []
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
-    return joint_estimate(joint, starts, known_kt=known, terms=terms), joint
+    return joint_estimate(joint, starts, known_kt=known, terms=terms, begin=begin), joint
 
 
 def _refitted(
@@ -116,11 +120,17 @@ def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfigura
 
 
 def _joint_widened(
-    flown: Flown, numbers: Numbers, weighed: WeighedThrust | None, terms: Sequence[Term]
+    flown: Flown,
+    fit: BandedEstimate,
+    numbers: Numbers,
+    *,
+    weighed: WeighedThrust | None = None,
+    terms: Sequence[Term],
 ) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
+    begin = dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
     others = [
-        _joint_fit(flown, response, weighed=weighed, top=top, terms=terms)
+        _joint_fit(flown, response, weighed=weighed, top=top, terms=terms, begin=begin)
         for response, top in _other_settings(flown)
     ]
     shifts = [_joint_numbers(flown, *other).values - numbers.values for other in others]
