@@ -5,6 +5,7 @@ import pytest
 from ulog_encoder import Parts, actuator_motors, actuator_outputs, encode, esc_status
 
 from rotorfit.logs import read_log
+from rotorfit.logs.ulog.motors import _fraction_of
 
 N = 200
 TIME = 100.0 + 0.005 * np.arange(N)
@@ -211,3 +212,10 @@ def test_slow_motor_data_are_doubted(tmp_path):
         (doubt,) = noted(log, f"the {name} channel comes at 10 Hz, too slow for inertia")
         assert doubt.endswith("set SDLOG_PROFILE = 17 (bits 0 and 4: default set and high rate)")
         assert doubt in log.warnings
+
+
+def test_motors_that_stand_have_command_zero_where_thrust_is_its_square():
+    """With THR_MDL_FAC = 1 the command is the root of the thrust, 0 / 0 in the stable form."""
+    assert _fraction_of(np.array([[0.0, 0.25, 1.0]]), 1.0) == pytest.approx(
+        np.array([[0.0, 0.5, 1.0]])
+    )

@@ -363,4 +363,5 @@ def _values(data: bytes, positions: Int[np.ndarray, " n"], kind: str) -> Float[n
     """Return numbers of one type at positions in the file."""
     width = np.dtype(kind).itemsize
     windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), width)
-    return windows[positions].view(kind)[:, 0].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # damaged bytes may be a signalling NaN
+        return windows[positions].view(kind)[:, 0].astype(np.float64)

@@ -87,7 +87,7 @@ def remixed(
     if found is None or len(found[0]) < 2 or len(outputs.time) < 2:
         return outputs, []
     time, fields = found
-    slow, fast = 1.0 / np.median(np.diff(outputs.time)), 1.0 / np.median(np.diff(time))
+    slow, fast = _rate(outputs.time), _rate(time)
     if fast < SLOWER * slow:
         return outputs, []
     rates = f"RCOU comes at {slow:.0f} Hz, RATE at {fast:.0f} Hz"
@@ -113,6 +113,12 @@ def remixed(
         f"from RCOU by {100 * difference:.2f} % (median), {100 * saturated:.1f} % are limited"
     ]
     return Channel(time=time[inside], values=values, source=words), notes
+
+
+def _rate(time: Float[np.ndarray, " n"]) -> float:
+    """Return samples per second; 0 where the clock stands still."""
+    step = float(np.median(np.diff(time)))
+    return 1.0 / step if step > 0.0 else 0.0
 
 
 def _why_not(

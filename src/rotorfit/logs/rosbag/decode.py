@@ -203,7 +203,7 @@ def _joined(parts: list[Int[np.ndarray, " n"]]) -> Int[np.ndarray, " n"]:
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
 
 
-def _padded(parts: list[Float[np.ndarray, "n k"]]) -> Float[np.ndarray, "n k"]:
+def _padded(parts: list[Float[np.ndarray, "_ _"]]) -> Float[np.ndarray, "n k"]:
     """Return blocks below each other, with NaN where one has fewer columns."""
     width = max((part.shape[1] for part in parts), default=0)
     return np.concatenate(

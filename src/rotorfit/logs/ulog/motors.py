@@ -201,7 +201,9 @@ def _fraction_of(thrust: Float[np.ndarray, "n N"], factor: float) -> Float[np.nd
         return thrust
     b = 1.0 - factor
     # The form without cancellation for small factors.
-    return 2.0 * thrust / (b + np.sqrt(b * b + 4.0 * factor * thrust))
+    below = b + np.sqrt(b * b + 4.0 * factor * thrust)
+    # With factor 1 a motor that stands is 0 / 0.
+    return 2.0 * thrust / np.where(thrust > 0.0, below, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
