@@ -98,7 +98,7 @@ def _outcome(
     if bench:
         sides[BENCH] = _side(result, owner, {**assumed, **bench})
     for path in request.against:
-        sides[_label(path, sides)] = _other(path, owner)
+        sides[_label(path, sides)] = _other(path, owner, assumed)
     own = sides[IDENTIFIED].model
     for label, side in sides.items():
         _refuse_other_vehicle(own, side.model, label)
@@ -164,12 +164,19 @@ def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) ->
         )
 
 
-def _other(path: Path, owner: str) -> _Side:
-    """Return the parameters of another result: of the same configuration, or of its only one."""
+def _other(path: Path, owner: str, assumed: Mapping[str, float]) -> _Side:
+    """Return the parameters of another result: of the same configuration, or of its only one.
+
+    What it has is its own; where it lacks something, the user's numbers stand for it too.
+    """
     other = IdentificationResult.load(path)
     names = {p.configuration for p in other.parameters}
     try:
-        return _side(other, owner_of(other, owner if owner in names else None), {})
+        whose = owner_of(other, owner if owner in names else None)
+        try:
+            return _side(other, whose, {})
+        except OutputError:
+            return _side(other, whose, assumed)
     except RotorfitError as error:
         raise OutputError(f"{path.name}: {error}") from error
 

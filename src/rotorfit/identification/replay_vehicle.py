@@ -16,7 +16,9 @@ from rotorfit.model.vehicle import Vehicle
 
 Values = dict[str, Float[np.ndarray, " D"]]
 INERTIA_COM: Final = tuple(f"{name}_com" for name in INERTIA)
-NEEDED: Final = ("kt", "kd", "Ixx_com", "Iyy_com", "Izz_com")
+COM: Final = ("com_x", "com_y", "com_z")
+NEEDED: Final = ("kt", "kd", *COM, *INERTIA_COM)
+ROTOR_CENTER: Final = ("rotor_center_x", "rotor_center_y")
 SPARE: Final = 4
 """Draws made for each one wanted: where an interval is wide, some are no body."""
 _ROTOR_KT: Final = re.compile(r"kt_[0-9]+")
@@ -94,11 +96,13 @@ def replay_vehicle(
     vehicle = _geometry(result)
     values = _about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))
     values |= {name: np.full_like(values["mass"], given[name]) for name in given}
-    missing = [name for name in NEEDED if name not in values]
+    listed = [p.name for p in result.parameters if p.configuration == owner]
+    needed = (*NEEDED, *(name for name in ROTOR_CENTER if name in listed))
+    missing = [name for name in needed if name not in values]
     if missing:
         raise ExperimentError(
-            f"{', '.join(missing)} of configuration {owner} is not known from these flights: "
-            "nothing is flown without it; give your own (--assume NAME=VALUE)"
+            f"{', '.join(missing)} of configuration {owner}: not known from these flights: "
+            "nothing is flown without; give your own (--assume NAME=VALUE)"
         )
     stack = _stack(values, vehicle)
     good = _possible(stack)
@@ -157,15 +161,20 @@ def _with(
 
 def _about_com(values: Values) -> Values:
     """Return the values with the CoM and the inertia about it, of those at the origin."""
-    zero, m = np.zeros_like(values["mass"]), values["mass"]
-    out = dict(values)
-    com = np.stack([values.get(name, zero) for name in FIRST_MOMENTS], axis=1) / m[:, None]
-    out |= {name: com[:, i] for i, name in enumerate(("com_x", "com_y", "com_z"))}
+    m, out = values["mass"], dict(values)
+    out |= {
+        name: values[moment] / m
+        for name, moment in zip(COM, FIRST_MOMENTS, strict=True)
+        if moment in values
+    }
+    if not all(name in out for name in COM):
+        return out
+    com = np.stack([out[name] for name in COM], axis=1)
     square = np.einsum("di,di->d", com, com)
     for name, (i, j) in zip(INERTIA, INERTIA_PLACES, strict=True):
-        if name in values or i != j:
+        if name in values:
             moved = m * ((square if i == j else 0.0) - com[:, i] * com[:, j])
-            out[f"{name}_com"] = values[name] - moved if name in values else zero
+            out[f"{name}_com"] = values[name] - moved
     return out
 
 
@@ -177,11 +186,11 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
         return np.stack([values.get(name, zero) for name in names], axis=1)
 
     n, s = vehicle.axes, vehicle.spins
-    com = columns("com_x", "com_y", "com_z")
+    com = columns(*COM)
     kt = np.stack([values.get(f"kt_{i + 1}", values["kt"]) for i in range(len(n))], axis=1)
     arms = vehicle.positions - com[:, None]
     if vehicle.imu_position is None:  # rotors are declared about their centre, which was found
-        arms = arms + columns("rotor_center_x", "rotor_center_y", "rotor_center_z")[:, None]
+        arms = arms + columns(*ROTOR_CENTER, "rotor_center_z")[:, None]
     thrust = kt[:, :, None] * n
     spin = s[:, None] * n
     torque = np.cross(arms, thrust) - values["kd"][:, None, None] * spin

@@ -162,7 +162,7 @@ def _rate_band(replay: Replay, windows: Sequence[int], axis: int) -> Band:
     )
 
 
-def _broken(values: Float[np.ndarray, "k n"]) -> Points:
+def _broken(values: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " m"]:
     """Return rows one after the other, with a NaN between them."""
     gap = np.full((len(values), 1), np.nan)
     return np.concatenate([values, gap], axis=1).ravel()
