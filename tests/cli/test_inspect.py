@@ -135,3 +135,63 @@ def test_real_logs(run, flight_data_dir, folder):
         assert 400 < channels["gyro"]["rate"] < 1100
         flown = sum(end - start for start, end in report["airborne"])
         assert 5.0 < flown <= report["seconds"]
+
+
+FAULTS = {
+    "swapped motors": (lambda c: {**c, "rotor_1": c["rotor_2"], "rotor_2": c["rotor_1"]}, "order"),
+    "FRD called FLU": (lambda c: {n: -v if n[-1] in "yz" else v for n, v in c.items()}, "FRD"),
+    "gyro in deg/s": (
+        lambda c: {n: np.degrees(v) if n.startswith("gyro") else v for n, v in c.items()},
+        "looks like deg/s",
+    ),
+    "gyro 57 times too small": (
+        lambda c: {n: np.radians(v) if n.startswith("gyro") else v for n, v in c.items()},
+        "the gyro reads too little",
+    ),
+    "accelerometer in g": (
+        lambda c: {n: v / 9.80665 if n.startswith("accel") else v for n, v in c.items()},
+        "units of g",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_are_named_with_an_airframe(run, changed, here, name):
+    change, words = FAULTS[name]
+    changed(change)
+    ended = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json")
+    assert (ended.code, ended.err) == (0, "")
+    [report] = ended.json
+    assert any(words in trouble for trouble in report["trouble"]), report["trouble"]
+
+
+def test_an_airframe_gives_verdicts(run, here):
+    [report] = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json").json
+    [found] = [words for words in report["verdicts"] if ": identified: " in words]
+    assert found.startswith("with airframe.toml: identified: kt")
+
+
+def test_the_prospects_of_a_lively_flight(run, here):
+    [report] = run("inspect", "flight.csv", "--json").json
+    rho = {one["axis"]: one["rho"] for one in report["prospects"]["excitation"]}
+    assert rho["roll"] > 5.0 and rho["pitch"] > 5.0
+    assert report["prospects"]["motors"].startswith("layout = ")
+    assert report["settings"] == []
+
+
+def test_a_page_is_written_once(run, refused, here):
+    ended = run("inspect", "flight.csv", "--report", "page.html")
+    assert (ended.code, ended.err) == (0, "rotorfit: wrote page.html\n")
+    page = (here / "page.html").read_text(encoding="utf-8")
+    assert "<h1>flight.csv</h1>" in page and "What this flight could tell" in page
+    assert "http" not in page.replace("http-equiv", "")
+    assert "page.html exists" in refused("inspect", "flight.csv", "--report", "page.html")
+    assert run("inspect", "flight.csv", "--report", "page.html", "--force").code == 0
+
+
+def test_commands_only_get_the_settings_of_their_autopilot(run, here, blackbox):
+    (here / "one.bbl").write_bytes(blackbox)
+    [report] = run("inspect", "one.bbl", "--json").json
+    names = [setting["name"] for setting in report["settings"]]
+    speeds = "rotor_speed" in [channel["name"] for channel in report["channels"]]
+    assert ("dshot_bidir" in names) is not speeds

@@ -1,96 +1,38 @@
-"""rotorfit inspect: what is in a log, and what it lacks."""
+"""rotorfit inspect: what is in a log, what it could tell, and what to set before the next one."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import typer
 
+from rotorfit.cli.outputs import refuse_output_file
 from rotorfit.cli.terminal import one_line, say, show
-from rotorfit.errors import FlightError, LogError, RotorfitError
-from rotorfit.flight.log import CHANNELS, Channel, FlightLog
+from rotorfit.errors import FlightError, LogError, OutputError, RotorfitError
+from rotorfit.flight.doctor import channel_report, lacks, motor_lateness, vibration
+from rotorfit.flight.log import CHANNELS, FlightLog
+from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
+from rotorfit.identification.doctor import prospects
+from rotorfit.identification.plausible import gyro_in_degrees
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
 from rotorfit.logs.files import read_head
+from rotorfit.report.doctor import LogReport, plain, report_text, write_page
+from rotorfit.report.settings import settings_for
 
-GAP_STEPS = 2.5
 GUESSED_ARM = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""
 NEEDED = ("gyro", "accel")
 HEAD_BYTES = 65_536
-MOST_SPANS = 6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelReport:
-    """One channel of a log, measured."""
-
-    name: str
-    columns: int
-    unit: str
-    samples: int
-    missing: int
-    rate: float
-    gaps: int
-    longest_gap: float
-    resolution: float | None
-    source: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LogReport:
-    """What inspect says of one log."""
-
-    file: str
-    format: str
-    log: str
-    seconds: float
-    channels: tuple[ChannelReport, ...]
-    airborne: tuple[tuple[float, float], ...]
-    trouble: tuple[str, ...]
-    notes: tuple[str, ...]
-    metadata: dict[str, str]
-
-    @property
-    def usable(self) -> bool:
-        """Whether any channel has samples left."""
-        return any(channel.samples > 1 for channel in self.channels)
-
-
-def run(paths: list[Path], *, log_number: int | None, as_json: bool) -> None:
-    """Report every log; exit with 1 if one cannot be read or has no usable sample."""
-    failed = False
-    reports: list[dict[str, Any]] = []
-    for path in paths:
-        try:
-            report = _report(path, log_number)
-        except RotorfitError as error:
-            failed = True
-            say(f"rotorfit: {one_line(str(error))}")
-            continue
-        if isinstance(report, LogReport) and not report.usable:
-            failed = True
-            say(f"rotorfit: {path}: no usable sample in it: copy the log again")
-        reports.append(_plain(report))
-        if not as_json:
-            show(_text(report))
-    if as_json and reports:
-        show(json.dumps(reports, indent=1, allow_nan=False))
-    if failed:
-        raise typer.Exit(1)
-
-
-def _report(path: Path, log_number: int | None) -> "LogReport | SeveralLogs":
-    if log_number is None and path.is_file() and is_blackbox(read_head(path, HEAD_BYTES)):
-        entries = list_blackbox_logs(path)
-        if len(entries) > 1:
-            return SeveralLogs(
-                file=str(path), logs=tuple(f"{e.number}: {e.description}" for e in entries)
-            )
-    return inspect_log(read_log(path, options=ReadOptions(log_number=log_number)))
+CUTOFFS = {
+    "acc_lpf_hz": ("the accelerometer's low-pass", 100.0),
+    "gyro_lpf1_static_hz": ("the gyro's low-pass", 1.0),
+    "gyro_lowpass_hz": ("the gyro's low-pass", 1.0),
+}
+"""Filters in the header of a Blackbox log, and what their number is divided by for Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,30 +43,150 @@ class SeveralLogs:
     logs: tuple[str, ...]
 
 
-def inspect_log(log: FlightLog) -> LogReport:
-    """Return what a log holds and lacks, and which part of it is flight."""
-    airborne: tuple[tuple[float, float], ...] = ()
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InspectOptions:
+    """What the user asks of inspect besides the logs."""
+
+    log_number: int | None = None
+    airframe: Path | None = None
+    as_json: bool = False
+    report: Path | None = None
+    force: bool = False
+
+
+def run(paths: list[Path], options: InspectOptions) -> None:
+    """Report every log; exit with 1 if one cannot be read or has no usable sample."""
+    if options.report is not None:
+        try:
+            refuse_output_file(options.report, inputs=paths, force=options.force)
+        except OutputError as error:
+            say(f"rotorfit: {one_line(str(error))}")
+            raise typer.Exit(1) from error
+    failed = False
+    reports: list[LogReport | SeveralLogs] = []
+    for path in paths:
+        try:
+            report = _report(path, options)
+        except RotorfitError as error:
+            failed = True
+            say(f"rotorfit: {one_line(str(error))}")
+            continue
+        if isinstance(report, LogReport) and not report.usable:
+            failed = True
+            say(f"rotorfit: {path}: no usable sample in it: copy the log again")
+        reports.append(report)
+        if not options.as_json:
+            show(_text(report))
+    if options.as_json and reports:
+        show(json.dumps([_plain(one) for one in reports], indent=1, allow_nan=False))
+    _write(options, reports)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _write(options: InspectOptions, reports: Sequence[LogReport | SeveralLogs]) -> None:
+    """Write the page, where one is wanted and something is to be said."""
+    single = [one for one in reports if isinstance(one, LogReport)]
+    if options.report is not None and single:
+        write_page(options.report, single, force=options.force)
+        say(f"rotorfit: wrote {options.report}")
+
+
+def _report(path: Path, options: InspectOptions) -> LogReport | SeveralLogs:
+    number = options.log_number
+    if number is None and path.is_file() and is_blackbox(read_head(path, HEAD_BYTES)):
+        entries = list_blackbox_logs(path)
+        if len(entries) > 1:
+            return SeveralLogs(
+                file=str(path), logs=tuple(f"{e.number}: {e.description}" for e in entries)
+            )
+    log = read_log(path, options=ReadOptions(log_number=number))
+    return inspect_log(log, airframe=options.airframe)
+
+
+def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
+    """Return what a log holds and lacks, which part of it is flight, and what that could tell."""
+    channels = {
+        name: channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
+    }
     trouble = [*log.warnings, *_missing(log)]
-    if not trouble or all(name in log.channels for name in NEEDED):
+    prepared: PreparedFlight | None = None
+    if all(name in log.channels for name in NEEDED) and not {"rotor_speed", "command"}.isdisjoint(
+        log.channels
+    ):
         try:
             prepared = _prepared(log)
-            airborne = _airborne(prepared)
-            trouble += prepared.warnings
+            trouble += [*prepared.warnings, *filter(None, [gyro_in_degrees(prepared.data)])]
         except (LogError, FlightError) as error:
-            trouble += [str(error)] if str(error) not in trouble else []
+            trouble.append(str(error))
+    late = None if prepared is None else motor_lateness(prepared.data)
+    verdicts, refused = _with_airframe(log, airframe)
+    cutoffs = _cutoffs(log)
+    lacking = lacks(channels, accel_cutoff=cutoffs.get("acc_lpf_hz"))
     return LogReport(
         file=str(log.path),
         format=log.format,
         log=f"{log.log_number} of {log.logs_in_file}",
         seconds=log.seconds,
-        channels=tuple(
-            _channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
-        ),
-        airborne=airborne,
-        trouble=tuple(dict.fromkeys(trouble)),
+        channels=tuple(channels.values()),
+        airborne=() if prepared is None else _airborne(prepared),
+        vibration=() if prepared is None else vibration(prepared.data),
+        motor_lateness=late,
+        prospects=None if prepared is None else prospects(prepared, _response(log, late)),
+        verdicts=verdicts,
+        filters=tuple(f"{CUTOFFS[k][0]} is at {hz:g} Hz ({k})" for k, hz in cutoffs.items()),
+        trouble=tuple(dict.fromkeys([*trouble, *refused])),
+        settings=settings_for(log.format, lacking),
         notes=log.notes,
         metadata=dict(log.metadata),
     )
+
+
+def _with_airframe(log: FlightLog, airframe: Path | None) -> tuple[tuple[str, ...], list[str]]:
+    """Return the verdicts of an identification with an airframe, and why there are none."""
+    if airframe is None:
+        return (), []
+    import warnings
+
+    from rotorfit.identification.experiment import single_flight_experiment
+    from rotorfit.identification.identify import identify
+
+    experiment = single_flight_experiment(log.path, mass="unknown", airframe=airframe)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            result = identify(experiment)
+    except (LogError, FlightError) as error:
+        return (), [str(error)]
+    by_verdict: dict[str, list[str]] = {}
+    for parameter in result.parameters:
+        by_verdict.setdefault(parameter.verdict, []).append(parameter.name)
+    words = tuple(
+        f"with {airframe.name}: {verdict}: {', '.join(names)}"
+        for verdict, names in by_verdict.items()
+    )
+    return words, list(result.warnings)
+
+
+def _response(log: FlightLog, late: float | None) -> MotorResponse | None:
+    """Return when the motors do what their data say: commands are followed with a lag."""
+    if late is None:
+        return None
+    if "rotor_speed" in log.channels:
+        return MotorResponse(delay=late)
+    return MotorResponse(lag=max(late, 0.0), delay=min(late, 0.0))
+
+
+def _cutoffs(log: FlightLog) -> dict[str, float]:
+    """Return the low-pass filters that the header of a Blackbox log names [Hz]."""
+    if log.format != "blackbox":
+        return {}
+    found = {
+        key: float(log.metadata[key]) / scale
+        for key, (_, scale) in CUTOFFS.items()
+        if log.metadata.get(key, "").isdecimal()
+    }
+    return {key: cutoff for key, cutoff in found.items() if cutoff > 0}
 
 
 def _missing(log: FlightLog) -> list[str]:
@@ -137,7 +199,7 @@ def _missing(log: FlightLog) -> list[str]:
         if "command" in log.channels:
             words.append(
                 'no measured rotor speed, only commands: identify with speed = "commanded"; '
-                "better, log ESC telemetry (bidirectional DShot)"
+                "better, log measured rotor speed"
             )
         else:
             words.append("no motor data: log ESC telemetry or motor outputs")
@@ -147,10 +209,10 @@ def _missing(log: FlightLog) -> list[str]:
 def _prepared(log: FlightLog) -> PreparedFlight:
     """Return the log prepared with whatever motors it has."""
     measured = "rotor_speed" in log.channels
-    motors = log.channels.get("rotor_speed" if measured else "command")
+    motors = log.channels["rotor_speed" if measured else "command"]
     return prepare(
         log,
-        rotor_count=4 if motors is None else motors.values.shape[1],
+        rotor_count=motors.values.shape[1],
         arm=GUESSED_ARM,
         motors=MotorModel(speed="measured" if measured else "commanded"),
     )
@@ -163,70 +225,12 @@ def _airborne(prepared: PreparedFlight) -> tuple[tuple[float, float], ...]:
     )
 
 
-def _channel_report(name: str, channel: Channel) -> ChannelReport:
-    finite = np.isfinite(channel.values).all(axis=1) & np.isfinite(channel.time)
-    t = channel.time[finite]
-    steps = np.diff(t)
-    step = float(np.median(steps)) if len(steps) else 0.0
-    gaps = steps[steps > GAP_STEPS * step] if step > 0 else steps[:0]
-    return ChannelReport(
-        name=name,
-        columns=channel.values.shape[1],
-        unit=CHANNELS[name][1],
-        samples=int(finite.sum()),
-        missing=int((~finite).sum()),
-        rate=1.0 / step if step > 0 else 0.0,
-        gaps=len(gaps),
-        longest_gap=float(gaps.max()) if len(gaps) else 0.0,
-        resolution=channel.resolution,
-        source=channel.source,
-    )
+def _plain(report: LogReport | SeveralLogs) -> dict[str, Any]:
+    return plain(report) if isinstance(report, LogReport) else asdict(report)
 
 
-def _plain(report: "LogReport | SeveralLogs") -> dict[str, Any]:
-    from dataclasses import asdict
-
-    return asdict(report)
-
-
-def _text(report: "LogReport | SeveralLogs") -> str:
-    if isinstance(report, SeveralLogs):
-        head = f"{report.file}: {len(report.logs)} logs; look at one with --log N"
-        return "\n".join([head, *(f"  {line}" for line in report.logs), ""])
-    lines = [f"{report.file}: {report.format}, log {report.log}, {report.seconds:.1f} s", ""]
-    lines.append(
-        f"  {'channel':<12}{'columns':>8}{'samples':>9}{'rate':>10}{'gaps':>6}  {'unit':<6} source"
-    )
-    lines += [_channel_line(channel) for channel in report.channels]
-    lines += ["", f"  airborne: {_spans(report.airborne)}"]
-    facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
-    lines += [f"  {name}: {report.metadata[name]}" for name in facts]
-    lines += [f"  {note}" for note in report.notes]
-    if report.trouble:
-        lines += ["", "  To know", *(line for text in report.trouble for line in _wrapped(text))]
-    return "\n".join([*lines, ""])
-
-
-def _wrapped(text: str) -> list[str]:
-    import textwrap
-
-    return textwrap.wrap(text, 100, initial_indent="  - ", subsequent_indent="    ")
-
-
-def _channel_line(c: ChannelReport) -> str:
-    gaps = f"{c.gaps}" if c.gaps else "-"
-    return (
-        f"  {c.name:<12}{c.columns:>8}{c.samples:>9}{c.rate:>7.0f} Hz{gaps:>6}  {c.unit:<6} "
-        f"{c.source}"
-    )
-
-
-def _spans(spans: tuple[tuple[float, float], ...]) -> str:
-    if not spans:
-        return "nothing found"
-    total = sum(end - start for start, end in spans)
-    if len(spans) > MOST_SPANS:
-        first, last = spans[0][0], spans[-1][1]
-        return f"{len(spans)} stretches between {first:.2f} and {last:.2f} s ({total:.1f} s)"
-    parts = ", ".join(f"{start:.2f} to {end:.2f} s" for start, end in spans)
-    return f"{parts} ({total:.1f} s)"
+def _text(report: LogReport | SeveralLogs) -> str:
+    if isinstance(report, LogReport):
+        return report_text(report)
+    head = f"{report.file}: {len(report.logs)} logs; look at one with --log N"
+    return "\n".join([head, *(f"  {line}" for line in report.logs), ""])

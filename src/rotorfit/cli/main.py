@@ -149,12 +149,21 @@ def inspect(
     log: Annotated[
         int | None, typer.Option(min=1, help="In a file of several logs: which, from 1.")
     ] = None,
+    airframe: Annotated[
+        Path | None,
+        typer.Option(help="File with [airframe] and [motors]: identify quickly, per kilogram."),
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Write a page (HTML) to this file.")] = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show what is in a log: channels, rates, gaps, units, airborne time, what is missing."""
-    from rotorfit.cli.inspect import run
+    """Show what is in a log, what it could tell, and what to set before the next flight."""
+    from rotorfit.cli.inspect import InspectOptions, run
 
-    run(logs, log_number=log, as_json=as_json)
+    options = InspectOptions(
+        log_number=log, airframe=airframe, as_json=as_json, report=report, force=force
+    )
+    run(logs, options)
 
 
 @app.command()

@@ -61,9 +61,20 @@ class Response:
         return float(np.log(left[0] / left[1]).sum())
 
 
-def response(factors: Factors, vehicle: Vehicle) -> Response:
-    """Return how the declared rotors explain the response of each axis."""
-    return _response(_inside_band(factors), vehicle, declared=vehicle)
+def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = None) -> Response:
+    """Return how rotors explain the response of each axis.
+
+    Parameters
+    ----------
+    factors
+        Of a flight.
+    vehicle
+        The rotors.
+    made_for
+        Those whose spins are in the signals; None: the same. Of other spins the spin-up of the
+        rotors is left out, and yaw has the drag alone.
+    """
+    return _response(_inside_band(factors), vehicle, declared=made_for or vehicle)
 
 
 def free_response(factors: Factors, vehicle: Vehicle) -> Response:

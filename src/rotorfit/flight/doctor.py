@@ -1,0 +1,267 @@
+"""What is to be said of a log as it was recorded: true rates, clocks, limits, vibration, delay."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Bool, Float
+from scipy import signal
+
+from rotorfit.flight.clocks import GAP_STEPS
+from rotorfit.flight.data import FlightData
+from rotorfit.flight.log import CHANNELS, Channel
+from rotorfit.flight.signals import central_difference, smooth, true_runs
+
+Lack = Literal[
+    "no gyro",
+    "slow gyro",
+    "no accel",
+    "slow accel",
+    "filtered accel",
+    "no rotor speed",
+    "no motors",
+    "slow motors",
+    "no battery",
+]
+
+FAST_ENOUGH: Final = 150.0
+"""Below this the fast motion that inertia shows in is lost [Hz]."""
+LEAST_LIMIT: Final = {"gyro": 4.0, "accel": 35.0}
+"""Sensors end at 250 deg/s and 4 g at the least: values that stay the same below are no limit."""
+LIMIT_RUN: Final = 3
+FEWEST: Final = 50
+LONGEST_REPEAT: Final = 100
+EVEN: Final = 0.35
+"""Variance of the intervals between new samples, over that of chance, below which they are even."""
+LEAST_REPEATED: Final = 0.8
+LOWEST_CUTOFF: Final = 40.0
+"""A low-pass below this takes away what inertia shows in, or makes sensors differ [Hz]."""
+BANDS: Final = ((10.0, 50.0), (50.0, 150.0), (150.0, 500.0))
+"""In which vibration is given [Hz]."""
+LATEST: Final = 0.1
+LOOK: Final = 15.0
+"""Low-pass for comparing motors and gyro [Hz]."""
+SURE: Final = 0.3
+"""Share of the angular acceleration that motors must explain before their delay is told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelReport:
+    """One channel of a log, measured.
+
+    Attributes
+    ----------
+    rate
+        Of the recorded samples, by the median step [Hz].
+    true_rate
+        Of the samples that bring something new [Hz]: repeats and straight lines are left out.
+    jitter
+        Deviation of the steps from their median, without gaps [s].
+    gaps, longest_gap
+        Steps over 2.5 median ones, and the longest [s].
+    at_limit
+        Share of the samples that stand at the largest or smallest value, as at a sensor's end.
+    """
+
+    name: str
+    columns: int
+    unit: str
+    samples: int
+    missing: int
+    rate: float
+    true_rate: float
+    jitter: float
+    gaps: int
+    longest_gap: float
+    at_limit: float
+    resolution: float | None
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vibration:
+    """Level of the accelerometer's noise in one band, rms over the three axes [m/s^2]."""
+
+    low: float
+    high: float
+    level: float
+
+
+def channel_report(name: str, channel: Channel) -> ChannelReport:
+    """Return one channel, measured."""
+    finite = np.isfinite(channel.values).all(axis=1) & np.isfinite(channel.time)
+    t, x = channel.time[finite], channel.values[finite]
+    steps = np.diff(t)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    late = steps > GAP_STEPS * step
+    gaps = steps[late] if step > 0 else steps[:0]
+    rate = 1.0 / step if step > 0 else 0.0
+    return ChannelReport(
+        name=name,
+        columns=channel.values.shape[1],
+        unit=CHANNELS[name][1],
+        samples=int(finite.sum()),
+        missing=int((~finite).sum()),
+        rate=rate,
+        true_rate=rate * new_share(x),
+        jitter=float(steps[~late].std()) if step > 0 else 0.0,
+        gaps=len(gaps),
+        longest_gap=float(gaps.max()) if len(gaps) else 0.0,
+        at_limit=share_at_limit(x, LEAST_LIMIT[name]) if name in LEAST_LIMIT else 0.0,
+        resolution=channel.resolution,
+        source=channel.source,
+    )
+
+
+def new_share(values: Float[np.ndarray, "n k"]) -> float:
+    """Return the share of samples that bring something new, while anything changes at all.
+
+    A recorder faster than its source repeats the last sample, or draws a straight line to the
+    next, at even intervals. What changes at uneven ones is only coarse; and where a quantity
+    stands still for long (motors off), nothing can be told.
+    """
+    if len(values) < FEWEST:
+        return 1.0
+    first = np.diff(values, axis=0)
+    moves = (first != 0.0).any(axis=1)
+    bends = np.ones(len(first), dtype=bool)
+    bends[1:] = _bent(first)
+    return min(_share_at_even_intervals(moves), _share_at_even_intervals(moves & bends))
+
+
+def _bent(first: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " m"]:
+    """Return where a line through the samples bends; everywhere, where they are too coarse."""
+    steps = np.abs(first)
+    finest = np.where(steps > 0, steps, np.inf).min(axis=0)
+    fine = np.isfinite(finest) & (np.median(steps, axis=0) > 20.0 * finest)
+    if not fine.any():
+        return np.ones(len(first) - 1, dtype=bool)
+    change = np.abs(np.diff(first[:, fine], axis=0))
+    bent: Bool[np.ndarray, " m"] = np.any(change > 1e-6 * np.median(steps[:, fine], axis=0), axis=1)
+    return bent
+
+
+def _share_at_even_intervals(fresh: Bool[np.ndarray, " n"]) -> float:
+    """Return the share of fresh samples where they come evenly, else 1.
+
+    By chance the intervals would have the variance (1 - p) / p^2 of a geometric distribution.
+    """
+    intervals = np.diff(np.flatnonzero(fresh))
+    intervals = intervals[intervals <= LONGEST_REPEAT]
+    if len(intervals) < FEWEST:
+        return 1.0
+    p = 1.0 / float(intervals.mean())
+    even = float(intervals.var()) < EVEN * (1.0 - p) / p**2
+    return p if even and p < LEAST_REPEATED else 1.0
+
+
+def share_at_limit(values: Float[np.ndarray, "n k"], least: float) -> float:
+    """Return the share of samples at an extreme that is met three times in a row or more."""
+    stuck = np.zeros(len(values), dtype=bool)
+    for column in values.T:
+        for extreme in (column.max(), column.min()) if len(column) else ():
+            if abs(extreme) < least:
+                continue
+            for a, b in true_runs(np.abs(column - extreme) <= 1e-4 * abs(extreme)):
+                stuck[a:b] |= b - a >= LIMIT_RUN
+    return float(stuck.mean()) if len(stuck) else 0.0
+
+
+def lacks(
+    reports: Mapping[str, ChannelReport], *, accel_cutoff: float | None = None
+) -> frozenset[Lack]:
+    """Return what a log lacks for an identification.
+
+    Parameters
+    ----------
+    reports
+        Of its channels, by name.
+    accel_cutoff
+        Low-pass of the accelerometer [Hz], where the log names it.
+    """
+    found: set[Lack] = set()
+    if accel_cutoff is not None and accel_cutoff < LOWEST_CUTOFF:
+        found.add("filtered accel")
+    if "gyro" not in reports:
+        found.add("no gyro")
+    elif reports["gyro"].true_rate < FAST_ENOUGH:
+        found.add("slow gyro")
+    if "accel" not in reports:
+        found.add("no accel")
+    elif reports["accel"].true_rate < FAST_ENOUGH:
+        found.add("slow accel")
+    if "rotor_speed" not in reports:
+        found.add("no rotor speed")
+    if "battery" not in reports:
+        found.add("no battery")
+    motors = reports.get("rotor_speed") or reports.get("command")
+    if motors is None:
+        found.add("no motors")
+    elif motors.true_rate < 0.5 * FAST_ENOUGH:
+        found.add("slow motors")
+    return frozenset(found)
+
+
+def vibration(data: FlightData) -> tuple[Vibration, ...]:
+    """Return the level of vibration in flight, in the bands that the sample rate shows."""
+    longest = max(data.segments, key=len, default=None)
+    rows = min(1024, 0 if longest is None else len(longest))
+    if longest is None or rows < 64:
+        return ()
+    force = data.specific_force[longest.start : longest.stop]
+    f, density = signal.welch(force, fs=data.sample_rate, nperseg=rows, axis=0)
+    total = density.sum(axis=1) * (f[1] - f[0])
+    nyquist = 0.5 * data.sample_rate
+    return tuple(
+        Vibration(
+            low=low,
+            high=min(high, nyquist),
+            level=float(np.sqrt(total[(f >= low) & (f < high)].sum())),
+        )
+        for low, high in BANDS
+        if low < 0.9 * nyquist
+    )
+
+
+def motor_lateness(data: FlightData) -> float | None:
+    """Return how much later than the motors the vehicle turns [s]; None where it does not show.
+
+    The time shift at which the squared motor data explain the angular acceleration best.
+    Negative: the motor data were recorded late. Of commands it holds the motors' lag, too.
+    """
+    longest = max(data.segments, key=len, default=None)
+    reach = int(LATEST * data.sample_rate)
+    if longest is None or len(longest) < 20 * max(reach, 1) or reach < 2:
+        return None
+    rows = slice(longest.start, longest.stop)
+    rates = smooth(data.angular_velocity[rows], data.sample_rate, LOOK)
+    turn = central_difference(rates, data.sample_rate)
+    push = smooth(data.rotor_speed[rows] ** 2, data.sample_rate, LOOK)
+    stride = max(reach // 25, 1)
+    shifts = range(-reach, reach + 1, stride)
+    shares = np.array([_explained(turn, push, shift, reach) for shift in shifts])
+    best = int(np.argmax(shares))
+    if shares[best] < SURE or best in (0, len(shares) - 1):
+        return None
+    left, top, right = shares[best - 1 : best + 2]
+    bend = left - 2.0 * top + right
+    between = 0.0 if bend == 0.0 else 0.5 * (left - right) / bend
+    return float((shifts[best] + between * stride) / data.sample_rate)
+
+
+def _explained(
+    turn: Float[np.ndarray, "n 3"], push: Float[np.ndarray, "n N"], shift: int, reach: int
+) -> float:
+    """Return the mean share of roll and pitch acceleration that earlier motor data explain."""
+    n = len(turn)
+    y = turn[reach : n - reach, :2]
+    x = push[reach - shift : n - reach - shift]
+    y, x = y - y.mean(axis=0), x - x.mean(axis=0)
+    gram = x.T @ x
+    cross = x.T @ y
+    solved: Float[np.ndarray, "N 2"] = scipy.linalg.pinvh(gram, rtol=1e-8) @ cross
+    total: Float[np.ndarray, " 2"] = (y * y).sum(axis=0)
+    explained: Float[np.ndarray, " 2"] = np.einsum("ij,ij->j", cross, solved)
+    return float((explained / np.where(total > 0, total, 1.0)).mean())

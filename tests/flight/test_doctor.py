@@ -1,0 +1,93 @@
+"""Repeats, straight lines, limits, vibration and delay are measured where they are, else not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hand_made_logs import channel, hover_thrust, motion_log
+
+from rotorfit.flight.doctor import (
+    channel_report,
+    lacks,
+    motor_lateness,
+    new_share,
+    share_at_limit,
+    vibration,
+)
+from rotorfit.flight.prepare import prepare
+from rotorfit.simulation import PERFECT, Scenario, paper_vehicle, simulate_flight, to_flight_log
+
+RNG = np.random.default_rng(7)
+NOISE = RNG.normal(size=(4000, 3)).cumsum(axis=0)
+
+
+@pytest.mark.parametrize("factor", [2, 4, 10])
+def test_repeated_samples_are_unmasked(factor):
+    assert new_share(np.repeat(NOISE, factor, axis=0)) == pytest.approx(1 / factor, rel=0.01)
+
+
+@pytest.mark.parametrize("factor", [2, 4, 10])
+def test_straight_lines_between_samples_are_unmasked(factor):
+    slow = np.arange(len(NOISE))
+    fast = np.arange(0, len(NOISE) - 1, 1 / factor)
+    drawn = np.column_stack([np.interp(fast, slow, column) for column in NOISE.T])
+    assert new_share(drawn) == pytest.approx(1 / factor, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [NOISE, np.round(0.2 * NOISE), np.round(0.02 * NOISE), np.zeros((900, 3)), NOISE[:3]],
+    ids=["fine", "coarse", "very coarse", "still", "three samples"],
+)
+def test_what_is_only_coarse_is_no_repeat(values):
+    assert new_share(values) == 1.0
+
+
+def test_a_sensor_at_its_limit():
+    swing = 40.0 * np.sin(np.arange(2000) / 30.0)[:, None]
+    assert share_at_limit(np.clip(swing, -35.0, 35.0), 4.0) == pytest.approx(0.322, abs=0.01)
+    assert share_at_limit(swing, 4.0) == 0.0
+    assert share_at_limit(np.clip(swing, -35.0, 35.0), 36.0) == 0.0
+
+
+def test_gaps_and_jitter():
+    t = np.arange(1000) / 100.0
+    t[500:] += 0.7
+    report = channel_report("gyro", channel(t, NOISE[:1000]))
+    assert (report.gaps, report.rate) == (1, pytest.approx(100.0))
+    assert report.longest_gap == pytest.approx(0.71)
+    assert report.jitter == pytest.approx(0.0, abs=1e-9)
+    uneven = t + RNG.uniform(-0.003, 0.003, len(t))
+    assert 0.001 < channel_report("gyro", channel(uneven, NOISE[:1000])).jitter < 0.004
+
+
+def test_vibration_of_a_known_level():
+    thrust = hover_thrust(12)
+    t = np.arange(len(thrust)) / 200.0
+    force = np.zeros((len(t), 3))
+    force[:, 2] = 9.80665 * thrust
+    force[:, 0] += 2.0 * np.sqrt(2.0) * np.sin(2 * np.pi * 30.0 * t)
+    found = vibration(prepare(motion_log(thrust, force=force), rotor_count=4, arm=0.2).data)
+    assert [(v.low, round(v.high)) for v in found] == [(10.0, 50), (50.0, 100)]
+    assert found[0].level == pytest.approx(2.0, rel=0.05)
+    assert found[1].level < 0.4
+
+
+@pytest.mark.parametrize("late", [-20, 0, 15])
+def test_motors_late_against_the_gyro(late):
+    flight = simulate_flight(*paper_vehicle("A"), Scenario(seconds=12.0, sensors=PERFECT), seed=2)
+    log = to_flight_log(flight)
+    data = prepare(log, rotor_count=4, arm=0.2).data
+    step = round(late * 1e-3 * data.sample_rate)
+    moved = np.roll(data.rotor_speed, -step, axis=0)
+    found = motor_lateness(replace(data, rotor_speed=moved))
+    assert found == pytest.approx(step / data.sample_rate, abs=0.002)
+
+
+def test_what_a_log_lacks():
+    log = motion_log(hover_thrust(3), name="command")
+    reports = {name: channel_report(name, c) for name, c in log.channels.items()}
+    assert lacks(reports, accel_cutoff=10.0) == {"no rotor speed", "no battery", "filtered accel"}
+    slow = channel_report("command", channel(np.arange(50) / 10.0, NOISE[:50]))
+    assert "slow motors" in lacks({**reports, "command": slow})
+    assert lacks({}) == {"no gyro", "no accel", "no rotor speed", "no motors", "no battery"}
