@@ -72,7 +72,9 @@ def sha256_of(path: Path) -> str:
     LogError
         As `read_bytes`.
     """
-    return hashlib.sha256(read_bytes(path)).hexdigest()
+    read_head(path, 1)  # refuses what cannot be read
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:

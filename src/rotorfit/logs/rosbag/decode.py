@@ -122,7 +122,7 @@ class Decoder:
     def _keep(
         self,
         received: list[int],
-        done: list[tuple[Int[np.ndarray, " r"], dict[str, Float[np.ndarray, "r k"]]]],
+        done: list[tuple[Int[np.ndarray, " _"], dict[str, Float[np.ndarray, "_ _"]]]],
         stamps: Int[np.ndarray, " n"],
     ) -> None:
         """Put what was decoded back into the order in which it came."""
