@@ -87,7 +87,9 @@ def without_generated_text(app, what, name, obj, options, lines):
 def mathml(translator, node):
     """Write a formula as MathML, which browsers draw themselves: no script, no network."""
     block = isinstance(node, nodes.math_block)
+    # Without a font for mathematics, accents fall into the letter: these stand above it.
     body = tex2mathml(node.astext(), as_block=block)
+    body = body.replace(' accent="true"', "").replace(">˙<", ">.<")
     translator.body.append(f'<div class="formula">{body}</div>' if block else body)
     raise nodes.SkipNode
 
