@@ -6,7 +6,9 @@ The logs of TU Delft's CineRat (`examples/cinerat.toml`, 0.428 kg); their paper 
 bench, a pendulum and a scale. Each window starts with the measured rates, and is flown by Newton
 and Euler from the measured rotor speeds alone. Beside the identified parameters: the bench's kt,
 kd, inertia and rotor inertia with all else as identified; the same with the CoM in the middle of
-the rotors and no products of inertia, as one has it without any flight; the rate held.
+the rotors and no products of inertia, as one has it without any flight; the rate held. The rotors
+are equal in all of them: a result that gives only some rotors a coefficient of their own, as these
+logs do, has lost the trim of hover, which CoM and rotors make together.
 With --fit the parameters come from other logs than the one that is replayed.
 """
 
@@ -45,6 +47,7 @@ BENCH = {
     "Izz_com": 8.860e-4,
     "Jr": 8.96e-7,
 }
+TERMS = '[identification]\nterms = ["rotor_inertia", "accel_bias", "twist"]\n'
 TIMES = (0.1, 0.5)
 LOGS_SHOWN = ("LOG00267.BFL", "LOG00271.BFL", "LOG00340.BFL")
 
@@ -54,7 +57,7 @@ def fitted(logs: Sequence[Path], folder: Path) -> IdentificationResult:
     files = ", ".join(f'"{log.absolute()}"' for log in logs)
     path = folder / "experiment.toml"
     entry = f'[[configuration]]\nname = "A"\nmass = {MASS}\nflights = [{files}]\n'
-    path.write_text(f"{AIRFRAME.read_text(encoding='utf-8')}\n{entry}", encoding="utf-8")
+    path.write_text(f"{AIRFRAME.read_text(encoding='utf-8')}\n{TERMS}{entry}", encoding="utf-8")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RotorfitWarning)
         return identify(load_experiment(path))

@@ -210,6 +210,13 @@ def _notes(
     if bench:
         given = ", ".join(f"{name}={value:g}" for name, value in bench.items())
         notes.append(f"bench: {given}; all else as identified, which favours it")
+    notes += model.notes
+    own = [p.value is not None for p in result.parameters if p.name.startswith("kt_")]
+    if any(own) and not all(own):
+        notes.append(
+            "only some rotors have a kt of their own: hover is out of trim, which the CoM and all "
+            "rotors make together; identify again with terms that leave rotor_spread out"
+        )
     if any(p.name.startswith("drag_") and p.value for p in result.parameters):
         notes.append("the result knows the frame's drag; replay and MuJoCo leave it out")
     return notes
