@@ -131,6 +131,9 @@ def test_real_logs(run, flight_data_dir, folder):
     for report in reports:
         channels = {channel["name"]: channel for channel in report["channels"]}
         assert {"gyro", "accel"} <= set(channels)
+        raw = "Unfiltered" in channels["accel"]["source"]
+        asked = {setting["name"] for setting in report["settings"]}
+        assert ("acc_lpf_hz" in asked) is not raw
         assert {"rotor_speed", "command"} & set(channels)
         assert 400 < channels["gyro"]["rate"] < 1100
         flown = sum(end - start for start, end in report["airborne"])
@@ -195,3 +198,11 @@ def test_commands_only_get_the_settings_of_their_autopilot(run, here, blackbox):
     names = [setting["name"] for setting in report["settings"]]
     speeds = "rotor_speed" in [channel["name"] for channel in report["channels"]]
     assert ("dshot_bidir" in names) is not speeds
+
+
+def test_a_recording_of_cameras_alone_belongs_beside_a_log(run, here):
+    lines = [f"{0.01 * i} {0.1 * i} 0 1 0 0 0 1" for i in range(200)]
+    (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    [report] = run("inspect", "take.tum", "--json").json
+    [words] = report["trouble"]
+    assert words.startswith("only the pose is in this file, no motors")

@@ -186,11 +186,21 @@ def _cutoffs(log: FlightLog) -> dict[str, float]:
         for key, (_, scale) in CUTOFFS.items()
         if log.metadata.get(key, "").isdecimal()
     }
-    return {key: cutoff for key, cutoff in found.items() if cutoff > 0}
+    raw = "Unfiltered" in (log.channels["accel"].source if "accel" in log.channels else "")
+    return {
+        key: cutoff
+        for key, cutoff in found.items()
+        if cutoff > 0 and not (raw and key == "acc_lpf_hz")
+    }
 
 
 def _missing(log: FlightLog) -> list[str]:
     """Return what the log lacks for an identification."""
+    if set(log.channels) and set(log.channels) <= {"position", "attitude", "velocity"}:
+        return [
+            "only the pose is in this file, no motors: name it beside the log of the autopilot "
+            '(flights = [{ file = "LOG", mocap = "THIS FILE" }])'
+        ]
     words: list[str] = []
     for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
         if name not in log.channels:
