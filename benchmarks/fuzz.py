@@ -153,6 +153,7 @@ def make_seeds(folder: Path) -> None:
     """Write one short flight in every format, a folder for each."""
     sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "logs")]
     from flight_writers import RECORDING_WRITERS, WRITERS, in_whole_rpm
+
     from flown import simulated
 
     flight = in_whole_rpm(simulated("quad-x", "noisy", seed=1, seconds=10.5, sample_rate=50.0))

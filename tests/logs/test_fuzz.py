@@ -4,8 +4,8 @@ import random
 import warnings
 
 import pytest
-
 from benchmarks.fuzz import DAMAGES, attempt, damaged, fuzz
+
 from rotorfit.errors import LogError
 
 

@@ -342,20 +342,9 @@ class _Trial:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Pair:
-    """Both rates, and the time that they share.
+    """Both rates, the slope of the marker's, and on the body's grid the rows known of both.
 
-    Attributes
-    ----------
-    body, marker
-        The rates.
-    slope
-        Time derivative of the marker's.
-    known
-        Rows of the body's grid where the marker's rates are known too.
-    origin
-        Their mean time [s].
-    alike
-        How many neighbouring residuals count as one: they are low-passed.
+    `origin` is their mean time [s]; so many residuals as `alike` count as one: they are low-passed.
     """
 
     body: _Rates
