@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import flown
 from rotorfit.simulation import STILL, Scenario, paper_vehicle, simulate_flight, variant
+from rotorfit.simulation.manoeuvres import MANOEUVRES
 
 KNOWN_DELAY = "[motors]\ndelay = 0.0\n"
 
@@ -41,3 +43,24 @@ def test_a_calm_flight_beside_a_lively_one_does_no_harm(tmp_path, fly):
     rho, mean = (r.diagnostics["excitation_roll@A"] for r in (alone, both))
     assert mean == pytest.approx(0.5 * rho, rel=0.2)
     assert both.derived_value("Ixx_com").std < 1.2 * alone.derived_value("Ixx_com").std
+
+
+def test_one_axis_at_a_time_gives_inertia_and_yaw_as_a_ratio(tmp_path, fly):
+    """Calm in two axes of three, and with noisy rotor speeds, every flight but one says nothing."""
+    flights = [
+        fly(seed, seconds=20.0, sticks=MANOEUVRES[name])
+        for seed, name in enumerate(("roll", "pitch", "yaw"), start=1)
+    ]
+    result = flown.identified(tmp_path, flights, extra=KNOWN_DELAY)
+    truth = flights[0].truth
+    for name, true in zip(("Ixx_com", "Iyy_com"), np.diagonal(truth.com_inertia), strict=False):
+        found = result.derived_value(name)
+        assert found.interval[0] < true < found.interval[1]
+        assert found.std < 0.04 * true
+    ratio = result.derived_value("kd_over_Izz")
+    assert ratio.interval[0] < truth.kd / truth.com_inertia[2, 2] < ratio.interval[1]
+    for name, partner in (("kd", "Izz"), ("Izz", "kd")):
+        found = result.parameter(name)
+        assert (found.verdict, found.partner, found.value) == ("ratio-only", partner, None)
+        assert "yaw while rolling" in found.advice
+    assert any("known only as a ratio" in words for words in result.warnings)

@@ -36,6 +36,7 @@ may be exact, and without a floor its likelihood is a valley that the iteration 
 MOST_NOISE = 0.7
 """Share of the regressors' noise in the information on a direction, over which the correction for
 it is larger than what it corrects: nothing is known there."""
+STEP_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 1e-3)
 UNKNOWN = 10.0
 """Factor on the deviation of such a direction."""
 
@@ -145,6 +146,8 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
         If the equations cannot be solved for the noisy signals, or the iteration does not settle.
     """
     state = _evaluate(problem, start)
+    if any(factors.noise is not None for factors in problem.factors):
+        return _finished(problem, *_settled_with_noise(problem, state))
     damping = 1e-3
     for iteration in range(1, MOST_ITERATIONS + 1):
         A, b = _linearised(problem, state)
@@ -159,7 +162,7 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
                 continue
             settled = True
         if settled:
-            return _finished(problem, _corrected(problem, state), iteration)
+            return _finished(problem, state, iteration)
     raise EstimationError(
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
         "remove a term, or fly more motion"
@@ -303,25 +306,48 @@ def _triangular(
     return whole[:f, :f], whole[:f, f]
 
 
-def _corrected(problem: BandedProblem, state: _State) -> _State:
-    """Return the point where the regressors' known noise no longer pulls.
+def _settled_with_noise(problem: BandedProblem, state: _State) -> tuple[_State, int]:
+    """Return the point where the regressors' known noise no longer pulls, and after how many steps.
 
     Noise n of the regressors makes J^T e differ from zero at the truth by its own product
-    n_b dG N G^T; the corrected score takes that off (errors in variables with known N).
+    n_b dG N G^T; the corrected score takes that off (errors in variables with known N). The
+    likelihood itself, with a variance free in every block, would rather have no response at all
+    than a noisy one: calm flights beside a lively one would win. So every step must lower the
+    squares over the variances of the last point, of which the regressors' share moves with theta.
     """
-    if all(factors.noise is None for factors in problem.factors):
-        return state
-    uncorrected, before = state, np.inf
-    for _ in range(MOST_ITERATIONS):
+    for iteration in range(1, MOST_ITERATIONS + 1):
         taken, scores, plain = _corrected_equations(problem, state)
         step = _corrected_step(plain, taken, scores.sum(axis=0))
-        size = float(np.max(np.abs(step) * np.sqrt(np.diagonal(plain))))
-        if not size < before:
-            return uncorrected  # steps that grow lead nowhere: noise outweighs motion
-        state, before = _evaluate(problem, state.phi + step), size
-        if size <= SMALLEST_STEP:
-            break
-    return state
+        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(plain)))) <= SMALLEST_STEP:
+            return state, iteration
+        own = state.variance - _known_share(problem, state.phi)
+        own = np.maximum(own, (1.0 - MOST_NOISE) * state.variance)
+        best = _squares(problem, state, own)
+        for fraction in STEP_FRACTIONS:
+            trial = _evaluate_or_none(problem, state.phi + fraction * step)
+            if trial is not None and _squares(problem, trial, own) < best:
+                state = trial
+                break
+        else:
+            return state, iteration  # no step lowers them: this is the bottom
+    return state, MOST_ITERATIONS
+
+
+def _known_share(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "b k"]:
+    """Return what the regressors' known noise adds to the variance of every block's errors."""
+    theta = problem.map.theta(phi)
+    parts: list[Float[np.ndarray, "b k"]] = []
+    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
+        G, _ = _solved(tensor, theta[c], problem.noisy)
+        parts.append(factors.known_noise @ (G * G).T)
+    return np.concatenate(parts)
+
+
+def _squares(problem: BandedProblem, state: _State, own: Float[np.ndarray, "b k"]) -> float:
+    """Return the squared errors over their variances, those of the noisy signals being `own`."""
+    power = np.einsum("bmk,bmk->bk", state.residual, state.residual)
+    weighted = power / (own + _known_share(problem, state.phi))
+    return float(weighted.sum()) + _prior_cost(problem, state.phi)
 
 
 def _corrected_step(
