@@ -197,8 +197,8 @@ def test_what_is_not_known_is_not_flown():
     with pytest.raises(ExperimentError, match="kd, Izz_com of configuration A"):
         replay_vehicle(changed(a_result(), **YAW_LOST), "A")
     # A CoM that is not known is not one at the origin.
-    with pytest.raises(ExperimentError, match=r"com_x, Ixx_com, .* of configuration A: not known"):
-        replay_vehicle(changed(a_result(), msx={"value": None}), "A")
+    with pytest.raises(ExperimentError, match="com_x of configuration A: not known"):
+        replay_vehicle(changed(a_result(), msx={"value": None}, com_x={"value": None}), "A")
     light = changed(a_result(), Ixx={"value": 1e-6}, Ixx_com={"value": 1e-6})
     with pytest.raises(ExperimentError, match="no body has the inertia"):
         replay_vehicle(light, "A")

@@ -95,6 +95,12 @@ def replay_vehicle(
     given = dict(assumed or {})
     vehicle = _geometry(result)
     values = _about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))
+    # About the CoM the result may know what at the origin it does not: then without draws.
+    scale = given.get("mass", 1.0) if result.parameter("mass", owner).value is None else 1.0
+    for d in result.derived:
+        if d.configuration == owner and d.name in (*COM, *INERTIA_COM) and d.value is not None:
+            factor = scale if d.name in INERTIA_COM else 1.0
+            values.setdefault(d.name, np.full_like(values["mass"], factor * d.value))
     values |= {name: np.full_like(values["mass"], given[name]) for name in given}
     listed = [p.name for p in result.parameters if p.configuration == owner]
     needed = (*NEEDED, *(name for name in ROTOR_CENTER if name in listed))
