@@ -86,8 +86,13 @@ def smallest_second_moment(numbers: Numbers, configuration: str) -> SecondMoment
     return SecondMoment(
         value=float(moments[0]),
         half_width=float(np.sqrt(max(variance, 0.0))),
-        share=float(moments[0] / max(values[:3].sum() / 2.0, np.finfo(float).tiny)),
+        share=_share(float(moments[0]), 0.5 * float(values[:3].sum())),
     )
+
+
+def _share(moment: float, total: float) -> float:
+    """Return a second moment over their sum; infinitely impossible where no sum is positive."""
+    return moment / total if total > 1e-9 * abs(moment) else float("-inf")
 
 
 def _slopes() -> list[Float[np.ndarray, "3 3"]]:
