@@ -48,7 +48,12 @@ def joint_tables(
     timing: MotorTiming | None,
 ) -> Tables:
     """Return parameters and derived numbers of all configurations, each with its verdict."""
-    judged = _judgements(numbers, configurations) | assumed_rotors(fit, configurations)
+    judged = _judgements(numbers, configurations)
+    judged |= {
+        name: judgement
+        for name, judgement in assumed_rotors(fit, configurations).items()
+        if judged[name].verdict != "not-identified"
+    }
     parameters = [
         _parameter(name, numbers, judged, entries) for name in numbers.names if _is_parameter(name)
     ]

@@ -55,6 +55,8 @@ def _judgement(rotors: int, *, grouped: bool) -> Judgement:
         reason = "the mixer moves these rotors together"
         advice = 'give the rotors that are alike the same group (group = "..." in [airframe])'
     else:
-        reason = "the flights do not tell the rotors apart"
+        # Kept: with the CoM they make the trim of hover, and one without the other is none.
+        reason = "the flights tell little more of it than that rotors are alike"
         advice = "roll, pitch and yaw more briskly"
+        return Judgement(verdict="weak", reason=reason, advice=advice)
     return Judgement(verdict="not-identified", reason=reason, advice=advice)
