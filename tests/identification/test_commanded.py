@@ -138,10 +138,9 @@ def test_a_thrust_that_is_no_square_of_the_command_is_told_by_the_weight(tmp_pat
     assert kt.value == pytest.approx(truth.kt * w**2 / hover, rel=0.08)
     assert kt.value < truth.kt * w**2 / hover
     assert kt.verdict == "weak"
-    # The changes about hover say half of it; the roll inertia goes with one or the other.
+    # The changes about hover say half of it; the inertia goes with one or the other.
     assert kt.interval[0] < 0.5 * truth.kt * w**2 / hover
-    Ixx = result.derived_value("Ixx_com")
-    assert Ixx.interval[0] < truth.com_inertia[0, 0] < Ixx.interval[1]
+    assert result.parameter("Ixx").verdict == "weak"
 
 
 def test_a_wrong_law_is_told_by_the_weight(tmp_path, flight):

@@ -138,8 +138,8 @@ def test_vicon_and_commands_of_a_small_quadrotor(flight_data_dir, tmp_path):
     result = real(tmp_path, recording, columns)
     (used,) = result.flights
     assert 25 < used.seconds_used < 42
-    weight = 0.027 * (9.9 - result.parameter("accel_bias_z").value)
-    assert result.parameter("kt").value * 3.0 == pytest.approx(weight, rel=0.05)
+    assert any("carries the weight" in words for words in result.warnings)
+    assert result.parameter("kt").value * 3.0 == pytest.approx(0.027 * 9.9, rel=0.05)
     for name in ("Ixx", "Iyy", "Izz", "kd"):
         assert result.parameter(name).verdict == "not-identified"
     assert 0.0 < result.parameter("motor_delay").value < 0.1

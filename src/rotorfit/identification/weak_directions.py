@@ -72,7 +72,10 @@ def body_directions(estimate: Estimate) -> tuple[WeakDirection, ...]:
 def _marginal(covariance: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
     """Return the inverse of a covariance, scaled on the way: its units are far apart."""
     std = np.sqrt(np.diagonal(covariance))
-    return np.linalg.inv(covariance / np.outer(std, std)) / np.outer(std, std)
+    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
+    # Below rounding of the largest, an eigenvalue is not known: what it stands for is known best.
+    values = np.maximum(values, np.finfo(float).eps * values[-1])
+    return (vectors / values) @ vectors.T / np.outer(std, std)
 
 
 def _direction(
@@ -86,8 +89,8 @@ def _direction(
 
 
 def condition_number(directions: Sequence[WeakDirection]) -> float:
-    """Return the best known combination over the worst."""
-    return 1.0 / max(directions[0].strength, np.finfo(float).tiny)
+    """Return the best known combination over the worst, at most what rounding leaves of it."""
+    return 1.0 / max(directions[0].strength, np.finfo(float).eps)
 
 
 def condition_words(condition: float) -> str:
