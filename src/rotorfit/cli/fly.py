@@ -20,9 +20,10 @@ from rotorfit.identification.experiment import experiment_of_settings
 from rotorfit.identification.fly_outcome import IDENTIFIED, FlyOutcome
 from rotorfit.identification.model_flight import MANOEUVRES
 from rotorfit.identification.replay import WINDOW
-from rotorfit.identification.replay_flights import Timed, found_response, replay_flights
+from rotorfit.identification.replay_flights import Timed, replay_flights
 from rotorfit.identification.replay_vehicle import replay_vehicle
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.validate import found_response
 from rotorfit.logs.files import write_whole
 
 DRAWS = 40

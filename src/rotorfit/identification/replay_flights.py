@@ -86,20 +86,6 @@ def replay_flights(
     return replays
 
 
-def found_response(result: IdentificationResult) -> MotorResponse | None:
-    """Return the motors' timing that the fit found; a given one is in the preparation already."""
-    times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
-    if all(p.verdict == "given" or p.value is None for p in times.values()):
-        return None
-    at = {name: p.value or 0.0 for name, p in times.items()}
-    lag = at.get("motor_lag", 0.0)
-    return MotorResponse(
-        lag=at.get("motor_lag_up", lag),
-        delay=at.get("motor_delay", 0.0),
-        lag_down=at.get("motor_lag_down"),
-    )
-
-
 def _own(experiment: Experiment, owner: str) -> list[FlightEntry]:
     return [
         entry

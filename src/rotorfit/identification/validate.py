@@ -168,7 +168,7 @@ def compare_wrenches(
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     velocity = any(f"drag_{axis}" in known for axis in "xyz") and velocity_known([used])
     model = regressor(vehicle, velocity=velocity)
-    data = retimed(used.prepared, _found_response(result))
+    data = retimed(used.prepared, found_response(result))
     lowpass = LowPass(cutoff=cutoff)
     # What the filter makes of a segment's two ends is its own, not the flight's.
     end = round(0.5 * data.sample_rate / cutoff)
@@ -233,7 +233,7 @@ def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
     return known
 
 
-def _found_response(result: IdentificationResult) -> MotorResponse | None:
+def found_response(result: IdentificationResult) -> MotorResponse | None:
     """Return the motors' timing that the fit found; a given one is in the preparation already."""
     times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
     if all(p.verdict == "given" or p.value is None for p in times.values()):

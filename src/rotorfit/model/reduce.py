@@ -260,10 +260,11 @@ def _line_rows(
 
     The mean is real, and its one row would have the variance of two.
     """
-    part = lines[first:last]
+    real = np.real(lines[first:last])
+    imaginary = np.imag(lines[first:last])
     if first > 0:
-        return np.concatenate([part.real, part.imag])
-    return np.concatenate([part.real[:1] / np.sqrt(2.0), part.real[1:], part.imag[1:]])
+        return np.concatenate([real, imaginary])
+    return np.concatenate([real[:1] / np.sqrt(2.0), real[1:], imaginary[1:]])
 
 
 def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tuple[int, int]]:

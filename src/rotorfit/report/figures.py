@@ -13,7 +13,7 @@ from rotorfit.identification.comparison import WrenchComparison
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
-from rotorfit.report.html import template_text
+from rotorfit.report.page_templates import template_text
 from rotorfit.report.series import series_of
 from rotorfit.report.svg import standalone
 from rotorfit.report.vehicle import vehicle_drawings

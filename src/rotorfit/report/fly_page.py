@@ -1,25 +1,20 @@
 """What `rotorfit fly` found, as one self-contained HTML page and as drawings."""
 
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rotorfit.identification.fly_outcome import AXES, FlyOutcome, told_times
 from rotorfit.logs.files import write_whole
 from rotorfit.report.figures import write_drawings
 from rotorfit.report.fly_figures import fly_drawings, kind_of
 from rotorfit.report.fly_text import force_rows, headline, manoeuvre_words, rate_rows, verdicts
-from rotorfit.report.html import TEMPLATES, template_text
+from rotorfit.report.page_templates import page_template, template_text
 from rotorfit.report.svg import clean, standalone
 from rotorfit.report.words import file_name
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 
 def fly_html(outcome: FlyOutcome) -> str:
     """Return the page."""
-    page = _environment().get_template("fly.html")
+    page = page_template("fly.html")
     html = page.render(
         outcome=outcome,
         headline=headline(outcome),
@@ -53,17 +48,3 @@ def write_fly_figures(folder: Path, outcome: FlyOutcome, *, force: bool = False)
     style = template_text("figure.css") + template_text("fly.css")
     drawings = {name: standalone(svg, style) for name, svg in fly_drawings(outcome).items()}
     return write_drawings(folder, drawings, force=force)
-
-
-@cache
-def _environment() -> "Environment":
-    # Inside the function: the command line must not wait for it when it only prints help.
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    return Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )

@@ -3,14 +3,13 @@
 import base64
 import hashlib
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rotorfit.identification.comparison import SHOWN, WrenchComparison
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
+from rotorfit.report.page_templates import page_template, template_text
 from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
 from rotorfit.report.parameters import parameter_tables
 from rotorfit.report.provenance import method_words, provenance_of
@@ -20,11 +19,6 @@ from rotorfit.report.used import used_flights
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.words import VERDICT_MEANING, configurations
 from rotorfit.report.wrenches import validation_rows, wrench_figures
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-TEMPLATES = Path(__file__).parent / "templates"
 
 
 def report_html(
@@ -47,7 +41,7 @@ def report_html(
     """
     with_paper = is_paper_vehicle(result) if paper is None else paper
     script = template_text("plot.js")
-    page = _environment().get_template("page.html")
+    page = page_template("page.html")
     html = page.render(
         result=result,
         method=method_words(result.method),
@@ -97,25 +91,6 @@ def write_report(
     """
     html = report_html(result, comparisons=comparisons, paper=paper)
     write_whole(path, html, force=force)
-
-
-def template_text(name: str) -> str:
-    """Return a file of the templates as it is."""
-    return (TEMPLATES / name).read_text(encoding="utf-8")
-
-
-@cache
-def _environment() -> "Environment":
-    # Inside the function: the command line must not wait for it when it only prints help.
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    return Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
 
 
 def _fingerprint(script: str) -> str:

@@ -2,15 +2,15 @@
 
 import textwrap
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from rotorfit.identification.plan import FlightPlan
 from rotorfit.identification.plan_wanted import WANTABLE
 from rotorfit.logs.files import write_whole
+from rotorfit.report.page_templates import page_template, template_text
 from rotorfit.report.plan_words import (
     Step,
     flown_words,
@@ -26,10 +26,6 @@ from rotorfit.report.plan_words import (
 )
 from rotorfit.report.svg import clean, drawing, label, tag
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-TEMPLATES: Final = Path(__file__).parent / "templates"
 WIDTH: Final = 78
 PLAIN_NAMES: Final = {
     "kt": "thrust",
@@ -60,22 +56,18 @@ class CardFlight:
 
 def card_html(plan: FlightPlan) -> str:
     """Return the card as one self-contained HTML page of A4 size."""
-    page = (
-        _environment()
-        .get_template("card.html")
-        .render(
-            plan=plan,
-            headline=headline(plan),
-            promise=promise(plan).replace("+-", "\u00b1"),
-            checklist=checklist(plan),
-            flights=card_flights(plan),
-            expected=expected(plan),
-            command=after_words(plan),
-            payload=payload_words(plan) if plan.chosen.payload else "",
-            view=_top_view(plan),
-            mass=mass_words(plan.rough.truth.mass),
-            style=(TEMPLATES / "card.css").read_text(encoding="utf-8"),
-        )
+    page = page_template("card.html").render(
+        plan=plan,
+        headline=headline(plan),
+        promise=promise(plan).replace("+-", "\u00b1"),
+        checklist=checklist(plan),
+        flights=card_flights(plan),
+        expected=expected(plan),
+        command=after_words(plan),
+        payload=payload_words(plan) if plan.chosen.payload else "",
+        view=_top_view(plan),
+        mass=mass_words(plan.rough.truth.mass),
+        style=template_text("card.css"),
     )
     return clean(page)
 
@@ -242,17 +234,3 @@ def _spacing(places: np.ndarray) -> float:
         places[:, None, 0] - places[None, :, 0], places[:, None, 1] - places[None, :, 1]
     )
     return float(apart[~np.eye(len(places), dtype=bool)].min())
-
-
-@cache
-def _environment() -> "Environment":
-    # Inside the function: the command line must not wait for it when it only prints help.
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    return Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )

@@ -78,7 +78,8 @@ def lagged(
     decay
         exp(-t/lag) at each of the times, rising and falling, see `decay_over`.
     """
-    left = np.where(command >= speed, decay[0][:, None], decay[1][:, None])
+    rising = (command >= speed).astype(float)
+    left = decay[1][:, None] + rising * (decay[0] - decay[1])[:, None]
     return command + left * (speed - command)
 
 
