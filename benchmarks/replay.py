@@ -33,9 +33,10 @@ from rotorfit.identification.replay import (
     force_errors,
     growth_time,
 )
-from rotorfit.identification.replay_flights import Timed, found_response, replay_flights
+from rotorfit.identification.replay_flights import Timed, replay_flights
 from rotorfit.identification.replay_vehicle import ReplayVehicle, replay_vehicle
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.validate import found_response
 
 AIRFRAME = Path(__file__).parents[1] / "examples" / "cinerat.toml"
 MASS = 0.428
