@@ -109,6 +109,19 @@ def _what_it_is(head: bytes) -> str:
     return f"unknown format (begins with {head[:8].hex(' ')})"
 
 
+def _refuse_map(path: Path, options: ReadOptions, why: str) -> None:
+    """Raise where columns or axes are given to a format that knows its own."""
+    if options.columns or options.axes != "FLU":
+        what = "a columns map" if options.columns else "axes"
+        raise LogError(f"{path}: {why}: leave out {what}")
+
+
+def _refuse_other_log(path: Path, options: ReadOptions, what: str) -> None:
+    """Raise where another than the one log of a file is asked for."""
+    if options.log_number not in (None, 1):
+        raise LogError(f"{path}: {what} is one log, there is no log {options.log_number}")
+
+
 def _is_blackbox(head: bytes) -> bool:
     from rotorfit.logs.blackbox import is_blackbox
 
@@ -118,9 +131,7 @@ def _is_blackbox(head: bytes) -> bool:
 def _read_blackbox(path: Path, options: ReadOptions) -> FlightLog:
     from rotorfit.logs.blackbox import read_blackbox
 
-    if options.columns or options.axes != "FLU":
-        what = "a columns map" if options.columns else "axes"
-        raise LogError(f"{path}: a Blackbox log names its own fields and axes: leave out {what}")
+    _refuse_map(path, options, "a Blackbox log names its own fields and axes")
     return read_blackbox(path, log_number=options.log_number)
 
 
@@ -133,11 +144,8 @@ def _is_crazyflie(head: bytes) -> bool:
 def _read_crazyflie(path: Path, options: ReadOptions) -> FlightLog:
     from rotorfit.logs.crazyflie import read_crazyflie
 
-    if options.columns or options.axes != "FLU":
-        what = "a columns map" if options.columns else "axes"
-        raise LogError(f"{path}: a Crazyflie log names its own variables: leave out {what}")
-    if options.log_number not in (None, 1):
-        raise LogError(f"{path}: a Crazyflie file is one log, there is no log {options.log_number}")
+    _refuse_map(path, options, "a Crazyflie log names its own variables")
+    _refuse_other_log(path, options, "a Crazyflie file")
     return read_crazyflie(path)
 
 
@@ -150,11 +158,8 @@ def _is_ulog(head: bytes) -> bool:
 def _read_ulog(path: Path, options: ReadOptions) -> FlightLog:
     from rotorfit.logs.ulog import read_ulog
 
-    if options.columns or options.axes != "FLU":
-        what = "a columns map" if options.columns else "axes"
-        raise LogError(f"{path}: a ULog names its own topics and axes: leave out {what}")
-    if options.log_number not in (None, 1):
-        raise LogError(f"{path}: a ULog is one log, there is no log {options.log_number}")
+    _refuse_map(path, options, "a ULog names its own topics and axes")
+    _refuse_other_log(path, options, "a ULog")
     return read_ulog(path)
 
 
@@ -167,11 +172,8 @@ def _is_dataflash(head: bytes) -> bool:
 def _read_dataflash(path: Path, options: ReadOptions) -> FlightLog:
     from rotorfit.logs.dataflash import read_dataflash
 
-    if options.columns or options.axes != "FLU":
-        what = "a columns map" if options.columns else "axes"
-        raise LogError(f"{path}: a DataFlash log names its own fields and axes: leave out {what}")
-    if options.log_number not in (None, 1):
-        raise LogError(f"{path}: a DataFlash file is one log, there is no log {options.log_number}")
+    _refuse_map(path, options, "a DataFlash log names its own fields and axes")
+    _refuse_other_log(path, options, "a DataFlash file")
     return read_dataflash(path)
 
 
@@ -190,8 +192,7 @@ def _is_rosbag_folder(path: Path) -> bool:
 def _read_rosbag(path: Path, options: ReadOptions) -> FlightLog:
     from rotorfit.logs.rosbag import read_rosbag
 
-    if options.log_number not in (None, 1):
-        raise LogError(f"{path}: a bag is one log, there is no log {options.log_number}")
+    _refuse_other_log(path, options, "a bag")
     return read_rosbag(
         path, columns=options.columns, axes=options.axes, motor_poles=options.motor_poles
     )
@@ -216,8 +217,7 @@ def _is_mocap(name: str) -> Callable[[bytes], bool]:
 def _read_mocap(path: Path, options: ReadOptions) -> FlightLog:
     from rotorfit.logs import mocap
 
-    if options.log_number not in (None, 1):
-        raise LogError(f"{path}: a recording is one log, there is no log {options.log_number}")
+    _refuse_other_log(path, options, "a recording")
     if options.axes != "FLU":
         raise LogError(f"{path}: the file says its own axes, turned to z up: leave out axes")
     read = mocap.read_motive if mocap.is_motive(read_head(path, _HEAD)) else mocap.read_qualisys
@@ -229,8 +229,7 @@ def _read_trajectory(path: Path, options: ReadOptions) -> FlightLog:
 
     if options.columns:
         return _read_table(path, options)
-    if options.log_number not in (None, 1):
-        raise LogError(f"{path}: a trajectory is one log, there is no log {options.log_number}")
+    _refuse_other_log(path, options, "a trajectory")
     return read_trajectory(path, axes=options.axes)
 
 
@@ -258,8 +257,7 @@ def _is_table(head: bytes) -> bool:
 def _read_table(path: Path, options: ReadOptions) -> FlightLog:
     from rotorfit.logs.table import read_table
 
-    if options.log_number not in (None, 1):
-        raise LogError(f"{path}: a table is one log, there is no log {options.log_number}")
+    _refuse_other_log(path, options, "a table")
     return read_table(
         path, columns=options.columns, axes=options.axes, motor_poles=options.motor_poles
     )
