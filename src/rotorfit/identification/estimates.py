@@ -110,9 +110,12 @@ def _refitted(
     joint: Sequence[JointConfiguration], terms: Sequence[Term], fit: BandedEstimate
 ) -> BandedEstimate:
     """Return the fit with other terms, begun where another one ended."""
-    starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
-    begin = dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
-    return joint_estimate(joint, starts, terms=terms, begin=begin)
+    return joint_estimate(joint, [], terms=terms, begin=_values(fit))
+
+
+def _values(fit: BandedEstimate) -> dict[str, float]:
+    """Return the free parameters of a fit by name."""
+    return dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
 
 
 def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfiguration]) -> Numbers:
@@ -128,9 +131,8 @@ def _joint_widened(
     terms: Sequence[Term],
 ) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
-    begin = dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
     others = [
-        _joint_fit(flown, response, weighed=weighed, top=top, terms=terms, begin=begin)
+        _joint_fit(flown, response, weighed=weighed, top=top, terms=terms, begin=_values(fit))
         for response, top in _other_settings(flown)
     ]
     shifts = [_joint_numbers(flown, *other).values - numbers.values for other in others]
