@@ -3,13 +3,21 @@
 A message says what was met, what was expected, and what to do next.
 """
 
+import re
+
 
 class RotorfitError(Exception):
     """Base of every error that rotorfit raises on purpose."""
 
 
 class LogError(RotorfitError):
-    """A file cannot be read as a flight log, or lacks a channel that is needed."""
+    """A file cannot be read as a flight log, or lacks a channel that is needed.
+
+    Its message is one line, whatever a damaged file or the library that read it put into it.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(re.sub(r"\s*[\r\n]\s*", " ", message))
 
 
 class FlightError(RotorfitError):
