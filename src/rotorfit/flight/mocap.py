@@ -297,9 +297,18 @@ def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
     )
 
 
+def _margin(frames: _Frames) -> int:
+    """Return how many frames are cut from the ends of every run.
+
+    The rate of the cameras is known up to rounding, which grows with the time at which the clock
+    begins; where the margin is a whole number of frames, it must not decide about one more.
+    """
+    return int(np.ceil(MARGIN / frames.cutoff * frames.rate - JITTER_STEPS))
+
+
 def _windowed(data: FlightData, frames: _Frames, *, arm: float, window: Window) -> Motion:
     """Return what the search for flight looks at: runs without their ends, in the window."""
-    margin = int(np.ceil(MARGIN / frames.cutoff * frames.rate))
+    margin = _margin(frames)
     since_start = data.time - data.time[0]
     first, last = (
         int(np.searchsorted(since_start, edge))
@@ -353,7 +362,7 @@ def _cuts(data: FlightData, frames: _Frames, window: Window) -> tuple[Cut, ...]:
     """Return what is not used, in the order of time."""
     reason = "not airborne" if window == (None, None) else "outside start and end"
     used = np.zeros(len(data.time), dtype=bool)
-    margin = int(np.ceil(MARGIN / frames.cutoff * frames.rate))
+    margin = _margin(frames)
     for segment in data.segments:
         used[max(segment.start - margin, 0) : segment.stop + margin] = True
     t = data.time
