@@ -1,18 +1,22 @@
 """Damaged files for every reader: only a FlightLog or a LogError may come out, soon and in bounds.
 
-    python -m benchmarks.fuzz --seconds 600            # of the processor, in all
+    python -m benchmarks.fuzz --seconds 600            # of the processor, for each format
     python -m benchmarks.fuzz --format ulog --seconds 60 --seed 7
 
-Each format is read in a process of its own. The inputs are whole logs (one simulated flight in
-every format, and the first 200 kB of real logs where they are there) that were cut, flipped,
-spliced, given huge lengths or deep nesting. A file may take `SECONDS` of the processor and
-`MEGABYTES` of memory over what the process had at its start; a warning counts as a fault. What
-breaks this is saved in the folder `--findings`, and the run ends with exit code 1.
+Each format is read in a process of its own, and hypothesis makes every choice. The inputs are
+whole logs (a simulated flight in every format, short ones with absurd clocks and values, and the
+first 200 kB of real logs where they are there) that were forged (`fuzz_forgeries.py`), cut,
+flipped, spliced, given huge lengths or deep nesting. A file may take `SECONDS` of the processor
+and `MEGABYTES` of memory over what the process had before; a warning counts as a fault, and so
+does a refusal of more than `LONGEST` letters. What breaks this is saved in the folder
+`--findings`, and the run ends with exit code 1. Beside the logs, the experiment file is read.
 """
 
 import argparse
 import contextlib
+import itertools
 import json
+import math
 import os
 import random
 import resource
@@ -27,6 +31,10 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
+
+from benchmarks.fuzz_forgeries import FORGERIES, Forgery
+from benchmarks.fuzz_made import strange
 
 ROOT = Path(__file__).parents[1]
 SECONDS = 10.0
@@ -34,6 +42,12 @@ SECONDS = 10.0
 MEGABYTES = 400.0
 """More than the process had before, that one file may take; the largest input has 1 MB."""
 LARGEST = 1_000_000
+LONGEST = 2000
+"""Letters of a refusal: it is one line for a person."""
+STRANGE = 25
+"""Flights with absurd clocks or values, for each format."""
+ROUND = 300
+"""Files that one search of hypothesis tries; it remembers them all."""
 HEAD = 200_000
 REAL = {
     "ulog": "px4-ulog/*.ulg",
@@ -79,6 +93,10 @@ class Tally:
 
 class TooSlowError(BaseException):
     """No reader may catch it."""
+
+
+class EnoughError(BaseException):
+    """The time is over; hypothesis may not catch it."""
 
 
 # Damage
@@ -131,16 +149,25 @@ def nested(data: bytes, other: bytes, rng: random.Random) -> bytes:
 
 
 def with_tail(data: bytes, other: bytes, rng: random.Random) -> bytes:
-    return data + rng.randbytes(rng.choice((1, 7, 100, 5000, 60000)))
+    tail = random.Random(rng.getrandbits(32))  # one choice of the search, not thousands
+    return data + tail.randbytes(rng.choice((1, 7, 100, 5000, 60000)))
 
 
 DAMAGES = (cut, flipped, overwritten, removed, repeated, spliced, inserted, nested, with_tail)
 
 
-def damaged(seeds: list[bytes], others: list[bytes], rng: random.Random) -> bytes:
-    """Return a seed with one to four kinds of damage, at least one byte long."""
+def damaged(
+    seeds: list[bytes],
+    others: list[bytes],
+    rng: random.Random,
+    forgeries: tuple[Forgery, ...] = (),
+) -> bytes:
+    """Return a seed that was forged, or has one to four kinds of damage; at least one byte long."""
     data = rng.choice(seeds)
-    for _ in range(rng.choice((1, 1, 2, 4))):
+    is_forged = bool(forgeries) and rng.random() < 0.6
+    for _ in range(rng.choice((1, 1, 2)) if is_forged else 0):
+        data = rng.choice(forgeries)(data, rng)[:LARGEST] or b"\0"
+    for _ in range(rng.choice((0, 0, 0, 1)) if is_forged else rng.choice((1, 1, 2, 4))):
         other = rng.choice(seeds if rng.random() < 0.8 else others)
         data = rng.choice(DAMAGES)(data, other, rng)[:LARGEST] or b"\0"
     return data
@@ -149,8 +176,8 @@ def damaged(seeds: list[bytes], others: list[bytes], rng: random.Random) -> byte
 # Seeds
 
 
-def make_seeds(folder: Path) -> None:
-    """Write one short flight in every format, a folder for each."""
+def make_seeds(folder: Path, seed: int) -> None:
+    """Write a short flight and strange ones in every format, a folder for each."""
     sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "logs")]
     from flight_writers import RECORDING_WRITERS, WRITERS, in_whole_rpm
 
@@ -160,7 +187,31 @@ def make_seeds(folder: Path) -> None:
     for name, (file, write) in {**WRITERS, **RECORDING_WRITERS}.items():
         (folder / name).mkdir()
         write(flight, folder / name / file)
+        add_strange(flight, folder / name, file, write, random.Random(f"{name} {seed}"))
     add_real_heads(folder)
+    add_experiments(folder / "experiment")
+
+
+def add_strange(
+    flight: Any, folder: Path, file: str, write: Callable[[Any, Path], None], rng: random.Random
+) -> None:
+    """Write flights that no vehicle makes, where the format can hold them."""
+    import numpy as np
+
+    for k in range(STRANGE):
+        path = folder / f"strange-{k}-{file}"
+        # A writer may well fail where it must not: it is no part of what is tested.
+        with contextlib.suppress(Exception), warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            write(strange(flight, rng), path)
+
+
+def add_experiments(folder: Path) -> None:
+    """Copy the experiment and airframe files of the examples."""
+    folder.mkdir()
+    found = sorted((ROOT / "examples").rglob("*.toml"))
+    for k, path in enumerate(found):
+        shutil.copy(path, folder / f"{k}-{path.name}")
 
 
 def add_real_heads(folder: Path) -> None:
@@ -173,7 +224,7 @@ def add_real_heads(folder: Path) -> None:
 
 def seeds_in(folder: Path) -> list[bytes]:
     names = sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix != ".yaml")
-    return [path.read_bytes() for path in names]
+    return [data for data in (path.read_bytes() for path in names) if data]
 
 
 # Reading
@@ -195,24 +246,32 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 
 def peak() -> float:
-    """Return the most memory that this process ever had [MB]."""
+    """Return the most memory that this process had since `forget_peak` [MB]."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024.0
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def forget_peak() -> None:
+    """Begin the peak anew where the system can: else a big file hides all that are smaller."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
 
 
 def attempt(path: Path, read: Callable[[Path], object], *, seconds: float = SECONDS) -> str | None:
     """Read a file; return whether it was "read" or "refused", or the fault in words."""
-    from rotorfit.errors import LogError
-    from rotorfit.flight.log import FlightLog
+    from rotorfit.errors import ExperimentError, LogError
 
+    forget_peak()
     before = peak()
     try:
         with time_limit(seconds), warnings.catch_warnings():
             warnings.simplefilter("error")
-            log = read(path)
-            wrong = None if isinstance(log, FlightLog) else f"returned {type(log).__name__}"
-            outcome = wrong or (uneven(log) if isinstance(log, FlightLog) else None) or "read"
-    except LogError as error:
-        outcome = "refused" if str(error).strip() else "a LogError without words"
+            outcome = wrong_with(read(path)) or "read"
+    except (LogError, ExperimentError) as error:
+        outcome = wrong_words(str(error)) or "refused"
     except TooSlowError as error:
         outcome = f"too slow: {error}"
     except Exception:
@@ -221,51 +280,95 @@ def attempt(path: Path, read: Callable[[Path], object], *, seconds: float = SECO
     return f"{grown:.0f} MB of memory" if grown > MEGABYTES else outcome
 
 
-def uneven(log: object) -> str | None:
-    """Return what is wrong with the shapes of a log's channels."""
-    for name, channel in log.channels.items():  # type: ignore[attr-defined]
-        if channel.time.ndim != 1 or channel.values.shape[:1] != channel.time.shape:
-            return f"{name}: times {channel.time.shape}, values {channel.values.shape}"
+def wrong_words(words: str) -> str | None:
+    """Return what is wrong with a refusal."""
+    if not words.strip():
+        return "a LogError without words"
+    return f"a refusal of {len(words)} letters" if len(words) > LONGEST else None
+
+
+def wrong_with(found: object) -> str | None:
+    """Return what is wrong with what a reader gave."""
+    from rotorfit.flight.log import CHANNELS, FlightLog
+    from rotorfit.identification.experiment import Experiment
+
+    if isinstance(found, Experiment):
+        return None
+    if not isinstance(found, FlightLog):
+        return f"returned {type(found).__name__}"
+    if not (math.isfinite(found.seconds) and found.seconds >= 0.0):
+        return f"a log of {found.seconds} s"
+    for name, channel in found.channels.items():
+        shape, columns = channel.values.shape, CHANNELS[name][0]
+        if channel.time.ndim != 1 or len(shape) != 2 or shape[0] != len(channel.time):
+            return f"{name}: times {channel.time.shape}, values {shape}"
+        if columns not in (None, shape[1]) or {channel.time.dtype, channel.values.dtype} != {
+            channel.time.dtype
+        }:
+            return f"{name}: {shape[1]} columns of {channel.values.dtype}"
     return None
+
+
+def reader_of(name: str) -> Callable[[Path], object]:
+    if name == "experiment":
+        from rotorfit.identification.experiment import load_experiment
+
+        return load_experiment
+    from rotorfit.logs import read_log
+
+    return read_log
 
 
 def work(name: str, *, folder: Path, findings: Path, seconds: float, seed: int) -> Tally:
     """Read damaged files of one format for so many seconds of the processor."""
-    from rotorfit.logs import read_log
+    import hypothesis
+    from hypothesis import strategies as st
 
+    read = reader_of(name)
     limit = int((2048 + MEGABYTES) * 1e6)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
-    rng = random.Random(seed)
     seeds, others = seeds_in(folder / name), seeds_in(folder)
     target = folder / f"{name}-{os.getpid()}.input"
-    warm_up(seeds, target)
-    start, tally, known = peak(), Tally(name=name), set[str]()
-    begin = time.process_time()
-    while time.process_time() - begin < seconds:
-        target.write_bytes(damaged(seeds, others, rng))
-        at = time.process_time()
-        outcome = attempt(target, read_log)
+    tally, known = Tally(name=name), set[str]()
+
+    def examine(data: bytes) -> None:
+        target.write_bytes(data)
+        at, before = time.process_time(), peak()
+        outcome = attempt(target, read)
         tally.slowest = max(tally.slowest, time.process_time() - at)
+        tally.megabytes = max(tally.megabytes, peak() - before)
         tally.executions += 1
         tally.read += outcome == "read"
         tally.refused += outcome == "refused"
         if outcome not in ("read", "refused"):
             tally.findings += 1
             save(target, findings, name, outcome, known)
-    tally.seconds, tally.megabytes = time.process_time() - begin, peak() - start
+
+    examine(max(seeds, key=len))  # so that what is imported does not count
+    begin, tally.slowest, tally.megabytes = time.process_time(), 0.0, 0.0
+    for data in seeds:
+        examine(data)
+
+    @hypothesis.settings(
+        max_examples=ROUND,
+        database=None,
+        deadline=None,
+        phases=[hypothesis.Phase.generate],
+        suppress_health_check=list(hypothesis.HealthCheck),
+    )
+    @hypothesis.given(st.randoms(use_true_random=False))
+    def search(rng: random.Random) -> None:
+        data = damaged(seeds, others, rng, FORGERIES[name])
+        if time.process_time() - begin > seconds:  # not before: a choice may not hang on time
+            raise EnoughError
+        examine(data)
+
+    with contextlib.suppress(EnoughError):
+        for part in itertools.count():
+            hypothesis.seed(f"{name} {seed} {part}")(search)()
+    tally.seconds = time.process_time() - begin
     target.unlink(missing_ok=True)
     return tally
-
-
-def warm_up(seeds: list[bytes], target: Path) -> None:
-    """Read the seeds whole, so that what is imported does not count."""
-    from rotorfit.errors import LogError
-    from rotorfit.logs import read_log
-
-    for seed in seeds:
-        target.write_bytes(seed)
-        with contextlib.suppress(LogError):
-            read_log(target)
 
 
 def save(target: Path, findings: Path, name: str, outcome: str, known: set[str]) -> None:
@@ -301,16 +404,17 @@ def run_worker(name: str, arguments: list[str], *, seconds: float) -> Tally | No
 def fuzz(names: list[str] | None, *, seconds: float, seed: int, findings: Path) -> int:
     """Fuzz the formats one after the other; return the number of faults."""
     faults = 0
-    print(f"{'format':<12}{'files':>8}{'read':>8}{'refused':>9}{'slowest':>10}{'memory':>10}")
+    print(
+        f"{'format':<12}{'seconds':>9}{'files':>9}{'read':>8}{'refused':>9}{'slowest':>10}{'memory':>10}"
+    )
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        make_seeds(folder)
+        make_seeds(folder, seed)
         chosen = names or sorted(path.name for path in folder.iterdir())
-        each = seconds / len(chosen)
         for name in chosen:
-            given = [f"--{k}={v}" for k, v in (("seconds", each), ("seed", seed))]
+            given = [f"--{k}={v}" for k, v in (("seconds", seconds), ("seed", seed))]
             paths = [f"--folder={folder}", f"--findings={findings.resolve()}"]
-            tally = run_worker(name, [*given, *paths], seconds=each)
+            tally = run_worker(name, [*given, *paths], seconds=seconds)
             faults += 1 if tally is None else tally.findings
             if tally is None:
                 findings.mkdir(parents=True, exist_ok=True)
@@ -319,7 +423,7 @@ def fuzz(names: list[str] | None, *, seconds: float, seed: int, findings: Path) 
                 print(f"{name:<12} died; its last input is in {findings}")
                 continue
             print(
-                f"{name:<12}{tally.executions:>8}{tally.read:>8}{tally.refused:>9}"
+                f"{name:<12}{tally.seconds:>9.0f}{tally.executions:>9}{tally.read:>8}{tally.refused:>9}"
                 f"{tally.slowest:>8.2f} s{tally.megabytes:>7.0f} MB"
                 + (f"  {tally.findings} FAULTS" if tally.findings else ""),
                 flush=True,

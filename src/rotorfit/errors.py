@@ -10,14 +10,19 @@ class RotorfitError(Exception):
     """Base of every error that rotorfit raises on purpose."""
 
 
-class LogError(RotorfitError):
-    """A file cannot be read as a flight log, or lacks a channel that is needed.
+class _OneLineError(RotorfitError):
+    """Its message is one line, whatever a damaged file or the library that read it put into it.
 
-    Its message is one line, whatever a damaged file or the library that read it put into it.
+    The middle is left out where a name in the file is thousands of letters long.
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(re.sub(r"\s*[\r\n]\s*", " ", message))
+        line = re.sub(r"\s*[\r\n]\s*", " ", message)
+        super().__init__(line if len(line) <= 2000 else f"{line[:1200]} [...] {line[-600:]}")
+
+
+class LogError(_OneLineError):
+    """A file cannot be read as a flight log, or lacks a channel that is needed."""
 
 
 class FlightError(RotorfitError):
@@ -32,7 +37,7 @@ class ExcitationError(FlightError):
     """The flight does not move enough to determine what was asked."""
 
 
-class ExperimentError(RotorfitError):
+class ExperimentError(_OneLineError):
     """The experiment or airframe description is wrong or incomplete."""
 
 

@@ -48,5 +48,6 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ExperimentError(f"{path} cannot be read as text ({error}); expected TOML") from error
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    # Besides its own errors, tomllib gives a number of 4300 digits or deep nesting to Python.
+    except (ValueError, RecursionError) as error:
         raise ExperimentError(f"{path} is not valid TOML: {error}") from error
