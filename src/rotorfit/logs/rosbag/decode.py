@@ -199,7 +199,7 @@ def _alike(
     return (block[:, places] == block[0, places]).all(axis=1)
 
 
-def _joined(parts: list[Int[np.ndarray, " n"]]) -> Int[np.ndarray, " n"]:
+def _joined(parts: list[Int[np.ndarray, " _"]]) -> Int[np.ndarray, " n"]:
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
 
 
