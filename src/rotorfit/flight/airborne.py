@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.signals import central_difference, smooth, true_runs
+from rotorfit.flight.signals import central_difference, pieces, smooth, true_runs
 
 GRAVITY = 9.80665
 LOOK_CUTOFF = 8.0
@@ -94,13 +94,9 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
     shortest = max(int(SHORTEST_FLIGHT * motion.sample_rate), 3)
     found: list[tuple[int, int]] = []
     for start, stop in motion.stretches:
-        if stop - start < shortest:
-            continue
-        look = _look(motion, c * thrust[start:stop], start)
-        for run in true_runs(_bridged(look.excess, motion.sample_rate)):
-            a, b = _without_ground(look, run, motion.sample_rate)
-            if b - a >= shortest:
-                found.append((start + a, start + b))
+        if stop - start >= shortest:
+            runs = _airborne_runs(motion, c * thrust[start:stop], start)
+            found += [(start + a, start + b) for a, b in runs if b - a >= shortest]
     if not found:
         raise FlightError(
             f"no airborne part found: nowhere for {SHORTEST_FLIGHT:g} s does the acceleration "
@@ -109,6 +105,15 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
         )
     _refuse_grounded(motion, thrust, found)
     return found
+
+
+def _airborne_runs(
+    motion: Motion, thrust: Float[np.ndarray, " m"], start: int
+) -> list[tuple[int, int]]:
+    """Return start and stop of the airborne parts of a stretch, counted from where it begins."""
+    look = _look(motion, thrust, start)
+    runs = true_runs(_bridged(look.excess, motion.sample_rate))
+    return [_without_ground(look, run, motion.sample_rate) for run in runs]
 
 
 def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -150,14 +155,14 @@ def _look(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Look:
     rates = motion.angular_velocity[rows]
     squares: Float[np.ndarray, " m"] = np.einsum("ni,ni->n", rates, rates)
     push, spin = smooth(np.stack([thrust, squares], axis=1), rate, LOOK_CUTOFF).T
-    spin = np.maximum(spin, 0.0)
-    upward = force[:, 2] - push
-    up, side = _allowed(push, spin, motion.arm)
-    return _Look(
-        excess=np.hypot(np.hypot(force[:, 0], force[:, 1]) / side, upward / up),
-        upward=upward,
-        rates=smooth(rates, rate, LOOK_CUTOFF),
-    )
+    excess, upward = np.empty(len(thrust)), np.empty(len(thrust))
+    for piece in pieces(len(thrust)):
+        x, y, z = force[piece].T
+        upward[piece] = z - push[piece]
+        up, side = _allowed(push[piece], np.maximum(spin[piece], 0.0), motion.arm)
+        excess[piece] = np.hypot(np.hypot(x, y) / side, upward[piece] / up)
+    del force, push, spin, squares
+    return _Look(excess=excess, upward=upward, rates=smooth(rates, rate, LOOK_CUTOFF))
 
 
 def _allowed(
@@ -205,14 +210,15 @@ def _standing(look: _Look, rows: slice) -> int:
     While motors spool up on the ground, the ground carries the rest of the weight and nothing
     turns. What follows a throw or a bump turns at once.
     """
-    rates = look.rates[rows]
-    if len(rates) == 0:
-        return 0
-    turned = rates - rates[0]
-    still = np.abs(turned).max(axis=1) < 0.05
-    carried = look.upward[rows] > 0.04 * GRAVITY
-    flying = np.flatnonzero(~(still & carried))
-    return int(flying[0]) if len(flying) else len(rates)
+    rates, upward = look.rates[rows], look.upward[rows]
+    for piece in pieces(len(rates)):
+        turned = rates[piece] - rates[0]
+        still = np.abs(turned).max(axis=1) < 0.05
+        carried = upward[piece] > 0.04 * GRAVITY
+        flying = np.flatnonzero(~(still & carried))
+        if len(flying):
+            return piece.start + int(flying[0])
+    return len(rates)
 
 
 def _refuse_grounded(
@@ -307,7 +313,9 @@ def phase_edges(
         return [(0, n)]
     rates = smooth(angular_velocity, sample_rate, 20.0)
     acceleration: Float[np.ndarray, "n 3"] = central_difference(rates, sample_rate)
+    del rates
     power: Float[np.ndarray, " n"] = np.einsum("ni,ni->n", acceleration, acceleration)
+    del acceleration
     window = max(int(0.3 * sample_rate), 1)
     mean = ndimage.uniform_filter1d(power, window, mode="nearest")
     level = 0.5 * np.log(np.maximum(mean, np.finfo(float).tiny))

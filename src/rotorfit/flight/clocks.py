@@ -1,7 +1,7 @@
 """Channels on clocks of their own, brought to one uniform clock without bridging a gap."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError
 from rotorfit.flight.log import Channel
-from rotorfit.flight.signals import true_runs
+from rotorfit.flight.signals import pieces, true_runs
 
 FEWEST_SAMPLES = 8
 LARGEST_VALUE = 1e9
@@ -91,16 +91,20 @@ def usable_samples(channel: Channel, name: str) -> Channel:
 
 
 def uniform_channels(
-    channels: Mapping[str, Channel], *, clock: str, optional: tuple[str, ...] = ()
+    channels: Mapping[str, Channel | Callable[[], Channel]],
+    *,
+    clock: str,
+    optional: tuple[str, ...] = (),
 ) -> UniformChannels:
     """Return channels on the uniform clock of the one named `clock`.
 
     Parameters
     ----------
     channels
-        Usable samples, see `usable_samples`.
+        Usable samples, see `usable_samples`; or what returns them when their turn comes, so that
+        those of one channel at a time are in memory.
     clock
-        Name of the channel whose rate is taken.
+        Name of the channel whose rate is taken; the first.
     optional
         Channels that need not be there all the time; rows without them are NaN.
 
@@ -109,23 +113,35 @@ def uniform_channels(
     FlightError
         If the channels do not overlap in time.
     """
-    steps = {name: float(np.median(np.diff(c.time))) for name, c in channels.items()}
-    time, sample_rate = _uniform_clock(channels[clock].time, steps[clock])
-    valid = np.ones(len(time), dtype=bool)
+    names = sorted(channels, key=lambda name: name != clock)
+    steps: dict[str, float] = {}
+    spans: dict[str, tuple[float, float]] = {}
     values: dict[str, Float[np.ndarray, "n k"]] = {}
     gaps: list[tuple[float, float, str]] = []
-    for name, channel in channels.items():
-        t, longest = channel.time, GAP_STEPS * steps[name]
+    time, sample_rate, valid = np.zeros(0), 1.0, np.zeros(0, dtype=bool)
+    for name in names:
+        given = channels[name]
+        channel = given if isinstance(given, Channel) else given()
+        t = channel.time
+        between = np.diff(t)
+        steps[name] = float(np.median(between))
+        spans[name] = (float(t[0]), float(t[-1]))
+        longest = GAP_STEPS * steps[name]
+        late = np.flatnonzero(between > longest)
+        del between
+        if name == clock:
+            time, sample_rate = _uniform_clock(t, steps[name])
+            valid = np.ones(len(time), dtype=bool)
         covered = _covered(time, t, longest)
         values[name] = _resample(time, t, channel.values, 1.0 / sample_rate)
+        del channel, given
         if name in optional:
             values[name] = np.where(covered[:, None], values[name], np.nan)
             continue
         valid &= covered
-        late = np.flatnonzero(np.diff(t) > longest)
         gaps += [(float(t[i]), float(t[i + 1]), name) for i in late]
     if not valid.any():
-        raise FlightError(_no_overlap(channels))
+        raise FlightError(_no_overlap(spans))
     return UniformChannels(
         sample_rate=sample_rate,
         time=time,
@@ -136,11 +152,11 @@ def uniform_channels(
     )
 
 
-def _no_overlap(channels: Mapping[str, Channel]) -> str:
+def _no_overlap(spans: Mapping[str, tuple[float, float]]) -> str:
     """Return the message for channels that were never recorded at one time."""
-    spans = ", ".join(f"{k} {c.time[0]:.3f} to {c.time[-1]:.3f} s" for k, c in channels.items())
+    listed = ", ".join(f"{name} {a:.3f} to {b:.3f} s" for name, (a, b) in spans.items())
     return (
-        f"the channels never overlap in time ({spans}): their clocks do not belong together; "
+        f"the channels never overlap in time ({listed}): their clocks do not belong together; "
         "export the log again with one clock for all channels"
     )
 
@@ -160,7 +176,7 @@ def _uniform_clock(
         if b - a > 1:
             # Never past the last sample, so that the clock cannot reach into the next stretch.
             parts.append(t[a] + dt * np.arange(int((t[b - 1] - t[a]) / dt + 0.1) + 1))
-    return np.concatenate(parts), 1.0 / dt
+    return parts[0] if len(parts) == 1 else np.concatenate(parts), 1.0 / dt
 
 
 def _resample(
@@ -172,8 +188,24 @@ def _resample(
     """Return samples at `time`: the recorded ones where they are there, else linear between."""
     if len(t) == len(time) and float(np.abs(t - time).max()) < JITTER_STEPS * dt:
         return x
-    nearest = np.clip(np.searchsorted(t, time - JITTER_STEPS * dt), 0, len(t) - 1)
-    there = np.flatnonzero(np.abs(t[nearest] - time) < JITTER_STEPS * dt)
+    values = np.empty((len(time), x.shape[1]))
+    for rows in pieces(len(time)):
+        values[rows] = _resample_piece(time[rows], t, x, JITTER_STEPS * dt)
+    return values
+
+
+def _resample_piece(
+    time: Float[np.ndarray, " m"],
+    t: Float[np.ndarray, " n"],
+    x: Float[np.ndarray, "n k"],
+    jitter: float,
+) -> Float[np.ndarray, "m k"]:
+    """Return samples at `time`, looking only at those around it."""
+    first = max(int(np.searchsorted(t, float(time[0]) - jitter)) - 1, 0)
+    last = min(int(np.searchsorted(t, float(time[-1]), side="right")) + 1, len(t))
+    t, x = t[first:last], x[first:last]
+    nearest = np.clip(np.searchsorted(t, time - jitter), 0, len(t) - 1)
+    there = np.flatnonzero(np.abs(t[nearest] - time) < jitter)
     taken = nearest[there]
     values = np.empty((len(time), x.shape[1]))
     for k in range(x.shape[1]):
@@ -187,11 +219,13 @@ def _covered(
 ) -> Bool[np.ndarray, " m"]:
     """Return which times have recorded samples on both sides, no further apart than `longest`."""
     tolerance = 1e-9 + 1e-3 * longest
-    right = np.searchsorted(t, time - tolerance)
-    inside = (time >= t[0] - tolerance) & (time <= t[-1] + tolerance)
-    right = np.clip(right, 1, len(t) - 1)
-    left_time = np.where(time >= t[right] - tolerance, t[right], t[right - 1])
-    return inside & (t[right] - left_time <= longest)
+    covered = (time >= t[0] - tolerance) & (time <= t[-1] + tolerance)
+    for rows in pieces(len(time)):
+        now = time[rows]
+        right = np.clip(np.searchsorted(t, now - tolerance), 1, len(t) - 1)
+        left_time = np.where(now >= t[right] - tolerance, t[right], t[right - 1])
+        covered[rows] &= t[right] - left_time <= longest
+    return covered
 
 
 def _split_at_jumps(

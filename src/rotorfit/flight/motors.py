@@ -8,6 +8,7 @@ import scipy.linalg
 from jaxtyping import Float
 from scipy import signal
 
+from rotorfit.flight.signals import LONG, pieces
 from rotorfit.flight.speed_law import SpeedLaw as SpeedLaw
 from rotorfit.flight.speed_law import speed_from_command as speed_from_command
 
@@ -87,6 +88,12 @@ def two_way_lag(
     record solved, the guess corrected: Newton's iteration on a piecewise linear equation, which
     ends after a few rounds.
     """
+    if len(held) > LONG and held.shape[1] > 1:
+        # One rotor after the other: the rounds need several copies of what they act on.
+        each = np.empty(held.shape)
+        for k in range(held.shape[1]):
+            each[:, k] = two_way_lag(held[:, k : k + 1], sample_rate, up=up, down=down)[:, 0]
+        return each
     keep_up, keep_down = _kept(sample_rate, up), _kept(sample_rate, down)
     speed = first_order_lag(held, sample_rate, 0.5 * (up + down))
     rising = held > speed
@@ -135,9 +142,12 @@ def shift_time(
     weights = [
         float(np.prod([(part - m) / (k - m) for m in nodes if m != k])) for k in nodes.tolist()
     ]
-    rows = np.arange(len(values)) - whole
-    taken = [values[np.clip(rows - k, 0, len(values) - 1)] for k in nodes.tolist()]
-    return np.einsum("k,knr->nr", weights, np.array(taken))
+    shifted = np.empty(values.shape)
+    for piece in pieces(len(values), longest=LONG // len(nodes)):
+        rows = np.arange(int(piece.start), int(piece.stop)) - whole
+        taken = [values[np.clip(rows - k, 0, len(values) - 1)] for k in nodes.tolist()]
+        shifted[piece] = np.einsum("k,knr->nr", weights, np.array(taken))
+    return shifted
 
 
 def white_noise_std(
@@ -160,9 +170,18 @@ def white_noise_std(
     for start, stop in stretches:
         if stop - start < NOISE_ROWS:
             continue
-        spectrum = signal.welch(
-            values[start:stop], fs=1.0, nperseg=NOISE_ROWS, axis=0, detrend="constant"
-        )
-        top: Float[np.ndarray, "f N"] = np.asarray(spectrum[1], dtype=float)[-NOISE_ROWS // 20 :]
+        top = _spectrum(values[start:stop])[-NOISE_ROWS // 20 :]
         levels.append(0.5 * float(np.median(top)))  # one-sided density, half a cycle a sample
     return float(np.sqrt(np.median(levels))) if levels else 0.0
+
+
+def _spectrum(values: Float[np.ndarray, "n N"]) -> Float[np.ndarray, "f N"]:
+    """Return the mean power spectrum of windows that overlap by half, piece by piece."""
+    half = NOISE_ROWS // 2
+    windows = len(values) // half - 1
+    mean = np.zeros((half + 1, values.shape[1]))
+    for piece in pieces(windows, longest=LONG // half):
+        rows = values[piece.start * half : (piece.stop + 1) * half]
+        spectrum = signal.welch(rows, fs=1.0, nperseg=NOISE_ROWS, axis=0, detrend="constant")
+        mean += (piece.stop - piece.start) / windows * np.asarray(spectrum[1], dtype=float)
+    return mean

@@ -2,11 +2,13 @@
 
 import contextlib
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import FlightError
 from rotorfit.flight.airborne import (
@@ -123,6 +125,25 @@ class PreparedFlight:
     warnings: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneClock:
+    """What `prepare` needs of a log, which itself need not be kept in memory any longer.
+
+    Attributes
+    ----------
+    uniform
+        Gyro, accelerometer, motors and what else is used, despiked.
+    spikes
+        Samples replaced, by channel.
+    speed_step
+        Smallest step of measured rotor speed [rad/s]; 0 where unknown.
+    """
+
+    uniform: UniformChannels
+    spikes: dict[str, int]
+    speed_step: float
+
+
 def prepare(
     log: FlightLog,
     *,
@@ -157,14 +178,31 @@ def prepare(
         If gravity contradicts the axes.
     """
     motors = motors or MotorModel()
+    recorded = on_one_clock(log, rotor_count=rotor_count, motors=motors)
+    return prepared_from(recorded, arm=arm, motors=motors, window=window)
+
+
+def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> OneClock:
+    """Return the channels that are needed on the gyro's clock, the first half of `prepare`.
+
+    Parameters and errors are those of `prepare`. Of a long log, whoever lets go of it before the
+    second half needs less memory.
+    """
     uniform, spikes = _uniform(log, rotor_count, motors)
     refuse_absurd_sensors(log, uniform)
+    step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
+    return OneClock(uniform=uniform, spikes=spikes, speed_step=step or 0.0)
+
+
+def prepared_from(
+    recorded: OneClock, *, arm: float, motors: MotorModel, window: Window = (None, None)
+) -> PreparedFlight:
+    """Return the airborne part of what `on_one_clock` returned, the second half of `prepare`."""
+    uniform = recorded.uniform
     speed = uniform.values["motor"]
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
-    data = _differentiated(uniform, speed)
-    data = with_motors(data, speed, motors.response)
-    motion = _motion(data, uniform, arm=arm, window=window)
+    motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
     refuse_idle_motors(motion)
     refuse_wrong_gravity(motion)
     flights = list(motion.stretches)
@@ -172,21 +210,20 @@ def prepare(
         with slow_motors_said(uniform.rates["motor"]):
             flights = airborne_rows(with_likely_lag(motion, motors))
     bias = _gyro_bias(
-        data, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
+        uniform, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     )
-    if bias is not None:
-        data = dataclasses.replace(data, angular_velocity=data.angular_velocity - np.array(bias))
+    del motion
     data = dataclasses.replace(
-        data,
+        with_motors(_differentiated(uniform, speed, bias), speed, motors.response),
         segments=_inner_segments(flights, uniform),
-        rotor_speed_std=_rotor_speed_std(log, motors, speed, flights),
+        rotor_speed_std=_rotor_speed_std(recorded.speed_step, motors, speed, flights),
     )
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
         motor_channel=speed,
         gyro_bias=bias,
-        spikes=spikes,
+        spikes=recorded.spikes,
         slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
         cuts=_cuts(data, uniform, window),
         warnings=(*doubts_about(data, uniform, bias), *_law_doubts(data, uniform, motors)),
@@ -200,8 +237,8 @@ def with_motors(
 
     Lag and delay change nothing else: a trial of either costs only these columns.
     """
-    jumps = np.flatnonzero(np.diff(data.time) > 1.5 / data.sample_rate) + 1
     if data.differentiation == "exact":
+        jumps = _jumps(data.time, data.sample_rate)
         # Low-passed already: moved and differentiated by splines, as the pose is.
         moved = [
             smooth_motors(piece, data.sample_rate, lag=response.mean_lag, delay=response.delay)
@@ -212,15 +249,36 @@ def with_motors(
             rotor_speed=np.concatenate([value for value, _ in moved]),
             rotor_acceleration=np.concatenate([slope for _, slope in moved]),
         )
-    pieces = [
-        following_speed(piece, data.sample_rate, response) for piece in np.split(speed, jumps)
-    ]
-    turned = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    turned = _following(data.time, speed, data.sample_rate, response)
     return dataclasses.replace(
         data,
         rotor_speed=turned,
         rotor_acceleration=central_difference(turned, data.sample_rate),
     )
+
+
+def _jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
+    """Return the first rows after a gap."""
+    return np.flatnonzero(np.diff(time) > 1.5 / sample_rate) + 1
+
+
+def _following(
+    time: Float[np.ndarray, " n"],
+    speed: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    response: MotorResponse,
+) -> Float[np.ndarray, "n N"]:
+    """Return the speed of rotors that follow the motor channel, anew after every gap."""
+    jumps = _jumps(time, sample_rate)
+    pieces = [following_speed(piece, sample_rate, response) for piece in np.split(speed, jumps)]
+    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+def _turned(
+    uniform: UniformChannels, speed: Float[np.ndarray, "n N"], motors: MotorModel
+) -> Float[np.ndarray, "n N"]:
+    """Return the rotor speed by the motor model as it was declared."""
+    return _following(uniform.time, speed, uniform.sample_rate, motors.response)
 
 
 def _uniform(
@@ -236,22 +294,27 @@ def _uniform(
     if motors.law is not None and motors.law.voltage is not None:
         refuse_missing_battery(log)
         names["battery"] = "battery"
-    # Despiked as recorded: between slow samples a glitch is drawn out, and no longer a spike.
-    usable: dict[str, Channel] = {
-        key: usable_samples(log.channels[name], name) for key, name in names.items()
-    }
     # A command that jumps is a command; a measured speed that jumps and returns is a glitch.
     noisy = ("gyro", "accel", "motor") if motors.speed == "measured" else ("gyro", "accel")
     counts: dict[str, int] = {}
-    for key in noisy:
-        values, spikes = hampel(usable[key].values)
-        usable[key] = dataclasses.replace(usable[key], values=values)
+
+    def usable(key: str) -> Channel:
+        channel = usable_samples(log.channels[names[key]], names[key])
+        if key not in noisy:
+            return channel
+        # Despiked as recorded: between slow samples a glitch is drawn out, and no longer a spike.
+        values, spikes = hampel(channel.values)
         counts[key] = int(spikes.sum())
+        return dataclasses.replace(channel, values=values)
+
+    makers: dict[str, Channel | Callable[[], Channel]] = {
+        key: partial(usable, key) for key in names
+    }
     if "velocity" in log.channels:
         # Only looked at: a velocity that cannot be used is no reason to refuse the flight.
         with contextlib.suppress(FlightError):
-            usable["velocity"] = usable_samples(log.channels["velocity"], "velocity")
-    return uniform_channels(usable, clock="gyro", optional=("velocity",)), counts
+            makers["velocity"] = usable_samples(log.channels["velocity"], "velocity")
+    return uniform_channels(makers, clock="gyro", optional=("velocity",)), counts
 
 
 def _law_doubts(data: FlightData, uniform: UniformChannels, motors: MotorModel) -> tuple[str, ...]:
@@ -263,7 +326,7 @@ def _law_doubts(data: FlightData, uniform: UniformChannels, motors: MotorModel) 
 
 
 def _rotor_speed_std(
-    log: FlightLog,
+    step: float,
     motors: MotorModel,
     speed: Float[np.ndarray, "n N"],
     flights: list[tuple[int, int]],
@@ -271,18 +334,21 @@ def _rotor_speed_std(
     """Return the noise of measured rotor speed: its resolution's, or what the flight shows."""
     if motors.speed == "commanded":
         return 0.0
-    step = log.channels["rotor_speed"].resolution or 0.0
     return max(step / 12.0**0.5, white_noise_std(speed, flights))
 
 
-def _differentiated(uniform: UniformChannels, speed: Float[np.ndarray, "n N"]) -> FlightData:
+def _differentiated(
+    uniform: UniformChannels,
+    speed: Float[np.ndarray, "n N"],
+    bias: tuple[float, float, float] | None,
+) -> FlightData:
     """Return the whole log as FlightData, without segments yet."""
     gyro = uniform.values["gyro"]
     return FlightData(
         sample_rate=uniform.sample_rate,
         time=uniform.time,
         specific_force=uniform.values["accel"],
-        angular_velocity=gyro,
+        angular_velocity=gyro if bias is None else gyro - np.array(bias),
         angular_acceleration=central_difference(gyro, uniform.sample_rate),
         rotor_speed=speed,
         rotor_acceleration=speed,
@@ -292,13 +358,19 @@ def _differentiated(uniform: UniformChannels, speed: Float[np.ndarray, "n N"]) -
     )
 
 
-def _motion(data: FlightData, uniform: UniformChannels, *, arm: float, window: Window) -> Motion:
+def _motion(
+    uniform: UniformChannels,
+    rotor_speed: Float[np.ndarray, "n N"],
+    *,
+    arm: float,
+    window: Window,
+) -> Motion:
     """Return what the search for flight looks at, within the window."""
     return Motion(
-        sample_rate=data.sample_rate,
-        specific_force=data.specific_force,
-        angular_velocity=data.angular_velocity,
-        rotor_speed=data.rotor_speed,
+        sample_rate=uniform.sample_rate,
+        specific_force=uniform.values["accel"],
+        angular_velocity=uniform.values["gyro"],
+        rotor_speed=rotor_speed,
         arm=arm,
         stretches=_windowed(uniform, window),
     )
@@ -335,11 +407,13 @@ def _windowed(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int]
     return kept
 
 
-def _gyro_bias(data: FlightData, rest: Bool[np.ndarray, " n"]) -> tuple[float, float, float] | None:
+def _gyro_bias(
+    uniform: UniformChannels, rest: Bool[np.ndarray, " n"]
+) -> tuple[float, float, float] | None:
     """Return the mean rate at rest, where at least half a second of rest was found."""
-    if rest.sum() < 0.5 * data.sample_rate:
+    if rest.sum() < 0.5 * uniform.sample_rate:
         return None
-    x, y, z = data.angular_velocity[rest].mean(axis=0).tolist()
+    x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
     return x, y, z
 
 

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage, signal
 
 LONG = 100_000
+"""Rows that are worked on at a time: a longer log would fill the memory with what is between."""
 MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51
 SPIKE_THRESHOLD = 6.0
@@ -26,7 +27,7 @@ def hampel(
     Returns
     -------
     values
-        A copy; as given where nothing was found.
+        A copy; the array that was given where nothing was found.
     spikes
         Which samples had a spike in any column.
 
@@ -34,21 +35,41 @@ def hampel(
     ----------
     Hampel, J. of the American Statistical Association 69, 1974.
     """
-    clean = values.copy()
+    clean = values
     spikes = np.zeros(len(values), dtype=bool)
     if len(values) < SCALE_WIDTH:
         return clean, spikes
     for column in range(values.shape[1]):
         x = values[:, column]
-        median = ndimage.median_filter(x, MEDIAN_WIDTH, mode="nearest")
-        deviation = np.abs(x - median)
-        local = ndimage.median_filter(deviation, SCALE_WIDTH, mode="nearest")
+        deviation = np.empty(len(x))
+        for rows in pieces(len(x)):
+            deviation[rows] = np.abs(x[rows] - _running_median(x, MEDIAN_WIDTH, rows))
         low, high = np.percentile(x, [1.0, 99.0])
         floor = max(0.4 * float(np.percentile(deviation, 95)), 1e-3 * float(high - low))
-        bad = deviation > SPIKE_THRESHOLD * 1.4826 * np.maximum(local, floor)
-        clean[bad, column] = median[bad]
-        spikes |= bad
+        for rows in pieces(len(x)):
+            local = _running_median(deviation, SCALE_WIDTH, rows)
+            bad = deviation[rows] > SPIKE_THRESHOLD * 1.4826 * np.maximum(local, floor)
+            if not bad.any():
+                continue
+            clean = values.copy() if clean is values else clean
+            clean[rows, column][bad] = _running_median(x, MEDIAN_WIDTH, rows)[bad]
+            spikes[rows] |= bad
     return clean, spikes
+
+
+def pieces(count: int, *, longest: int = LONG) -> list[slice]:
+    """Return rows 0 to `count` in pieces no longer than `longest`."""
+    return [slice(a, min(a + longest, count)) for a in range(0, count, longest)]
+
+
+def _running_median(
+    values: Float[np.ndarray, " n"], width: int, rows: slice
+) -> Float[np.ndarray, " m"]:
+    """Return the median over `width` samples around each of some rows."""
+    half = width // 2
+    first, last = max(rows.start - half, 0), min(rows.stop + half, len(values))
+    median = ndimage.median_filter(values[first:last], width, mode="nearest")
+    return median[rows.start - first : rows.stop - first]
 
 
 def central_difference(
@@ -61,7 +82,9 @@ def central_difference(
     fourth order.
     """
     result = np.empty_like(values)
-    result[1:-1] = (values[2:] - values[:-2]) * (0.5 * sample_rate)
+    inner = result[1:-1]
+    np.subtract(values[2:], values[:-2], out=inner)
+    inner *= 0.5 * sample_rate
     result[0] = (values[1] - values[0]) * sample_rate
     result[-1] = (values[-1] - values[-2]) * sample_rate
     return result
@@ -75,10 +98,19 @@ def smooth(
     pad = min(9, len(values) - 1)
     if len(values) < LONG:
         return signal.sosfiltfilt(sos, values, axis=0, padlen=pad)
-    result = np.empty_like(values)
-    for k in range(values.shape[1]):  # one after the other: a long log fills the memory
-        result[:, k] = signal.sosfiltfilt(sos, values[:, k], padlen=pad)
+    result = np.empty(values.shape)
+    margin = fading_rows(sos)
+    for rows in pieces(len(values)):
+        first, last = max(rows.start - margin, 0), min(rows.stop + margin, len(values))
+        wide = signal.sosfiltfilt(sos, values[first:last], axis=0, padlen=pad)
+        result[rows] = wide[rows.start - first : rows.stop - first]
     return result
+
+
+def fading_rows(sos: Float[np.ndarray, "s 6"]) -> int:
+    """Return how many rows it takes a filter's answer to fade to rounding."""
+    _, poles, _ = signal.sos2zpk(sos)
+    return int(np.ceil(np.log(1e-17) / np.log(np.abs(poles).max())))
 
 
 @cache

@@ -13,7 +13,13 @@ from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
 from rotorfit.flight.mocap import prepare_mocap
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare, with_motors
+from rotorfit.flight.prepare import (
+    MotorModel,
+    PreparedFlight,
+    on_one_clock,
+    prepared_from,
+    with_motors,
+)
 from rotorfit.identification.experiment import (
     ConfigurationEntry,
     FlightEntry,
@@ -41,7 +47,7 @@ flights the deviation of k_d is a third larger; real ones agree on both."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsedFlight:
-    """A flight as it enters the estimate."""
+    """A flight as it enters the estimate; of its log no channels are kept."""
 
     entry: FlightEntry
     log: FlightLog
@@ -142,14 +148,15 @@ def load_flight(
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
-    prepare_flight = prepare_mocap if source == "mocap" else prepare
-    prepared = prepare_flight(
-        log,
-        rotor_count=len(vehicle.rotors),
-        arm=vehicle.arm,
-        motors=motor_model,
-        window=(entry.start, entry.end),
-    )
+    window, count = (entry.start, entry.end), len(vehicle.rotors)
+    if source == "mocap":
+        prepared = prepare_mocap(
+            log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
+        )
+        return UsedFlight(entry=entry, log=dataclasses.replace(log, channels={}), prepared=prepared)
+    recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
+    log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
+    prepared = prepared_from(recorded, arm=vehicle.arm, motors=motor_model, window=window)
     return UsedFlight(entry=entry, log=log, prepared=prepared)
 
 

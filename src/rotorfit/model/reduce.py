@@ -16,6 +16,7 @@ from rotorfit.estimation.factors import (
     triangular_factors,
 )
 from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.signals import fading_rows
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Vehicle
 
@@ -54,9 +55,7 @@ class LowPass:
 
     def memory_rows(self, sample_rate: float) -> int:
         """Return how many rows it takes the filter's answer to fade to rounding."""
-        z, p, k = signal.sos2zpk(self.sos(sample_rate))
-        del z, k
-        return int(np.ceil(np.log(1e-17) / np.log(np.abs(p).max())))
+        return fading_rows(self.sos(sample_rate))
 
     def step(self, sample_rate: float) -> int:
         """Return how many samples one kept sample stands for."""
