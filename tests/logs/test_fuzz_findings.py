@@ -39,3 +39,46 @@ def test_a_refusal_stays_short_where_names_are_long(tmp_path):
     assert message.startswith(f"{path}: no column 'time'; the file has ((((")
     assert message.endswith("with a unit where it is not SI")
     assert message.count(" [...] ") == 1
+
+
+def refusal(path, content: str) -> str:
+    path.write_text(content)
+    with pytest.raises(LogError) as caught:
+        read_log(path)
+    return str(caught.value).removeprefix(f"{path}: ")
+
+
+def test_a_number_sign_in_every_row_of_a_table_is_no_comment(tmp_path):
+    rows = "".join(f"{k},1#,2,3\n" for k in range(5))
+    told = refusal(tmp_path / "flight.csv", "time,gyro_x,gyro_y,gyro_z\n" + rows)
+    assert told == "line 2, column 'gyro_x': '1#' is not a number"
+
+
+MOTIVE = "Format Version,1.23,Length Units,Meters\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        # The row of types is the last: none is below it.
+        (",Name,a\n,ID,b\nFrame,Time,Rigid Body\n0,0,1\n1,1,1\n", "no rigid body"),
+        (",Name,a\n,ID,b\n,,c\nFrame\n0\n1\n", "no row that begins with Frame, Time"),
+    ],
+)
+def test_a_motive_header_that_is_cut_short(tmp_path, rows, words):
+    assert words in refusal(tmp_path / "take.csv", MOTIVE + rows)
+
+
+@pytest.mark.parametrize("line", ["DATA_INCLUDED", "DATA_INCLUDED\t"])
+def test_a_qualisys_header_without_the_kind_of_its_data(tmp_path, line):
+    told = refusal(tmp_path / "take.tsv", f"NO_OF_FRAMES\t9\nNO_OF_CAMERAS\t8\n{line}\n1\t2\n")
+    assert told.startswith("the file holds unknown data, expected 6D")
+
+
+def test_a_qualisys_header_without_a_frequency(tmp_path):
+    columns = "\t".join(["Quad X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual"])
+    columns += "".join(f"\tRot[{k}]" for k in range(9))
+    row = "\t".join(["1"] * 16) + "\n"
+    head = "NO_OF_FRAMES\t2\nNO_OF_CAMERAS\t8\nFREQUENCY\nDATA_INCLUDED\t6D\nBODY_NAMES\tQuad\n"
+    told = refusal(tmp_path / "take.tsv", f"{head}{columns}\n{row}{row}")
+    assert told.startswith("the file has no column of times and its FREQUENCY is not given")

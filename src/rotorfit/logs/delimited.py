@@ -178,7 +178,10 @@ def _fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndar
             )
     except (ValueError, UserWarning):
         return None
-    return numbers[:, columns] if every else numbers
+    if not every:
+        return numbers
+    # A number sign in every row ends numpy's rows early.
+    return numbers[:, columns] if numbers.shape[1] == len(table.names) else None
 
 
 def _gaps_in_even_rows(table: DelimitedText) -> Int[np.ndarray, " g"] | None:

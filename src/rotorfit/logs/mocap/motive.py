@@ -105,7 +105,7 @@ def _header(text: bytes) -> tuple[list[list[str]], int]:
         if not any(cells):
             continue
         rows.append([cell.strip() for cell in cells])
-        if cells[0].strip() == "Frame" and len(rows) >= 4:
+        if cells[0].strip() == "Frame" and len(cells) > 1 and len(rows) >= 4:
             return rows, start
     raise LogError(
         "the header has no row that begins with Frame, Time: export the take as CSV with header"
@@ -128,7 +128,7 @@ def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
 
     Columns whose type is another one, such as the markers of a body, are passed over.
     """
-    kinds = next((row for row in rows[1:] if "Rigid Body" in row), None)
+    kinds = next((row for row in rows[1:-1] if "Rigid Body" in row), None)
     if kinds is None:
         return {}
     names, what, axes = rows[rows.index(kinds) + 1], rows[-2], rows[-1]

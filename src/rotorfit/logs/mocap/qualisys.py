@@ -54,7 +54,7 @@ def read_qualisys(path: Path, *, body: str | None = None) -> FlightLog:
 
 def _take(text: bytes) -> Take:
     header, start, line = _header(text)
-    kind = header.get("DATA_INCLUDED", [""])[0]
+    kind = "".join(header.get("DATA_INCLUDED", [])[:1])
     if kind != "6D":
         raise LogError(
             f"the file holds {kind or 'unknown'} data, expected 6D: export the 6DOF data of the "
@@ -125,7 +125,7 @@ def _time(
     if lead == 2:
         return values[:, 1]
     frame = values[:, 0] - values[0, 0] if lead else np.arange(len(values), dtype=float)
-    text = header.get("FREQUENCY", ["not given"])[0]
+    text = "".join(header.get("FREQUENCY", [])[:1]) or "not given"
     try:
         frequency = float(text)
     except ValueError:
