@@ -7,7 +7,7 @@ import numpy as np
 from blackbox_encoder import Recorder, encode_fields
 from crazyflie_encoder import FIXED, Event, encode_header
 from dataflash_encoder import write_dataflash
-from mocap_writers import write_motive, write_qualisys, write_trajectory
+from mocap_writers import write_motive, write_qualisys, write_trajectory, write_vicon
 from rosbag_writers import write_mcap, write_ros1, write_ros2
 from ulog_encoder import write_ulog
 
@@ -118,6 +118,11 @@ def frames(counts: np.ndarray, recorder: Recorder) -> bytes:
     return b"".join([*parts, b"E\xffEnd of log\x00"])
 
 
+def write_nexus(flight: SimulatedFlight, path: Path, *, start: float = 0.0) -> None:
+    """Write a recording of segments, their rotation vectors in degrees."""
+    write_vicon(flight, path, start=start, block="Segments", rotation="deg")
+
+
 WRITERS = {
     "table": ("flight.csv", write_flight_table),
     "parquet": ("flight.parquet", write_parquet),
@@ -135,5 +140,7 @@ RECORDING_WRITERS = {
     "qualisys": ("take.tsv", write_qualisys),
     "motive": ("take.csv", write_motive),
     "trajectory": ("take.txt", write_trajectory),
+    "vicon": ("objects.csv", write_vicon),
+    "nexus": ("segments.csv", write_nexus),
 }
 """Motion capture beside a log."""

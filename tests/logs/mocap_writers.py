@@ -123,6 +123,54 @@ def write_trajectory(
     np.savetxt(path, columns, fmt="%.9f", header="timestamp tx ty tz qx qy qz qw")
 
 
+def write_vicon(
+    flight: SimulatedFlight,
+    path: Path,
+    *,
+    mounting: Rotation | None = None,
+    start: float = 0.0,
+    names: tuple[str, ...] = ("Quad",),
+    block: str = "Objects",
+    rotation: str = "quaternion",
+    delimiter: str = ",",
+    markers: bool = True,
+) -> None:
+    """Write poses as Tracker does (Objects) or Nexus (Segments), and below them a marker.
+
+    The clock counts frames from 1: it knows no start but that of a frame.
+    """
+    time, position, attitude = recorded(flight, mounting, start)
+    rate = 1.0 / float(np.median(np.diff(time)))
+    labels, unit, turned = {
+        "quaternion": (["RX", "RY", "RZ", "RW"], "", attitude.as_quat()),
+        "deg": (["RX", "RY", "RZ"], "deg", attitude.as_rotvec(degrees=True)),
+        "rad": (["RX", "RY", "RZ"], "rad", attitude.as_rotvec()),
+    }[rotation]
+    prefix = "Global Angle " if block == "Objects" else ""
+    frames = np.round(rate * time).astype(int) + 1
+
+    def lines(kind, owners, columns, units, values):
+        yield kind
+        yield f"{rate:.10g}"
+        yield delimiter.join(["", "", *owners])
+        yield delimiter.join(["Frame", "Sub Frame", *columns])
+        yield delimiter.join(["", "", *units])
+        for frame, row in zip(frames, values, strict=True):
+            yield delimiter.join([str(frame), "0", *(f"{value:.9g}" for value in row)])
+        yield ""
+
+    columns = [*labels, "TX", "TY", "TZ"]
+    owners = [cell for n in names for cell in (f"{prefix}{n}:{n}", *[""] * (len(columns) - 1))]
+    units = [*[unit] * len(labels), *["mm"] * 3]
+    body = np.concatenate([turned, 1e3 * position], axis=1)
+    count = len(names)
+    text = [*lines(block, owners, columns * count, units * count, np.tile(body, count))]
+    if markers:
+        marker = [f"{names[0]}:Marker1", "", ""]
+        text += lines("Trajectories", marker, ["X", "Y", "Z"], ["mm"] * 3, body[:, -3:])
+    path.write_text("\r\n".join([*text, ""]), encoding="utf-8", newline="")
+
+
 def y_up(vectors: np.ndarray) -> np.ndarray:
     x, y, z = vectors.T
     return np.column_stack([x, z, -y])

@@ -1,12 +1,13 @@
 """Motion-capture exports: written from a simulated flight, read back, damaged."""
 
+import functools
 import re
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mocap_writers import write_motive, write_qualisys, write_trajectory
+from mocap_writers import write_motive, write_qualisys, write_trajectory, write_vicon
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
@@ -18,6 +19,8 @@ WRITERS = {
     "qualisys": write_qualisys,
     "motive": write_motive,
     "trajectory": write_trajectory,
+    "vicon": write_vicon,
+    "nexus": functools.partial(write_vicon, block="Segments", rotation="deg"),
 }
 
 
@@ -46,7 +49,7 @@ def test_a_flight_reads_back(tmp_path, flight, name):
     path = tmp_path / "recording"
     WRITERS[name](flight, path)
     log = read_log(path)
-    assert log.format == name
+    assert log.format == {"nexus": "vicon"}.get(name, name)
     assert set(log.channels) == {"position", "attitude"}
     place = log.channels["position"]
     np.testing.assert_allclose(place.time, flight.pose_time, atol=1e-6)
@@ -114,7 +117,7 @@ def test_frames_without_times_have_those_of_the_frequency(tmp_path, flight):
     )
 
 
-@pytest.mark.parametrize("write", [write_motive, write_qualisys])
+@pytest.mark.parametrize("write", [write_motive, write_qualisys, write_vicon])
 def test_one_of_several_bodies_is_chosen_by_name(tmp_path, flight, write):
     path = tmp_path / "take"
     write(flight, path, names=("Wand", "Quad"))

@@ -1,5 +1,6 @@
 """Any log to a FlightLog: the format is told from the content, not from the name."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +28,8 @@ class ReadOptions:
         Which log of a file with several, from 1; None: the reader's choice.
     columns
         For tables: canonical name to column. For motion capture with several rigid bodies: the
-        name of one under ``position``. For ROS bags: channel to topic, or canonical name to
+        name of one under ``position``, for Vicon's also ``"helical"`` under ``attitude`` where the
+        file does not tell. For ROS bags: channel to topic, or canonical name to
         ``TOPIC.path``.
     axes
         For tables: the file's body axes.
@@ -207,6 +209,7 @@ def _is_mocap(name: str) -> Callable[[bytes], bool]:
         known = {
             "qualisys": mocap.is_qualisys,
             "motive": mocap.is_motive,
+            "vicon": mocap.is_vicon,
             "trajectory": mocap.is_trajectory,
         }
         return known[name](head)
@@ -217,11 +220,30 @@ def _is_mocap(name: str) -> Callable[[bytes], bool]:
 def _read_mocap(path: Path, options: ReadOptions) -> FlightLog:
     from rotorfit.logs import mocap
 
+    _refuse_other_recording(path, options)
+    read = mocap.read_motive if mocap.is_motive(read_head(path, _HEAD)) else mocap.read_qualisys
+    return read(path, body=_only_choice(path, options, "position", "rigid body"))
+
+
+def _read_vicon(path: Path, options: ReadOptions) -> FlightLog:
+    from rotorfit.logs.mocap import read_vicon
+
+    _refuse_other_recording(path, options)
+    columns = dict(options.columns or {})
+    rotation = columns.pop("attitude", None)
+    bodies = dataclasses.replace(options, columns=columns)
+    return read_vicon(
+        path,
+        body=_only_choice(path, bodies, "position", "rigid body"),
+        rotation=None if rotation is None else rotation.name,
+    )
+
+
+def _refuse_other_recording(path: Path, options: ReadOptions) -> None:
+    """Raise where another recording than the one of a file, or other axes, are asked for."""
     _refuse_other_log(path, options, "a recording")
     if options.axes != "FLU":
         raise LogError(f"{path}: the file says its own axes, turned to z up: leave out axes")
-    read = mocap.read_motive if mocap.is_motive(read_head(path, _HEAD)) else mocap.read_qualisys
-    return read(path, body=_only_choice(path, options, "position", "rigid body"))
 
 
 def _read_trajectory(path: Path, options: ReadOptions) -> FlightLog:
@@ -265,6 +287,11 @@ def _read_table(path: Path, options: ReadOptions) -> FlightLog:
 
 def _begins(*magic: bytes) -> Callable[[bytes], bool]:
     return lambda head: head.startswith(magic)
+
+
+def _is_c3d(head: bytes) -> bool:
+    # The block in which its parameters begin, nearly always the second, and its mark.
+    return head[1:2] == b"\x50" and 0 < head[0] < 9
 
 
 FORMATS: Final = (
@@ -311,6 +338,12 @@ FORMATS: Final = (
         read=_read_mocap,
     ),
     Format(
+        name="vicon",
+        title="Vicon Nexus and Tracker exports (CSV)",
+        recognises=_is_mocap("vicon"),
+        read=_read_vicon,
+    ),
+    Format(
         name="trajectory",
         title="TUM trajectories",
         recognises=_is_mocap("trajectory"),
@@ -332,6 +365,7 @@ FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ("a PDF document", _begins(b"%PDF")),
     ("an image", _begins(b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*")),
     ("a MATLAB file", _begins(b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n")),
+    ("a C3D file: export the rigid bodies as text", _is_c3d),
     ("JSON", _begins(b"{", b"[")),
     ("a web page or other XML", _begins(b"<")),
 )

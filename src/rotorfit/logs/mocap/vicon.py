@@ -1,0 +1,314 @@
+"""Vicon Nexus and Tracker, exported CSV of segments or objects: z up, a row a frame.
+
+Blocks stand below each other, a blank line between them: what the block holds, frames per second,
+names of the bodies, names of the columns, units, then the frames. A rotation is a quaternion RX RY
+RZ RW, or a rotation vector RX RY RZ (axis times angle, "helical"), from body axes to the world.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import LogError
+from rotorfit.flight.log import FlightLog
+from rotorfit.logs.delimited import with_line_feeds
+from rotorfit.logs.files import read_bytes
+from rotorfit.logs.mocap.take import Body, Take, finite, log_of_take, numbers, unit_or_nan
+
+_PROGRAMS: Final = {"segments": "Nexus", "objects": "Tracker"}
+"""Blocks that hold rigid bodies, and which program writes them."""
+_OTHER_BLOCKS: Final = frozenset({"devices", "events", "joints", "model outputs", "trajectories"})
+_POSITION: Final = ("TX", "TY", "TZ")
+_ANGLES: Final = ("RX", "RY", "RZ")
+_QUATERNION: Final = ("RX", "RY", "RZ", "RW")
+_LENGTHS: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_TURNS: Final = {"deg": np.pi / 180.0, "rad": 1.0}
+_PREFIX: Final = "Global Angle "
+_BLANK: Final = b" \t,;"
+_MOST_BODIES: Final = 1000
+_MOST_TURN: Final = 1e3
+"""A longer rotation vector [rad] is a damaged one; Nexus counts whole turns on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Block:
+    """A block of rigid bodies.
+
+    Attributes
+    ----------
+    kind
+        Its first line, in small letters.
+    rate
+        Frames per second, as text.
+    header
+        Cells of the rows of names, columns and units.
+    text, start, first_line
+        What ends with the block, and where its frames begin.
+    delimiter
+        Between cells.
+    """
+
+    kind: str
+    rate: str
+    header: tuple[list[str], list[str], list[str]]
+    text: bytes
+    start: int
+    first_line: int
+    delimiter: str
+
+
+def is_vicon(head: bytes) -> bool:
+    """Return whether bytes from the beginning of a file are a CSV export of Nexus or Tracker."""
+    first, _, rest = head.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
+    if _word(first).lower() not in _OTHER_BLOCKS | _PROGRAMS.keys():
+        return False
+    return math.isfinite(_number(_word(rest.partition(b"\n")[0])))
+
+
+def read_vicon(path: Path, *, body: str | None = None, rotation: str | None = None) -> FlightLog:
+    """Read the pose of a rigid body from the CSV export of Nexus or Tracker.
+
+    Parameters
+    ----------
+    path
+        The .csv file.
+    body
+        Name of the segment or object; None: the only one.
+    rotation
+        ``"helical"``: three numbers RX RY RZ of Tracker are a rotation vector. Tracker writes
+        Euler angles under the same names, so that it must be said; of Nexus it is known.
+
+    Raises
+    ------
+    LogError
+        If the file holds no segment or object, or rotations of a kind that it does not tell, is
+        damaged, or has several bodies and none was named.
+    """
+    data = read_bytes(path)
+    try:
+        take = _take(_block(with_line_feeds(data)), rotation)
+        return log_of_take(path, data, take, body=body)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error.__cause__
+
+
+def _block(text: bytes) -> _Block:
+    """Return the first block of rigid bodies."""
+    start, number, met = 0, 1, list[str]()
+    while start < len(text):
+        end = _blank_line(text, start)
+        lines = text[start:end].split(b"\n", 5)
+        kind = _word(lines[0]).lower()
+        if kind in _PROGRAMS:
+            return _block_of_bodies(kind, lines, text[:end], number)
+        if kind:
+            met.append(kind[:40])
+        number += text.count(b"\n", start, end) + 1
+        start = end + 1
+    holds = ", ".join(repr(kind) for kind in met[:4])
+    raise LogError(
+        f"the file has no block Segments or Objects, but {holds or 'nothing'}: export the rigid "
+        "bodies (Nexus: segments, Tracker: objects), not only their markers"
+    )
+
+
+def _block_of_bodies(kind: str, lines: list[bytes], text: bytes, number: int) -> _Block:
+    if len(lines) < 6:
+        raise LogError(f"the block {kind.title()} at line {number} has no frames: export again")
+    columns = lines[3].decode("utf-8", "replace")
+    delimiter = max(",;\t", key=columns.count)
+    names, labels, units = (_cells(line, delimiter) for line in lines[2:5])
+    if labels[:2] != ["Frame", "Sub Frame"] or units[0]:
+        raise LogError(
+            f"line {number + 3} begins with {columns[:20]!r}, expected Frame, Sub Frame and a row "
+            "of units below: export again with header"
+        )
+    return _Block(
+        kind=kind,
+        rate=_word(lines[1]),
+        header=(names, labels, units),
+        text=text,
+        start=len(text) - len(lines[5]),
+        first_line=number + 5,
+        delimiter=delimiter,
+    )
+
+
+def _take(block: _Block, rotation: str | None) -> Take:
+    names, labels, units = block.header
+    places = _columns_of_bodies(names, labels)
+    _refuse_unknown_rotation(block.kind, places, rotation)
+    text, empty = _without_empty_frames(block)
+    # A header line may be longer than the frames by empty cells, and the frames by one.
+    width = max((c for columns in places.values() for c in columns.values()), default=1) + 1
+    width = max(width, _width_of_frames(text, block))
+    values = numbers(
+        text, block.start, columns=width, delimiter=block.delimiter, first_line=block.first_line
+    )
+    program = _PROGRAMS[block.kind]
+    return Take(
+        format="vicon",
+        time=_time(values, block.rate),
+        bodies={
+            name: _body(values, columns, [units[c] if c < len(units) else "" for c in range(width)])
+            for name, columns in places.items()
+        },
+        source=f"position, {_kind_of_rotation(places)}, z up (Vicon {program})",
+        metadata={"block": block.kind, "frame rate": block.rate[:40]},
+        notes=(f"{empty} frames are empty: nothing was seen.",) if empty else (),
+    )
+
+
+def _columns_of_bodies(names: list[str], labels: list[str]) -> dict[str, dict[str, int]]:
+    """Return where each body has what; its name stands above the first of its columns."""
+    found: dict[str, dict[str, int]] = {}
+    current: dict[str, int] = {}
+    for column in range(2, len(labels)):
+        if column < len(names) and names[column]:
+            name = _name(names[column])
+            if name in found:
+                raise LogError(f"two rigid bodies are named {name[:40]!r}: rename one")
+            current = found[name] = {}
+        if labels[column] in (*_QUATERNION, *_POSITION):
+            current.setdefault(labels[column], column)
+    if len(found) > _MOST_BODIES:
+        raise LogError(f"the file has {len(found)} rigid bodies: export those that flew")
+    for name, columns in found.items():
+        lacking = [label for label in (*_ANGLES, *_POSITION) if label not in columns]
+        if lacking:
+            raise LogError(
+                f"the rigid body {name[:40]!r} has no {', '.join(lacking)}: export rotation and "
+                "translation"
+            )
+    return found
+
+
+def _name(cell: str) -> str:
+    """Return the name of a body; Tracker writes ``Global Angle Quad:Quad`` for Quad."""
+    name = cell.removeprefix(_PREFIX)
+    subject, _, segment = name.partition(":")
+    return subject if subject == segment else name
+
+
+def _kind_of_rotation(places: dict[str, dict[str, int]]) -> str:
+    return "quaternion" if all("RW" in c for c in places.values()) else "rotation vector"
+
+
+def _refuse_unknown_rotation(
+    kind: str, places: dict[str, dict[str, int]], rotation: str | None
+) -> None:
+    """Raise where three numbers of a rotation may be a vector or Euler angles."""
+    if rotation not in (None, "helical"):
+        raise LogError(
+            f"attitude = {rotation[:40]!r}: expected 'helical', the only three angles that are "
+            "read; the order of Euler angles is not in the file: export quaternions"
+        )
+    if kind == "objects" and rotation is None and _kind_of_rotation(places) != "quaternion":
+        raise LogError(
+            "rotations are RX RY RZ, under which Tracker writes rotation vectors and Euler angles "
+            "alike: export quaternions, or, if Helical was set, say so by "
+            'columns = { attitude = "helical" }'
+        )
+
+
+def _without_empty_frames(block: _Block) -> tuple[bytes, int]:
+    """Return the text with frames that have a number only made comments, and how many they are."""
+    rows = block.text[block.start :].split(b"\n")
+    delimiter = block.delimiter.encode()
+    empty = [k for k, row in enumerate(rows) if row and not _seen(row, delimiter)]
+    for k in empty:
+        rows[k] = b"#"
+    text = block.text[: block.start] + b"\n".join(rows) if empty else block.text
+    return text, len(empty)
+
+
+def _seen(row: bytes, delimiter: bytes) -> bool:
+    """Tell whether anything stands behind the number of a frame and its part."""
+    cells = row.split(delimiter, 2)
+    return len(cells) > 2 and bool(cells[2].strip(_BLANK))
+
+
+def _width_of_frames(text: bytes, block: _Block) -> int:
+    """Return the number of cells of the first frame that was seen."""
+    start = block.start
+    while text.startswith(b"#\n", start):
+        start += 2
+    end = text.find(b"\n", start)
+    return text.count(block.delimiter.encode(), start, end if end >= 0 else len(text)) + 1
+
+
+def _time(values: Float[np.ndarray, "n k"], rate: str) -> Float[np.ndarray, " n"]:
+    frequency = _number(rate)
+    if not 0.1 < frequency < 1e5:
+        raise LogError(f"{rate[:40]!r} frames per second in the second line: export again")
+    if np.any(values[:, 1] != 0):
+        raise LogError("frames have parts (Sub Frame is not 0): export poses once a frame")
+    with np.errstate(over="ignore", invalid="ignore"):
+        return (values[:, 0] - values[0, 0]) / frequency
+
+
+def _body(values: Float[np.ndarray, "n k"], columns: dict[str, int], units: list[str]) -> Body:
+    """Return a body in SI; NaN where its cells are empty."""
+    position = values[:, [columns[label] for label in _POSITION]]
+    rotation = values[
+        :, [columns[label] for label in (_QUATERNION if "RW" in columns else _ANGLES)]
+    ]
+    metre = _unit(units, columns["TX"], _LENGTHS)
+    if "RW" in columns:
+        attitude = unit_or_nan(np.roll(rotation, 1, axis=1))
+    else:
+        attitude = _turned(_unit(units, columns["RX"], _TURNS) * finite(rotation))
+    return Body(position=metre * finite(position), attitude_wxyz=attitude)
+
+
+def _turned(vector: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
+    """Return the quaternions of rotation vectors [rad]; NaN for what is none."""
+    from scipy.spatial.transform import Rotation
+
+    attitude = np.full((len(vector), 4), np.nan)
+    good = np.all(np.abs(vector) < _MOST_TURN, axis=1)  # false for NaN, too
+    if good.any():
+        attitude[good] = np.roll(Rotation.from_rotvec(vector[good]).as_quat(), 1, axis=1)
+    return attitude
+
+
+def _unit(units: list[str], column: int, known: dict[str, float]) -> float:
+    unit = units[column].lower()
+    if unit not in known:
+        raise LogError(
+            f"column {column + 1} has the unit {unit[:20]!r}, expected {', '.join(known)}: export "
+            "again"
+        )
+    return known[unit]
+
+
+def _blank_line(text: bytes, start: int) -> int:
+    """Return where the first blank line from `start` on begins, or the end of the text."""
+    while start < len(text):
+        end = text.find(b"\n", start)
+        end = len(text) if end < 0 else end
+        if not text[start:end].strip(_BLANK):
+            return start
+        start = end + 1
+    return len(text)
+
+
+def _cells(line: bytes, delimiter: str) -> list[str]:
+    words = line.decode("utf-8", "replace").split(delimiter)
+    return [word.strip().strip('"').strip() for word in words]
+
+
+def _word(line: bytes) -> str:
+    """Return what stands in a line of one cell."""
+    return line[:200].decode("utf-8", "replace").strip(' \t\r,;"')
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")
