@@ -33,7 +33,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.fuzz_forgeries import FORGERIES, Forgery
+from benchmarks.fuzz_forgeries import FORGERIES, TEXT, Forgery
 from benchmarks.fuzz_made import strange
 
 ROOT = Path(__file__).parents[1]
@@ -358,7 +358,7 @@ def work(name: str, *, folder: Path, findings: Path, seconds: float, seed: int) 
     )
     @hypothesis.given(st.randoms(use_true_random=False))
     def search(rng: random.Random) -> None:
-        data = damaged(seeds, others, rng, FORGERIES[name])
+        data = damaged(seeds, others, rng, FORGERIES.get(name, TEXT))
         if time.process_time() - begin > seconds:  # not before: a choice may not hang on time
             raise EnoughError
         examine(data)

@@ -12,8 +12,7 @@ import blackbox_encoder as encoder
 
 def blackbox_of(columns: dict[str, np.ndarray], *, motors: bool = True) -> bytes:
     """Return a log of I frames: gyro, accelerometer, and rotor speeds if wanted."""
-    turn = np.array([1.0, -1.0, -1.0])  # the recorder turns y and z against FLU
-    gyro = np.degrees(np.stack([columns[f"gyro_{a}"] for a in "xyz"], axis=1)) * turn
+    gyro = np.degrees(np.stack([columns[f"gyro_{a}"] for a in "xyz"], axis=1))
     accel = np.stack([columns[f"accel_{a}"] for a in "xyz"], axis=1) / 9.80665 * 2048
     fields = {f"gyroADC[{i}]": gyro[:, i] for i in range(3)}
     fields |= {f"accSmooth[{i}]": accel[:, i] for i in range(3)}

@@ -206,3 +206,66 @@ def test_a_recording_of_cameras_alone_belongs_beside_a_log(run, here):
     [report] = run("inspect", "take.tum", "--json").json
     [words] = report["trouble"]
     assert words.startswith("only the pose is in this file, no motors")
+
+
+def with_commands(order=(0, 1, 2, 3)):
+    """Keep the commands, and give the measured speeds another order."""
+    return lambda c: c | {f"rotor_{i + 1}": c[f"rotor_{k + 1}"] for i, k in enumerate(order)}
+
+
+def test_speeds_that_follow_their_commands(run, changed):
+    changed(with_commands())
+    [report] = run("inspect", "flight.csv", "--json").json
+    rotors = report["telemetry"]["rotors"]
+    assert [(r["rotor"], r["state"], r["speed_channel"]) for r in rotors] == [
+        (n, "follows", n) for n in (1, 2, 3, 4)
+    ]
+    assert report["telemetry"]["doubts"] == []
+    assert report["trouble"] == []
+    text = " ".join(run("inspect", "flight.csv").out.split())
+    assert "each measured rotor speed follows its own command (correlation " in text
+
+
+def test_speeds_in_another_order_than_commands(run, changed):
+    changed(with_commands((0, 2, 1, 3)))
+    words = "command 2 moves speed 3, command 3 moves speed 2"
+    [report] = run("inspect", "flight.csv", "--json").json
+    assert any(words in trouble for trouble in report["trouble"]), report["trouble"]
+    text = " ".join(run("inspect", "flight.csv").out.split())
+    assert words in text
+    assert "follows its own command" not in text
+
+
+def test_one_motor_channel_has_nothing_to_be_compared_with(run, here):
+    [report] = run("inspect", "flight.csv", "--json").json
+    assert report["telemetry"] is None
+    assert "command" not in run("inspect", "flight.csv").out
+
+
+def test_the_airframe_looks_at_the_chosen_log(run, here, columns):
+    flown = blackbox_of(columns)
+    ground = blackbox_of({name: values[:400] for name, values in columns.items()})
+    (here / "two.bbl").write_bytes(ground + flown)
+    (here / "one.bbl").write_bytes(flown)
+    options = ("--airframe", "airframe.toml", "--json")
+    [chosen] = run("inspect", "two.bbl", "--log", "2", *options).json
+    [alone] = run("inspect", "one.bbl", *options).json
+    assert alone["verdicts"] != [], alone["trouble"]
+    assert chosen["verdicts"] == alone["verdicts"]
+    assert chosen["trouble"] == alone["trouble"]
+
+
+def test_the_scale_of_the_accelerometer_without_an_airframe(run, changed):
+    changed(lambda c: {n: 1.07 * v if n.startswith("accel") else v for n, v in c.items()})
+    [report] = run("inspect", "flight.csv", "--json").json
+    [told] = report["trouble"]
+    assert told.startswith("at rest on the ground the accelerometer reads 10.")
+    assert report["gravity"]["at_rest"] == pytest.approx(1.07, abs=0.02)
+    assert report["gravity"]["in_flight"] == pytest.approx(1.07, abs=0.04)
+
+
+def test_what_needs_an_airframe_is_said_in_one_line(run, here):
+    text = " ".join(run("inspect", "flight.csv").out.split())
+    assert text.count("only with --airframe FILE is it judged whether") == 1
+    [report] = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json").json
+    assert report["not_judged"] == []

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,9 @@ from rotorfit.flight.doctor import channel_report, lacks, motor_lateness, vibrat
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
+from rotorfit.flight.telemetry import telemetry
 from rotorfit.identification.doctor import prospects
+from rotorfit.identification.gravity_check import gravity_doubts, gravity_seen
 from rotorfit.identification.plausible import gyro_in_degrees
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
@@ -27,6 +29,10 @@ GUESSED_ARM = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""
 NEEDED = ("gyro", "accel")
 HEAD_BYTES = 65_536
+WITH_AIRFRAME = (
+    "only with --airframe FILE is it judged whether changes of thrust fit the weight (the scale of "
+    "the accelerometer against kt), and whether motor order, spins and arm are right"
+)
 CUTOFFS = {
     "acc_lpf_hz": ("the accelerometer's low-pass", 100.0),
     "gyro_lpf1_static_hz": ("the gyro's low-pass", 1.0),
@@ -120,7 +126,13 @@ def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
         except (LogError, FlightError) as error:
             trouble.append(str(error))
     late = None if prepared is None else motor_lateness(prepared.data)
+    speeds = telemetry(log)
+    trouble += [] if speeds is None else speeds.doubts
     verdicts, refused = _with_airframe(log, airframe)
+    gravity = None if prepared is None else gravity_seen(prepared.data)
+    if gravity is not None:
+        # With an airframe the identification has looked at the flight itself.
+        trouble += gravity_doubts(replace(gravity, in_flight=None) if verdicts else gravity)
     cutoffs = _cutoffs(log)
     lacking = lacks(channels, accel_cutoff=cutoffs.get("acc_lpf_hz"))
     return LogReport(
@@ -132,8 +144,11 @@ def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
         airborne=() if prepared is None else _airborne(prepared),
         vibration=() if prepared is None else vibration(prepared.data),
         motor_lateness=late,
+        telemetry=speeds,
+        gravity=gravity,
         prospects=None if prepared is None else prospects(prepared, _response(log, late)),
         verdicts=verdicts,
+        not_judged=(WITH_AIRFRAME,) if prepared is not None and airframe is None else (),
         filters=tuple(f"{CUTOFFS[k][0]} is at {hz:g} Hz ({k})" for k, hz in cutoffs.items()),
         trouble=tuple(dict.fromkeys([*trouble, *refused])),
         settings=settings_for(log.format, lacking),
@@ -151,7 +166,10 @@ def _with_airframe(log: FlightLog, airframe: Path | None) -> tuple[tuple[str, ..
     from rotorfit.identification.experiment import single_flight_experiment
     from rotorfit.identification.identify import identify
 
-    experiment = single_flight_experiment(log.path, mass="unknown", airframe=airframe)
+    number = log.log_number if log.logs_in_file > 1 else None
+    experiment = single_flight_experiment(
+        log.path, mass="unknown", airframe=airframe, log_number=number
+    )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -308,7 +308,11 @@ def load_experiment(path: Path) -> Experiment:
 
 
 def single_flight_experiment(
-    log: Path, *, mass: float | Literal["unknown"], airframe: Path
+    log: Path,
+    *,
+    mass: float | Literal["unknown"],
+    airframe: Path,
+    log_number: int | None = None,
 ) -> Experiment:
     """Return the experiment of one log, a mass and an airframe file.
 
@@ -320,6 +324,8 @@ def single_flight_experiment(
         Weighed as it flew [kg], or ``"unknown"``: then everything is per kilogram.
     airframe
         TOML file with the tables ``[airframe]`` and ``[motors]``.
+    log_number
+        Which log of a file with several, from 1.
 
     Raises
     ------
@@ -327,11 +333,12 @@ def single_flight_experiment(
         As `load_experiment`.
     """
     known = _checked(AirframeFile, read_toml(airframe), airframe)
+    flight = {"file": str(log.absolute())} | ({} if log_number is None else {"log": log_number})
     described = {
         "name": log.stem,
         "airframe": known.airframe,
         "motors": known.motors,
-        "configuration": [{"mass": mass, "flights": [{"file": str(log.absolute())}]}],
+        "configuration": [{"mass": mass, "flights": [flight]}],
     }
     return _checked(Experiment, described, airframe)
 

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from rotorfit.flight.doctor import ChannelReport, Vibration
+from rotorfit.flight.telemetry import Telemetry
 from rotorfit.identification.doctor import Excitation, Prospects
+from rotorfit.identification.gravity_check import GravitySeen
 from rotorfit.logs.files import write_whole
 from rotorfit.report.settings import FILES, Setting
 
@@ -46,8 +48,11 @@ class LogReport:
     airborne: tuple[tuple[float, float], ...] = ()
     vibration: tuple[Vibration, ...] = ()
     motor_lateness: float | None = None
+    telemetry: Telemetry | None = None
+    gravity: GravitySeen | None = None
     prospects: Prospects | None = None
     verdicts: tuple[str, ...] = ()
+    not_judged: tuple[str, ...] = ()
     filters: tuple[str, ...] = ()
     trouble: tuple[str, ...] = ()
     settings: tuple[Setting, ...] = ()
@@ -89,7 +94,10 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
     found = [
         ("Recording", recording_words(report)),
         ("Flight", flight_words(report)),
-        ("What this flight could tell", [*prospect_words(report.prospects), *report.verdicts]),
+        (
+            "What this flight could tell",
+            [*prospect_words(report.prospects), *report.verdicts, *report.not_judged],
+        ),
         ("To know", list(report.trouble)),
         ("To set before the next flight", setting_words(report)),
     ]
@@ -143,9 +151,43 @@ def flight_words(report: LogReport) -> list[str]:
             if late >= 0
             else f"the motor data were recorded {-late:.0f} ms after the motion that they make"
         )
+    words += [*telemetry_words(report.telemetry), *gravity_words(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
         words.append(f"the motors answer like {report.prospects.motors}")
     return words
+
+
+def telemetry_words(found: Telemetry | None) -> list[str]:
+    """Return how the measured rotor speeds go with the commands, where they do."""
+    if found is None or found.doubts:
+        return []
+    told = [r.correlation for r in found.rotors if r.correlation is not None]
+    if not told or found.lateness is None:
+        return ["motor commands and measured rotor speeds: too little in common to compare them"]
+    return [
+        f"each measured rotor speed follows its own command (correlation {min(told):.2f} to "
+        f"{max(told):.2f}, {1e3 * found.lateness:.0f} ms later)"
+        if all(r.state == "follows" for r in found.rotors)
+        else "motor commands move too little to tell whether each measured rotor speed is its own "
+        f"(correlation {min(told):.2f} to {max(told):.2f})"
+    ]
+
+
+def gravity_words(found: GravitySeen | None) -> list[str]:
+    """Return what the accelerometer makes of gravity."""
+    if found is None:
+        return []
+    rest = [] if found.at_rest is None else [f"{found.at_rest:.3f} g at rest"]
+    flight = (
+        []
+        if found.in_flight is None
+        else [f"{found.in_flight:.3f}{_plus_minus(found)} g on average in flight"]
+    )
+    return [f"the accelerometer reads {' and '.join([*rest, *flight])}"] if rest or flight else []
+
+
+def _plus_minus(found: GravitySeen) -> str:
+    return "" if found.in_flight_std is None else f" +- {1.96 * found.in_flight_std:.3f}"
 
 
 def prospect_words(found: Prospects | None) -> list[str]:
