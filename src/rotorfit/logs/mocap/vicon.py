@@ -29,6 +29,7 @@ _LENGTHS: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _TURNS: Final = {"deg": np.pi / 180.0, "rad": 1.0}
 _PREFIX: Final = "Global Angle "
 _BLANK: Final = b" \t,;"
+_HEADER_LINES: Final = 5
 _MOST_BODIES: Final = 1000
 _MOST_TURN: Final = 1e3
 """A longer rotation vector [rad] is a damaged one; Nexus counts whole turns on."""
@@ -64,9 +65,9 @@ class _Block:
 def is_vicon(head: bytes) -> bool:
     """Return whether bytes from the beginning of a file are a CSV export of Nexus or Tracker."""
     first, _, rest = head.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
-    if _word(first).lower() not in _OTHER_BLOCKS | _PROGRAMS.keys():
+    if _word(first[:200]).lower() not in _OTHER_BLOCKS | _PROGRAMS.keys():
         return False
-    return math.isfinite(_number(_word(rest.partition(b"\n")[0])))
+    return math.isfinite(_number(_word(rest[:200].partition(b"\n")[0])))
 
 
 def read_vicon(path: Path, *, body: str | None = None, rotation: str | None = None) -> FlightLog:
@@ -100,15 +101,14 @@ def _block(text: bytes) -> _Block:
     """Return the first block of rigid bodies."""
     start, number, met = 0, 1, list[str]()
     while start < len(text):
-        end = _blank_line(text, start)
-        lines = text[start:end].split(b"\n", 5)
-        kind = _word(lines[0]).lower()
+        kind = _word(text[start : start + 200].partition(b"\n")[0]).lower()
         if kind in _PROGRAMS:
-            return _block_of_bodies(kind, lines, text[:end], number)
+            return _block_of_bodies(kind, text, start, number)
         if kind:
             met.append(kind[:40])
-        number += text.count(b"\n", start, end) + 1
-        start = end + 1
+        below = text.find(b"\n", _blank_line(text, start)) + 1 or len(text)
+        number += text.count(b"\n", start, below)
+        start = below
     holds = ", ".join(repr(kind) for kind in met[:4])
     raise LogError(
         f"the file has no block Segments or Objects, but {holds or 'nothing'}: export the rigid "
@@ -116,12 +116,19 @@ def _block(text: bytes) -> _Block:
     )
 
 
-def _block_of_bodies(kind: str, lines: list[bytes], text: bytes, number: int) -> _Block:
-    if len(lines) < 6:
+def _block_of_bodies(kind: str, text: bytes, start: int, number: int) -> _Block:
+    """Return the block that begins at `start`, in the line of that number."""
+    lines = list[bytes]()
+    while len(lines) < _HEADER_LINES and (end := text.find(b"\n", start)) >= 0:
+        lines.append(text[start:end])
+        start = end + 1
+    if len(lines) < _HEADER_LINES:
         raise LogError(f"the block {kind.title()} at line {number} has no frames: export again")
     columns = lines[3].decode("utf-8", "replace")
     delimiter = max(",;\t", key=columns.count)
-    names, labels, units = (_cells(line, delimiter) for line in lines[2:5])
+    names, labels, units = (_cells(line, delimiter) for line in lines[2:_HEADER_LINES])
+    while labels and not labels[-1]:
+        labels.pop()
     if labels[:2] != ["Frame", "Sub Frame"] or units[0]:
         raise LogError(
             f"line {number + 3} begins with {columns[:20]!r}, expected Frame, Sub Frame and a row "
@@ -129,11 +136,11 @@ def _block_of_bodies(kind: str, lines: list[bytes], text: bytes, number: int) ->
         )
     return _Block(
         kind=kind,
-        rate=_word(lines[1]),
+        rate=_word(lines[1][:200]),
         header=(names, labels, units),
-        text=text,
-        start=len(text) - len(lines[5]),
-        first_line=number + 5,
+        text=text[: _blank_line(text, start)],
+        start=start,
+        first_line=number + _HEADER_LINES,
         delimiter=delimiter,
     )
 
@@ -143,9 +150,11 @@ def _take(block: _Block, rotation: str | None) -> Take:
     places = _columns_of_bodies(names, labels)
     _refuse_unknown_rotation(block.kind, places, rotation)
     text, empty = _without_empty_frames(block)
-    # A header line may be longer than the frames by empty cells, and the frames by one.
-    width = max((c for columns in places.values() for c in columns.values()), default=1) + 1
-    width = max(width, _width_of_frames(text, block))
+    width = _width_of_frames(text, block)
+    if width < len(labels):
+        raise LogError(
+            f"the frames have {width} cells, their names {len(labels)}: export the file again"
+        )
     values = numbers(
         text, block.start, columns=width, delimiter=block.delimiter, first_line=block.first_line
     )
@@ -153,10 +162,7 @@ def _take(block: _Block, rotation: str | None) -> Take:
     return Take(
         format="vicon",
         time=_time(values, block.rate),
-        bodies={
-            name: _body(values, columns, [units[c] if c < len(units) else "" for c in range(width)])
-            for name, columns in places.items()
-        },
+        bodies={name: _body(values, columns, units) for name, columns in places.items()},
         source=f"position, {_kind_of_rotation(places)}, z up (Vicon {program})",
         metadata={"block": block.kind, "frame rate": block.rate[:40]},
         notes=(f"{empty} frames are empty: nothing was seen.",) if empty else (),
@@ -233,12 +239,11 @@ def _seen(row: bytes, delimiter: bytes) -> bool:
 
 
 def _width_of_frames(text: bytes, block: _Block) -> int:
-    """Return the number of cells of the first frame that was seen."""
-    start = block.start
-    while text.startswith(b"#\n", start):
-        start += 2
-    end = text.find(b"\n", start)
-    return text.count(block.delimiter.encode(), start, end if end >= 0 else len(text)) + 1
+    """Return the number of cells of the first frame that was seen; of the header if none was."""
+    for row in text[block.start :].split(b"\n"):
+        if row and not row.startswith(b"#"):
+            return row.count(block.delimiter.encode()) + 1
+    return len(block.header[1])
 
 
 def _time(values: Float[np.ndarray, "n k"], rate: str) -> Float[np.ndarray, " n"]:
@@ -277,7 +282,7 @@ def _turned(vector: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
 
 
 def _unit(units: list[str], column: int, known: dict[str, float]) -> float:
-    unit = units[column].lower()
+    unit = units[column].lower() if column < len(units) else ""
     if unit not in known:
         raise LogError(
             f"column {column + 1} has the unit {unit[:20]!r}, expected {', '.join(known)}: export "
@@ -304,7 +309,7 @@ def _cells(line: bytes, delimiter: str) -> list[str]:
 
 def _word(line: bytes) -> str:
     """Return what stands in a line of one cell."""
-    return line[:200].decode("utf-8", "replace").strip(' \t\r,;"')
+    return line.decode("utf-8", "replace").strip(' \t\r,;"')
 
 
 def _number(word: str) -> float:
