@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage, signal
 
-LONG = 100_000
+LONG = 32_768
 """Rows that are worked on at a time: a longer log would fill the memory with what is between."""
 MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51

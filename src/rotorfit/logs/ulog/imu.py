@@ -1,24 +1,39 @@
 """Gyro and accelerometer of a PX4 log, from the best of the topics that have them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.flight.log import Channel
 from rotorfit.logs.axes import vectors_to_flu
 from rotorfit.logs.ulog.scan import Scan, Topic
 
-TOPICS: Final = (
-    "sensor_combined",
-    "vehicle_imu",
-    "vehicle_angular_velocity",
-    "vehicle_acceleration",
-    "sensor_selection",
+_SIGNAL: Final = ("timestamp", "timestamp_sample", "xyz")
+_FIFO: Final = (
+    *("timestamp", "timestamp_sample", "device_id", "dt", "scale", "samples"),
+    *("x", "y", "z"),
 )
-FIFO_TOPICS: Final = ("sensor_gyro_fifo", "sensor_accel_fifo")
+TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
+    "sensor_combined": (
+        *("timestamp", "gyro_rad", "accelerometer_timestamp_relative"),
+        "accelerometer_m_s2",
+    ),
+    "vehicle_imu": (
+        *("timestamp", "timestamp_sample", "gyro_device_id"),
+        *("delta_angle", "delta_velocity", "delta_angle_dt", "delta_velocity_dt"),
+    ),
+    "vehicle_angular_velocity": _SIGNAL,
+    "vehicle_acceleration": _SIGNAL,
+    "sensor_selection": ("timestamp", "gyro_device_id"),
+}
+"""Topics and the fields of them that are used."""
+FIFO_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
+    "sensor_gyro_fifo": _FIFO,
+    "sensor_accel_fifo": _FIFO,
+}
 GOOD_RATE: Final = 90.0
 """A source this fast is taken before faster, later ones [Hz]."""
 NO_ACCEL: Final = 0x7FFFFFFF
@@ -88,7 +103,9 @@ def _channel(
     """Return a channel of body vectors, turned to FLU; None where nothing usable is in it."""
     if frd is None:
         return None
-    values = np.where(np.isfinite(frd), vectors_to_flu(frd, "FRD"), np.nan)
+    values = vectors_to_flu(frd, "FRD")
+    del frd
+    values[~np.isfinite(values)] = np.nan
     if not np.isfinite(values).all(axis=1).any():
         return None
     return Channel(time=time, values=values, source=f"{source}, FRD turned to FLU")
@@ -106,11 +123,24 @@ def _combined(scan: Scan) -> Imu:
     if relative is None or values is None:
         return Imu(gyro=gyro, accel=None)
     there = relative != NO_ACCEL
-    time = topic.time[there] + 1e-6 * relative[there]
+    relative *= 1e-6
+    relative += topic.time
+    time, values = _picked(there, relative, values)
     # A sample whose own time is wrong is left out; the clock must not run backwards.
-    rising = time >= np.maximum.accumulate(time) if len(time) else there[there]
-    accel = _channel(time[rising], values[there][rising], f"{label}.accelerometer_m_s2")
-    return Imu(gyro=gyro, accel=accel)
+    time, values = _picked(_rising(time), time, values)
+    return Imu(gyro=gyro, accel=_channel(time, values, f"{label}.accelerometer_m_s2"))
+
+
+def _rising(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return which samples are not earlier than one before."""
+    return time >= np.maximum.accumulate(time)
+
+
+def _picked(
+    rows: Bool[np.ndarray, " n"], time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m k"]]:
+    """Return some of the samples; where it is all of them, without a copy."""
+    return (time, values) if rows.all() else (time[rows], values[rows])
 
 
 def _integrated(scan: Scan) -> Imu:
@@ -128,10 +158,10 @@ def _over_time(topic: Topic, name: str) -> Channel | None:
     change, span = topic.vector(name, 3), topic.number(f"{name}_dt")
     if change is None or span is None:
         return None
-    rates = change / np.where(span > 0, 1e-6 * span, np.nan)[:, None]
+    change /= np.where(span > 0, 1e-6 * span, np.nan)[:, None]
     time = topic.sample_time
-    rising = time >= np.maximum.accumulate(time)
-    return _channel(time[rising], rates[rising], f"{topic.label}.{name} over {name}_dt")
+    time, rates = _picked(_rising(time), time, change)
+    return _channel(time, rates, f"{topic.label}.{name} over {name}_dt")
 
 
 def _filtered(scan: Scan) -> Imu:
@@ -153,11 +183,11 @@ def _filtered(scan: Scan) -> Imu:
 def _controller_signal(topic: Topic | None) -> Channel | None:
     if topic is None:
         return None
-    time = topic.sample_time
-    values = topic.vector("xyz", 3)
-    rising = time >= np.maximum.accumulate(time)
-    kept = None if values is None else values[rising]
-    return _channel(time[rising], kept, f"{topic.label}.xyz, filtered on board")
+    time, values = topic.sample_time, topic.vector("xyz", 3)
+    if values is None:
+        return None
+    time, values = _picked(_rising(time), time, values)
+    return _channel(time, values, f"{topic.label}.xyz, filtered on board")
 
 
 def _selected(scan: Scan, instances: tuple[Topic, ...], device: str) -> Topic | None:
@@ -210,6 +240,5 @@ def _transfer_means(topic: Topic) -> Channel | None:
     with np.errstate(all="ignore"):
         means = np.stack(sums, axis=1) * (scale / np.where(sound, count, np.nan))[:, None]
     middle = time - 1e-6 * np.where(sound, 0.5 * (count - 1) * step, 0.0)
-    rising = middle >= np.maximum.accumulate(middle)
-    source = f"{topic.label}.x/y/z, the mean of each transfer"
-    return _channel(middle[rising], means[rising], source)
+    middle, means = _picked(_rising(middle), middle, means)
+    return _channel(middle, means, f"{topic.label}.x/y/z, the mean of each transfer")

@@ -2,16 +2,26 @@
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.flight.log import Channel
+from rotorfit.flight.signals import pieces
 from rotorfit.logs.ulog.scan import Scan, Topic
 
-TOPICS: Final = ("esc_status", "actuator_motors", "actuator_outputs")
+SPEED_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
+    "esc_status": ("timestamp", "esc_count", "esc", "esc_rpm", "actuator_function")
+}
+COMMAND_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
+    "actuator_motors": ("timestamp", "control"),
+    "actuator_outputs": ("timestamp", "output"),
+}
+TOPICS: Final = {**SPEED_TOPICS, **COMMAND_TOPICS}
+"""Topics and the fields of them that are used; those of an ESC among them."""
 FIRST_MOTOR, LAST_MOTOR = 101, 112
 """Numbers of the output functions Motor 1 to Motor 12."""
 MOST_MOTORS: Final = LAST_MOTOR - FIRST_MOTOR + 1
@@ -56,25 +66,29 @@ def find_rotor_speed(scan: Scan) -> Motors:
     names = escs.dtype.names or ()
     if escs.ndim != 2 or "esc_rpm" not in names or len(topic.rows) < 2:
         return Motors(notes=("esc_status has no esc_rpm: rotor speed is left out.",))
-    rpm = np.abs(np.asarray(escs["esc_rpm"], dtype=float))
-    places = _places_of_motors(scan, topic, rpm)
-    if not rpm[:, places].any():
+    turns = np.zeros(topic.lengths["esc"], dtype=bool)
+    turns[: escs.shape[1]] = escs["esc_rpm"].any(axis=0)
+    places = _places_of_motors(scan, topic, turns)
+    rpm = np.empty((len(escs), len(places)))
+    for i, place in enumerate(places):
+        np.abs(_of_esc(escs, "esc_rpm", place), out=rpm[:, i])
+    if not rpm.any():
         note = f"esc_status says 0 rpm throughout: rotor speed is left out; {TELEMETRY}."
         return Motors(notes=(note,))
-    time, rpm, fresh = _on_one_clock(topic, escs, rpm[:, places], places)
-    rpm = np.where(rpm <= FASTEST, rpm, np.nan)
+    time, rpm, fresh = _on_one_clock(topic, escs, rpm, places)
+    rpm[~(rpm <= FASTEST)] = np.nan
     source = f"{topic.label}.esc[{', '.join(map(str, places))}].esc_rpm [rpm]"
-    channel = Channel(
-        time=time, values=rpm * _RPM, source=source, resolution=_smallest_step(rpm) * _RPM
-    )
     silent = [str(i + 1) for i in range(len(places)) if not np.nan_to_num(rpm[:, i]).any()]
+    resolution = _smallest_step(rpm) * _RPM
+    rpm *= _RPM
+    channel = Channel(time=time, values=rpm, source=source, resolution=resolution)
     notes = [fresh] if fresh else []
     if silent:
         notes.append(f"Motor {', '.join(silent)}: 0 rpm throughout, check its telemetry.")
     return Motors(channel=channel, notes=tuple(notes))
 
 
-def _places_of_motors(scan: Scan, topic: Topic, rpm: Float[np.ndarray, "n e"]) -> list[int]:
+def _places_of_motors(scan: Scan, topic: Topic, turns: Bool[np.ndarray, " e"]) -> list[int]:
     """Return which place in esc_status each motor has, in the order of the motors."""
     escs = topic.rows["esc"]
     if "actuator_function" in (escs.dtype.names or ()):
@@ -83,10 +97,10 @@ def _places_of_motors(scan: Scan, topic: Topic, rpm: Float[np.ndarray, "n e"]) -
         if motors:
             return [motors[function] for function in sorted(motors)]
     told = topic.number("esc_count")
-    turning = np.flatnonzero(rpm.any(axis=0))
+    turning = np.flatnonzero(turns)
     count = motor_count(scan) or int(0 if told is None else told.max())
-    count = count or (int(turning[-1]) + 1 if len(turning) else rpm.shape[1])
-    return list(range(min(count, rpm.shape[1])))
+    count = count or (int(turning[-1]) + 1 if len(turning) else len(turns))
+    return list(range(min(count, len(turns))))
 
 
 def _on_one_clock(
@@ -100,22 +114,36 @@ def _on_one_clock(
     published = topic.time
     if "timestamp" not in (escs.dtype.names or ()):
         return published, rpm, ""
-    own = 1e-6 * np.asarray(escs["timestamp"][:, places], dtype=float)
-    late = published[:, None] - own
     step = float(np.median(np.diff(published)))
-    if not np.any(own, axis=0).all() or (own[1:] < own[:-1]).any() or late.max() > 10.0:
-        return published, rpm, ""
-    is_new = np.concatenate([[True], np.any(own[1:] > own[:-1], axis=1)])
-    if float(np.median(late)) < 0.2 * step and is_new.all():
+    is_new, prompt = np.arange(len(published)) == 0, 0
+    for place in places:
+        own = 1e-6 * _of_esc(escs, "timestamp", place)
+        late = published - own
+        if not own.any() or (own[1:] < own[:-1]).any() or late.max() > 10.0:
+            return published, rpm, ""
+        is_new[1:] |= own[1:] > own[:-1]
+        prompt += int(np.count_nonzero(late < 0.2 * step))
+    # By the median they come at once.
+    if 2 * prompt > rpm.size and is_new.all():
         return published, rpm, ""
     time = published[is_new]
-    joined = [_joined(time, own[is_new, i], rpm[is_new, i]) for i in range(len(places))]
+    joined = [
+        _joined(time, 1e-6 * _of_esc(escs, "timestamp", place)[is_new], rpm[is_new, i])
+        for i, place in enumerate(places)
+    ]
     rate = 1.0 / max(float(np.median(np.diff(time))), 1e-6) if len(time) > 1 else 0.0
     note = (
         f"The ESCs report one after the other, {rate:.0f} new messages a second: their speeds are "
         "brought to common times by lines between each one's reports."
     )
     return time, np.stack(joined, axis=1), note
+
+
+def _of_esc(escs: np.ndarray, name: str, place: int) -> Float[np.ndarray, " n"]:
+    """Return a field of one ESC; zeros of those that never say anything, and were not kept."""
+    if place >= escs.shape[1]:
+        return np.zeros(len(escs))
+    return escs[name][:, place].astype(float)
 
 
 def _joined(
@@ -134,9 +162,14 @@ def _joined(
 
 def _smallest_step(rpm: Float[np.ndarray, "n N"]) -> float:
     """Return the step of the telemetry: 1 rpm, or 100 electrical ones over the pole pairs."""
-    values = np.unique(rpm[np.isfinite(rpm)])
-    steps = np.diff(values)
-    return max(float(steps.min()), 1.0) if len(steps) else 1.0
+    levels, least = np.zeros(0), np.inf
+    for piece in pieces(len(rpm)):
+        some = rpm[piece]
+        levels = np.union1d(levels, some[np.isfinite(some)])
+        least = float(np.diff(levels).min(initial=np.inf))
+        if least <= 1.0:
+            break  # no smaller one counts, and the levels of a long log would be many
+    return max(least, 1.0) if np.isfinite(least) else 1.0
 
 
 # Commands
@@ -168,28 +201,33 @@ def _from_thrusts(scan: Scan, topic: Topic) -> Motors:
     By its parameter f = THR_MDL_FAC it takes relative thrust to be f u^2 + (1 - f) u, u being the
     fraction of the output range; the log has the thrust, so u is its positive root.
     """
-    thrust = topic.column("control")
-    used = np.flatnonzero(np.isfinite(thrust).any(axis=0))
+    width, kept = topic.lengths["control"], int(topic.rows.dtype["control"].shape[0])
+    parts = pieces(len(topic.rows))
+    used = np.zeros(width, dtype=bool)
+    for part in parts:
+        used[:kept] |= np.isfinite(topic.column("control", part)).any(axis=0)
     count = motor_count(scan)
-    if count is None or count > thrust.shape[1]:
-        count = int(used[-1]) + 1 if len(used) else 0
-    if count == 0 or not (used < count).any():
+    if count is None or count > width:
+        count = int(np.flatnonzero(used)[-1]) + 1 if used.any() else 0
+    if not used[:count].any():
         return Motors(notes=("actuator_motors drives no motor: commands are left out.",))
-    thrust = thrust[:, :count]
-    stopped = np.isnan(thrust)
-    wrong = ~stopped & ((thrust < -1e-6) | (thrust > 1.0 + 1e-6))
     factor = thrust_curve(scan)
-    fraction = _fraction_of(np.clip(np.where(stopped | wrong, 0.0, thrust), 0.0, 1.0), factor)
-    values = np.where(wrong, np.nan, fraction)
+    values = np.empty((len(topic.rows), count))
+    wrong_rows = 0
+    for part in parts:
+        thrust = np.full((len(topic.rows[part]), count), np.nan)
+        thrust[:, :kept] = topic.column("control", part)[:, :count]
+        wrong = (thrust < -1e-6) | (thrust > 1.0 + 1e-6)
+        stopped = np.isnan(thrust)
+        fraction = _fraction_of(np.clip(np.where(stopped | wrong, 0.0, thrust), 0.0, 1.0), factor)
+        values[part] = np.where(wrong, np.nan, fraction)
+        wrong_rows += int(wrong.any(axis=1).sum())
     notes: list[str] = []
     source = f"{topic.label}.control[0..{count - 1}]"
     if factor:
         source += f", turned from thrust into the output sent (THR_MDL_FAC {factor:g})"
-    if wrong.any():
-        notes.append(
-            f"{int(wrong.any(axis=1).sum())} commands are outside 0 to 1 (reversed motors?): left "
-            "out."
-        )
+    if wrong_rows:
+        notes.append(f"{wrong_rows} commands are outside 0 to 1 (reversed motors?): left out.")
     return Motors(
         channel=Channel(time=topic.time, values=values, source=source), notes=tuple(notes)
     )
@@ -222,7 +260,7 @@ def _from_outputs(scan: Scan) -> Motors:
     values = None if topic is None else topic.vector("output", 1 + max(wiring.places))
     if topic is None or values is None:
         return Motors(notes=("actuator_outputs has no motors: commands are left out.",))
-    values = values[:, list(wiring.places)]
+    values = np.take(values, list(wiring.places), axis=1)
     low, high = (np.array(edge) for edge in zip(*wiring.ranges, strict=True))
     if bool((values > high + 0.05 * (high - low)).any()):
         note = (
@@ -231,11 +269,13 @@ def _from_outputs(scan: Scan) -> Motors:
             "actuator_motors."
         )
         return Motors(notes=(note,))
-    fraction = np.clip((values - low) / (high - low), 0.0, 1.0)
+    values -= low
+    values /= high - low
+    np.clip(values, 0.0, 1.0, out=values)
     shown = ", ".join(str(place) for place in wiring.places)
     source = f"{topic.label}.output[{shown}], {low.min():g}..{high.max():g} ({wiring.said_by})"
     resolution = 1.0 / float((high - low).min()) if float((high - low).min()) >= 100 else None
-    channel = Channel(time=topic.time, values=fraction, source=source, resolution=resolution)
+    channel = Channel(time=topic.time, values=values, source=source, resolution=resolution)
     return Motors(channel=channel)
 
 

@@ -9,7 +9,7 @@ from rotorfit.logs.ulog import imu, motors, pose, vehicle
 from rotorfit.logs.ulog.messages import MAGIC
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
-WANTED: Final = frozenset((*imu.TOPICS, *motors.TOPICS, *pose.TOPICS, *vehicle.TOPICS))
+WANTED: Final = {**imu.TOPICS, **motors.TOPICS, **pose.TOPICS, **vehicle.TOPICS}
 SLOW_MOTORS: Final = 50.0
 """Commands slower than this say little of inertia [Hz]."""
 _LISTED: Final = 20
@@ -39,9 +39,7 @@ def read_ulog(path: Path) -> FlightLog:
         If the file cannot be read, or has none of the topics that make a channel.
     """
     try:
-        scan = scan_file(path, WANTED)
-        found = imu.find_imu(scan, raw=lambda: scan_file(path, frozenset(imu.FIFO_TOPICS)))
-        channels, notes = _channels(scan, found)
+        channels, notes, scan = _channels(path)
         if not channels:
             raise LogError(_no_channels(scan))
     except LogError as error:
@@ -67,10 +65,20 @@ def read_ulog(path: Path) -> FlightLog:
     )
 
 
-def _channels(scan: Scan, found: imu.Imu) -> tuple[dict[str, Channel], list[str]]:
-    """Return the channels, in the order of `CHANNELS`, and what to say of them."""
-    speed, command = motors.find_rotor_speed(scan), motors.find_command(scan)
+def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
+    """Return the channels in the order of `CHANNELS`, what to say of them, and what is left.
+
+    Every topic is let go of when its channel is made: all of both would fill the memory.
+    """
+    scan = scan_file(path, WANTED)
+    speed = motors.find_rotor_speed(scan)
+    scan = scan.without(motors.SPEED_TOPICS)
+    found = imu.find_imu(scan, raw=lambda: scan_file(path, imu.FIFO_TOPICS))
+    scan = scan.without(imu.TOPICS)
+    command = motors.find_command(scan)
+    scan = scan.without(motors.COMMAND_TOPICS)
     posed, pose_notes = pose.find_pose(scan)
+    scan = scan.without(pose.MOCAP)
     made: dict[str, Channel | None] = {
         "gyro": found.gyro,
         "accel": found.accel,
@@ -80,6 +88,7 @@ def _channels(scan: Scan, found: imu.Imu) -> tuple[dict[str, Channel], list[str]
         "velocity": pose.find_velocity(scan),
         **posed,
     }
+    scan = scan.without(pose.TOPICS)
     channels = {name: channel for name, channel in made.items() if channel is not None}
     missing = [name for name in ("gyro", "accel") if name not in channels]
     notes = [
@@ -90,7 +99,7 @@ def _channels(scan: Scan, found: imu.Imu) -> tuple[dict[str, Channel], list[str]
         *_law_notes(scan, channels),
         *pose_notes,
     ]
-    return channels, notes
+    return channels, notes, scan
 
 
 def _rate_doubts(channels: dict[str, Channel]) -> list[str]:

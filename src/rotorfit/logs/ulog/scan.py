@@ -4,8 +4,8 @@ import hashlib
 import math
 import os
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -14,11 +14,15 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from rotorfit.errors import LogError
+from rotorfit.flight.signals import pieces
 from rotorfit.logs.files import read_head
 from rotorfit.logs.ulog.formats import Field, Row, parse_format, row_of
 from rotorfit.logs.ulog.messages import HEADER_BYTES, MAGIC, Block, read_blocks, refuse_ruin
+from rotorfit.logs.ulog.rows import appended
 
 Value = int | float
+Wanted = Mapping[str, Container[str] | None]
+"""Topics to keep, and the fields of each; None: all."""
 MOST_TOPICS: Final = 2000
 """PX4 logs up to 255."""
 LARGEST_VALUE: Final = 1e100
@@ -35,11 +39,21 @@ LARGEST_NUMBER: Final = 1 << 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topic:
-    """The messages of one instance of a topic, in order of time."""
+    """The messages of one instance of a topic, in order of time.
+
+    Attributes
+    ----------
+    rows
+        The fields that were asked for; arrays of rows, and long ones of floats, without the last
+        ones that say nothing.
+    lengths
+        Of those arrays, as declared.
+    """
 
     name: str
     instance: int
     rows: np.ndarray
+    lengths: Mapping[str, int]
 
     @property
     def label(self) -> str:
@@ -51,36 +65,43 @@ class Topic:
         names = self.rows.dtype.names or ()
         return all(name in names for name in fields)
 
-    def column(self, name: str) -> Float[np.ndarray, "*shape"]:
+    def column(self, name: str, rows: slice = slice(None)) -> Float[np.ndarray, "*shape"]:
         """Return a field as floats: one value a row, or one array; what is no number is NaN."""
-        with np.errstate(invalid="ignore"):  # some NaN of single precision signal
-            values = np.asarray(self.rows[name], dtype=float)
-        return np.where(np.abs(values) < LARGEST_VALUE, values, np.nan)
+        return _floats(self.rows[name][rows])
+
+    def has_vector(self, name: str, columns: int) -> bool:
+        """Return whether a field is an array of at least so many numbers."""
+        if not self.has(name) or self.rows.dtype[name].names:
+            return False
+        return self.rows[name].ndim == 2 and self.rows[name].shape[1] >= columns
+
+    def has_number(self, name: str) -> bool:
+        """Return whether a field is one number."""
+        return self.has(name) and not self.rows.dtype[name].names and self.rows[name].ndim == 1
 
     def vector(self, name: str, columns: int) -> Float[np.ndarray, "n k"] | None:
         """Return a field that is an array of at least so many numbers; None if it is not."""
-        if not self.has(name) or self.rows.dtype[name].names:
-            return None
-        values = self.column(name)
-        return values[:, :columns] if values.ndim == 2 and values.shape[1] >= columns else None
+        return _floats(self.rows[name][:, :columns]) if self.has_vector(name, columns) else None
 
     def number(self, name: str) -> Float[np.ndarray, " n"] | None:
         """Return a field that is one number; None if it is not."""
-        if not self.has(name) or self.rows.dtype[name].names:
-            return None
-        values = self.column(name)
-        return values if values.ndim == 1 else None
+        return self.column(name) if self.has_number(name) else None
 
     @property
     def time(self) -> Float[np.ndarray, " n"]:
         """When each message was published, since boot [s]."""
-        return 1e-6 * self.column("timestamp")
+        stamps = self.column("timestamp")
+        stamps *= 1e-6
+        return stamps
 
     @property
     def sample_time(self) -> Float[np.ndarray, " n"]:
         """When what it tells was measured [s]; where it does not say, when it was published."""
         sampled = self.number("timestamp_sample")
-        return self.time if sampled is None or not sampled.all() else 1e-6 * sampled
+        if sampled is None or not sampled.all():
+            return self.time
+        sampled *= 1e-6
+        return sampled
 
     @property
     def rate(self) -> float:
@@ -132,6 +153,10 @@ class Scan:
     warnings: tuple[str, ...]
     sha256: str
 
+    def without(self, names: Container[str]) -> "Scan":
+        """Return the same without the messages of some topics."""
+        return replace(self, topics={n: t for n, t in self.topics.items() if n not in names})
+
     def all(self, name: str) -> tuple[Topic, ...]:
         """Return the instances of a topic."""
         return self.topics.get(name, ())
@@ -157,11 +182,11 @@ class _Subscription:
 class _Reading:
     """The state of a file while it is read: what was declared so far, and what was kept."""
 
-    wanted: frozenset[str]
+    wanted: Wanted
     formats: dict[str, tuple[Field, ...]] = field(default_factory=dict[str, tuple[Field, ...]])
     subscribed: dict[int, _Subscription] = field(default_factory=dict[int, _Subscription])
     layouts: dict[str, Row] = field(default_factory=dict[str, Row])
-    rows: dict[int, list[np.ndarray]] = field(default_factory=dict[int, list[np.ndarray]])
+    rows: dict[int, np.ndarray] = field(default_factory=dict[int, np.ndarray])
     counts: np.ndarray = field(default_factory=lambda: np.zeros(LARGEST_NUMBER, dtype=np.int64))
     # Smallest and largest length of a data message by its number; none fits an unknown number.
     smallest: np.ndarray = field(
@@ -222,7 +247,9 @@ class _Reading:
             size = topic.row.dtype.itemsize
             windows = np.lib.stride_tricks.sliding_window_view(raw, size)
             picked = windows[places[numbers == number] + 5]
-            self.rows.setdefault(number, []).append(picked.view(topic.row.dtype)[:, 0])
+            rows = picked.view(topic.row.dtype)[:, 0]
+            names = self.wanted[topic.name]
+            self.rows[number] = appended(self.rows.get(number), rows, names)
 
     def _declare(self, kind: str, content: bytes) -> None:
         """Take in a message that is no data; what is no sound message of its kind is passed."""
@@ -307,7 +334,18 @@ def _uint16(raw: UInt8[np.ndarray, " n"], places: Int[np.ndarray, " m"]) -> Int[
     return raw[places].astype(np.int64) | raw[places + 1].astype(np.int64) << 8
 
 
-def scan_file(path: Path, wanted: frozenset[str]) -> Scan:
+def _floats(recorded: np.ndarray) -> Float[np.ndarray, "*shape"]:
+    """Return a copy as floats; what is no number is NaN."""
+    with np.errstate(invalid="ignore"):  # some NaN of single precision signal
+        values = recorded.astype(np.float64)
+    if recorded.dtype.kind == "f":
+        for rows in pieces(len(values)):
+            some = values[rows]
+            some[~(np.abs(some) < LARGEST_VALUE)] = np.nan
+    return values
+
+
+def scan_file(path: Path, wanted: Wanted) -> Scan:
     """Return the wanted topics of a file, and all its parameters.
 
     Parameters
@@ -315,7 +353,8 @@ def scan_file(path: Path, wanted: frozenset[str]) -> Scan:
     path
         The file.
     wanted
-        Names of topics; the messages of others are counted only.
+        Names of topics, and the fields of them that are kept; the messages of others are counted
+        only.
 
     Raises
     ------
@@ -389,22 +428,33 @@ def _topics(reading: _Reading) -> tuple[dict[str, tuple[Topic, ...]], int]:
     """Return the topics that have times, in order, and how many messages were out of order."""
     topics: dict[str, list[Topic]] = {}
     unordered = 0
-    for number, parts in reading.rows.items():
+    for number, rows in reading.rows.items():
         subscription = reading.subscribed[number]
-        dtype = parts[0].dtype
+        dtype = rows.dtype
         if "timestamp" not in (dtype.names or ()) or dtype["timestamp"] != np.dtype("<u8"):
             continue
-        rows = np.concatenate(parts)
         kept = _in_order(rows["timestamp"])
         unordered += int(np.count_nonzero(~kept))
         rows = rows if kept.all() else rows[kept]
-        topic = Topic(name=subscription.name, instance=subscription.instance, rows=rows)
+        topic = Topic(
+            name=subscription.name,
+            instance=subscription.instance,
+            rows=rows,
+            lengths=_lengths(subscription.row),
+        )
         topics.setdefault(topic.name, []).append(topic)
     ordered = {
         name: tuple(sorted(found, key=lambda topic: topic.instance))
         for name, found in topics.items()
     }
     return ordered, unordered
+
+
+def _lengths(row: Row | None) -> dict[str, int]:
+    """Return the declared lengths of the arrays in a row."""
+    dtype = np.dtype([]) if row is None else row.dtype
+    inner = {name: dtype[name] for name in dtype.names or ()}
+    return {name: int(dtype.shape[0]) for name, dtype in inner.items() if dtype.shape}
 
 
 def _in_order(stamps: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """What a PX4 log says of the vehicle: geometry, versions, settings, and when it flew."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,7 +11,12 @@ from jaxtyping import Bool, Float
 from rotorfit.logs.ulog.motors import commanded_law, motor_count
 from rotorfit.logs.ulog.scan import Scan, Topic
 
-TOPICS: Final = ("actuator_armed", "vehicle_status", "vehicle_land_detected")
+TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
+    "actuator_armed": ("timestamp", "armed"),
+    "vehicle_status": ("timestamp", "arming_state"),
+    "vehicle_land_detected": ("timestamp", "landed"),
+}
+"""Topics and the fields of them that are used."""
 ARMED: Final = 2
 """vehicle_status.arming_state of an armed vehicle."""
 GENERIC: Final = (4001, 5001, 6001, 7001, 8001, 9001, 11001, 12001, 14001, 4601)
