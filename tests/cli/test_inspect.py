@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from blackbox_file import blackbox_of
 
+from rotorfit.errors import FlightError
+
 
 @pytest.fixture(scope="module")
 def blackbox(columns) -> bytes:
@@ -269,3 +271,16 @@ def test_what_needs_an_airframe_is_said_in_one_line(run, here):
     assert text.count("only with --airframe FILE is it judged whether") == 1
     [report] = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json").json
     assert report["not_judged"] == []
+
+
+def test_a_flight_too_short_for_prospects_is_told_and_done(run, changed, monkeypatch):
+    changed(lambda c: c)
+
+    def too_short(*arguments):
+        raise FlightError("the airborne part is too short to use")
+
+    monkeypatch.setattr("rotorfit.cli.inspect.prospects", too_short)
+    ended = run("inspect", "flight.csv", "--json")
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.json[0]["trouble"] == ["the airborne part is too short to use"]
+    assert ended.json[0]["prospects"] is None

@@ -344,3 +344,11 @@ def test_a_hover_without_any_motion_is_flight_where_its_take_off_was_seen(kind):
     for segment in result.data.segments:
         used[segment.start : segment.stop] = True
     assert not (used & ~flight.airborne).any()
+
+
+@pytest.mark.parametrize("sample_rate", [1.0, 0.05])
+def test_phases_at_the_slowest_rates(sample_rate):
+    rates = np.random.default_rng(1).normal(size=(40, 3))
+    edges = phase_edges(rates, sample_rate)
+    assert edges[0][0] == 0 and edges[-1][1] == 40
+    assert [a for a, _ in edges[1:]] == [b for _, b in edges[:-1]]

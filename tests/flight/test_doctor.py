@@ -43,6 +43,11 @@ def test_what_is_only_coarse_is_no_repeat(values):
     assert new_share(values) == 1.0
 
 
+def test_nothing_is_told_of_values_that_no_sensor_reads():
+    assert new_share(np.repeat(NOISE, 4, axis=0)) < 0.3
+    assert new_share(1e300 * np.repeat(NOISE, 4, axis=0)) == 1.0
+
+
 def test_a_sensor_at_its_limit():
     swing = 40.0 * np.sin(np.arange(2000) / 30.0)[:, None]
     assert share_at_limit(np.clip(swing, -35.0, 35.0), 4.0) == pytest.approx(0.322, abs=0.01)

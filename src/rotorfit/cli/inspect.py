@@ -16,7 +16,7 @@ from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
 from rotorfit.flight.telemetry import telemetry
-from rotorfit.identification.doctor import prospects
+from rotorfit.identification.doctor import Prospects, prospects
 from rotorfit.identification.gravity_check import gravity_doubts, gravity_seen
 from rotorfit.identification.plausible import gyro_in_degrees
 from rotorfit.logs import ReadOptions, read_log
@@ -126,6 +126,12 @@ def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
         except (LogError, FlightError) as error:
             trouble.append(str(error))
     late = None if prepared is None else motor_lateness(prepared.data)
+    foreseen: Prospects | None = None
+    if prepared is not None:
+        try:
+            foreseen = prospects(prepared, _response(log, late))
+        except FlightError as error:
+            trouble.append(str(error))
     speeds = telemetry(log)
     trouble += [] if speeds is None else speeds.doubts
     verdicts, refused = _with_airframe(log, airframe)
@@ -146,7 +152,7 @@ def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
         motor_lateness=late,
         telemetry=speeds,
         gravity=gravity,
-        prospects=None if prepared is None else prospects(prepared, _response(log, late)),
+        prospects=foreseen,
         verdicts=verdicts,
         not_judged=(WITH_AIRFRAME,) if prepared is not None and airframe is None else (),
         filters=tuple(f"{CUTOFFS[k][0]} is at {hz:g} Hz ({k})" for k, hz in cutoffs.items()),

@@ -308,7 +308,7 @@ def phase_edges(
     short lively phase must not drown in a long calm one.
     """
     n = len(angular_velocity)
-    shortest = int(SHORTEST_PHASE * sample_rate)
+    shortest = max(int(SHORTEST_PHASE * sample_rate), 1)
     if n < 2 * shortest:
         return [(0, n)]
     rates = smooth(angular_velocity, sample_rate, 20.0)
@@ -324,7 +324,7 @@ def phase_edges(
     row = shortest
     while row < n - shortest:
         # One value per stride is enough: the level is a mean over four of them.
-        recent = level[max(edges[-1], row - int(10 * sample_rate)) : row : stride]
+        recent = level[max(edges[-1], row - max(int(10 * sample_rate), 1)) : row : stride]
         if abs(level[row] - np.median(recent)) > np.log(ACTIVITY_RATIO):
             edges.append(row)
             row += shortest

@@ -9,7 +9,7 @@ import scipy.linalg
 from jaxtyping import Bool, Float
 from scipy import signal
 
-from rotorfit.flight.clocks import GAP_STEPS
+from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import CHANNELS, Channel
 from rotorfit.flight.signals import central_difference, smooth, true_runs
@@ -122,7 +122,7 @@ def new_share(values: Float[np.ndarray, "n k"]) -> float:
     next, at even intervals. What changes at uneven ones is only coarse; and where a quantity
     stands still for long (motors off), nothing can be told.
     """
-    if len(values) < FEWEST:
+    if len(values) < FEWEST or np.abs(values).max() > LARGEST_VALUE:
         return 1.0
     first = np.diff(values, axis=0)
     moves = (first != 0.0).any(axis=1)
