@@ -1,7 +1,10 @@
 """What benchmarks/fuzz.py found, one test each."""
 
+import struct
+
 import blackbox_encoder as encoder
 import pytest
+from dataflash_encoder import ESC, MSG, esc, log, message
 
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.identification.experiment import load_experiment
@@ -82,3 +85,35 @@ def test_a_qualisys_header_without_a_frequency(tmp_path):
     head = "NO_OF_FRAMES\t2\nNO_OF_CAMERAS\t8\nFREQUENCY\nDATA_INCLUDED\t6D\nBODY_NAMES\tQuad\n"
     told = refusal(tmp_path / "take.tsv", f"{head}{columns}\n{row}{row}")
     assert told.startswith("the file has no column of times and its FREQUENCY is not given")
+
+
+def test_signalling_nans_of_esc_telemetry_are_no_speeds(tmp_path):
+    place = ESC.packing.index("f")  # after "<QB": RPM, then RawRPM
+    at = 3 + struct.calcsize(ESC.packing[:place] + "f")
+    data = bytearray()
+    for k in range(40):
+        one = bytearray(esc(0.01 * k, k % 4, 5000.0))
+        one[at : at + 4] = bytes.fromhex("0100807f")
+        data += one
+    path = tmp_path / "flight.bin"
+    path.write_bytes(log((ESC, MSG), [message(MSG, 0, b"Frame: QUAD/X"), bytes(data)]))
+    read_log_or_refuse(path)
+
+
+def read_log_or_refuse(path) -> None:
+    """Warnings are errors here."""
+    try:
+        assert read_log(path).seconds >= 0.0
+    except LogError as error:
+        assert str(path) in str(error)
+
+
+def test_a_rotor_out_of_this_world_is_refused(tmp_path):
+    path = tmp_path / "experiment.toml"
+    rotors = "[[1e308, 0, 0], [-1e308, 1, 0], [0, -1e308, 0]]"
+    entries = ", ".join(
+        f'{{ position = {place}], spin = "cw" }}' for place in rotors[1:-2].split("], ")
+    )
+    path.write_text(f'airframe = {{ rotors = [{entries}] }}\n[[configuration]]\nflights = ["a"]\n')
+    with pytest.raises(ExperimentError, match=r"m from the centre, expected 0\.01 to 5 m"):
+        load_experiment(path)

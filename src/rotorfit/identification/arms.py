@@ -24,8 +24,9 @@ def refuse_impossible_arms(positions: Sequence[Sequence[float]]) -> None:
         With the distance that was met; the experiment's messages name the place in the file.
     """
     places = np.array([position[:2] for position in positions], dtype=float)
-    arm = float(np.linalg.norm(places - places.mean(axis=0), axis=1).mean())
-    farthest = float(np.linalg.norm(places, axis=1).max())
+    with np.errstate(over="ignore"):
+        arm = float(np.linalg.norm(places - places.mean(axis=0), axis=1).mean())
+        farthest = float(np.linalg.norm(places, axis=1).max())
     if arm >= SHORTEST_ARM and max(arm, farthest) <= LONGEST_ARM:
         return
     met = arm if arm < SHORTEST_ARM else max(arm, farthest)

@@ -189,7 +189,8 @@ def read_rotor_speed(
 def _rpm_label(messages: Messages) -> str:
     """Return the speed without the slew adjustment, where the log has it and it was filled in."""
     raw = columns(messages, "ESC", ("RawRPM",)).get("RawRPM")
-    return "RawRPM" if raw is not None and raw.dtype.kind in "iuf" and np.any(raw) else "RPM"
+    with np.errstate(invalid="ignore"):  # a damaged number may be a signalling NaN
+        return "RawRPM" if raw is not None and raw.dtype.kind in "iuf" and np.any(raw) else "RPM"
 
 
 def _escs(messages: Messages) -> dict[int, tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]:
