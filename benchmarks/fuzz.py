@@ -333,6 +333,7 @@ def work(name: str, *, folder: Path, findings: Path, seconds: float, seed: int) 
 
     def examine(data: bytes) -> None:
         target.write_bytes(data)
+        forget_peak()
         at, before = time.process_time(), peak()
         outcome = attempt(target, read)
         tally.slowest = max(tally.slowest, time.process_time() - at)
