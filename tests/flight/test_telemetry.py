@@ -8,6 +8,7 @@ import pytest
 
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.telemetry import telemetry
+from rotorfit.logs import read_log
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, to_flight_log, variant
 
 
@@ -197,3 +198,20 @@ def test_absurd_channels_are_survived(log, names, change):
     found = telemetry(replace(log, channels=channels))
     assert len(found.rotors) in (0, 4)
     assert all(word.strip() for word in found.doubts)
+
+
+@pytest.mark.flights
+@pytest.mark.parametrize("name", ["LOG00267", "LOG00271", "LOG00340"])
+def test_real_telemetry_and_the_same_with_two_plugs_swapped(flight_data_dir, name):
+    path = flight_data_dir / "tudelft-indiflight" / f"{name}.BFL"
+    if not path.exists():
+        pytest.skip(f"no {path.name}")
+    log = read_log(path)
+    found = telemetry(log)
+    assert found.doubts == ()
+    assert min(rotor.correlation for rotor in found.rotors) > 0.98
+    assert [rotor.ratio for rotor in found.rotors] == pytest.approx([1.0] * 4, abs=0.03)
+    swapped = telemetry(with_channel(log, "rotor_speed", speeds(log)[:, [0, 1, 3, 2]]))
+    assert states(swapped) == ["follows", "follows", "swapped", "swapped"]
+    [told] = swapped.doubts
+    assert "command 3 moves speed 4, command 4 moves speed 3" in told
