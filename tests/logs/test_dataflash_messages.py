@@ -331,6 +331,19 @@ def test_one_instance_is_kept_and_a_glimpse_of_others():
     assert len(numbers) < 0.2 * glimpse.count("IMU")
 
 
+def test_of_some_messages_only_the_fields_with_given_labels_are_kept():
+    data = log([IMU], steps(500))
+    every = whole(data)
+    some = whole(data, wanted=Wanted(labels={"IMU": ("GyrY", "TimeUS", "NoSuch")}))
+    (index,) = every.named("IMU")
+    assert some.rows[index].shape == (500, 12)
+    assert some.formats[index].length == every.formats[index].length
+    for label in ("TimeUS", "GyrY"):
+        mine, all_of_it = (columns(found, "IMU", (label,))[label] for found in (some, every))
+        np.testing.assert_array_equal(mine, all_of_it)
+    assert columns(some, "IMU", ("GyrX",)) == {}
+
+
 def test_a_head_in_garbage_is_no_message():
     false_head = b"\0" * 50 + HEAD + bytes([IMU.number]) + b"\0" * 10
     found = whole(log([IMU], steps(5)) + false_head + b"".join(steps(5, first=5)))

@@ -74,6 +74,8 @@ def timed(
     time = vector(found, (label,), factor=TIMES[label])[:, 0]
     del found[label]
     kept = in_order(time)
+    if kept.all():
+        return time, found
     return time[kept], {name: values[kept] for name, values in found.items()}
 
 
@@ -82,7 +84,9 @@ def vector(
 ) -> Float[np.ndarray, "n k"]:
     """Return fields side by side, times a factor; what is not finite as NaN."""
     with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers: signalling NaNs, 1e300
-        values = np.stack([found[label].astype(np.float64) for label in labels], axis=1)
+        values = np.empty((len(found[labels[0]]), len(labels)))
+        for column, label in enumerate(labels):
+            values[:, column] = found[label]
         if factor != 1.0:
             values *= factor
     values[~np.isfinite(values)] = np.nan

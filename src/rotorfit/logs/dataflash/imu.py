@@ -20,6 +20,8 @@ FASTER: Final = 1.2
 """Raw messages are taken where they come so many times as often as IMU does."""
 GLIMPSED: Final = ("IMU", "GYR")
 """Messages of which some tell the instances there are."""
+LABELS: Final = ("TimeUS", "TimeMS", "I", "SampleUS", *GYRO, *ACCEL)
+"""Of the fields that are used."""
 CHOICE_NAMES: Final = ("XKF4", "NKF4")
 
 
@@ -157,16 +159,18 @@ def _series(
     if found is None or len(found[0]) == 0:
         return None
     time, fields = found
-    if "I" in extra and instance is not None:
-        of_instance = fields["I"] == instance
+    of_instance = fields["I"] == instance if "I" in extra and instance is not None else None
+    if of_instance is not None and not of_instance.all():
         time = time[of_instance]
         fields = {label: values[of_instance] for label, values in fields.items()}
     time = _sample_time(time, fields.get("SampleUS"))
     kept = in_order(time)
+    if not kept.all():
+        time, fields = time[kept], {name: values[kept] for name, values in fields.items()}
     source = f"{name}{f'[{instance}]' if 'I' in extra else ''}.{','.join(labels)}"
     if not len(time):
         return None
-    return Series(time=time[kept], values=vector(fields, labels)[kept], source=source)
+    return Series(time=time, values=vector(fields, labels), source=source)
 
 
 def _sample_time(

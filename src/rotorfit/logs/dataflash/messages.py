@@ -14,6 +14,7 @@ from rotorfit.logs.dataflash.formats import (
     HEAD,
     HEAD_BYTES,
     LONGEST,
+    Field,
     MessageFormat,
     message_format,
 )
@@ -40,7 +41,8 @@ class Messages:
     counts
         Messages of each format.
     rows
-        The whole messages of the formats wanted, in the order of the file, by index of `formats`.
+        The messages of the formats wanted, in the order of the file, by index of `formats`, whose
+        fields say where in them each one is.
     damaged_places, skipped_bytes
         Where no message could be read.
     dropped
@@ -86,11 +88,14 @@ class Wanted:
         Names of which some of the first are kept.
     instances
         Names of messages with a one-byte field I, of which only this number is kept.
+    labels
+        Names of messages of which only the fields with these labels are kept.
     """
 
     names: Container[str] | None = None
     glimpsed: Container[str] = ()
     instances: Mapping[str, int] = field(default_factory=dict[str, int])
+    labels: Mapping[str, Container[str]] = field(default_factory=dict[str, Container[str]])
 
 
 ALL: Final = Wanted()
@@ -106,9 +111,10 @@ class _Walk:
     lengths: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
     current: Int[np.ndarray, " 256"] = field(default_factory=lambda: np.zeros(256, np.int64))
     counts: list[int] = field(default_factory=lambda: [0])
-    parts: dict[int, list[UInt8[np.ndarray, "n length"]]] = field(
-        default_factory=dict[int, list[UInt8[np.ndarray, "n length"]]]
+    rows: dict[int, UInt8[np.ndarray, "n length"]] = field(
+        default_factory=dict[int, UInt8[np.ndarray, "n length"]]
     )
+    glimpses: dict[int, int] = field(default_factory=dict[int, int])
     searching: bool = False
     searched_bytes: int = 0
     redefinitions: int = 0
@@ -155,9 +161,9 @@ def find_messages(blocks: Iterable[bytes], *, wanted: Wanted = ALL) -> Messages:
         rest = data[_read_block(walk, data, is_last=False) :]
     trailing = len(rest) - _read_block(walk, rest, is_last=True)
     return Messages(
-        formats=tuple(walk.formats),
+        formats=tuple(_packed(form, wanted) for form in walk.formats),
         counts=tuple(walk.counts),
-        rows={i: _joined(parts) for i in list(walk.parts) if (parts := walk.parts.pop(i))},
+        rows=walk.rows,
         damaged_places=walk.damaged_places,
         skipped_bytes=walk.skipped_bytes,
         dropped=walk.dropped,
@@ -166,8 +172,21 @@ def find_messages(blocks: Iterable[bytes], *, wanted: Wanted = ALL) -> Messages:
     )
 
 
-def _joined(parts: list[UInt8[np.ndarray, "_ length"]]) -> UInt8[np.ndarray, "n length"]:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+def _packed(form: MessageFormat, wanted: Wanted) -> MessageFormat:
+    """Return a format with the fields that are kept, one behind the other."""
+    if form.name not in wanted.labels:
+        return form
+    fields: dict[str, Field] = {}
+    offset = 0
+    for label, one in _fields_kept(form, wanted):
+        fields[label] = replace(one, offset=offset)
+        offset += one.dtype.itemsize
+    return replace(form, fields=fields)
+
+
+def _fields_kept(form: MessageFormat, wanted: Wanted) -> list[tuple[str, Field]]:
+    labels = wanted.labels[form.name]
+    return [(label, one) for label, one in form.fields.items() if label in labels]
 
 
 def _read_block(walk: _Walk, data: bytes, *, is_last: bool) -> int:
@@ -323,12 +342,26 @@ def _keep(
             continue
         walk.counts[index] += count
         form = walk.formats[index]
-        wanted, parts = walk.wanted, walk.parts.setdefault(index, [])
-        is_glimpsed = form.name in wanted.glimpsed and len(parts) < GLIMPSES
+        wanted, glimpses = walk.wanted, walk.glimpses.get(index, 0)
+        is_glimpsed = form.name in wanted.glimpsed and glimpses < GLIMPSES
+        walk.glimpses[index] = glimpses + is_glimpsed
         if wanted.names is None or form.name in wanted.names or is_glimpsed:
             windows = np.lib.stride_tricks.sliding_window_view(block.raw, form.length)
             rows = windows[found[indices == index]]
             number = form.fields.get("I")
             if form.name in wanted.instances and number is not None and number.letter in "bB":
                 rows = rows[rows[:, number.offset] == wanted.instances[form.name]]
-            parts.append(rows)
+            _append(walk, index, rows)
+
+
+def _append(walk: _Walk, index: int, rows: UInt8[np.ndarray, "n length"]) -> None:
+    """Add messages to those of their format, grown where they are: joined pieces take twice."""
+    form = walk.formats[index]
+    if form.name in walk.wanted.labels:
+        kept = [one for _, one in _fields_kept(form, walk.wanted)]
+        spans = [np.arange(one.offset, one.offset + one.dtype.itemsize) for one in kept]
+        rows = rows[:, np.concatenate([np.arange(0), *spans])]
+    grown = walk.rows.setdefault(index, np.empty((0, rows.shape[1]), np.uint8))
+    known = len(grown)
+    grown.resize((known + len(rows), rows.shape[1]), refcheck=False)
+    grown[known:] = rows

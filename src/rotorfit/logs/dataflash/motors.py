@@ -30,7 +30,10 @@ OUTPUTS: Final = 32
 OUTPUT_MESSAGES: Final = ("RCOU", "RCO2", "RCO3")
 _OUTPUT_LABELS: Final = ("C", "Ch", "Chan")
 MOST_ESCS: Final = 32
-NAMES: Final = (*OUTPUT_MESSAGES, "ESC", *(f"ESC{n}" for n in range(1, 13)))
+ESC_NAMES: Final = ("ESC", *(f"ESC{n}" for n in range(1, 13)))
+ESC_LABELS: Final = ("TimeUS", "TimeMS", "Instance", "I", "RPM", "RawRPM")
+"""Of the fields that are used."""
+NAMES: Final = (*OUTPUT_MESSAGES, *ESC_NAMES)
 RPM: Final = 2.0 * math.pi / 60.0
 _FEW: Final = 4
 """Outputs of an old log whose number of motors nothing tells."""
@@ -177,12 +180,14 @@ def read_rotor_speed(
     order, how = _esc_order(sorted(escs), wired.outputs)
     if not order:
         return None, [f"no rotor speed: {how}"]
-    time, rpm = _common_clock([escs[i] for i in order])
+    time, rpm = _common_clock([escs.pop(i) for i in order])
+    np.abs(rpm, out=rpm)
+    rpm *= RPM
     label = _rpm_label(messages)
     poles = parameters.integer("SERVO_BLH_POLES")
     words = f"with SERVO_BLH_POLES = {poles}" if poles else "with the poles set there"
     notes = [f"{label} is as computed on board {words}: count your motors' magnets; {how}"]
-    channel = Channel(time=time, values=np.abs(rpm) * RPM, source=f"ESC.{label} [rpm]")
+    channel = Channel(time=time, values=rpm, source=f"ESC.{label} [rpm]")
     return channel, notes
 
 
@@ -202,11 +207,12 @@ def _escs(messages: Messages) -> dict[int, tuple[Float[np.ndarray, " _"], Float[
         found = timed(messages, "ESC", (number_label, label))
         if found is not None:
             time, fields = found
-            rpm = vector(fields, (label,))[:, 0]
             for number in range(MOST_ESCS):
                 mine = fields[number_label] == number
                 if mine.any():
-                    escs[number] = (time[mine], rpm[mine])
+                    rpm = vector({label: fields[label][mine]}, (label,))[:, 0]
+                    escs[number] = (time[mine], rpm)
+            del found, time, fields
     for number in range(12):
         if number not in escs and has_fields(messages, f"ESC{number + 1}", ("RPM",)):
             found = timed(messages, f"ESC{number + 1}", ("RPM",))
@@ -250,4 +256,5 @@ def _common_clock(
             continue
         columns_.append(np.interp(base, time, values, left=np.nan, right=np.nan))
     kept = in_order(base)
-    return base[kept], np.stack(columns_, axis=1)[kept]
+    together = np.stack(columns_, axis=1)
+    return (base, together) if kept.all() else (base[kept], together[kept])

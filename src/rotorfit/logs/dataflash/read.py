@@ -121,17 +121,24 @@ def _understood(path: Path) -> _Found:
     choice = imu.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
-    wanted = Wanted(names=names, instances=choice.instances)
+    used = {
+        **dict.fromkeys(choice.names, imu.LABELS),
+        **dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS),
+    }
+    wanted = Wanted(names=names, instances=choice.instances, labels=used)
     messages = find_messages(_blocks(path), wanted=wanted)
-    sensors = imu.read_imu(messages, settings, choice)
-    messages = messages.without(choice.names)
     frame = frame_of(settings, said)
     wired = motors.wiring(settings, frame)
+    # Messages are let go of when their channel is made: all of both would fill the memory.
+    speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
+    messages = messages.without(motors.ESC_NAMES)
+    sensors = imu.read_imu(messages, settings, choice)
+    messages = messages.without(choice.names)
     command, command_notes = motors.read_commands(messages, settings, wired)
     if command is not None:
         command, mix_notes = remix.remixed(messages, settings, command, frame=frame)
         command_notes += mix_notes
-    speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
+    messages = messages.without(motors.OUTPUT_MESSAGES)
     made = {
         "gyro": sensors.gyro,
         "accel": sensors.accel,
