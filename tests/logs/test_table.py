@@ -559,3 +559,28 @@ def test_a_table_replaces_another_only_when_forced(tmp_path):
 def test_a_table_in_no_folder_cannot_be_written(tmp_path):
     with pytest.raises(OutputError, match=r"cannot be written \(No such file or directory\)"):
         write_table(tmp_path / "none" / "a.csv", {"time": np.array([0.0])})
+
+
+@pytest.mark.parametrize("ending", ["", "\n", "\n\n\n"])
+@pytest.mark.parametrize("gaps", [False, True])
+def test_a_long_table_in_pieces_is_as_in_one(tmp_path, monkeypatch, ending, gaps):
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=(900, 3)).round(6)
+    rows = [[repr(float(x)) for x in row] for row in values]
+    if gaps:
+        rows[5][2] = rows[777][2] = rows[899][2] = ""
+    lines = [f"{0.01 * i:.2f},{','.join(row)}" for i, row in enumerate(rows)]
+    path = tmp_path / "long.csv"
+    path.write_text("time,gyro_x,gyro_y,gyro_z\n" + "\n".join(lines) + ending)
+    whole = read_table(path)
+    monkeypatch.setattr("rotorfit.logs.delimited.PIECE_BYTES", 500)
+    told = []
+    monkeypatch.setattr("rotorfit.logs.delimited._careful_numbers", None)
+    again = read_table(path, progress=told.append)
+    assert np.array_equal(
+        again.channels["gyro"].values, whole.channels["gyro"].values, equal_nan=True
+    )
+    assert again.sha256 == whole.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert len(told) > 20
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(1.0, abs=0.02)

@@ -1,10 +1,37 @@
 """Whole files: their bytes and their fingerprint, with errors that a person can act on."""
 
 import hashlib
+import mmap
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from rotorfit.errors import LogError, OutputError
+
+Progress = Callable[[float], None]
+"""Told how much of a file was gone through, from 0 to 1."""
+
+
+def open_mapped(path: Path) -> mmap.mmap:
+    """Return a file as bytes that come into memory when they are looked at.
+
+    Raises
+    ------
+    LogError
+        As `read_bytes`.
+    """
+    read_head(path, 1)  # refuses what cannot be read
+    try:
+        with path.open("rb") as file:
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except (OSError, ValueError) as error:  # ValueError: emptied since
+        raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
+
+
+def let_go(data: bytes | mmap.mmap) -> None:
+    """Give back the memory of a mapped file; what is looked at again is read again."""
+    if isinstance(data, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        data.madvise(mmap.MADV_DONTNEED)
 
 
 def read_bytes(path: Path) -> bytes:

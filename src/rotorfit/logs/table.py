@@ -1,6 +1,5 @@
 """The flight table: one row a time, one column a quantity, as CSV or Parquet."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -22,7 +21,14 @@ from rotorfit.logs.columns import (
     unit_of,
 )
 from rotorfit.logs.delimited import DelimitedText, open_delimited
-from rotorfit.logs.files import read_bytes, write_whole
+from rotorfit.logs.files import (
+    Progress,
+    open_mapped,
+    read_bytes,
+    read_head,
+    sha256_of,
+    write_whole,
+)
 from rotorfit.logs.parquet import MAGIC as PARQUET_MAGIC
 from rotorfit.logs.parquet import ParquetTable, open_parquet
 from rotorfit.logs.units import UNITS, Conversion, conversion
@@ -49,6 +55,7 @@ def read_table(
     columns: Mapping[str, ColumnSpec] | None = None,
     axes: Axes = "FLU",
     motor_poles: int | None = None,
+    progress: Progress | None = None,
 ) -> FlightLog:
     """Return the flight in a table.
 
@@ -64,21 +71,22 @@ def read_table(
         FRD to world north-east-down and position is in that world.
     motor_poles
         Magnet poles of a motor, for rotor speeds in ``erpm``.
+    progress
+        Told how much of the file was gone through, from 0 to 1.
 
     Raises
     ------
     LogError
         If the file is no table, lacks a column, or holds something that cannot be meant.
     """
-    data = read_bytes(path)
     try:
-        source = open_parquet(data) if data.startswith(PARQUET_MAGIC) else open_delimited(data)
-        channels, notes, time = _channels(source, columns or {}, axes, motor_poles)
+        source = _opened(path)
+        channels, notes, time = _channels(source, columns or {}, axes, motor_poles, progress)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
     return FlightLog(
         path=path,
-        sha256=hashlib.sha256(data).hexdigest(),
+        sha256=sha256_of(path),
         format="table",
         channels=channels,
         seconds=float(time[-1]) - float(time[0]),
@@ -87,13 +95,24 @@ def read_table(
     )
 
 
+def _opened(path: Path) -> _Source:
+    """Return the table in a file."""
+    if read_head(path, len(PARQUET_MAGIC)) == PARQUET_MAGIC:
+        return open_parquet(read_bytes(path))
+    return open_delimited(open_mapped(path))
+
+
 def _channels(
-    source: _Source, columns: Mapping[str, ColumnSpec], axes: Axes, motor_poles: int | None
+    source: _Source,
+    columns: Mapping[str, ColumnSpec],
+    axes: Axes,
+    motor_poles: int | None,
+    progress: Progress | None,
 ) -> tuple[dict[str, Channel], list[str], Float[np.ndarray, " n"]]:
     """Return channels, notes, and the clock of the table."""
     specs = resolve(source.names, columns)
     groups, notes = complete_groups(specs, columns)
-    values = _si_values(source, specs, groups, motor_poles)
+    values = _si_values(source, specs, groups, motor_poles, progress)
     timed = np.isfinite(values[TIME])
     time = values[TIME][timed]
     _check_clock(source, timed, time, specs[TIME])
@@ -103,7 +122,9 @@ def _channels(
         notes.append("Turned from FRD to FLU axes, and the world from north-east-down to z up.")
     channels: dict[str, Channel] = {}
     for group in groups:
-        block = np.stack([values[name][timed] for name in group.names], axis=1)
+        block = np.empty((len(time), len(group.names)))
+        for column, name in enumerate(group.names):
+            block[:, column] = values[name][timed]
         _check_values(group, block, specs)
         if np.isfinite(block).any(axis=0).all():
             channels[group.channel] = _channel(group, time, block, specs, axes, notes)
@@ -119,18 +140,18 @@ def _si_values(
     specs: Mapping[str, ColumnSpec],
     groups: Sequence[Group],
     motor_poles: int | None,
+    progress: Progress | None,
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Return every column that is needed, by canonical name, in SI units; NaN for no number."""
     wanted = [TIME, *(name for group in groups for name in group.names)]
     to_si = {name: _conversion(name, specs[name], motor_poles) for name in wanted}
-    recorded = source.numbers([specs[name].name for name in wanted])
-    values: dict[str, Float[np.ndarray, " n"]] = {}
+    recorded = source.numbers([specs[name].name for name in wanted], progress=progress)
     for name, column in zip(wanted, recorded.T, strict=True):
         spec = specs[name]
         with np.errstate(over="ignore", invalid="ignore"):
-            value = to_si[name](column * spec.scale + spec.offset)
-        values[name] = np.where(np.isfinite(value), value, np.nan)
-    return values
+            column[:] = to_si[name](column * spec.scale + spec.offset)
+        column[~np.isfinite(column)] = np.nan
+    return dict(zip(wanted, recorded.T, strict=True))
 
 
 def _conversion(name: str, spec: ColumnSpec, motor_poles: int | None) -> Conversion:
@@ -202,8 +223,8 @@ def _check_values(
     group: Group, block: Float[np.ndarray, "n k"], specs: Mapping[str, ColumnSpec]
 ) -> None:
     """Raise where the numbers are certainly not in the stated unit."""
-    largest = np.max(np.abs(np.nan_to_num(block)), axis=0)
-    for name, value in zip(group.names, largest, strict=True):
+    for name, column in zip(group.names, block.T, strict=True):
+        value = float(np.abs(np.nan_to_num(column)).max())
         spec = specs[name]
         if group.channel == "command" and value > _FULLEST_COMMAND:
             raise LogError(
@@ -237,16 +258,16 @@ def _channel(
 ) -> Channel:
     """Return one channel on its own clock: the rows in which any of its columns has a number."""
     recorded = np.isfinite(block).any(axis=1)
-    values = block[recorded]
+    values = block
+    if not recorded.all():
+        time, values = time[recorded], block[recorded]
     resolution = None if group is EULER else resolution_of(values)
     if group.channel == "attitude":
         quaternion = attitude_from_euler(values) if group is EULER else _unit(values, notes)
         values = attitude_to_flu(quaternion, axes)
     elif group.channel in _VECTORS:
         values = vectors_to_flu(values, axes)
-    return Channel(
-        time=time[recorded], values=values, source=_source(group, specs), resolution=resolution
-    )
+    return Channel(time=time, values=values, source=_source(group, specs), resolution=resolution)
 
 
 def _unit(quaternion: Float[np.ndarray, "n 4"], notes: list[str]) -> Float[np.ndarray, "n 4"]:
