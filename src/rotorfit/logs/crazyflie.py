@@ -1,13 +1,12 @@
 """Micro-SD logs of the Crazyflie; its body axes are FLU."""
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import Channel, FlightLog
@@ -15,11 +14,12 @@ from rotorfit.logs.crazyflie_records import (
     MAGIC,
     Event,
     Records,
-    column,
+    Variable,
     find_records,
     record_times,
+    variables_at,
 )
-from rotorfit.logs.files import read_bytes
+from rotorfit.logs.files import Content, Progress, open_mapped, sha256_of
 from rotorfit.logs.units import STANDARD_GRAVITY
 
 FIXED_FREQUENCY: Final = "fixedFrequency"
@@ -60,16 +60,18 @@ LEGACY_MIXER: Final = np.array(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Recording:
-    """The records of one event: a time for each, and the variables by name."""
+    """The records of one event in order of time: where each begins, and the variables by name."""
 
+    data: Content
+    starts: Int[np.ndarray, " n"]
     time: Float[np.ndarray, " n"]
-    variables: dict[str, Float[np.ndarray, " n"]]
+    variables: dict[str, Variable]
 
     def has(self, *names: str) -> bool:
         return all(name in self.variables for name in names)
 
     def stack(self, names: tuple[str, ...]) -> Float[np.ndarray, "n k"]:
-        return np.stack([self.variables[name] for name in names], axis=1)
+        return variables_at(self.data, self.starts, [self.variables[name] for name in names])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +89,9 @@ def is_crazyflie(head: bytes) -> bool:
     return head[:1] == bytes([MAGIC]) and head[2:3] == b"\0"
 
 
-def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
+def read_crazyflie(
+    path: Path, *, event: str | None = None, progress: Progress | None = None
+) -> FlightLog:
     """Read a micro-SD log of a Crazyflie.
 
     Parameters
@@ -97,6 +101,8 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
     event
         Name of the event whose variables are read; None: ``fixedFrequency``, or the only event
         that was recorded.
+    progress
+        Told how much of the file was gone through, from 0 to 1.
 
     Returns
     -------
@@ -108,14 +114,14 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
     LogError
         If the file cannot be read, has no records of the event, or none of the known variables.
     """
-    data = read_bytes(path)
-    if not is_crazyflie(data):
+    data = open_mapped(path)
+    if not is_crazyflie(data[:3]):
         raise LogError(
             f"{path}: begins with {data[:3].hex(' ')}, expected bc and the version of a "
             "Crazyflie log"
         )
     try:
-        records = find_records(data)
+        records = find_records(data, progress=progress)
         chosen = _chosen_event(records, event)
         recording, unordered = _recording(data, records, chosen)
         found = _channels(recording)
@@ -125,7 +131,7 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
         raise LogError(f"{path}: {error}") from error
     return FlightLog(
         path=path,
-        sha256=hashlib.sha256(data).hexdigest(),
+        sha256=sha256_of(path),
         format="crazyflie",
         channels={name: one.channel for name, one in found.items()},
         seconds=float(recording.time[-1] - recording.time[0]),
@@ -159,12 +165,15 @@ def _event_counts(records: Records) -> str:
     return ", ".join(shown) or "no event is declared"
 
 
-def _recording(data: bytes, records: Records, event: Event) -> tuple[_Recording, int]:
+def _recording(data: Content, records: Records, event: Event) -> tuple[_Recording, int]:
     """Return the records of an event in order of time, and how many were left out for that."""
-    time = record_times(data, records, event)
+    time, starts = record_times(data, records, event), records.starts[event.number]
     kept = _in_order(time)
-    variables = {v.name: column(data, records, event, v)[kept] for v in event.variables}
-    return _Recording(time=time[kept], variables=variables), int(np.count_nonzero(~kept))
+    if not kept.all():
+        time, starts = time[kept], starts[kept]
+    variables = {v.name: v for v in event.variables}
+    recording = _Recording(data=data, starts=starts, time=time, variables=variables)
+    return recording, int(np.count_nonzero(~kept))
 
 
 def _in_order(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -213,11 +222,13 @@ def _found(
 def _gyro(recording: _Recording) -> _Found | None:
     """Return the angular velocity: the gyro's, else what the controller had of it."""
     if recording.has(*_GYRO):
-        values = recording.stack(_GYRO) * _DEGREE
+        values = recording.stack(_GYRO)
+        values *= _DEGREE
         return _found(recording, _GYRO, values, f"{', '.join(_GYRO)} [deg/s]")
     if recording.has(*_CONTROLLER_GYRO):
         # The firmware writes r_pitch = -gyro.y: positive nose up.
-        values = recording.stack(_CONTROLLER_GYRO) * np.array([1.0, -1.0, 1.0])
+        values = recording.stack(_CONTROLLER_GYRO)
+        values *= np.array([1.0, -1.0, 1.0])
         roll, pitch, yaw = _CONTROLLER_GYRO
         return _found(recording, _CONTROLLER_GYRO, values, f"{roll}, -{pitch}, {yaw} [rad/s]")
     return None
@@ -226,14 +237,17 @@ def _gyro(recording: _Recording) -> _Found | None:
 def _accel(recording: _Recording) -> _Found | None:
     if not recording.has(*_ACCEL):
         return None
-    values = recording.stack(_ACCEL) * STANDARD_GRAVITY
+    values = recording.stack(_ACCEL)
+    values *= STANDARD_GRAVITY
     return _found(recording, _ACCEL, values, f"{', '.join(_ACCEL)} [g]")
 
 
 def _rotor_speed(recording: _Recording) -> _Found | None:
     for names in _ROTOR_SPEEDS:
         if recording.has(*names):
-            values = np.abs(recording.stack(names)) * _RPM
+            values = recording.stack(names)
+            np.abs(values, out=values)
+            values *= _RPM
             source = f"{', '.join(names)} [rpm]"
             return _found(recording, names, values, source, resolution=_RPM)
     return None
@@ -243,7 +257,8 @@ def _command(recording: _Recording) -> _Found | None:
     """Return the motor commands: as demanded, else as put out, else from the mixer's inputs."""
     for names in (_MOTOR, _PWM):
         if recording.has(*names):
-            values = recording.stack(names) / FULL_COMMAND
+            values = recording.stack(names)
+            values /= FULL_COMMAND
             return _counted(recording, names, values, f"{', '.join(names)} / 65535")
     if not recording.has(*_MIXER_INPUTS):
         return None
@@ -267,7 +282,7 @@ def _counted(
     note = ""
     if wrong.any():
         note = f"{int(wrong.any(axis=1).sum())} motor commands are outside 0 to 65535: set to NaN."
-    values = np.where(wrong, np.nan, values)
+        values[wrong] = np.nan
     return _found(recording, names, values, source, resolution=1.0 / FULL_COMMAND, note=note)
 
 

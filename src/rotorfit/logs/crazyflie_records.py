@@ -8,7 +8,7 @@ the firmware's usddeck.c; version 1 has times in ms as uint32, version 2 in us a
 import re
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from rotorfit.errors import LogError
+from rotorfit.flight.signals import pieces
+from rotorfit.logs.files import Content, Progress, let_go
 
 MAGIC: Final = 0xBC
 VERSIONS: Final[Mapping[int, tuple[str, float]]] = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
@@ -49,6 +51,7 @@ CHAIN: Final = 4
 FIRST_BLOCK, LARGEST_BLOCK = 16, 1 << 16
 """Records looked at together."""
 SEARCH_BYTES: Final = 1 << 16
+PIECE_BYTES: Final = 1 << 22
 
 _VARIABLE: Final = re.compile(r"([!-~]+)\((.)\)")
 
@@ -120,7 +123,7 @@ class Records:
     checksum: bool
 
 
-def read_header(data: bytes) -> Header:
+def read_header(data: Content) -> Header:
     """Return what a log declares.
 
     Raises
@@ -147,7 +150,7 @@ def read_header(data: bytes) -> Header:
     return Header(version=version, events=tuple(events), start=position)
 
 
-def _read_event(data: bytes, position: int, head: int) -> tuple[Event, int]:
+def _read_event(data: Content, position: int, head: int) -> tuple[Event, int]:
     """Return the event declared at a position, and the position after it."""
     number, position = _read_uint16(data, position)
     name, position = _read_name(data, position)
@@ -169,13 +172,13 @@ def _read_event(data: bytes, position: int, head: int) -> tuple[Event, int]:
     return Event(number=number, name=name, variables=tuple(variables), size=size), position
 
 
-def _read_uint16(data: bytes, position: int) -> tuple[int, int]:
+def _read_uint16(data: Content, position: int) -> tuple[int, int]:
     if position + 2 > len(data):
         raise LogError("the file ends within its header: no flight was recorded")
     return int.from_bytes(data[position : position + 2], "little"), position + 2
 
 
-def _read_name(data: bytes, position: int) -> tuple[str, int]:
+def _read_name(data: Content, position: int) -> tuple[str, int]:
     """Return a null-terminated name, and the position after it."""
     stop = data.find(b"\0", position, position + LONGEST_NAME + 1)
     if stop < 0:
@@ -186,12 +189,19 @@ def _read_name(data: bytes, position: int) -> tuple[str, int]:
     return data[position:stop].decode("latin-1"), stop + 1
 
 
-def find_records(data: bytes) -> Records:
+def find_records(data: Content, *, progress: Progress | None = None) -> Records:
     """Return where the records of a log are.
 
     Runs of one event, which nearly all logs consist of, are found by NumPy. At a number that no
     event has, or a time that cannot follow, the search goes on at the next place from which some
     records follow each other; the record before is dropped, since its bytes may be others'.
+
+    Parameters
+    ----------
+    data
+        The file.
+    progress
+        Told how much of it was gone through.
 
     Raises
     ------
@@ -204,7 +214,9 @@ def find_records(data: bytes) -> Records:
     walk = _Walk(
         header=header,
         sizes={event.number: event.size for event in header.events},
+        content=data,
         bytes=np.frombuffer(data, np.uint8),
+        progress=progress,
         stop=len(data) - CRC_BYTES if checksum else len(data),
     )
     runs: list[tuple[int, int, int]] = []
@@ -240,8 +252,12 @@ def find_records(data: bytes) -> Records:
     )
 
 
-def _checksum_matches(data: bytes) -> bool:
-    return zlib.crc32(data[:-CRC_BYTES]) == int.from_bytes(data[-CRC_BYTES:], "little")
+def _checksum_matches(data: Content) -> bool:
+    checksum, end = 0, len(data) - CRC_BYTES
+    for start in range(0, end, PIECE_BYTES):
+        checksum = zlib.crc32(data[start : min(start + PIECE_BYTES, end)], checksum)
+        let_go(data)
+    return checksum == int.from_bytes(data[-CRC_BYTES:], "little")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,6 +266,8 @@ class _Walk:
 
     header: Header
     sizes: Mapping[int, int]
+    content: Content
+    progress: Progress | None
     bytes: UInt8[np.ndarray, " n"]
     stop: int
 
@@ -284,6 +302,10 @@ def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | N
         good, times = _credible(walk, rows, number, last)
         n = count if good.all() else int(np.argmin(good))
         found += n
+        if count == LARGEST_BLOCK:
+            let_go(walk.content)
+            if walk.progress is not None:
+                walk.progress((first + n * size) / walk.stop)
         last = float(times[n - 1]) if n else last
         if n < block:
             return found, last
@@ -345,21 +367,40 @@ def _starts(walk: _Walk, runs: list[tuple[int, int, int]]) -> dict[int, Int[np.n
     return {number: np.concatenate([none, *parts]) for number, parts in found.items()}
 
 
-def record_times(data: bytes, records: Records, event: Event) -> Float[np.ndarray, " n"]:
+def record_times(data: Content, records: Records, event: Event) -> Float[np.ndarray, " n"]:
     """Return the times of the records of an event, as recorded [s]."""
     kind, unit = VERSIONS[records.header.version]
-    return _values(data, records.starts[event.number] + 2, kind) * unit
+    starts = records.starts[event.number]
+    times = np.empty(len(starts))
+    for rows in pieces(len(starts)):
+        times[rows] = _values(data, starts[rows] + 2, kind)
+        let_go(data)
+    times *= unit
+    return times
 
 
 def column(
-    data: bytes, records: Records, event: Event, variable: Variable
+    data: Content, records: Records, event: Event, variable: Variable
 ) -> Float[np.ndarray, " n"]:
     """Return a variable of all records of an event, as recorded; not finite ones as NaN."""
-    values = _values(data, records.starts[event.number] + variable.offset, variable.type)
-    return np.where(np.isfinite(values), values, np.nan)
+    return variables_at(data, records.starts[event.number], [variable])[:, 0]
 
 
-def _values(data: bytes, positions: Int[np.ndarray, " n"], kind: str) -> Float[np.ndarray, " n"]:
+def variables_at(
+    data: Content, starts: Int[np.ndarray, " n"], variables: Sequence[Variable]
+) -> Float[np.ndarray, "n k"]:
+    """Return variables of the records that begin at some places; not finite ones as NaN."""
+    values = np.empty((len(starts), len(variables)))
+    for rows in pieces(len(starts)):
+        some = values[rows]
+        for column, variable in enumerate(variables):
+            some[:, column] = _values(data, starts[rows] + variable.offset, variable.type)
+        some[~np.isfinite(some)] = np.nan
+        let_go(data)
+    return values
+
+
+def _values(data: Content, positions: Int[np.ndarray, " n"], kind: str) -> Float[np.ndarray, " n"]:
     """Return numbers of one type at positions in the file."""
     width = np.dtype(kind).itemsize
     windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), width)

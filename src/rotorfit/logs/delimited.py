@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import Progress, let_go
+from rotorfit.logs.files import Content, Progress, let_go
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
 _COMMENTS: Final = ("#", "%")
@@ -41,7 +41,7 @@ class DelimitedText:
         Number of the line at `start`, from 1.
     """
 
-    text: bytes | mmap.mmap
+    text: Content
     start: int
     names: tuple[str, ...]
     delimiter: str | None
@@ -76,7 +76,7 @@ class DelimitedText:
         return f"line {line}"
 
 
-def open_delimited(data: bytes | mmap.mmap) -> DelimitedText:
+def open_delimited(data: Content) -> DelimitedText:
     """Return the table in a text file given as bytes, or mapped.
 
     Raises
@@ -109,7 +109,7 @@ def _is_plain(text: mmap.mmap) -> bool:
 
 
 def _table_from(
-    text: bytes | mmap.mmap, start: int, end: int, line_number: int, comment: str
+    text: Content, start: int, end: int, line_number: int, comment: str
 ) -> DelimitedText:
     """Return the table whose first line that is no comment lies between start and end."""
     first = _decoded(text[start:end])

@@ -12,6 +12,10 @@ Progress = Callable[[float], None]
 """Told how much of a file was gone through, from 0 to 1."""
 
 
+Content = bytes | mmap.mmap
+"""Of a file: in memory, or mapped."""
+
+
 def open_mapped(path: Path) -> mmap.mmap:
     """Return a file as bytes that come into memory when they are looked at.
 
@@ -28,7 +32,7 @@ def open_mapped(path: Path) -> mmap.mmap:
         raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
 
 
-def let_go(data: bytes | mmap.mmap) -> None:
+def let_go(data: Content) -> None:
     """Give back the memory of a mapped file; what is looked at again is read again."""
     if isinstance(data, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
         data.madvise(mmap.MADV_DONTNEED)
