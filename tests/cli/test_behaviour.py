@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from rotorfit import __version__
 from rotorfit.cli import identify as identify_command
 from rotorfit.cli.progress import steps
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.logs import read_log
 from rotorfit.report.text import result_text
 
 PROGRAM = Path(sys.executable).with_name("rotorfit")
@@ -253,3 +255,19 @@ def test_progress_only_where_someone_watches(monkeypatch):
             tell("reading flight.csv")
             time.sleep(0.2 if shown else 0.0)
         assert ("reading flight.csv" in stream.getvalue()) == shown
+
+
+def test_a_log_that_is_read_has_a_bar_where_someone_watches(monkeypatch, tmp_path):
+    monkeypatch.setenv("TERM", "xterm")
+    rows = "\n".join(f"{0.01 * i:.2f},{i % 7},2,3" for i in range(40_000))
+    log = tmp_path / "long.csv"
+    log.write_text("time,gyro_x,gyro_y,gyro_z\n" + rows)
+    monkeypatch.setattr("rotorfit.logs.delimited.PIECE_BYTES", 1 << 16)
+    for stream, shown in ((io.StringIO(), False), (Terminal(), True)):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with steps() as tell:
+            tell("looking")
+            read_log(log, progress=lambda done: time.sleep(0.03))
+        words = stream.getvalue()
+        assert ("reading long.csv" in words) == shown
+        assert (re.search(r"\u2501.* [1-9]\d %", words) is not None) == shown

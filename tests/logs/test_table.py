@@ -16,6 +16,7 @@ from rotorfit.flight.log import CHANNELS
 from rotorfit.logs.axes import attitude_from_euler, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.delimited import _careful_numbers, _fast_numbers, open_delimited
+from rotorfit.logs.read import read_log
 from rotorfit.logs.table import format_table, read_table, resolution_of, write_table
 
 AXES = ("x", "y", "z")
@@ -576,7 +577,7 @@ def test_a_long_table_in_pieces_is_as_in_one(tmp_path, monkeypatch, ending, gaps
     monkeypatch.setattr("rotorfit.logs.delimited.PIECE_BYTES", 500)
     told = []
     monkeypatch.setattr("rotorfit.logs.delimited._careful_numbers", None)
-    again = read_table(path, progress=told.append)
+    again = read_log(path, progress=told.append)
     assert np.array_equal(
         again.channels["gyro"].values, whole.channels["gyro"].values, equal_nan=True
     )

@@ -9,6 +9,7 @@ from typing import Any
 import typer
 
 from rotorfit.cli.outputs import refuse_output_file
+from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import one_line, say, show
 from rotorfit.errors import FlightError, LogError, OutputError, RotorfitError
 from rotorfit.flight.doctor import channel_report, lacks, motor_lateness, vibration
@@ -106,7 +107,9 @@ def _report(path: Path, options: InspectOptions) -> LogReport | SeveralLogs:
             return SeveralLogs(
                 file=str(path), logs=tuple(f"{e.number}: {e.description}" for e in entries)
             )
-    log = read_log(path, options=ReadOptions(log_number=number))
+    with steps() as tell:
+        tell(f"reading {path.name}")
+        log = read_log(path, options=ReadOptions(log_number=number))
     return inspect_log(log, airframe=options.airframe)
 
 

@@ -19,7 +19,7 @@ from rotorfit.logs.crazyflie_records import (
     record_times,
     variables_at,
 )
-from rotorfit.logs.files import Content, Progress, open_mapped, sha256_of
+from rotorfit.logs.files import Content, open_mapped, sha256_of
 from rotorfit.logs.units import STANDARD_GRAVITY
 
 FIXED_FREQUENCY: Final = "fixedFrequency"
@@ -89,9 +89,7 @@ def is_crazyflie(head: bytes) -> bool:
     return head[:1] == bytes([MAGIC]) and head[2:3] == b"\0"
 
 
-def read_crazyflie(
-    path: Path, *, event: str | None = None, progress: Progress | None = None
-) -> FlightLog:
+def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
     """Read a micro-SD log of a Crazyflie.
 
     Parameters
@@ -101,8 +99,6 @@ def read_crazyflie(
     event
         Name of the event whose variables are read; None: ``fixedFrequency``, or the only event
         that was recorded.
-    progress
-        Told how much of the file was gone through, from 0 to 1.
 
     Returns
     -------
@@ -121,7 +117,7 @@ def read_crazyflie(
             "Crazyflie log"
         )
     try:
-        records = find_records(data, progress=progress)
+        records = find_records(data)
         chosen = _chosen_event(records, event)
         recording, unordered = _recording(data, records, chosen)
         found = _channels(recording)

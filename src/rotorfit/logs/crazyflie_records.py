@@ -17,7 +17,8 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from rotorfit.errors import LogError
 from rotorfit.flight.signals import pieces
-from rotorfit.logs.files import Content, Progress, let_go
+from rotorfit.logs.files import Content, let_go
+from rotorfit.logs.progress import tell
 
 MAGIC: Final = 0xBC
 VERSIONS: Final[Mapping[int, tuple[str, float]]] = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
@@ -189,19 +190,12 @@ def _read_name(data: Content, position: int) -> tuple[str, int]:
     return data[position:stop].decode("latin-1"), stop + 1
 
 
-def find_records(data: Content, *, progress: Progress | None = None) -> Records:
+def find_records(data: Content) -> Records:
     """Return where the records of a log are.
 
     Runs of one event, which nearly all logs consist of, are found by NumPy. At a number that no
     event has, or a time that cannot follow, the search goes on at the next place from which some
     records follow each other; the record before is dropped, since its bytes may be others'.
-
-    Parameters
-    ----------
-    data
-        The file.
-    progress
-        Told how much of it was gone through.
 
     Raises
     ------
@@ -216,7 +210,6 @@ def find_records(data: Content, *, progress: Progress | None = None) -> Records:
         sizes={event.number: event.size for event in header.events},
         content=data,
         bytes=np.frombuffer(data, np.uint8),
-        progress=progress,
         stop=len(data) - CRC_BYTES if checksum else len(data),
     )
     runs: list[tuple[int, int, int]] = []
@@ -267,7 +260,6 @@ class _Walk:
     header: Header
     sizes: Mapping[int, int]
     content: Content
-    progress: Progress | None
     bytes: UInt8[np.ndarray, " n"]
     stop: int
 
@@ -304,8 +296,7 @@ def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | N
         found += n
         if count == LARGEST_BLOCK:
             let_go(walk.content)
-            if walk.progress is not None:
-                walk.progress((first + n * size) / walk.stop)
+            tell(first + n * size, walk.stop)
         last = float(times[n - 1]) if n else last
         if n < block:
             return found, last

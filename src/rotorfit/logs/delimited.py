@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import Content, Progress, let_go
+from rotorfit.logs.files import Content, let_go
+from rotorfit.logs.progress import tell
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
 _COMMENTS: Final = ("#", "%")
@@ -47,17 +48,8 @@ class DelimitedText:
     delimiter: str | None
     first_line: int
 
-    def numbers(
-        self, names: Sequence[str], *, progress: Progress | None = None
-    ) -> Float[np.ndarray, "n k"]:
+    def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
         """Return columns as numbers, NaN where a cell is empty.
-
-        Parameters
-        ----------
-        names
-            Of the columns.
-        progress
-            Told how much of the text was gone through.
 
         Raises
         ------
@@ -67,7 +59,7 @@ class DelimitedText:
         # Looked up one by one, a header of 100 000 names takes minutes.
         places = {name: place for place, name in reversed([*enumerate(self.names)])}
         columns = [places[name] for name in names]
-        fast = _fast_numbers(self, columns, progress)
+        fast = _fast_numbers(self, columns)
         return _careful_numbers(self, columns) if fast is None else fast
 
     def place(self, row: int) -> str:
@@ -183,9 +175,7 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _fast_numbers(
-    table: DelimitedText, columns: Sequence[int], progress: Progress | None = None
-) -> Float[np.ndarray, "n k"] | None:
+def _fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"] | None:
     """Return the columns piece by piece; None where the text is not plain enough."""
     numbers = np.empty((0, len(columns)))
     for piece, end in _pieces(table):
@@ -195,8 +185,7 @@ def _fast_numbers(
         known = len(numbers)
         numbers.resize((known + len(found), len(columns)), refcheck=False)
         numbers[known:] = found
-        if progress is not None:
-            progress(end / len(table.text))
+        tell(end, len(table.text))
     return numbers if len(numbers) else None
 
 

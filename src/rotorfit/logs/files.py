@@ -3,14 +3,9 @@
 import hashlib
 import mmap
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 from rotorfit.errors import LogError, OutputError
-
-Progress = Callable[[float], None]
-"""Told how much of a file was gone through, from 0 to 1."""
-
 
 Content = bytes | mmap.mmap
 """Of a file: in memory, or mapped."""

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import Progress
 
 MAGIC: Final = b"PAR1"
 """The first four bytes of every Parquet file, and the last four."""
@@ -43,13 +42,10 @@ class ParquetTable:
     data: bytes
     names: tuple[str, ...]
 
-    def numbers(
-        self, names: Sequence[str], *, progress: Progress | None = None
-    ) -> Float[np.ndarray, "n k"]:
+    def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
         """Return columns as numbers, NaN where the file has none.
 
-        Durations and dates become seconds. The columns are decoded at once: there is no progress
-        to be told.
+        Durations and dates become seconds.
 
         Raises
         ------
@@ -57,7 +53,6 @@ class ParquetTable:
             If the file is damaged or declares more rows than can be meant, or a column holds
             something else.
         """
-        del progress
         try:
             file = _opened(self.data)
             _check_size(file.metadata.num_rows, len(names), len(self.data))

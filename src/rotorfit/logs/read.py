@@ -11,6 +11,7 @@ from rotorfit.flight.log import FlightLog
 from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.files import read_head
+from rotorfit.logs.progress import Progress, read_for
 
 _HEAD: Final = 65536
 _PRINTABLE: Final = bytes(range(32, 256)) + b"\t\n\r\f"
@@ -66,7 +67,9 @@ class Format:
     read: Callable[[Path, ReadOptions], FlightLog]
 
 
-def read_log(path: Path, *, options: ReadOptions | None = None) -> FlightLog:
+def read_log(
+    path: Path, *, options: ReadOptions | None = None, progress: Progress | None = None
+) -> FlightLog:
     """Return the flight in a file of any format that rotorfit reads.
 
     Parameters
@@ -75,13 +78,20 @@ def read_log(path: Path, *, options: ReadOptions | None = None) -> FlightLog:
         The log.
     options
         What to take from it and how; None: `ReadOptions` as it stands.
+    progress
+        Told how much of a long log was gone through, from 0 to 1.
 
     Raises
     ------
     LogError
         If the format is not read by rotorfit, or the file is damaged.
     """
-    chosen = options or ReadOptions()
+    with read_for(path, progress):
+        return _read(path, options or ReadOptions())
+
+
+def _read(path: Path, chosen: ReadOptions) -> FlightLog:
+    """Return the flight in a file, its format told from its first bytes."""
     if chosen.format is not None:
         return _format_named(chosen.format).read(path, chosen)
     if path.is_dir() and _is_rosbag_folder(path):

@@ -22,7 +22,6 @@ from rotorfit.logs.columns import (
 )
 from rotorfit.logs.delimited import DelimitedText, open_delimited
 from rotorfit.logs.files import (
-    Progress,
     open_mapped,
     read_bytes,
     read_head,
@@ -55,7 +54,6 @@ def read_table(
     columns: Mapping[str, ColumnSpec] | None = None,
     axes: Axes = "FLU",
     motor_poles: int | None = None,
-    progress: Progress | None = None,
 ) -> FlightLog:
     """Return the flight in a table.
 
@@ -71,8 +69,6 @@ def read_table(
         FRD to world north-east-down and position is in that world.
     motor_poles
         Magnet poles of a motor, for rotor speeds in ``erpm``.
-    progress
-        Told how much of the file was gone through, from 0 to 1.
 
     Raises
     ------
@@ -81,7 +77,7 @@ def read_table(
     """
     try:
         source = _opened(path)
-        channels, notes, time = _channels(source, columns or {}, axes, motor_poles, progress)
+        channels, notes, time = _channels(source, columns or {}, axes, motor_poles)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
     return FlightLog(
@@ -103,16 +99,12 @@ def _opened(path: Path) -> _Source:
 
 
 def _channels(
-    source: _Source,
-    columns: Mapping[str, ColumnSpec],
-    axes: Axes,
-    motor_poles: int | None,
-    progress: Progress | None,
+    source: _Source, columns: Mapping[str, ColumnSpec], axes: Axes, motor_poles: int | None
 ) -> tuple[dict[str, Channel], list[str], Float[np.ndarray, " n"]]:
     """Return channels, notes, and the clock of the table."""
     specs = resolve(source.names, columns)
     groups, notes = complete_groups(specs, columns)
-    values = _si_values(source, specs, groups, motor_poles, progress)
+    values = _si_values(source, specs, groups, motor_poles)
     timed = np.isfinite(values[TIME])
     time = values[TIME][timed]
     _check_clock(source, timed, time, specs[TIME])
@@ -140,12 +132,11 @@ def _si_values(
     specs: Mapping[str, ColumnSpec],
     groups: Sequence[Group],
     motor_poles: int | None,
-    progress: Progress | None,
 ) -> dict[str, Float[np.ndarray, " n"]]:
     """Return every column that is needed, by canonical name, in SI units; NaN for no number."""
     wanted = [TIME, *(name for group in groups for name in group.names)]
     to_si = {name: _conversion(name, specs[name], motor_poles) for name in wanted}
-    recorded = source.numbers([specs[name].name for name in wanted], progress=progress)
+    recorded = source.numbers([specs[name].name for name in wanted])
     for name, column in zip(wanted, recorded.T, strict=True):
         spec = specs[name]
         with np.errstate(over="ignore", invalid="ignore"):

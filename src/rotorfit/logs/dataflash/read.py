@@ -1,6 +1,7 @@
 """DataFlash files to FlightLog."""
 
 import hashlib
+import os
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
 from rotorfit.logs.dataflash.units import unit_doubts
 from rotorfit.logs.files import read_head
+from rotorfit.logs.progress import tell
 
 BLOCK: Final = 4 << 20
 CHOICE: Final = Wanted(
@@ -82,12 +84,17 @@ def read_dataflash(path: Path) -> FlightLog:
     )
 
 
-def _blocks(path: Path) -> Iterator[bytes]:
-    """Yield a file in pieces: a log need not fit into the memory."""
+def _blocks(path: Path, turn: tuple[float, float]) -> Iterator[bytes]:
+    """Yield a file in pieces: a log need not fit into the memory.
+
+    The turn is what was read before of all that is to be read, and what share this is.
+    """
     try:
         with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
             while block := file.read(BLOCK):
                 yield block
+                tell(round(size * turn[0] + file.tell() * turn[1]), size)
     except OSError as error:
         raise LogError(f"cannot be read ({error}): check the path and the disk") from error
 
@@ -116,7 +123,7 @@ def _understood(path: Path) -> _Found:
 
     The file is gone through twice: what the other IMUs recorded would fill most of the memory.
     """
-    glimpse = find_messages(_blocks(path), wanted=CHOICE)
+    glimpse = find_messages(_blocks(path, (0.0, 0.4)), wanted=CHOICE)
     settings, said = read_parameters(glimpse), parameters.texts(glimpse)
     choice = imu.choose_imu(glimpse, settings)
     del glimpse
@@ -126,7 +133,7 @@ def _understood(path: Path) -> _Found:
         **dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS),
     }
     wanted = Wanted(names=names, instances=choice.instances, labels=used)
-    messages = find_messages(_blocks(path), wanted=wanted)
+    messages = find_messages(_blocks(path, (0.4, 0.6)), wanted=wanted)
     frame = frame_of(settings, said)
     wired = motors.wiring(settings, frame)
     # Messages are let go of when their channel is made: all of both would fill the memory.

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int, UInt8
 from rotorfit.errors import LogError
 from rotorfit.flight.signals import pieces
 from rotorfit.logs.files import read_head
+from rotorfit.logs.progress import tell
 from rotorfit.logs.ulog.formats import Field, Row, parse_format, row_of
 from rotorfit.logs.ulog.messages import HEADER_BYTES, MAGIC, Block, read_blocks, refuse_ruin
 from rotorfit.logs.ulog.rows import appended
@@ -402,6 +403,7 @@ def _read_sections(file: BinaryIO, edges: list[int], reading: _Reading) -> None:
         for block in read_blocks(file, begin, end, judge=reading):
             reading.keep(block)
             refuse_ruin(reading.places)
+            tell(file.tell(), edges[-1])
 
 
 def _appended(head: bytes, size: int) -> tuple[list[int], list[str]]:
