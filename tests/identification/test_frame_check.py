@@ -8,7 +8,7 @@ import pytest
 
 import flown
 from rotorfit.errors import FrameError
-from rotorfit.identification.flights import EDGES
+from rotorfit.identification.bands import EDGES
 from rotorfit.identification.frame_check import check_frame, free_response, response
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.simulation import (

@@ -8,7 +8,7 @@ import pytest
 
 import flown
 from rotorfit.errors import ExperimentError
-from rotorfit.identification.flights import EDGES, STRETCH
+from rotorfit.identification.bands import EDGES, STRETCH
 from rotorfit.identification.joint import JointConfiguration, joint_estimate
 from rotorfit.identification.plan import PlanRequest, plan
 from rotorfit.identification.plan_after import values_of

@@ -7,7 +7,7 @@ import pytest
 
 import flown
 from rotorfit.errors import ExperimentError, FlightError, FrameError
-from rotorfit.identification.flights import EDGES
+from rotorfit.identification.bands import EDGES
 from rotorfit.identification.plausible import (
     SLIMMEST,
     STOUTEST,

@@ -23,6 +23,7 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import Factors, borrowed_mean_square
+from rotorfit.estimation.feedback import Feedback
 from rotorfit.estimation.parameter_map import ParameterMap
 
 MOST_ITERATIONS = 100
@@ -57,6 +58,10 @@ class BandedProblem:
         Which signals carry the noise, as many as there are equations.
     prior_mean, prior_std
         Of free parameters that are known beforehand.
+    counted
+        Which errors of each block count, one array per configuration; all where there is none.
+    feedback
+        Where a controller answers the errors.
     """
 
     factors: tuple[Factors, ...]
@@ -65,6 +70,8 @@ class BandedProblem:
     noisy: tuple[int, ...]
     prior_mean: Mapping[str, float]
     prior_std: Mapping[str, float]
+    counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
+    feedback: Feedback | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +86,7 @@ class BandedEstimate:
         First-order change of each parameter if a block were counted twice; blocks of all
         configurations, one after the other.
     variance
-        Of each noisy signal's error in each block.
+        Of each noisy signal's error in each block, infinite where it does not count.
     signal_power, residual_power
         Sum of squares of each noisy signal, and of its error, in each block.
     log_likelihood
@@ -151,7 +158,8 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
     damping = 1e-3
     for iteration in range(1, MOST_ITERATIONS + 1):
         A, b = _linearised(problem, state)
-        step, std = _damped_step(A, b, damping)
+        extra = _feedback_scores(problem, state.phi).sum(axis=0)
+        step, std = _damped_step(A, b, damping, extra)
         trial = _evaluate_or_none(problem, state.phi + step)
         settled = bool(np.all(np.abs(step) <= SMALLEST_STEP * std))
         if trial is not None and trial.cost <= state.cost + 1e-9 * abs(state.cost):
@@ -167,6 +175,15 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
         "remove a term, or fly more motion"
     )
+
+
+def error_power(
+    problem: BandedProblem, phi: Float[np.ndarray, " f"]
+) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
+    """Return the sums of squares of each noisy signal, and of its error at `phi`, per block."""
+    noisy, residual = list(problem.noisy), _evaluate(problem, phi).residual
+    signals = np.concatenate([factors.R[:, :, noisy] for factors in problem.factors])
+    return np.einsum("bmk,bmk->bk", signals, signals), np.einsum("bmk,bmk->bk", residual, residual)
 
 
 def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
@@ -192,9 +209,12 @@ def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
         G, _ = _solved(tensor, theta[c], problem.noisy)
         e = factors.R @ G.T
         v = _variance(e, factors, problem.noisy)
-        cost += float(np.sum(factors.rows[:, None] * np.log(v)))
+        counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
+        cost += float(np.sum(factors.rows[:, None] * np.log(v), where=counted))
+        v = np.where(counted, v, np.inf)
         residuals.append(e)
         variances.append(v)
+    cost -= 2.0 * _feedback_gain(problem, theta)
     if not np.isfinite(cost):
         raise EstimationError("the likelihood is not finite here")
     return _State(
@@ -203,6 +223,32 @@ def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
         variance=np.concatenate(variances),
         cost=cost,
     )
+
+
+def _feedback_gain(problem: BandedProblem, theta: Float[np.ndarray, "c p"]) -> float:
+    """Return what the answers of a controller add to the log-likelihood."""
+    if problem.feedback is None:
+        return 0.0
+    gain = 0.0
+    for rows, tensor, own in zip(problem.feedback.rows, problem.tensors, theta, strict=True):
+        G, _ = _solved(tensor, own, problem.noisy)
+        gain += float(rows.sum(axis=0) @ problem.feedback.log_effect(G))
+    return gain
+
+
+def _feedback_scores(
+    problem: BandedProblem, phi: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, "b f"]:
+    """Return the derivative of the same by the free parameters, block by block."""
+    parts: list[Float[np.ndarray, "b f"]] = []
+    theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
+    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
+        scores = np.zeros((len(factors), len(phi)))
+        if problem.feedback is not None:
+            G, dG = _solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
+            scores += problem.feedback.rows[c] @ problem.feedback.slope(G, dG)
+        parts.append(scores)
+    return np.concatenate(parts)
 
 
 def _solved(
@@ -283,17 +329,24 @@ def _solved_jacobian(
 
 
 def _damped_step(
-    A: Float[np.ndarray, "n f"], b: Float[np.ndarray, " n"], damping: float
+    A: Float[np.ndarray, "n f"],
+    b: Float[np.ndarray, " n"],
+    damping: float,
+    extra: Float[np.ndarray, " f"],
 ) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
-    """Return a Levenberg-Marquardt step and the parameters' deviations, columns scaled."""
+    """Return a Levenberg-Marquardt step and the parameters' deviations, columns scaled.
+
+    `extra` is a part of the score that is no sum of squares.
+    """
     lengths = np.linalg.norm(A, axis=0)
     if (lengths == 0).any():
         raise EstimationError("the flights do not move a parameter at all; remove its term")
     R, right = _triangular(A / lengths, b)
     f = len(lengths)
     stacked = np.concatenate([R, np.sqrt(damping) * np.eye(f)])
-    solution = scipy.linalg.lstsq(stacked, np.concatenate([right, np.zeros(f)]))
     root = np.linalg.pinv(R)
+    right = right + root.T @ (extra / lengths)
+    solution = scipy.linalg.lstsq(stacked, np.concatenate([right, np.zeros(f)]))
     return solution[0] / lengths, np.linalg.norm(root, axis=1) / lengths
 
 
@@ -347,7 +400,8 @@ def _squares(problem: BandedProblem, state: _State, own: Float[np.ndarray, "b k"
     """Return the squared errors over their variances, those of the noisy signals being `own`."""
     power = np.einsum("bmk,bmk->bk", state.residual, state.residual)
     weighted = power / (own + _known_share(problem, state.phi))
-    return float(weighted.sum()) + _prior_cost(problem, state.phi)
+    gain = _feedback_gain(problem, problem.map.theta(state.phi))
+    return float(weighted.sum()) + _prior_cost(problem, state.phi) - 2.0 * gain
 
 
 def _corrected_step(
@@ -371,6 +425,7 @@ def _corrected_equations(
     weight = 1.0 / state.variance
     plain = np.einsum("bmkf,bk,bmkg->fg", J, weight, J, optimize=True)
     scores = -np.einsum("bmkf,bk,bmk->bf", J, weight, state.residual, optimize=True)
+    scores += _feedback_scores(problem, state.phi)
     mean, std = _prior(problem)
     plain += np.diag(std**-2.0)
     taken = np.zeros_like(plain)
@@ -401,8 +456,7 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
     kept = (V * widening) @ V.T
     inverse = root @ kept @ root.T
     covariance = root @ (kept @ kept.T) @ root.T
-    noisy = list(problem.noisy)
-    signals = np.concatenate([factors.R[:, :, noisy] for factors in problem.factors])
+    signal_power, residual_power = error_power(problem, state.phi)
     return BandedEstimate(
         estimate=Estimate(
             names=problem.map.names,
@@ -414,8 +468,8 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
         ),
         influence=scores[:-1] @ inverse,
         variance=state.variance,
-        signal_power=np.einsum("bmk,bmk->bk", signals, signals),
-        residual_power=np.einsum("bmk,bmk->bk", state.residual, state.residual),
+        signal_power=signal_power,
+        residual_power=residual_power,
         log_likelihood=-0.5 * state.cost,
         iterations=iterations,
         problem=problem,
@@ -433,4 +487,5 @@ def normal_equations(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Nor
         cost=0.0,
     )
     taken, scores, plain = _corrected_equations(fit.problem, state)
+    scores[:-1][~blocks] = 0.0
     return NormalEquations(information=plain - taken, scores=scores)

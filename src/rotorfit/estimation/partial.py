@@ -49,7 +49,8 @@ def left_out(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
     """
     whole = normal_equations(fit, np.ones_like(blocks))
     rest = normal_equations(fit, ~blocks)
-    inverse, inverse_rest = _inverse(whole.information), _inverse(rest.information)
+    scale = np.sqrt(np.maximum(np.diagonal(whole.information), np.finfo(float).tiny))
+    inverse, inverse_rest = _inverse(whole.information, scale), _inverse(rest.information, scale)
     influence = (rest.scores @ inverse_rest - whole.scores @ inverse)[:-1]
     formal = inverse_rest - inverse
     return Shift(
@@ -68,9 +69,10 @@ def _scatter(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
     return scatter_covariance(influence)
 
 
-def _inverse(H: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
+def _inverse(
+    H: Float[np.ndarray, "f f"], scale: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, "f f"]:
     """Return the inverse, in which directions that the equations lost are infinitely uncertain."""
-    scale = np.sqrt(np.maximum(np.diagonal(H), np.finfo(float).tiny))
     values, vectors = scipy.linalg.eigh(H / np.outer(scale, scale))
     values = np.maximum(values, UNDETERMINED)
     return (vectors / values) @ vectors.T / np.outer(scale, scale)

@@ -13,8 +13,9 @@ from rotorfit.flight.doctor import LOOK
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import smooth
+from rotorfit.identification.bands import EDGES, STRETCH
 from rotorfit.identification.excitation import LEAST_EXCITATION, NO_EXCITATION
-from rotorfit.identification.flights import EDGES, STRETCH, retimed
+from rotorfit.identification.flights import retimed
 from rotorfit.identification.frame_check import Response, free_response, response
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.reduce import BandPlan, band_factors

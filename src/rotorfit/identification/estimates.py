@@ -11,16 +11,18 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.flight.motors import MotorResponse
+from rotorfit.identification.bands import EDGES
 from rotorfit.identification.choice import chosen
 from rotorfit.identification.doubts import with_doubts
 from rotorfit.identification.experiment import Experiment
-from rotorfit.identification.flights import EDGES, Flown
+from rotorfit.identification.flights import Flown
 from rotorfit.identification.joint import JointConfiguration, joint_estimate
 from rotorfit.identification.joint_parameters import Numbers, joint_numbers
 from rotorfit.identification.joint_tables import joint_tables
 from rotorfit.identification.paper import PaperSettings, paper_estimate, paper_tables
 from rotorfit.identification.row_parameters import Quantities, row_quantities
 from rotorfit.identification.rows import RowFits, fit_rows
+from rotorfit.identification.steering import steered
 from rotorfit.identification.tables import Tables, row_tables
 from rotorfit.identification.terms import DEFAULT_TERMS, Term
 from rotorfit.identification.weight import WeighedThrust, contradiction, kt_from_weight
@@ -103,7 +105,11 @@ def _joint_fit(
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if begin is None else []
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
-    return joint_estimate(joint, starts, known_kt=known, terms=terms, begin=begin), joint
+    if begin is None:
+        # Before the first fit nobody can tell the pilot's motion from disturbances.
+        begin = _values(joint_estimate(joint, starts, known_kt=known, terms=terms))
+    joint = steered(joint, begin, known_kt=known, terms=terms)
+    return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint
 
 
 def _refitted(

@@ -20,6 +20,7 @@ from rotorfit.flight.prepare import (
     prepared_from,
     with_motors,
 )
+from rotorfit.identification.bands import EDGES, STRETCH
 from rotorfit.identification.experiment import (
     ConfigurationEntry,
     FlightEntry,
@@ -36,13 +37,6 @@ from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
-
-EDGES = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.0, 30.0)
-"""Of the frequency bands [Hz]. A band must not end inside the control bandwidth; above 30 Hz the
-resolution of rotor speed takes over."""
-STRETCH = 20.0
-"""Longest stretch of one noise level [s]. In 5 s a band holds too few different lines: on simulated
-flights the deviation of k_d is a third larger; real ones agree on both."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

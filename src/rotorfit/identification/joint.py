@@ -11,11 +11,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded, log_likelihood
 from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.feedback import Feedback
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.payload import MOMENTS, PointMass, added_moments, tolerances
@@ -32,6 +33,8 @@ from rotorfit.model.vehicle import Vehicle
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
+ANSWERED = ("dwx", "dwy")
+"""The errors that an autopilot answers in the whole of the pilot's band; in yaw it is slow."""
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 """Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
 IMU and rotor plane look the same."""
@@ -52,7 +55,8 @@ class JointConfiguration:
     """One configuration as the joint estimate sees it.
 
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
-    no first moments and inertia of its own to estimate.
+    no first moments and inertia of its own to estimate. `counted` and `answered` are those of
+    `steering.py`: which errors of each block count, and how many rows the autopilot answers.
     """
 
     name: str
@@ -62,6 +66,8 @@ class JointConfiguration:
     vehicle: Vehicle
     payload: tuple[PointMass, ...] = ()
     payload_of: str | None = None
+    counted: Bool[np.ndarray, "b 6"] | None = None
+    answered: Float[np.ndarray, "b e"] | None = None
 
 
 def joint_estimate(
@@ -92,10 +98,15 @@ def joint_estimate(
     start = np.zeros(len(problem.map.names))
     if starts:
         start = _likeliest_start(problem, configurations, starts)
-    known = begin or {}
+    return banded(problem, at_values(problem, begin or {}, start))
+
+
+def at_values(
+    problem: BandedProblem, known: Mapping[str, float], rest: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " f"]:
+    """Return the free parameters, known ones by their names and the rest as given."""
     names = problem.map.names
-    start = np.array([known.get(n, s) for n, s in zip(names, start.tolist(), strict=True)])
-    return banded(problem, start)
+    return np.array([known.get(n, s) for n, s in zip(names, rest.tolist(), strict=True)])
 
 
 def _likeliest_start(
@@ -147,7 +158,29 @@ def joint_problem(
         noisy=tuple(layout.index(name) for name in NOISY),
         prior_mean={} if known_kt is None else {"kt": known_kt[0]},
         prior_std=prior if known_kt is None else {**prior, "kt": known_kt[1]},
+        counted=tuple(c.counted for c in configurations if c.counted is not None),
+        feedback=_feedback(configurations),
     )
+
+
+def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
+    """Return where the autopilot answers by the rotors; None where that was not looked at."""
+    rows = tuple(c.answered for c in configurations if c.answered is not None)
+    if not rows:
+        return None
+    names = configurations[0].model.layout.names
+    return Feedback(
+        errors=tuple(NOISY.index(name) for name in ANSWERED),
+        inputs=tuple(i for i, name in enumerate(names) if name.startswith("O2_")),
+        mixer=_mixer(configurations[0].vehicle),
+        rows=rows,
+    )
+
+
+def _mixer(vehicle: Vehicle) -> Float[np.ndarray, "2 N"]:
+    """Return how an autopilot moves squared speeds to roll and to pitch: as the arms are."""
+    torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
+    return torque - torque.mean(axis=1, keepdims=True)
 
 
 def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:

@@ -19,10 +19,10 @@ from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.identification.bands import PILOT_BAND
 from rotorfit.identification.excitation import AXIS_OF, attenuation_allowance
 from rotorfit.identification.joint import JointConfiguration, spread_names
 from rotorfit.identification.payload import MOMENTS
-from rotorfit.identification.rows import PILOT_BAND
 from rotorfit.model.parameters import (
     DERIVED,
     INERTIA,

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.identification.bands import STRETCH
 from rotorfit.identification.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.identification.flights import STRETCH
 from rotorfit.identification.joint import BIAS_STD, JointConfiguration
 from rotorfit.identification.joint_parameters import (
     SHARED_NUMBERS,

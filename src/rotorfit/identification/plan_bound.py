@@ -20,8 +20,8 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.flight.data import FlightData
+from rotorfit.identification.bands import EDGES, PILOT_BAND, STRETCH
 from rotorfit.identification.excitation import attenuation_allowance
-from rotorfit.identification.flights import EDGES, STRETCH
 from rotorfit.identification.joint import NOISY, JointConfiguration, joint_map, joint_prior
 from rotorfit.identification.joint_parameters import (
     AXES,
@@ -38,7 +38,6 @@ from rotorfit.identification.plan_noise import (
     row_variances,
 )
 from rotorfit.identification.plan_vehicle import RoughVehicle, loaded
-from rotorfit.identification.rows import PILOT_BAND
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import regressor

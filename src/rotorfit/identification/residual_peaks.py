@@ -15,7 +15,8 @@ from scipy import signal, stats
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.flight.prepare import PreparedFlight
-from rotorfit.identification.flights import EDGES, STRETCH, Flown, retimed
+from rotorfit.identification.bands import EDGES, STRETCH
+from rotorfit.identification.flights import Flown, retimed
 from rotorfit.model.reduce import split_segment
 from rotorfit.model.signals import signal_matrix
 

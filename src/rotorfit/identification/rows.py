@@ -23,12 +23,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.reweighted import BandedFit, reweighted, scatter_covariance
+from rotorfit.identification.bands import PILOT_BAND, flown_bands
 from rotorfit.model.regressor import Regressor
 
 ROWS = ("force", "roll", "pitch", "yaw")
@@ -54,9 +55,6 @@ NUISANCE_STD = {
 """Deviation of the small terms of the roll and pitch rows, relative to that row's inertia."""
 ROTOR_SPREAD_STD = 0.015
 """Thrust coefficients of one vehicle's rotors differ by about this share."""
-PILOT_BAND = (0.3, 3.0)
-"""Where explained and residual angular acceleration are compared [Hz]: where a pilot moves the
-vehicle. Further up the gyro's own noise, differentiated, would hide a well flown axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,12 +114,31 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
     )
 
 
-def angular_log_likelihood(factors: Factors, model: Regressor, *, mass: float) -> float:
+def angular_log_likelihood(
+    factors: Factors, model: Regressor, *, mass: float, counted: Bool[np.ndarray, "b 3"]
+) -> float:
     """Return the log-likelihood of the three angular accelerations, for comparing delays.
 
     Of the first pass: the second changes what is small, and costs as much again.
+
+    Parameters
+    ----------
+    factors, model, mass
+        As for `fit_rows`.
+    counted
+        Which blocks count for each of them.
     """
-    return sum(_fit_row(factors, model, row, mass).log_likelihood for row in ROWS[1:])
+    return sum(
+        _fit_row(factors.select(own), model, row, mass).log_likelihood
+        for row, own in zip(ROWS[1:], counted.T, strict=True)
+    )
+
+
+def flown_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np.ndarray, "b 3"]:
+    """Return in which blocks a pilot moves roll, pitch and yaw, by the first pass of the rows."""
+    fits = [_fit_row(factors, model, row, mass) for row in ROWS[1:]]
+    signal = np.column_stack([fit.known_power for fit in fits])
+    return flown_bands(factors, signal, np.column_stack([fit.residual_power for fit in fits]))
 
 
 def _fit_row(

@@ -1,9 +1,12 @@
 """When the rotors do what the motor data say: delay of measured speed, lag of commanded speed.
 
 By profile likelihood of the three angular accelerations: every trial makes only the rotor columns
-anew. Of a first-order lag tau and a delay T the sum is well determined, the split hardly; a prior
-on tau, weak unless the user knows better, keeps it from running away. Rotors that rise and fall at
-different rates get a lag for each where the flights ask for it.
+anew. Only the pilot's band and others in which the vehicle is moved are looked at: elsewhere
+rotor speeds are the autopilot's answer to gusts and to the noise of its own gyro, which comes
+later than they do and would be taken for a delay (8 ms in simulation, where there was none). Of a first-order lag tau and
+a delay T the sum is well determined, the split hardly; a prior on tau, weak unless the user knows
+better, keeps it from running away. Rotors that rise and fall at different rates get a lag for each
+where the flights ask for it.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,11 +14,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import optimize
 
+from rotorfit.estimation.factors import Factors
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.identification.rows import PILOT_BAND, angular_log_likelihood
+from rotorfit.identification.bands import PILOT_BAND
+from rotorfit.identification.rows import angular_log_likelihood, flown_turns
 
 if TYPE_CHECKING:
     from rotorfit.identification.flights import Flown
@@ -47,8 +52,6 @@ SMALLEST_STEP: Final = 1e-3
 SMALLEST_GAIN: Final = 2.0
 """Where the descent ends [s, log-likelihood]: a parabola through the last trials does the rest."""
 MOST_TRIALS: Final = 60
-SLOW: Final = (np.inf, PILOT_BAND[1])
-"""Upper edges [Hz]: of all bands, and of those of the pilot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,14 +82,32 @@ def find_timing(flown: "Flown") -> MotorTiming | None:
     return _find_delay(flown) if unknown else None
 
 
-def _costs(flown: "Flown", response: MotorResponse, tops: tuple[float, ...]) -> list[float]:
-    """Return minus the log-likelihood of the angular accelerations, below each of `tops` [Hz]."""
-    costs = [0.0] * len(tops)
-    for factors, configured in zip(flown.bands(response), flown.configurations, strict=True):
-        for i, top in enumerate(tops):
-            below = factors.select(factors.band[:, 0] < top)
-            costs[i] -= angular_log_likelihood(below, flown.model, mass=configured.mass)
-    return costs
+Counted = tuple[Bool[np.ndarray, "_ 3"], ...] | None
+"""Which blocks of each configuration count for roll, pitch and yaw; None: the pilot's band."""
+
+
+def _cost(flown: "Flown", response: MotorResponse, counted: Counted) -> float:
+    """Return minus the log-likelihood of the angular accelerations."""
+    cost = 0.0
+    for c, (factors, configured) in enumerate(
+        zip(flown.bands(response), flown.configurations, strict=True)
+    ):
+        own = _slow(factors) if counted is None else counted[c]
+        cost -= angular_log_likelihood(factors, flown.model, mass=configured.mass, counted=own)
+    return cost
+
+
+def _slow(factors: Factors) -> Bool[np.ndarray, "b 3"]:
+    return np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
+
+
+def _counted(flown: "Flown", response: MotorResponse) -> Counted:
+    """Return the pilot's band and what else is flown, as seen at about the right timing."""
+    parts = zip(flown.bands(response), flown.configurations, strict=True)
+    return tuple(
+        _slow(factors) | flown_turns(factors, flown.model, mass=configured.mass)
+        for factors, configured in parts
+    )
 
 
 def _find_delay(flown: "Flown") -> MotorTiming | None:
@@ -94,33 +115,35 @@ def _find_delay(flown: "Flown") -> MotorTiming | None:
     kind = " commanded" if flown.motors.speed == "commanded" else ""
     low, high, trials = DELAYS_TRIED[f"{flown.source}{kind}"]
 
-    def costs(delay: float, tops: tuple[float, ...]) -> Float[np.ndarray, " t"]:
-        return np.array(_costs(flown, replace(flown.declared, delay=delay), tops))
+    def at(delay: float) -> MotorResponse:
+        return replace(flown.declared, delay=float(delay))
 
     grid = np.linspace(low, high, trials)
-    values = [costs(float(delay), SLOW[:1])[0] for delay in grid]
+    values = [_cost(flown, at(delay), None) for delay in grid]
     best = int(np.argmin(values))
     if best in (0, trials - 1):
         return None
+    counted = _counted(flown, at(grid[best]))
+
+    def cost(delay: float) -> float:
+        return _cost(flown, at(delay), counted)
+
     found = optimize.minimize_scalar(
-        lambda delay: float(costs(delay, SLOW[:1])[0]),
+        cost,
         bounds=(float(grid[best - 1]), float(grid[best + 1])),
         method="bounded",
         options={"xatol": SMALLEST_STEP},
     )
     place = float(found.x)
-    middle, plus, minus = (costs(place + move, SLOW) for move in (0.0, STENCIL, -STENCIL))
-    move, slow = _parabola_shifts(middle, plus, minus)
-    curvature = float((plus - 2.0 * middle + minus)[0]) / STENCIL**2
-    # The autopilot's answer to gusts, later than the gusts, looks like a delay: the deviation
-    # holds what the best place moves by where only the pilot's frequencies are used.
-    std = _norm(1.0 / float(np.sqrt(max(curvature, 1e-6))), slow - move, SUM_FAULT)
-    response = replace(flown.declared, delay=place + move)
+    middle, plus, minus = (cost(place + move) for move in (0.0, STENCIL, -STENCIL))
+    curvature = max((plus - 2.0 * middle + minus) / STENCIL**2, (high - low) ** -2)
+    std = _norm(1.0 / np.sqrt(curvature), SUM_FAULT)
+    response = replace(flown.declared, delay=place + _parabola_shift(middle, plus, minus))
     return MotorTiming(response=response, delay_std=std, total_std=std)
 
 
-Costs = Callable[[Float[np.ndarray, " t"], tuple[float, ...]], list[float]]
-"""Of a point (lag, delay, skew), or only the first of them, below each of some edges [Hz]."""
+Cost = Callable[[Float[np.ndarray, " t"]], float]
+"""Of a point (lag, delay, skew), or only the first of them."""
 
 
 def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
@@ -128,63 +151,41 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
 
     Then a skew s, lag (1 - s) up and (1 + s) down, if it gains enough.
     """
-    costs = _penalised(flown)
     # The way there on the first configuration alone; the last steps see all of them.
-    first = _penalised(replace(flown, configurations=flown.configurations[:1]))
-    known = flown.declared.delay
-    grid = [first(np.array([lag, known]), (np.inf,))[0] for lag in LAGS_TRIED]
+    one = replace(flown, configurations=flown.configurations[:1])
+    slow, known = _penalised(one, None), flown.declared.delay
+    grid = [slow(np.array([lag, known])) for lag in LAGS_TRIED]
     best = int(np.argmin(grid))
     if best == len(LAGS_TRIED) - 1:
         return None
     start = np.array([max(LAGS_TRIED[best], 0.005), known])
-    free = 2 if delay_free else 1
-    place, value = _descended(first, start, np.array([FIRST_STEP, FIRST_STEP])[:free])
+    steps = np.array([FIRST_STEP, FIRST_STEP])[: 2 if delay_free else 1]
+    place, _ = _descended(slow, start, steps)
+    counted = _counted(flown, _response(place))
+    cost, first = _penalised(flown, counted), _penalised(one, counted)
+    place, value = _descended(first, place, 0.5 * steps)
     skewed, gained = _with_skew(first, np.append(place, 0.0), value)
     if gained > LEAST_GAIN:
         steps = np.array([0.5 * FIRST_STEP, 0.5 * FIRST_STEP, SKEW_TRIED])
-        place, _ = _descended(costs, skewed, steps if delay_free else steps[[0, 2]])
-    elif delay_free:
-        place = _split_again(costs, place)
+        place, _ = _descended(cost, skewed, steps if delay_free else steps[[0, 2]])
     if abs(place[1]) >= LONGEST_DELAY - SMALLEST_STEP:
         return None  # at its limit: the motion does not follow these commands at all
-    return _with_deviations(costs, place, delay_free=delay_free)
+    return _with_deviations(cost, place, delay_free=delay_free)
 
 
-def _split_again(costs: Costs, place: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
-    """Return lag and delay of the same sum, split by the pilot's frequencies alone.
-
-    Over all bands the answer to gusts, which comes later than they do, takes the lag for delay.
-    """
-    total = float(place.sum())
-    longest = min(total + LONGEST_DELAY, LONGEST_LAG)
-    if longest <= 0.0:
-        return place
-
-    def cost(lag: float) -> float:
-        return costs(np.array([lag, total - lag]), SLOW[1:])[0]
-
-    found = optimize.minimize_scalar(
-        cost,
-        bounds=(0.0, longest),
-        method="bounded",
-        options={"xatol": 2e-3},
-    )
-    return np.array([float(found.x), total - float(found.x)])
-
-
-def _penalised(flown: "Flown") -> Costs:
+def _penalised(flown: "Flown", counted: Counted) -> Cost:
     """Return the cost with what is known of a lag beforehand, rising steeply out of bounds."""
     mean, std = flown.lag_prior
 
-    def costs(point: Float[np.ndarray, " t"], tops: tuple[float, ...]) -> list[float]:
+    def cost(point: Float[np.ndarray, " t"]) -> float:
         largest = np.array([LONGEST_LAG, LONGEST_DELAY, LARGEST_SKEW])[: len(point)]
         smallest = np.array([0.0, -LONGEST_DELAY, -LARGEST_SKEW])[: len(point)]
         inside = np.clip(point, smallest, largest)
         beyond = 1e6 * float(np.abs(point - inside).sum())
         prior = 0.5 * ((float(point[0]) - mean) / std) ** 2
-        return [cost + prior + beyond for cost in _costs(flown, _response(inside), tops)]
+        return _cost(flown, _response(inside), counted) + prior + beyond
 
-    return costs
+    return cost
 
 
 def _response(point: Float[np.ndarray, " t"]) -> MotorResponse:
@@ -197,7 +198,7 @@ def _response(point: Float[np.ndarray, " t"]) -> MotorResponse:
 
 
 def _descended(
-    costs: Costs, start: Float[np.ndarray, " t"], steps: Float[np.ndarray, " s"]
+    cost: Cost, start: Float[np.ndarray, " t"], steps: Float[np.ndarray, " s"]
 ) -> tuple[Float[np.ndarray, " t"], float]:
     """Return place and value of the minimum near `start`.
 
@@ -205,14 +206,14 @@ def _descended(
     """
     moved = [i for i in range(len(start)) if len(steps) == len(start) or i != 1]
 
-    def cost(part: Float[np.ndarray, " s"]) -> float:
+    def moved_cost(part: Float[np.ndarray, " s"]) -> float:
         point = start.copy()
         point[moved] = part
-        return costs(point, (np.inf,))[0]
+        return cost(point)
 
     first = start[moved]
     found = optimize.minimize(
-        cost,
+        moved_cost,
         first,
         method="Nelder-Mead",
         options={
@@ -229,12 +230,12 @@ def _descended(
 
 
 def _with_skew(
-    costs: Costs, place: Float[np.ndarray, " 3"], value: float
+    cost: Cost, place: Float[np.ndarray, " 3"], value: float
 ) -> tuple[Float[np.ndarray, " 3"], float]:
     """Return the best skew at this lag and delay by a parabola, and what it gains."""
     turn = np.array([0.0, 0.0, 1.0])
     ahead, behind = place + SKEW_TRIED * turn, place - SKEW_TRIED * turn
-    up, down = costs(ahead, (np.inf,))[0], costs(behind, (np.inf,))[0]
+    up, down = cost(ahead), cost(behind)
     curvature, slope = up - 2.0 * value + down, 0.5 * (up - down)
     if curvature <= 0:
         return (ahead, value - up) if up < down else (behind, value - down)
@@ -243,43 +244,37 @@ def _with_skew(
 
 
 def _with_deviations(
-    costs: Costs, place: Float[np.ndarray, " t"], *, delay_free: bool
+    cost: Cost, place: Float[np.ndarray, " t"], *, delay_free: bool
 ) -> MotorTiming:
-    """Return the timing at the bottom near `place`, with the deviations that its curvature gives.
-
-    The sum has beside it what it moves by where only the pilot's frequencies are used, as it
-    does where a motor is no first-order lag, or gusts look like one.
-    """
+    """Return the timing at the bottom near `place`, with the deviations of its curvature."""
     moves = (np.eye(len(place)) * STENCIL)[:2]
     lag, delay = moves
-
-    def both(offset: Float[np.ndarray, " t"]) -> Float[np.ndarray, " 2"]:
-        return np.array(costs(place + offset, SLOW))
-
-    middle, plus, minus = both(0.0 * lag), both(delay), both(-delay)
-    longer, shorter = both(lag), both(-lag)
-    hessian = np.empty((2, 2))
-    hessian[1, 1] = (plus - 2.0 * middle + minus)[0]
-    hessian[0, 0] = (longer - 2.0 * middle + shorter)[0]
+    middle, plus, minus = cost(place), cost(place + delay), cost(place - delay)
+    longer, shorter = cost(place + lag), cost(place - lag)
     if not delay_free:
-        move, slow = _parabola_shifts(middle, longer, shorter)
-        std = STENCIL / np.sqrt(max(hessian[0, 0], 1e-6))
+        curvature = max((longer - 2.0 * middle + shorter) / STENCIL**2, LONGEST_LAG**-2)
+        std = _norm(1.0 / np.sqrt(curvature), SUM_FAULT)
+        move = _parabola_shift(middle, longer, shorter)
         return MotorTiming(
-            response=_response(place + move / STENCIL * lag),
-            lag_std=_norm(std, slow - move, SUM_FAULT),
-            total_std=_norm(std, slow - move, SUM_FAULT),
+            response=_response(place + move / STENCIL * lag), lag_std=std, total_std=std
         )
-    move, slow = _parabola_shifts(middle, plus, minus)
-    cross = both(lag + delay) + both(-lag - delay) - both(lag - delay) - both(delay - lag)
-    hessian[0, 1] = hessian[1, 0] = 0.25 * cross[0]
+    cross = cost(place + lag + delay) + cost(place - lag - delay)
+    cross -= cost(place + lag - delay) + cost(place - lag + delay)
+    hessian = np.array(
+        [
+            [longer - 2.0 * middle + shorter, 0.25 * cross],
+            [0.25 * cross, plus - 2.0 * middle + minus],
+        ]
+    )
     covariance = np.linalg.pinv(hessian / STENCIL**2)
     lag_std, delay_std = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
     total = float(np.sqrt(max(float(covariance.sum()), 0.0)))
+    move = _parabola_shift(middle, plus, minus)
     return MotorTiming(
         response=_response(place + move / STENCIL * delay),
-        lag_std=_norm(lag_std, slow - move, SPLIT_FAULT),
-        delay_std=_norm(delay_std, slow - move, SPLIT_FAULT),
-        total_std=_norm(total, slow - move, SUM_FAULT),
+        lag_std=_norm(lag_std, SPLIT_FAULT),
+        delay_std=_norm(delay_std, SPLIT_FAULT),
+        total_std=_norm(total, SUM_FAULT),
     )
 
 
@@ -287,11 +282,9 @@ def _norm(*deviations: float) -> float:
     return float(np.linalg.norm(deviations))
 
 
-def _parabola_shifts(
-    middle: Float[np.ndarray, " 2"], plus: Float[np.ndarray, " 2"], minus: Float[np.ndarray, " 2"]
-) -> tuple[float, float]:
-    """Return where the parabolas through three costs, `STENCIL` apart, are least [s]."""
+def _parabola_shift(middle: float, plus: float, minus: float) -> float:
+    """Return where the parabola through three costs, `STENCIL` apart, is least [s]."""
     curvature = plus - 2.0 * middle + minus
-    bottom = -0.5 * (plus - minus) / np.where(curvature > 0, curvature, np.inf)
-    shifts = np.clip(bottom, -5.0, 5.0) * STENCIL
-    return float(shifts[0]), float(shifts[1])
+    if curvature <= 0:
+        return 0.0
+    return float(np.clip(-0.5 * (plus - minus) / curvature, -5.0, 5.0)) * STENCIL

@@ -1,0 +1,63 @@
+"""Into which frequency bands a flight is cut, and in which of them a pilot moves the vehicle.
+
+The autopilot answers disturbances: where no pilot moves an axis, rotor speeds and angular
+accelerations are related by its gains, not by the vehicle's inertia. Such bands tell nothing of
+the vehicle, and pull at every estimate.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.estimation.factors import Factors
+
+EDGES: Final = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.0, 30.0)
+"""Of the frequency bands [Hz]. A band must not end inside the control bandwidth; above 30 Hz the
+resolution of rotor speed takes over."""
+STRETCH: Final = 20.0
+"""Longest stretch of one noise level [s]. In 5 s a band holds too few different lines: on simulated
+flights the deviation of k_d is a third larger; real ones agree on both."""
+PILOT_BAND: Final = (0.3, 3.0)
+"""Where explained and residual angular acceleration are compared [Hz]: where a pilot moves the
+vehicle. Further up the gyro's own noise, differentiated, would hide a well flown axis."""
+LEAST_RATIO: Final = 3.0
+"""Explained over residual power of an angular acceleration from which a band counts. About its
+bandwidth an autopilot's answer alone makes as much as one to three."""
+
+
+def flown_bands(
+    factors: Factors, signal: Float[np.ndarray, "b k"], residual: Float[np.ndarray, "b k"]
+) -> Bool[np.ndarray, "b k"]:
+    """Return in which blocks a pilot moves an axis; a band is judged over all of a flight.
+
+    Parameters
+    ----------
+    factors
+        The blocks.
+    signal, residual
+        Sums of squares of angular accelerations and of their errors, one column per axis.
+    """
+    flown = np.zeros(signal.shape, dtype=bool)
+    for band in _bands_of_flights(factors):
+        flown[band] = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
+    return flown
+
+
+def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.ndarray, "b k"]:
+    """Return which blocks count: those flown, and all of an axis that is nowhere flown.
+
+    And the band with the mean: trim is the same whoever steers, and tells of the centre of mass.
+    """
+    return flown | ~flown.any(axis=0) | (factors.band[:, 0] == 0.0)[:, None]
+
+
+def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
+    """Yield which blocks are of one flight and about one frequency."""
+    source = np.zeros(len(factors), dtype=np.int64) if factors.source is None else factors.source
+    middle: Float[np.ndarray, " b"] = factors.band.mean(axis=1)
+    place = np.digitize(middle, EDGES)
+    for number in np.unique(source):
+        for one in np.unique(place[source == number]):
+            yield (source == number) & (place == one)
