@@ -52,6 +52,7 @@ def scales(flight: SimulatedFlight) -> dict[str, float]:
     values |= {f"accel_bias_{a}": 0.2 for a in "xyz"}
     values["Jr"] = values["Jr"] or 1e-3 * float(Izz)
     values["Jr_over_Izz"] = values["Jr_over_Izz"] or 1e-3
+    values["rotor_drag"] = 0.1 * truth.mass / 4000.0  # a tenth of the mass per second, four rotors
     values |= {"motor_delay": 0.005, "motor_lag": 0.04, "motor_lag_total": 0.04}
     return values
 

@@ -21,7 +21,13 @@ from scipy.signal import windows
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
-from rotorfit.identification.joint import NOISY, JointConfiguration, joint_map, joint_prior
+from rotorfit.identification.joint import (
+    NOISY,
+    ROTOR_DRAG_STD,
+    JointConfiguration,
+    joint_map,
+    joint_prior,
+)
 from rotorfit.identification.joint_parameters import physical
 from rotorfit.identification.timing import LAG_PRIOR
 from rotorfit.model.regressor import Regressor, regressor
@@ -289,7 +295,7 @@ def flights_bound(flights: Mapping[str, SimulatedFlight], *, commanded: bool) ->
     ]
     lags = (None, first.truth.motor_lag) if commanded else (None,)
     information = fisher(spectra, model, lags=lags) + np.diag(
-        prior_information(mapped, joint, len(lags))
+        prior_information(mapped, joint, len(lags), _rotor_drag_std(first))
     )
     return _physical_bound(information, mapped, phi, joint)
 
@@ -311,6 +317,12 @@ def _joint_configuration(
         model=physics,
         vehicle=flight.vehicle,
     )
+
+
+def _rotor_drag_std(flight: SimulatedFlight) -> float:
+    """Return what is known of the rotors' drag before the flight [N s^2/(m rad)]."""
+    speeds = np.sqrt((flight.rotor_speed**2).mean(axis=0))
+    return float(ROTOR_DRAG_STD * flight.truth.mass / speeds.sum())
 
 
 def true_phi(
@@ -336,11 +348,11 @@ def true_phi(
 
 
 def prior_information(
-    mapped: ParameterMap, joint: Sequence[JointConfiguration], lags: int
+    mapped: ParameterMap, joint: Sequence[JointConfiguration], lags: int, rotor_drag_std: float
 ) -> Float[np.ndarray, " g"]:
     """Return 1 / std^2 of what the default model knows before the flight."""
     known = np.zeros(len(mapped.names) + lags)
-    prior = joint_prior(joint)
+    prior = joint_prior(joint) | {"rotor_drag": rotor_drag_std}
     for i, name in enumerate(mapped.names):
         known[i] = prior.get(name, np.inf) ** -2
     if lags > 1:

@@ -40,6 +40,8 @@ it is larger than what it corrects: nothing is known there."""
 STEP_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 1e-3)
 UNKNOWN = 10.0
 """Factor on the deviation of such a direction."""
+BLOCKS_AT_ONCE = 256
+"""In the products of a long flight's rows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -297,7 +299,9 @@ def _linearised(
     weight = 1.0 / np.sqrt(state.variance)
     f = J.shape[-1]
     mean, std = _prior(problem)
-    A = np.concatenate([(J * weight[:, None, :, None]).reshape(-1, f), np.diag(1.0 / std)])
+    J *= weight[:, None, :, None]
+    A = np.concatenate([J.reshape(-1, f), np.diag(1.0 / std)])
+    del J
     b = np.concatenate(
         [-(state.residual * weight[:, None, :]).reshape(-1), (mean - state.phi) / std]
     )
@@ -423,8 +427,14 @@ def _corrected_equations(
     """Return the information that is only noise, each block's corrected score, and all of it."""
     J = _jacobian(problem, state.phi)
     weight = 1.0 / state.variance
-    plain = np.einsum("bmkf,bk,bmkg->fg", J, weight, J, optimize=True)
-    scores = -np.einsum("bmkf,bk,bmk->bf", J, weight, state.residual, optimize=True)
+    f = J.shape[-1]
+    plain, scores = np.zeros((f, f)), np.empty((len(J), f))
+    for first in range(0, len(J), BLOCKS_AT_ONCE):
+        some = slice(first, first + BLOCKS_AT_ONCE)
+        part, w = J[some], weight[some]
+        plain += np.einsum("bmkf,bk,bmkg->fg", part, w, part, optimize=True)
+        scores[some] = -np.einsum("bmkf,bk,bmk->bf", part, w, state.residual[some], optimize=True)
+    del J
     scores += _feedback_scores(problem, state.phi)
     mean, std = _prior(problem)
     plain += np.diag(std**-2.0)
@@ -445,8 +455,9 @@ def _corrected_equations(
 
 def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedEstimate:
     """Return the estimate at the minimum, with covariance and influences."""
-    A, _ = _linearised(problem, state)
-    svd = scaled_singular(A, problem.map.names)
+    # The rows of a long flight are many: of them R is kept, with the same singular values.
+    rows = np.asarray(np.linalg.qr(_linearised(problem, state)[0], mode="r"))
+    svd = scaled_singular(rows, problem.map.names)
     taken, scores, _ = _corrected_equations(problem, state)
     # From the rows, not from their squares: what only a prior determines would drown beside
     # what exact flights do.

@@ -43,6 +43,9 @@ GROUP_SPREAD_STD = 0.1
 in the wake of upper ones, other propellers."""
 TWIST_STD = np.radians(2.0)
 """Known of the motors' mean tilt about their arms before the flight [rad]."""
+ROTOR_DRAG_STD = 0.3
+"""The rotors' drag over mass and velocity is about that before the flight [1/s]: identified ones
+of small multirotors are 0.2 to 0.5 (Faessler, Franchi and Scaramuzza 2018)."""
 OFFSET_STD = 0.05
 """Known of a constant torque, as a share of the weight at the end of an arm."""
 CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
@@ -189,6 +192,9 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
         f"spread_{i}": ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
         for i, rotor in enumerate(configurations[0].vehicle.rotors, start=1)
     }
+    first = configurations[0]
+    if len(first.factors):
+        prior["rotor_drag"] = ROTOR_DRAG_STD * first.mass / rotor_speeds(first).sum()
     for configuration in configurations:
         at, arm = f"@{configuration.name}", configuration.vehicle.arm
         prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
@@ -199,6 +205,16 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
     return prior
 
 
+def rotor_speeds(configuration: JointConfiguration) -> Float[np.ndarray, " N"]:
+    """Return about how fast each rotor turns: the root of its mean squared speed."""
+    factors, layout = configuration.factors, configuration.model.layout
+    lowest = factors.R[factors.band[:, 0] == factors.band[:, 0].min()]
+    squares = [layout.index(f"O2_{i + 1}") for i in range(len(configuration.vehicle.rotors))]
+    one = np.linalg.norm(lowest[:, :, layout.index("one")])
+    size: Float[np.ndarray, " N"] = np.linalg.norm(lowest[:, :, squares], axis=(0, 1)) / one
+    return np.sqrt(size)
+
+
 def joint_map(
     configurations: Sequence[JointConfiguration], *, terms: Collection[Term] = DEFAULT_TERMS
 ) -> ParameterMap:
@@ -206,6 +222,7 @@ def joint_map(
     spread = spread_names(configurations[0].vehicle) if "rotor_spread" in terms else ()
     everywhere = range(len(configurations))
     shared = ("kt", "kd", "Jr") if "rotor_inertia" in terms else ("kt", "kd")
+    shared = (*shared, "rotor_drag") if "rotor_drag" in terms else shared
     free: dict[str, dict[tuple[int, str], float]] = {
         name: {(c, name): 1.0 for c in everywhere} for name in shared
     }

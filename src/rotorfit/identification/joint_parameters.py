@@ -21,7 +21,11 @@ from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.bands import PILOT_BAND
 from rotorfit.identification.excitation import AXIS_OF, attenuation_allowance
-from rotorfit.identification.joint import JointConfiguration, spread_names
+from rotorfit.identification.joint import (
+    ROTOR_DRAG_STD,
+    JointConfiguration,
+    spread_names,
+)
 from rotorfit.identification.payload import MOMENTS
 from rotorfit.model.parameters import (
     DERIVED,
@@ -39,7 +43,7 @@ OWN_NUMBERS = (
     *("rotor_center_x", "rotor_center_y", "twist", "drag_x", "drag_y", "drag_z"),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
-SHARED_NUMBERS = ("kt", "kd", "Jr", "kd_over_kt", "motor_lag_total")
+SHARED_NUMBERS = ("kt", "kd", "Jr", "rotor_drag", "kd_over_kt", "motor_lag_total")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +151,7 @@ def physical(
 ) -> dict[str, float]:
     """Return every physical number at the free parameters `phi`."""
     p = dict(zip(mapped.names, phi.tolist(), strict=True))
-    out = {name: p[name] for name in ("kt", "kd", "Jr") if name in p}
+    out = {name: p[name] for name in ("kt", "kd", "Jr", "rotor_drag") if name in p}
     out["kd_over_kt"] = p["kd"] / p["kt"]
     theta = mapped.theta(phi)
     index = configurations[0].model.names.index
@@ -281,6 +285,9 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> flo
         return mass * GRAVITY * arm / 50.0
     if base.startswith("accel_bias_"):
         return 0.2
+    if base == "rotor_drag":
+        hover = next(n for n in numbers.names if n.startswith("hover_speed"))
+        return ROTOR_DRAG_STD * mass / (4.0 * float(numbers.values[numbers.index(hover)]))
     if base == "Jr":
         return _diagonal(numbers, owner)[2] / 1000.0
     if base == "Jr_over_Izz":

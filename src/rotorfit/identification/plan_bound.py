@@ -22,7 +22,13 @@ from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.flight.data import FlightData
 from rotorfit.identification.bands import EDGES, PILOT_BAND, STRETCH
 from rotorfit.identification.excitation import attenuation_allowance
-from rotorfit.identification.joint import NOISY, JointConfiguration, joint_map, joint_prior
+from rotorfit.identification.joint import (
+    NOISY,
+    ROTOR_DRAG_STD,
+    JointConfiguration,
+    joint_map,
+    joint_prior,
+)
 from rotorfit.identification.joint_parameters import (
     AXES,
     Numbers,
@@ -269,6 +275,8 @@ def prior_std(problem: Problem) -> Float[np.ndarray, " f"]:
     """Return what the default estimate takes for known beforehand; else a vague deviation."""
     known = joint_prior(problem.configurations)
     names = problem.mapped.names
+    if "rotor_drag" in names:  # with nothing flown yet, its prior is that of the guessed vehicle
+        known["rotor_drag"] = float(problem.scale[names.index("rotor_drag")])
     return np.array(
         [known.get(n, VAGUE * s) for n, s in zip(names, problem.scale.tolist(), strict=True)]
     )
@@ -376,14 +384,16 @@ def _scales(
 ) -> Float[np.ndarray, " f"]:
     """Return a size of each free parameter, over which nothing bends."""
     truth, arm = rough.truth, rough.vehicle.arm
-    values = _values(truth)
+    values, speed = _values(truth), hover_speed(truth, rough.vehicle)
     steps = {f"{name}@{LOADED}": std for name, std, _ in tolerances(payload)}
     I = truth.inertia
     own = {"Ixy": I[0], "Ixz": I[0], "Iyz": I[1]}
     sizes: list[float] = []
     for name in mapped.names:
         base = name.partition("@")[0]
-        if base in ("msx", "msy", "msz"):
+        if base == "rotor_drag":
+            sizes.append(ROTOR_DRAG_STD * truth.mass / (len(rough.vehicle.rotors) * speed))
+        elif base in ("msx", "msy", "msz"):
             sizes.append(truth.mass * arm)
         elif base in own:
             sizes.append(own[base])

@@ -17,7 +17,7 @@ from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS, Paramete
 from rotorfit.model.vehicle import Vehicle
 
 MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
-SHARED = ("kt", "kd", "Jr", *MOTOR_TIMES)
+SHARED = ("kt", "kd", "Jr", "rotor_drag", *MOTOR_TIMES)
 SHARED_DERIVED = ("kd_over_kt", "motor_lag_total")
 TIME_SCALE = 0.008
 """A motor delay of this size matters [s]: known to a quarter of it, it is identified."""
@@ -25,7 +25,7 @@ ROW_ORDER = (
     *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
     *(*MOTOR_TIMES, "mass"),
     *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
-    *("rotor_center_x", "rotor_center_y", "twist", "drag_x", "drag_y", "drag_z"),
+    *("rotor_center_x", "rotor_center_y", "twist", "rotor_drag", "drag_x", "drag_y", "drag_z"),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
     *("accel_bias_x", "accel_bias_y", "accel_bias_z"),
 )

@@ -11,10 +11,12 @@ from typing import Annotated, Any, Final, Literal, cast, get_args
 from pydantic import BeforeValidator
 
 Term = Literal[
-    "rotor_inertia", "rotor_spread", "accel_bias", "twist", "drag", "torque_offset"
+    "rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "drag", "torque_offset"
 ]  # in the order of the documentation
 TERMS: Final[tuple[Term, ...]] = get_args(Term)
-DEFAULT_TERMS: Final[tuple[Term, ...]] = ("rotor_inertia", "rotor_spread", "accel_bias", "twist")
+DEFAULT_TERMS: Final[tuple[Term, ...]] = (
+    *("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag"),
+)
 """Always in the model unless the user says otherwise: every real vehicle has them, and they cost
 next to nothing where it has not."""
 ADDED_TERMS: Final[tuple[Term, ...]] = ("drag", "torque_offset")
@@ -24,6 +26,7 @@ TERM_WORDS: Final[dict[Term, str]] = {
     "rotor_spread": "a thrust coefficient of each rotor's own (kt_1, kt_2, ...)",
     "accel_bias": "the bias of the accelerometer",
     "twist": "a yaw torque in proportion to thrust, of motors tilted about their arms",
+    "rotor_drag": "a yaw torque of rotors that a turn carries through the air",
     "drag": "air drag of the frame, in proportion to its velocity",
     "torque_offset": "a torque that does not change",
 }

@@ -1,12 +1,12 @@
 """When the rotors do what the motor data say: delay of measured speed, lag of commanded speed.
 
 By profile likelihood of the three angular accelerations: every trial makes only the rotor columns
-anew. Only the pilot's band and others in which the vehicle is moved are looked at: elsewhere
-rotor speeds are the autopilot's answer to gusts and to the noise of its own gyro, which comes
-later than they do and would be taken for a delay (8 ms in simulation, where there was none). Of a first-order lag tau and
-a delay T the sum is well determined, the split hardly; a prior on tau, weak unless the user knows
-better, keeps it from running away. Rotors that rise and fall at different rates get a lag for each
-where the flights ask for it.
+anew. Only the pilot's band and others in which the vehicle is moved are looked at: elsewhere rotor
+speeds are the autopilot's answer to gusts and to the noise of its own gyro, which comes later than
+they do and would be taken for a delay (8 ms in simulation, where there was none). Of a first-order
+lag tau and a delay T the sum is well determined, the split hardly; a prior on tau, weak unless the
+user knows better, keeps it from running away. Rotors that rise and fall at different rates get a
+lag for each where the flights ask for it.
 """
 
 from collections.abc import Callable, Mapping

@@ -274,6 +274,7 @@ def _wrenches(
         place = known.get(f"rotor_center_{axis}", 0.0)
         rotors[f"kt_rotor_center_{axis}"] = kt * place
     rotors["kt_twist"] = kt * known.get("twist", 0.0)
+    rotors["rotor_drag"] = known.get("rotor_drag", 0.0)
     rotors |= {f"drag_{axis}": known.get(f"drag_{axis}", 0.0) for axis in "xyz"}
     rotors |= {f"M{axis}_0": known.get(f"torque_offset_{axis}", 0.0) for axis in "xyz"}
     return model.residual(Z, body), -model.residual(Z, rotors)

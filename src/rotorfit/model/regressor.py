@@ -16,8 +16,10 @@ rotor inertia:
     f = \sum k_t O_i^2 n_i, \quad
     \tau = \sum r_i \times k_t O_i^2 n_i - s_i k_d O_i^2 n_i - J_r (\dot H + \omega \times H)
 
-and, where the velocity v of the body is known, the drag of the frame, -d_x v_x, -d_y v_y, -d_z v_z
-at the origin (Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018).
+the yaw torque :math:`-c \omega_z \sum O_i (x_i^2 + y_i^2)` of rotors that are carried sideways
+by the turn of the body (each is held back by c O_i times its velocity in its plane), and, where
+the velocity v of the body is known, the drag of the frame, -d_x v_x, -d_y v_y, -d_z v_z at the
+origin (Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018).
 
 One function per effect; each returns the entries of A for its parameters. To add an effect, write
 its function and name it in `EFFECTS`.
@@ -192,6 +194,12 @@ def twist(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     return {"kt_twist": block}
 
 
+def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Yaw torque -c w_z sum O_i (x_i^2 + y_i^2) of rotors that a turn carries through the air."""
+    del vehicle
+    return {"rotor_drag": _block(layout, {(MZ, "wzO"): 1.0})}
+
+
 def frame_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Drag -d v along each body axis, at the origin; nothing where the velocity is unknown."""
     del vehicle
@@ -217,6 +225,7 @@ EFFECTS: dict[str, Callable[[Vehicle, SignalLayout], dict[str, Block]]] = {
     "rotor_inertia": rotor_inertia,
     "rotor_center": rotor_center,
     "twist": twist,
+    "rotor_drag": rotor_drag,
     "drag": frame_drag,
     "constant_wrench": constant_wrench,
 }

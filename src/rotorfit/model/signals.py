@@ -1,9 +1,9 @@
 """The signals of a flight: the few columns in which every equation of the model is linear.
 
 z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
-terms, velocity 3 where it is asked for, 1). The spin terms are dH/dt and w x H of the rotors' spin
-H = sum s_i O_i n_i: six with tilted rotors, three where all axes are z (dH_z/dt, w_y H_z, -w_x H_z;
-the others vanish).
+terms, yaw rate times rotor speeds and squared arms, velocity 3 where it is asked for, 1). The spin
+terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with tilted rotors, three
+where all axes are z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ def signal_layout(vehicle: Vehicle, *, velocity: bool = False) -> SignalLayout:
     squares = tuple(f"O2_{i + 1}" for i in range(len(vehicle.rotors)))
     spin = ALIGNED_SPIN_SIGNALS if aligned else SPIN_SIGNALS
     drag = VELOCITY_SIGNALS if velocity else ()
-    return SignalLayout((*BODY_SIGNALS, *squares, *spin, *drag, "one"))
+    return SignalLayout((*BODY_SIGNALS, *squares, *spin, "wzO", *drag, "one"))
 
 
 def signal_matrix(
@@ -106,6 +106,7 @@ def _raw_signals(
         np.multiply(w[:, i], w[:, j], out=Z[:, column])
     np.multiply(O, O, out=Z[:, 12 : 12 + N])
     _fill_spin(Z, layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
+    Z[:, layout.index("wzO")] = w[:, 2] * (O @ (vehicle.positions[:, :2] ** 2).sum(axis=1))
     if velocity:
         first = layout.index("vx")
         Z[:, first : first + 3] = _known_velocity(flight, rows)

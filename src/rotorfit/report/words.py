@@ -33,6 +33,7 @@ TITLES = {
     "rotor_center_x": "Rotor centre from the IMU, forward",
     "rotor_center_y": "Rotor centre from the IMU, to the left",
     "twist": "Yaw torque over thrust (motors tilted about their arms)",
+    "rotor_drag": "In-plane drag of a rotor over its two speeds",
     "drag_x": "Air drag of the frame, forward",
     "drag_y": "Air drag of the frame, to the left",
     "drag_z": "Air drag of the frame, up",
