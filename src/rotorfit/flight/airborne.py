@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.signals import central_difference, pieces, smooth, true_runs
+from rotorfit.flight.signals import central_difference, pieces, smooth, true_runs, whole_samples
 
 GRAVITY = 9.80665
 LOOK_CUTOFF = 8.0
@@ -91,7 +91,7 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
     """
     thrust = motion.thrust
     c = thrust_to_force(motion, thrust)
-    shortest = max(int(SHORTEST_FLIGHT * motion.sample_rate), 3)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * motion.sample_rate), 3)
     found: list[tuple[int, int]] = []
     for start, stop in motion.stretches:
         if stop - start >= shortest:
@@ -121,7 +121,7 @@ def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarra
 
     A short flight in a long log must not be outvoted by the motors idling before it.
     """
-    window = max(min(int(3.0 * motion.sample_rate), len(thrust) // 4), 1)
+    window = max(min(whole_samples(3.0 * motion.sample_rate), len(thrust) // 4), 1)
     inside = np.zeros(len(thrust), dtype=bool)
     for start, stop in motion.stretches:
         inside[start:stop] = True
@@ -194,7 +194,7 @@ def _bridged(excess: Float[np.ndarray, " n"], sample_rate: float) -> Bool[np.nda
 def _without_ground(look: _Look, run: tuple[int, int], sample_rate: float) -> tuple[int, int]:
     """Return a run of flight without the standing, or the touch, that it begins or ends with."""
     a, b = run
-    n, guard = len(look.excess), round(GUARD * sample_rate)
+    n, guard = len(look.excess), whole_samples(GUARD * sample_rate + 0.5)
     if a > 0:
         stood = _standing(look, slice(a + guard, b))
         # Of the push-off the last is not seen, when the ground carries next to nothing.
@@ -229,7 +229,7 @@ def _refuse_grounded(
     Whatever flies has motors that work against each other, and an acceleration that follows them.
     """
     rows = np.concatenate([np.arange(a, b) for a, b in found])
-    block = max(int(motion.sample_rate / LOOK_CUTOFF), 1)
+    block = max(whole_samples(motion.sample_rate / LOOK_CUTOFF), 1)
     az = _block_means(motion.specific_force[rows, 2:], block)[:, 0]
     push = _block_means(thrust[rows, None], block)[:, 0]
     speeds = _block_means(motion.rotor_speed[rows], block)
@@ -279,7 +279,7 @@ def _block_means(values: Float[np.ndarray, "n k"], block: int) -> Float[np.ndarr
 def rest_rows(motion: Motion, airborne: list[tuple[int, int]]) -> Bool[np.ndarray, " n"]:
     """Return which samples are at rest: outside flight, quiet gyro, steady at g, motors low."""
     n = len(motion.rotor_speed)
-    window = max(int(0.5 * motion.sample_rate), 8)
+    window = max(whole_samples(0.5 * motion.sample_rate), 8)
     thrust = motion.thrust
     push = thrust_to_force(motion, thrust) * thrust
     flying = np.zeros(n, dtype=bool)
@@ -308,7 +308,7 @@ def phase_edges(
     short lively phase must not drown in a long calm one.
     """
     n = len(angular_velocity)
-    shortest = max(int(SHORTEST_PHASE * sample_rate), 1)
+    shortest = max(whole_samples(SHORTEST_PHASE * sample_rate), 1)
     if n < 2 * shortest:
         return [(0, n)]
     rates = smooth(angular_velocity, sample_rate, 20.0)
@@ -316,15 +316,16 @@ def phase_edges(
     del rates
     power: Float[np.ndarray, " n"] = np.einsum("ni,ni->n", acceleration, acceleration)
     del acceleration
-    window = max(int(0.3 * sample_rate), 1)
+    window = max(whole_samples(0.3 * sample_rate), 1)
     mean = ndimage.uniform_filter1d(power, window, mode="nearest")
     level = 0.5 * np.log(np.maximum(mean, np.finfo(float).tiny))
     stride = max(window // 4, 1)
+    longest = max(whole_samples(10.0 * sample_rate), 1)
     edges = [0]
     row = shortest
     while row < n - shortest:
         # One value per stride is enough: the level is a mean over four of them.
-        recent = level[max(edges[-1], row - max(int(10 * sample_rate), 1)) : row : stride]
+        recent = level[max(edges[-1], row - longest) : row : stride]
         if abs(level[row] - np.median(recent)) > np.log(ACTIVITY_RATIO):
             edges.append(row)
             row += shortest

@@ -12,7 +12,7 @@ from scipy import signal
 from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import CHANNELS, Channel
-from rotorfit.flight.signals import central_difference, smooth, true_runs
+from rotorfit.flight.signals import central_difference, smooth, true_runs, whole_samples
 
 Lack = Literal[
     "no gyro",
@@ -232,7 +232,7 @@ def motor_lateness(data: FlightData) -> float | None:
     Negative: the motor data were recorded late. Of commands it holds the motors' lag, too.
     """
     longest = max(data.segments, key=len, default=None)
-    reach = int(LATEST * data.sample_rate)
+    reach = whole_samples(LATEST * data.sample_rate)
     if longest is None or len(longest) < 20 * max(reach, 1) or reach < 2:
         return None
     rows = slice(longest.start, longest.stop)

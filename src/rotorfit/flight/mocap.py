@@ -42,10 +42,11 @@ from rotorfit.flight.prepare import (
     PreparedFlight,
     Window,
     phases_of,
+    window_rows,
     with_likely_lag,
     with_motors,
 )
-from rotorfit.flight.signals import hampel, smooth, true_runs
+from rotorfit.flight.signals import hampel, smooth, true_runs, whole_samples
 from rotorfit.flight.speed_law import law_doubts, speed_from_command
 from rotorfit.flight.splines import low_pass, spline_at
 
@@ -180,7 +181,7 @@ def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
     cutoff = min(HIGHEST_CUTOFF, CUTOFF_SHARE * clock.rate)
     own = uniform_channels({"motor": motors}, clock="motor")
     speed, has_motors = _on_frames(own, clock, cutoff)
-    shortest = int(clock.rate * (SHORTEST_FLIGHT + 2.0 * MARGIN / cutoff))
+    shortest = whole_samples(clock.rate * (SHORTEST_FLIGHT + 2.0 * MARGIN / cutoff))
     runs = [
         (first + a, first + b)
         for first, stop in clock.runs
@@ -309,18 +310,11 @@ def _margin(frames: _Frames) -> int:
 def _windowed(data: FlightData, frames: _Frames, *, arm: float, window: Window) -> Motion:
     """Return what the search for flight looks at: runs without their ends, in the window."""
     margin = _margin(frames)
-    since_start = data.time - data.time[0]
-    first, last = (
-        int(np.searchsorted(since_start, edge))
-        for edge in (
-            -np.inf if window[0] is None else window[0],
-            np.inf if window[1] is None else window[1],
-        )
-    )
-    shortest = int(SHORTEST_FLIGHT * frames.rate)
+    first, last = window_rows(data.time, frames.rate, window)
+    shortest = whole_samples(SHORTEST_FLIGHT * frames.rate)
     clipped = [(max(a + margin, first), min(b - margin, last)) for a, b in frames.runs]
     kept = tuple((a, b) for a, b in clipped if b - a >= shortest)
-    refuse_empty_window(kept, window, float(since_start[-1]))
+    refuse_empty_window(kept, window, float(data.time[-1] - data.time[0]))
     return Motion(
         sample_rate=frames.rate,
         specific_force=data.specific_force,

@@ -29,7 +29,7 @@ from rotorfit.flight.checks import (
     refuse_wrong_gravity,
     slow_motors_said,
 )
-from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
+from rotorfit.flight.clocks import JITTER_STEPS, UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.motors import (
@@ -39,7 +39,7 @@ from rotorfit.flight.motors import (
     speed_from_command,
     white_noise_std,
 )
-from rotorfit.flight.signals import central_difference, hampel
+from rotorfit.flight.signals import central_difference, hampel, whole_samples
 from rotorfit.flight.speed_law import SpeedLaw, law_doubts
 from rotorfit.flight.splines import smooth_motors
 
@@ -396,15 +396,28 @@ def _windowed(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int]
     """Return the stretches without gaps, cut to the start and end that the user gives."""
     if window == (None, None):
         return uniform.stretches
-    since_start = uniform.time - uniform.time[0]
-    start = -np.inf if window[0] is None else window[0]
-    end = np.inf if window[1] is None else window[1]
-    first, last = np.searchsorted(since_start, [start, end])
-    shortest = max(int(SHORTEST_FLIGHT * uniform.sample_rate), 3)
-    clipped = [(max(a, int(first)), min(b, int(last))) for a, b in uniform.stretches]
+    first, last = window_rows(uniform.time, uniform.sample_rate, window)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
+    clipped = [(max(a, first), min(b, last)) for a, b in uniform.stretches]
     kept = tuple((a, b) for a, b in clipped if b - a >= shortest)
-    refuse_empty_window(kept, window, float(since_start[-1]))
+    refuse_empty_window(kept, window, float(uniform.time[-1] - uniform.time[0]))
     return kept
+
+
+def window_rows(
+    time: Float[np.ndarray, " n"], sample_rate: float, window: Window
+) -> tuple[int, int]:
+    """Return first row and stop (exclusive) of the start and end that the user gives.
+
+    A start or end upon a sample means that sample, however its time is rounded.
+    """
+    edges = (
+        -np.inf if window[0] is None else window[0],
+        np.inf if window[1] is None else window[1],
+    )
+    since_start = time - time[0] + JITTER_STEPS / sample_rate
+    first, stop = (int(np.searchsorted(since_start, edge)) for edge in edges)
+    return first, stop
 
 
 def _gyro_bias(

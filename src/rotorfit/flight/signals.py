@@ -12,6 +12,8 @@ MEDIAN_WIDTH = 7
 SCALE_WIDTH = 51
 SPIKE_THRESHOLD = 6.0
 """Robust standard deviations. At 4, one sample in a hundred of plain noise would be touched."""
+SLACK = 1e-3
+"""By which a count of samples may miss a whole number."""
 
 
 def hampel(
@@ -55,6 +57,15 @@ def hampel(
             clean[rows, column][bad] = _running_median(x, MEDIAN_WIDTH, rows)[bad]
             spikes[rows] |= bad
     return clean, spikes
+
+
+def whole_samples(count: float) -> int:
+    """Return how many whole samples are in a count of them, a rate times a duration.
+
+    A rate is known up to rounding, which grows with the time at which its clock begins: where the
+    count is a whole number, it must not decide about one sample more or less.
+    """
+    return int(np.floor(count + SLACK))
 
 
 def pieces(count: int, *, longest: int = LONG) -> list[slice]:

@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy import interpolate, signal
 
+from rotorfit.flight.signals import whole_samples
+
 ORDER = 4
 """Of one pass of the Butterworth filter whose forward and backward pass `low_pass` equals."""
 DEGREE = 5
@@ -29,7 +31,7 @@ def low_pass(
     give them near half their rates. The ends are continued by point reflection.
     """
     n = len(values)
-    pad = min(n - 1, int(4.0 * sample_rate / cutoff))
+    pad = min(n - 1, whole_samples(4.0 * sample_rate / cutoff))
     wide = np.concatenate(
         [
             2.0 * values[:1] - values[pad:0:-1],

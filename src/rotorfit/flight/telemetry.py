@@ -14,7 +14,7 @@ import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.flight.signals import smooth, true_runs
+from rotorfit.flight.signals import smooth, true_runs, whole_samples
 
 FASTEST: Final = 100.0
 """Rate of the common clock at most [Hz]."""
@@ -152,7 +152,7 @@ def _paired(command: Channel, speed: Channel) -> _Pair | None:
     span = (end - begin) * rate
     if not LEAST_SECONDS * rate < span < MOST_HOLES * max(map(len, clocks)) or rate < SLOWEST:
         return None
-    time = begin + np.arange(int(span)) / rate
+    time = begin + np.arange(whole_samples(span)) / rate
     commands, speeds = (_at(time, one) for one in columns)
     used = _turning(commands, rate) & ~np.any([_in_gap(time, t, rate) for t in clocks], axis=0)
     varies = [used.any() and np.ptp(x[used], axis=0) > 0.0 for x in (commands, speeds)]
@@ -196,7 +196,7 @@ def _turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.ndarray
     if known.shape[1] == 0:
         return turning
     level = known.mean(axis=1)
-    edge = int(EDGE * rate)
+    edge = whole_samples(EDGE * rate)
     for a, b in true_runs(level > TURNING * float(np.percentile(level, 95))):
         turning[a + edge : max(b - edge, a + edge)] = True
     return turning
@@ -325,7 +325,7 @@ def _stuck_share(pair: _Pair, i: int) -> float:
     speed, command = pair.speed[:, i], pair.command[:, i]
     usual = float(command[pair.used].std())
     same = np.concatenate([np.diff(speed) == 0.0, [False]]) & pair.used
-    least = int(LONGEST_STILL * pair.rate)
+    least = whole_samples(LONGEST_STILL * pair.rate)
     still = sum(
         b - a
         for a, b in true_runs(same)
@@ -342,7 +342,7 @@ def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
     """
     if len(pair.live) < 3:
         return {}
-    step = int(pair.rate)
+    step = whole_samples(pair.rate)
     seconds = np.flatnonzero(pair.used)
     seconds = seconds[: len(seconds) // step * step].reshape(-1, step)
     command = pair.command[:, pair.live][seconds].mean(axis=1)
