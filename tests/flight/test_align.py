@@ -85,6 +85,20 @@ def test_a_part_of_the_flight_is_enough(flight):
     assert turn(found.rotation_marker_to_body, MOUNTING) < 0.3
 
 
+def test_lost_frames_and_samples_leave_runs_of_any_length(flight):
+    def with_holes(channel, *holes):
+        lost = np.any([(channel.time > a) & (channel.time < b) for a, b in holes], axis=0)
+        return dataclasses.replace(channel, time=channel.time[~lost], values=channel.values[~lost])
+
+    whole = recording(flight, start=0.0)
+    holes = ((3.0, 3.5), (9.0, 10.0), (18.0, 18.3), (31.0, 33.0))
+    pose = {name: with_holes(channel, *holes) for name, channel in whole.channels.items()}
+    gyro = with_holes(imu(flight).channels["gyro"], (7.0, 7.5), (14.0, 16.0), (24.0, 24.5))
+    found = align(dataclasses.replace(whole, channels=pose), gyro)
+    np.testing.assert_allclose(found.log_time(np.array([5.0, 20.0])), [5.0, 20.0], atol=5e-4)
+    assert turn(found.rotation_marker_to_body, MOUNTING) < 0.2
+
+
 def test_stated_deviations_hold(flight):
     """Over other noise, errors are of the size that is stated."""
     errors = []

@@ -21,6 +21,7 @@ from rotorfit.flight.camera import camera_clock, poses
 from rotorfit.flight.clocks import JITTER_STEPS, uniform_channels, usable_samples
 from rotorfit.flight.kinematics import continuous_quaternions, motion_from_quaternions
 from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.flight.signals import whole_samples
 from rotorfit.flight.splines import low_pass
 
 CUTOFF = 8.0
@@ -211,9 +212,9 @@ def _pose_rates(recording: FlightLog, cutoff: float, step: float) -> _Rates:
 
 
 def _on_grid(
-    times: list[Float[np.ndarray, " p"]], parts: list[Float[np.ndarray, "p 3"]], step: float
+    times: list[Float[np.ndarray, " _"]], parts: list[Float[np.ndarray, "_ 3"]], step: float
 ) -> _Rates:
-    """Return runs of rates on one uniform grid."""
+    """Return runs of rates on one uniform grid; each time is as long as its rates."""
     if not times:
         raise FlightError("never runs for a second without a gap; record it again")
     start, end = float(times[0][0]), float(times[-1][-1])
@@ -290,7 +291,7 @@ def _candidates(body: _Rates, marker: _Rates) -> list[float]:
         if score[best] <= 0:
             break
         found.append(body.start - marker.start + (best - len(y) + 1) * body.step)
-        near = int(APART / body.step)
+        near = whole_samples(APART / body.step)
         score[max(best - near, 0) : best + near + 1] = -1.0
     return found
 
