@@ -29,6 +29,7 @@ class Body:
     constant: np.ndarray
     twist: float = 0.0
     drag: np.ndarray | float = 0.0
+    rotor_drag: float = 0.0
 
     @property
     def inertia_origin(self):
@@ -44,7 +45,7 @@ def theta_of(body, shared_kt=0.0):
     theta |= I
     theta |= {f"kt_{i + 1}": k - shared_kt for i, k in enumerate(body.kt)}
     theta |= {f"kt_rotor_center_{a}": body.kt[0] * body.rotor_shift[i] for i, a in enumerate("xyz")}
-    theta |= {"kt_twist": body.kt[0] * body.twist}
+    theta |= {"kt_twist": body.kt[0] * body.twist, "rotor_drag": body.rotor_drag}
     theta |= dict(zip(("drag_x", "drag_y", "drag_z"), body.drag * np.ones(3), strict=True))
     names = ("Fx_0", "Fy_0", "Fz_0", "Mx_0", "My_0", "Mz_0")
     return theta | dict(zip(names, body.constant, strict=True))
@@ -78,6 +79,9 @@ def rotor_wrench(body, vehicle, w, O, dO):
         torque += body.twist * body.kt[0] * O[:, i, None] ** 2 * [0.0, 0.0, 1.0]
         wheel = s * body.Jr * O[:, i, None] * n
         torque -= s * body.Jr * dO[:, i, None] * n + np.cross(w, wheel)
+        carried = np.cross(w * [0.0, 0.0, 1.0], rotor.position)
+        held_back = np.cross(rotor.position, -body.rotor_drag * O[:, i, None] * carried)
+        torque += held_back * [0.0, 0.0, 1.0]
     return np.concatenate([force, torque], axis=1)
 
 

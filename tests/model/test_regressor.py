@@ -122,6 +122,18 @@ def test_twist_is_the_yaw_torque_of_rotors_tilted_about_their_arms(seed, rotors,
 
 @settings(max_examples=50, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_rotor_drag_is_the_yaw_torque_of_forces_against_the_turn(seed, rotors, tilted):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
+    body = replace(ne.random_body(rng, rotors), rotor_drag=rng.uniform(0.0, 1e-3))
+    alpha, w, dw, O, dO = motion = ne.random_motion(rng, SAMPLES, rotors)
+    expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
+    actual, size = residual_of(vehicle, ne.theta_of(body), motion)
+    assert_wrench(actual, expected, size)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
 def test_an_exact_motion_leaves_no_residual(seed, rotors, tilted):
     rng = np.random.default_rng(seed)
     vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
@@ -287,9 +299,10 @@ def test_effects_can_be_left_out_and_keep_their_order():
     vehicle = ne.paper_vehicle()
     assert regressor(vehicle, effects=["torque", "mass"]).names == ("kd", "mass")
     full = regressor(vehicle)
-    assert full.tensor.shape == (len(full.names), 6, 20)
-    kept = regressor(vehicle, effects=[e for e in EFFECTS if e != "rotor_inertia"])
-    assert set(full.names) - set(kept.names) == {"Jr"}
+    assert full.tensor.shape == (len(full.names), 6, 21)
+    for effect, name in {"rotor_inertia": "Jr", "rotor_drag": "rotor_drag"}.items():
+        kept = regressor(vehicle, effects=[e for e in EFFECTS if e != effect])
+        assert set(full.names) - set(kept.names) == {name}
 
 
 def test_rows_and_residual_are_the_same_equations():

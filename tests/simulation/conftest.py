@@ -27,6 +27,7 @@ def rough_flight() -> SimulatedFlight:
         kt_spread=(1.02, 0.98, 1.01, 0.99, 1.03, 0.97),
         motor_delay=0.012,
         drag=(0.2, 0.3, 0.1),
+        rotor_drag=1e-4,
         disturbance_force_std=(0.1, 0.2, 0.3),
         disturbance_torque_std=(0.01, 0.02, 0.005),
     )

@@ -36,14 +36,14 @@ def com_position(truth: Truth, state) -> np.ndarray:
     return np.array(state[10:]) + np.array(rotation(state[3:7])) @ truth.center_of_mass
 
 
-@given(vector, vector, vector, vector)
-def test_accelerations_satisfy_newton_euler(force, torque, spin, w):
-    a, dw = map(np.array, accelerations(rigid_body(B), Wrench(force, torque, spin), w))
+@given(vector, vector, vector, vector, number)
+def test_accelerations_satisfy_newton_euler(force, torque, spin, w, damping):
+    a, dw = map(np.array, accelerations(rigid_body(B), Wrench(force, torque, spin, damping), w))
     I, ms, w = B.inertia_tensor, np.array(B.first_moments), np.array(w)
     f = B.mass * a + np.cross(dw, ms) + np.cross(w, np.cross(w, ms))
     tau = I @ dw + np.cross(w, I @ w + spin) + np.cross(ms, a)
     np.testing.assert_allclose(f, force, atol=1e-13)
-    np.testing.assert_allclose(tau, torque, atol=1e-13)
+    np.testing.assert_allclose(tau, torque - damping * w * [0, 0, 1], atol=1e-13)
 
 
 def test_mass_matrix_of_a_body_at_rest():
@@ -138,6 +138,7 @@ def test_halving_the_step_divides_the_error_by_sixteen():
 
 def test_drag_opposes_the_velocity_along_each_axis():
     body = rigid_body(replace(B, drag=(0.1, 0.2, 0.3)))
-    slowed = with_drag(body, NOTHING, (1.0, -2.0, 3.0))
+    spinning = NOTHING._replace(spin=(0.1, 0.2, 0.3), yaw_damping=0.4)
+    slowed = with_drag(body, spinning, (1.0, -2.0, 3.0))
     np.testing.assert_allclose(slowed.force, [-0.1, 0.4, -0.9])
-    assert slowed.torque == NOTHING.torque
+    assert slowed[1:] == spinning[1:]

@@ -8,14 +8,18 @@ from scipy.integrate import cumulative_simpson
 from scipy.linalg import lstsq
 
 from rotorfit.errors import ExperimentError
+from rotorfit.model.regressor import regressor
+from rotorfit.model.signals import signal_matrix
 from rotorfit.simulation import (
     GRAVITY,
     STILL,
+    TYPICAL,
     Scenario,
     Sensors,
     SimulatedFlight,
     Stick,
     Sticks,
+    exact_flight_data,
     layout_vehicle,
     paper_vehicle,
     sampled_flight_data,
@@ -43,6 +47,7 @@ def newton_euler_residual(flight: SimulatedFlight) -> np.ndarray:
         force = force - thrust
         torque = torque - np.cross(p, thrust) + s * truth.kd * O**2 * n
         torque = torque + s * truth.Jr * (dO * n + np.cross(w, O * n))
+        torque = torque + truth.rotor_drag * O * (p[:2] @ p[:2]) * w * [0, 0, 1]
     return np.hstack([force, torque]) - flight.external_wrench
 
 
@@ -50,6 +55,21 @@ def newton_euler_residual(flight: SimulatedFlight) -> np.ndarray:
 def test_exact_data_satisfy_newton_euler_to_rounding(name, request):
     residual = newton_euler_residual(request.getfixturevalue(name))
     assert np.abs(residual).max() < 5e-14
+
+
+@pytest.mark.parametrize("rotor_drag", [0.0, 2e-4])
+def test_the_model_explains_an_exact_flight_to_rounding(rotor_drag):
+    truth, vehicle = paper_vehicle("B")
+    truth = replace(truth, Jr=2e-5, rotor_drag=rotor_drag)
+    flight = simulate_flight(truth, vehicle, Scenario(seconds=10.0), seed=3)
+    data, model = exact_flight_data(flight, vehicle), regressor(vehicle)
+    theta = {name: value for name, value in truth.parameters().items() if name in model.names}
+    Z = signal_matrix(data, vehicle, 0, len(data.time))
+    assert np.abs(model.residual(Z, theta)).max() < 5e-14
+    if rotor_drag:
+        missed = model.residual(Z, theta | {"rotor_drag": 0.0})
+        assert np.abs(missed[:, 5]).max() > 1e-3
+        np.testing.assert_allclose(missed[:, :5], 0.0, atol=5e-14)
 
 
 @pytest.mark.parametrize(
@@ -250,3 +270,17 @@ def test_a_stick_slower_than_the_flight_is_refused():
         simulate_flight(*paper_vehicle("A"), Scenario(seconds=2.0, sticks=sticks), seed=1)
     with pytest.raises(ExperimentError, match="three samples"):
         Scenario(seconds=0.0)
+
+
+def test_an_autopilot_that_hears_its_gyro_answers_its_noise():
+    """The command of a sample goes with the noise of its gyro, and only if it is told so."""
+    shares = {}
+    for hears in (False, True):
+        scenario = Scenario(seconds=10.0, sensors=TYPICAL, steered_by_gyro=hears)
+        flight = simulate_flight(*paper_vehicle("A"), scenario, seed=6)
+        noise = (flight.gyro - flight.angular_velocity)[:, 0]
+        assert noise.std() == pytest.approx(TYPICAL.gyro_std, rel=0.1)
+        roll = flight.commanded_speed[:, 1] - flight.commanded_speed[:, 0]
+        shares[hears] = np.corrcoef(np.diff(roll), np.diff(noise))[0, 1]
+    assert abs(shares[False]) < 0.1
+    assert shares[True] < -0.5

@@ -17,12 +17,12 @@ def test_paper_vehicle_b_is_table_2_within_its_scatter():
 
 
 def test_parameters_have_the_names_of_results():
-    truth = replace(paper_vehicle("A").truth, Jr=2e-5, motor_delay=0.01)
+    truth = replace(paper_vehicle("A").truth, Jr=2e-5, motor_delay=0.01, rotor_drag=1e-4)
     p = truth.parameters()
     assert list(p)[:7] == ["kt", "kd", "Jr", "mass", "msx", "msy", "msz"]
     assert list(p)[7:13] == ["Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"]
     assert (p["kt"], p["Jr"], p["motor_lag"], p["motor_delay"]) == (3.63e-6, 2e-5, 0.04, 0.01)
-    assert (p["Ixy"], p["Ixz"], p["Iyz"]) == (0.5e-4, 1e-4, -1e-4)
+    assert (p["Ixy"], p["Ixz"], p["Iyz"], p["rotor_drag"]) == (0.5e-4, 1e-4, -1e-4, 1e-4)
 
 
 def test_inertia_about_the_centre_of_mass_by_hand():

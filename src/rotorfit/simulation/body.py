@@ -23,11 +23,14 @@ class Wrench(NamedTuple):
         Applied force [N] and torque about the body origin [N m].
     spin
         Angular momentum of the rotors relative to the body, Jr H [N m s].
+    yaw_damping
+        Torque against a turn about z per rate [N m s/rad].
     """
 
     force: Vector
     torque: Vector
     spin: Vector = (0.0, 0.0, 0.0)
+    yaw_damping: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +77,7 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
     """Solve Newton-Euler about the body origin for a and dw.
 
         m a + dw x ms + w x (w x ms) = f
-        I dw + w x (I w + Jr H) + ms x a = tau
+        I dw + w x (I w + Jr H) + ms x a = tau - (0, 0, damping w_z)
 
     With a from the first put into the second, the inertia about the centre of mass is left in
     front of dw (the Schur complement of the mass in `mass_matrix`).
@@ -92,6 +95,7 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
     F = (fx - cx, fy - cy, fz - cz)
     gx, gy, gz = cross(w, (Lx + hx, Ly + hy, Lz + hz))
     tx, ty, tz = wrench.torque
+    tz -= wrench.yaw_damping * w[2]
     bx, by, bz = cross(ms, F)
     dw = times(body.inverse_com_inertia, (tx - gx - bx / m, ty - gy - by / m, tz - gz - bz / m))
     ex, ey, ez = cross(dw, ms)
@@ -106,7 +110,8 @@ def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector) -> Wrench:
         return wrench
     fx, fy, fz = wrench.force
     vx, vy, vz = velocity
-    return Wrench((fx - cx * vx, fy - cy * vy, fz - cz * vz), wrench.torque, wrench.spin)
+    slowed = (fx - cx * vx, fy - cy * vy, fz - cz * vz)
+    return Wrench(slowed, wrench.torque, wrench.spin, wrench.yaw_damping)
 
 
 @no_type_check

@@ -295,10 +295,10 @@ def _advance(
 
 @no_type_check
 def _sum(one: Wrench, other: Wrench) -> Wrench:
-    """Return the sum of two wrenches, with the spin of the first."""
+    """Return the sum of two wrenches, with spin and damping of the first."""
     (a, b, c), (d, e, f) = one.force, other.force
     (u, v, w), (x, y, z) = one.torque, other.torque
-    return Wrench((a + d, b + e, c + f), (u + x, v + y, w + z), one.spin)
+    return Wrench((a + d, b + e, c + f), (u + x, v + y, w + z), one.spin, one.yaw_damping)
 
 
 @no_type_check

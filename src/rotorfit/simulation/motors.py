@@ -22,6 +22,8 @@ class Rotors:
         Force and torque about the body origin per squared speed [N s^2/rad^2, N m s^2/rad^2].
     spin_per_speed
         Angular momentum relative to the body per speed, Jr s_i n_i [kg m^2].
+    yaw_damping_per_speed
+        Torque against a turn about z per rate and rotor speed, c (x_i^2 + y_i^2) [N m s^2/rad^2].
     lag
         Time constant of the speed towards its command [s].
     lag_down
@@ -30,6 +32,7 @@ class Rotors:
 
     wrench_per_square: Float[np.ndarray, "6 N"]
     spin_per_speed: Float[np.ndarray, "3 N"]
+    yaw_damping_per_speed: Float[np.ndarray, " N"]
     lag: float
     lag_down: float
 
@@ -39,6 +42,7 @@ def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
     return Rotors(
         wrench_per_square=allocation(vehicle, kt=truth.rotor_kt(len(vehicle.rotors)), kd=truth.kd),
         spin_per_speed=truth.Jr * (vehicle.spins[:, None] * vehicle.axes).T,
+        yaw_damping_per_speed=truth.rotor_drag * (vehicle.positions[:, :2] ** 2).sum(axis=1),
         lag=truth.motor_lag,
         lag_down=truth.falling_lag,
     )
@@ -110,13 +114,15 @@ def wrenches(
     """Return what acts on the body at k instants.
 
     Aerodynamic forces and torques, the reaction -Jr dH/dt, the angular momentum Jr H for the
-    gyroscopic torque -w x Jr H, and an external wrench about the origin added.
+    gyroscopic torque -w x Jr H, the drag of rotors that a turn about z carries through the air,
+    and an external wrench about the origin added.
     """
     applied = speeds * speeds @ rotors.wrench_per_square.T + external
     applied[:, 3:] -= slopes @ rotors.spin_per_speed.T
     spins: list[list[float]] = (speeds @ rotors.spin_per_speed.T).tolist()
+    damping: list[float] = (speeds @ rotors.yaw_damping_per_speed).tolist()
     rows: list[list[float]] = applied.tolist()
     return [
-        Wrench((fx, fy, fz), (tx, ty, tz), (hx, hy, hz))
-        for (fx, fy, fz, tx, ty, tz), (hx, hy, hz) in zip(rows, spins, strict=True)
+        Wrench((fx, fy, fz), (tx, ty, tz), (hx, hy, hz), d)
+        for (fx, fy, fz, tx, ty, tz), (hx, hy, hz), d in zip(rows, spins, damping, strict=True)
     ]

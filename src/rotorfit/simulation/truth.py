@@ -38,6 +38,9 @@ class Truth:
         Time that a command takes before the motor sees it [s].
     drag
         Force per velocity along each body axis, acting at the body origin [N s/m].
+    rotor_drag
+        Force on a rotor per speed and per velocity with which a turn about z carries it through
+        the air [N s^2/(m rad)].
     disturbance_force_std, disturbance_torque_std
         Of each component of the disturbing wrench about the body origin [N, N m].
     disturbance_bandwidth
@@ -55,6 +58,7 @@ class Truth:
     motor_lag_down: float | None = None
     motor_delay: float = 0.0
     drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotor_drag: float = 0.0
     disturbance_force_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_torque_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_bandwidth: float = 3.0
@@ -109,6 +113,7 @@ class Truth:
         values |= zip(("msx", "msy", "msz"), self.first_moments, strict=True)
         values |= zip(names, self.inertia, strict=True)
         values |= {"motor_lag": self.motor_lag, "motor_delay": self.motor_delay}
+        values |= {"rotor_drag": self.rotor_drag}
         at_com = tensor_elements(self.com_inertia)
         return values | {f"{name}_com": value for name, value in zip(names, at_com, strict=True)}
 
