@@ -324,6 +324,7 @@ USAGE = {
     "neither": ("identify", "flight.csv"),
     "mass in words": ("identify", "flight.csv", "--mass", "abc", "--airframe", "airframe.toml"),
     "mass beside an experiment": ("identify", "experiment.toml", "--mass", "1"),
+    "log beside an experiment": ("identify", "experiment.toml", "--log", "1"),
     "start beside an experiment": ("identify", "experiment.toml", "--start", "1"),
     "negative start": ("identify", *LOG, "--start", "-1"),
     "unknown method": ("identify", "experiment.toml", "--method", "magic"),

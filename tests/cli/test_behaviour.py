@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from blackbox_file import blackbox_of
 from command_line import EXPERIMENT
 
 from rotorfit import __version__
@@ -115,6 +116,22 @@ def test_start_and_end_are_those_of_the_experiment_file(run, here):
     assert (given.code, written.code) == (0, 0)
     assert numbers(given.json) == numbers(written.json)
     assert given.json["flights"][0]["used"][0] == pytest.approx([6.0, 20.0], abs=0.02)
+
+
+def test_one_of_several_logs_is_identified(run, refused, here, columns):
+    ground = blackbox_of({name: values[:400] for name, values in columns.items()})
+    (here / "two.bbl").write_bytes(ground + blackbox_of(columns))
+    (here / "one.bbl").write_bytes(blackbox_of(columns))
+    options = ("--mass", "1.285", "--airframe", "airframe.toml", "--method", "ols", "--json")
+    assert "from 1 to 2 (--log" in refused("identify", "two.bbl", *options)
+    chosen = run("identify", "two.bbl", "--log", "2", *options)
+    flight = '{ file = "two.bbl", log = 2 }'
+    (here / "experiment.toml").write_text(EXPERIMENT.replace('"flight.csv"', flight))
+    written = run("identify", "experiment.toml", "--json")
+    alone = run("identify", "one.bbl", *options)
+    assert (chosen.code, written.code, alone.code) == (0, 0, 0)
+    assert numbers(chosen.json) == numbers(alone.json)
+    assert numbers(chosen.json) == numbers(written.json)
 
 
 def test_speed_overrides_the_file(run, changed, here):

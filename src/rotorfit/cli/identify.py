@@ -117,6 +117,7 @@ def _refuse_options_of_a_log(request: IdentifyRequest) -> None:
     given = {
         "--mass": request.mass,
         "--airframe": request.airframe,
+        "--log": request.log,
         "--start": request.window[0],
         "--end": request.window[1],
     }

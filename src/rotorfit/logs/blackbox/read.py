@@ -174,7 +174,7 @@ def _choice(entries: tuple[LogEntry, ...]) -> str:
     more = f"; and {len(entries) - _LISTED} more" if len(entries) > _LISTED else ""
     return (
         f"holds {len(entries)} logs ({listed}{more}), expected a choice of one: "
-        f"pass a log number from 1 to {len(entries)}"
+        f"pass a log number from 1 to {len(entries)} (--log, or log of a flight in an experiment)"
     )
 
 
