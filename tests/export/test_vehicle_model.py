@@ -79,6 +79,15 @@ def test_a_plain_result_is_the_vehicle():
     assert model.hover_speed == pytest.approx(np.sqrt(MASS * 9.80665 / KT_EACH.sum()))
 
 
+@pytest.mark.parametrize("target", EVERY)
+def test_terms_that_are_left_out_are_named_in_the_file(target):
+    term = parameter("rotor_drag", 1.2e-5)
+    lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
+    text = text_of(with_numbers(a_result(), term, lost), target)
+    assert "identified, and left out here: rotor_drag = 1.2e-05 N s^2/(m rad)" in text
+    assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
+
+
 @pytest.mark.parametrize("axes", ["FLU", "FRD"])
 def test_settings_in_either_axes_are_the_same_vehicle(axes):
     result = a_result()

@@ -46,9 +46,12 @@ from export_material import (
 INERTIA = elements(INERTIA_COM + steiner(MASS, COM))
 
 
-@pytest.fixture(scope="module")
-def data():
-    truth = Truth(
+PLACES = Vehicle(rotors=vehicle().rotors, imu_position=tuple(float(v) for v in IMU))
+SHORT = Scenario(seconds=12.0)
+
+
+def true_vehicle():
+    return Truth(
         mass=MASS,
         first_moments=tuple(float(c) for c in MASS * COM),
         inertia=tuple(float(v) for v in INERTIA.values()),
@@ -58,9 +61,12 @@ def data():
         kt_spread=(1.02, 0.98, 1.01, 0.99),
         motor_lag=LAG,
     )
-    there = Vehicle(rotors=vehicle().rotors, imu_position=tuple(float(v) for v in IMU))
-    flight = simulate_flight(truth, there, Scenario(seconds=12.0), seed=3)
-    return exact_flight_data(flight, there, specific_force_at="imu")
+
+
+@pytest.fixture(scope="module")
+def data():
+    flight = simulate_flight(true_vehicle(), PLACES, SHORT, seed=3)
+    return exact_flight_data(flight, PLACES, specific_force_at="imu")
 
 
 def entrant(data, result=None, **options):
@@ -126,6 +132,17 @@ def test_a_torque_that_does_not_change_is_in_it(data):
     found = replayed(data, own=entrant(data, result), without=entrant(data))
     one, other = (p.rates[:, -1, 2] for p in found.predicted)
     assert np.mean(one - other) == pytest.approx(0.5 * 2e-4 / INERTIA_COM[2, 2], rel=0.05)
+
+
+def test_rotors_that_a_turn_drags_are_in_it():
+    c = 2e-4
+    flight = simulate_flight(replace(true_vehicle(), rotor_drag=c), PLACES, SHORT, seed=3)
+    damped = exact_flight_data(flight, PLACES, specific_force_at="imu")
+    result = replace(a_result(), parameters=(*a_result().parameters, parameter("rotor_drag", c)))
+    found = replayed(damped, own=entrant(damped, result), without=entrant(damped))
+    moved = error_growth([found], HOLD)[-1]
+    assert (error_growth([found], "own")[-1] < 0.02 * moved).all()
+    assert error_growth([found], "without")[-1, 2] > 0.1 * moved[2]
 
 
 def test_the_band_is_of_the_covariance(data):

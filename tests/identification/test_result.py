@@ -56,6 +56,12 @@ def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
     assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="force").reason
 
 
+@pytest.mark.parametrize(("excitation", "verdict"), [(4.9, "not-identified"), (5.0, "weak")])
+def test_yaw_is_refused_where_disturbances_move_it_as_much_as_the_rotors(excitation, verdict):
+    assert judge(1.0, 0.6, scale=0.0, axis="yaw", excitation=excitation).verdict == verdict
+    assert judge(1.0, 0.6, scale=0.0, axis="roll", excitation=excitation).verdict == "weak"
+
+
 def test_saved_and_read_back_it_is_the_same(tmp_path, result):
     path = tmp_path / "result.json"
     result.save(path)

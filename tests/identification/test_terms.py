@@ -17,10 +17,12 @@ SHORT = {"seconds": 30.0, "ground_seconds": 2.0, "physics_rate": 200.0}
 DELAY = "[motors]\ndelay = 0.0\n"
 
 
-def flight_of(drag, *, kind="noisy", seed=1):
+def flight_of(drag, *, kind="noisy", seed=1, rotor_drag=0.0):
     (truth, vehicle), sensors = variant(flown.simulated_vehicle("A"), kind)
     scenario = Scenario(sensors=sensors, **SHORT)
-    return simulate_flight(replace(truth, drag=drag), vehicle, scenario, seed=seed)
+    return simulate_flight(
+        replace(truth, drag=drag, rotor_drag=rotor_drag), vehicle, scenario, seed=seed
+    )
 
 
 def identified(folder, flight, *, terms=None, channels=LOGGED):
@@ -81,12 +83,32 @@ def test_drag_is_in_the_predicted_wrench_of_flights_kept_apart(draggy, tmp_path)
 def test_terms_of_the_file_are_the_model_and_others_are_absent(draggy, tmp_path):
     result = identified(tmp_path, draggy, terms=["torque_offset"])
     names = {p.name for p in result.parameters}
-    absent = {"Jr", "kt_1", "accel_bias_x", "twist", "drag_x"}
+    absent = {"Jr", "kt_1", "accel_bias_x", "twist", "rotor_drag", "drag_x"}
     assert not names & absent
     assert {"kt", "kd", "Izz", "torque_offset_z"} <= names
     assert result.settings["used"]["terms"] == ["torque_offset"]
     assert result.settings["used"]["terms_chosen"] == "by the experiment file"
     assert identified(tmp_path, draggy, terms=[]).settings["used"]["terms"] == []
+
+
+def test_rotors_that_a_turn_drags_do_not_bend_the_drag_torque(tmp_path):
+    c = 0.3 * 1.285 / 3730.0  # 0.3 of the mass per second, four rotors in hover
+    flight = flight_of((0.0, 0.0, 0.0), rotor_drag=c, seed=3)
+    result, true = identified(tmp_path, flight), flight.truth.parameters()
+    for name in ("kd", "rotor_drag"):
+        assert inside(result.parameter(name), true[name]), name
+        assert result.parameter(name).verdict == "identified"
+    assert result.parameter("rotor_drag").unit == "N s^2/(m rad)"
+    assert result.parameter("rotor_drag").value == pytest.approx(c, rel=0.1)
+    terms = ["rotor_inertia", "rotor_spread", "accel_bias", "twist"]
+    without = identified(tmp_path, flight, terms=terms)
+    ratio = true["kd"] / true["Izz_com"]
+    found, bent = (r.derived_value("kd_over_Izz", "A") for r in (result, without))
+    assert inside(found, ratio)
+    assert found.value == pytest.approx(ratio, rel=0.015)
+    assert not inside(bent, ratio)
+    assert 0.03 < 1.0 - bent.value / ratio < 0.06
+    assert without.parameter("kd").value < 0.97 * true["kd"]
 
 
 def test_drag_without_velocity_is_refused_with_what_to_log(draggy, tmp_path):
@@ -98,7 +120,7 @@ def test_drag_without_velocity_is_refused_with_what_to_log(draggy, tmp_path):
 def test_terms_that_are_not_there_stay_out(tmp_path, kind):
     result = identified(tmp_path, flight_of((0.0, 0.0, 0.0), kind=kind, seed=4))
     assert result.settings["used"]["terms"] == list(
-        ("rotor_inertia", "rotor_spread", "accel_bias", "twist")
+        ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag")
     )
     assert set(result.settings["used"]["terms_gain"]) == {"drag", "torque_offset"}
     assert not any("the flights ask for" in words for words in result.warnings)

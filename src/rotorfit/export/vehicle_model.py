@@ -196,6 +196,7 @@ def _assembled(
         return number.value if isinstance(number, Number) else otherwise
 
     lag, notes = value("motor_lag"), _notes(numbers, vehicle, law)
+    notes = (*notes, *_left_out(result, owner))
     com = np.array([value(name) for name in COM])
     Jr = numbers.get("Jr")
     return VehicleModel(
@@ -252,6 +253,22 @@ def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[
             )
         )
     return tuple(out)
+
+
+_TERMS: Final = (
+    *("twist", "rotor_drag", "drag_x", "drag_y", "drag_z"),
+    *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
+)
+
+
+def _left_out(result: IdentificationResult, owner: str) -> tuple[str, ...]:
+    """Return the terms of the identified model that no target is written with."""
+    found = [
+        f"{p.name} = {p.value:.6g} {p.unit}"
+        for p in result.parameters
+        if p.name in _TERMS and p.configuration in (None, owner) and p.value
+    ]
+    return (f"identified, and left out here: {', '.join(found)}",) if found else ()
 
 
 def _notes(

@@ -34,6 +34,7 @@ from rotorfit.model.parameters import (
     PARAMETERS,
     inertia_about,
 )
+from rotorfit.model.vehicle import Vehicle
 
 AXES = ("roll", "pitch", "yaw")
 FEWEST_FLIGHTS = 3
@@ -247,7 +248,7 @@ def _with_systematic(
         rho = numbers.rho(name)
         if rho is not None:
             c = by_name[owner] if owner else configurations[0]
-            scale = number_scale(numbers, name, mass=c.mass, arm=c.vehicle.arm)
+            scale = number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle)
             parts.append(attenuation_allowance(base, max(value, scale), rho))
         if (PARAMETERS | DERIVED)[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
@@ -267,8 +268,9 @@ def _with_systematic(
     )
 
 
-def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> float:
+def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) -> float:
     """Return the size of a number below which its relative error does not matter."""
+    arm = vehicle.arm
     base, _, owner = name.partition("@")
     base = base.removesuffix("_com")
     if base in ("msx", "msy", "msz"):
@@ -279,15 +281,12 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> flo
         return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
     if base.startswith("torque_offset_"):
         return mass * GRAVITY * arm / 50.0
-    if base.startswith("drag_"):
-        return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
-    if base.startswith("torque_offset_"):
-        return mass * GRAVITY * arm / 50.0
     if base.startswith("accel_bias_"):
         return 0.2
     if base == "rotor_drag":
         hover = next(n for n in numbers.names if n.startswith("hover_speed"))
-        return ROTOR_DRAG_STD * mass / (4.0 * float(numbers.values[numbers.index(hover)]))
+        speeds = len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])
+        return ROTOR_DRAG_STD * mass / speeds
     if base == "Jr":
         return _diagonal(numbers, owner)[2] / 1000.0
     if base == "Jr_over_Izz":

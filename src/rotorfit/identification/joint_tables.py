@@ -100,7 +100,7 @@ def _judgements(
 ) -> dict[str, Judgement]:
     """Return the verdict on every number; a lost scale with a good ratio is ``ratio-only``."""
     masses = {c.name: c.mass for c in configurations}
-    arm = configurations[0].vehicle.arm
+    vehicle = configurations[0].vehicle
     judged: dict[str, Judgement] = {}
     for name, value, half in zip(
         numbers.names, numbers.values.tolist(), numbers.half_width.tolist(), strict=True
@@ -110,7 +110,7 @@ def _judgements(
         judged[name] = judge(
             value,
             half,
-            scale=number_scale(numbers, name, mass=mass, arm=arm),
+            scale=number_scale(numbers, name, mass=mass, vehicle=vehicle),
             axis=AXIS_OF.get(base, "force"),
             excitation=numbers.rho(name),
         )

@@ -393,7 +393,7 @@ def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
     for name, full in WANTABLE.items():
         i = numbers.index(full)
         value, half = float(numbers.values[i]), float(numbers.half_width[i])
-        scale = number_scale(numbers, full, mass=bare.mass, arm=bare.vehicle.arm)
+        scale = number_scale(numbers, full, mass=bare.mass, vehicle=bare.vehicle)
         verdict = judge(value, half, scale=scale, axis="yaw").verdict
         shown[name] = PredictedNumber(name=name, value=value, half_width=half, verdict=verdict)
     return shown

@@ -228,7 +228,7 @@ def _missing(
     relative: dict[Manoeuvre, float] = {}
     for manoeuvre, numbers in trials.items():
         i = numbers.index(name)
-        scale = number_scale(numbers, name, mass=bare.mass, arm=bare.vehicle.arm)
+        scale = number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
         size = max(abs(float(numbers.values[i])), scale)
         relative[manoeuvre] = float(numbers.half_width[i]) / size
     least = min(relative.values())

@@ -291,7 +291,7 @@ def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
         rho = numbers.rho(name)
         if rho is not None:
             size = max(
-                abs(value), number_scale(numbers, name, mass=bare.mass, arm=bare.vehicle.arm)
+                abs(value), number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
             )
             extra[i] = attenuation_allowance(base, size, rho)
         if (PARAMETERS | DERIVED)[base].mass_power:

@@ -2,9 +2,13 @@ r"""Rotor speeds of a flight fed to the identified vehicle, over many short wind
 
 Each window begins with the rates that were measured, and goes on by Newton and Euler alone:
 
-.. math:: I_C \dot\omega = \sum_i \tau_i \Omega_i^2 - \dot h - \omega \times (I_C \omega + h)
+.. math::
 
-with :math:`h` the angular momentum of the rotors in the body. Attitude, place and gravity are not
+    I_C \dot\omega = \sum_i (\tau_i \Omega_i^2 - d_i \Omega_i \omega_z e_z) - \dot h
+    - \omega \times (I_C \omega + h)
+
+with :math:`h` the angular momentum of the rotors in the body, and :math:`d_i` the drag of rotors
+that the turn carries through the air. Attitude, place and gravity are not
 in it: the accelerometer reads force over mass, whatever the attitude. A general engine would give
 nothing more here (MuJoCo's model even leaves the reaction of spinning-up rotors out); these few
 lines step all windows and all draws of the parameters at once.
@@ -211,6 +215,7 @@ def _acceleration(
     first = slice(0, len(w))
     torque = speed**2 @ vehicle.torque[first] - slope @ vehicle.spin[first]
     torque += vehicle.offset[first, None]
+    torque[..., 2] -= w[..., 2] * (vehicle.damping[first] @ speed.T)
     turning = w @ vehicle.inertia[first] + speed @ vehicle.spin[first]
     return (torque - np.cross(w, turning)) @ inverse[first]
 

@@ -42,6 +42,8 @@ class ReplayVehicle:
         Torque of each rotor about the CoM per squared speed [N m s^2/rad^2].
     spin
         Angular momentum of each rotor per speed [kg m^2].
+    damping
+        Torque of each rotor against a turn about z, per rate and speed [N m s^2/rad^2].
     offset
         Torque that does not change [N m].
     accel_bias
@@ -56,6 +58,7 @@ class ReplayVehicle:
     thrust: Float[np.ndarray, "D N 3"]
     torque: Float[np.ndarray, "D N 3"]
     spin: Float[np.ndarray, "D N 3"]
+    damping: Float[np.ndarray, "D N"]
     offset: Float[np.ndarray, "D 3"]
     accel_bias: Float[np.ndarray, "D 3"]
     imu: Float[np.ndarray, " 3"]
@@ -200,6 +203,7 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
     thrust = kt[:, :, None] * n
     spin = s[:, None] * n
     torque = np.cross(arms, thrust) - values["kd"][:, None, None] * spin
+    squares = (vehicle.positions[:, :2] ** 2).sum(axis=1)
     torque[:, :, 2] += (values["kt"] * values.get("twist", zero))[:, None]
     return ReplayVehicle(
         mass=values["mass"],
@@ -208,6 +212,7 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
         thrust=thrust,
         torque=torque,
         spin=values.get("Jr", zero)[:, None, None] * spin,
+        damping=values.get("rotor_drag", zero)[:, None] * squares,
         offset=columns("torque_offset_x", "torque_offset_y", "torque_offset_z"),
         accel_bias=columns("accel_bias_x", "accel_bias_y", "accel_bias_z"),
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
@@ -238,6 +243,7 @@ def _chosen(stack: ReplayVehicle, rows: np.ndarray) -> ReplayVehicle:
         thrust=stack.thrust[rows],
         torque=stack.torque[rows],
         spin=stack.spin[rows],
+        damping=stack.damping[rows],
         offset=stack.offset[rows],
         accel_bias=stack.accel_bias[rows],
         imu=stack.imu,

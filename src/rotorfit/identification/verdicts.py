@@ -39,6 +39,9 @@ def judge(
 ) -> Judgement:
     """Return the verdict on one number.
 
+    One of yaw is refused below `LEAST_EXCITATION`: yaw is what the rotors move least, and there the
+    disturbances that the autopilot answers pull its ratios to zero.
+
     Parameters
     ----------
     value, half_width
@@ -53,11 +56,12 @@ def judge(
     relative = half_width / max(abs(value), scale)
     if relative <= WEAK:
         return Judgement(verdict="identified")
-    hopeless = not relative <= HOPELESS
+    little = excitation is not None and excitation < LEAST_EXCITATION
+    hopeless = not relative <= HOPELESS or (little and axis == "yaw")
     reason = f"known only to +-{100 * relative:.0f} %"
     if hopeless:
         reason = "the interval is wider than the value itself"
-    if excitation is not None and excitation < LEAST_EXCITATION:
+    if little:
         reason = (
             f"the {axis} response to the rotors is only {excitation:.1f} times what they do not "
             f"explain (at least {LEAST_EXCITATION:.0f} is needed)"
