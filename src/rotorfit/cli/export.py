@@ -21,7 +21,8 @@ from rotorfit.export.table import (
     parquet_bytes,
     table_files,
 )
-from rotorfit.export.targets import TargetName, export
+from rotorfit.export.target_names import AnyTargetName, TargetName
+from rotorfit.export.targets import export
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import write_whole
 
@@ -33,7 +34,7 @@ class ExportRequest:
     """What the user asked for."""
 
     result: Path
-    target: str
+    target: AnyTargetName
     output: Path
     configuration: str | None
     assume: tuple[str, ...]
@@ -55,13 +56,15 @@ def run(request: ExportRequest) -> None:
             raise typer.BadParameter("table is of flights, and takes no --assume and no --project")
         _write_tables(request, result)
     else:
-        _write_vehicle(request, result, assumed)
+        _write_vehicle(request, request.target, result, assumed)
 
 
 def _write_vehicle(
-    request: ExportRequest, result: IdentificationResult, assumed: dict[str, float]
+    request: ExportRequest,
+    target: TargetName,
+    result: IdentificationResult,
+    assumed: dict[str, float],
 ) -> None:
-    target: TargetName = request.target  # pyright: ignore[reportAssignmentType] (typer checked it)
     made = export(
         result,
         target,

@@ -6,8 +6,23 @@ from typing import Annotated, Literal
 import typer
 
 from rotorfit import version
+from rotorfit.cli.options import (
+    AsJson,
+    Assume,
+    End,
+    Figures,
+    Force,
+    LogNumber,
+    Method,
+    Page,
+    ResultFile,
+    Seed,
+    Speed,
+    Start,
+)
 from rotorfit.cli.terminal import internal_error, interruptible, print_any_name, refuse, show
 from rotorfit.errors import RotorfitError
+from rotorfit.export.target_names import AnyTargetName
 
 app = typer.Typer(
     name="rotorfit",
@@ -17,9 +32,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
 
 
 def main() -> None:
@@ -56,44 +68,23 @@ def identify(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write the result as JSON here.")
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option(help="Write a page with tables and figures here (HTML).")
-    ] = None,
-    figures: Annotated[
-        Path | None, typer.Option(help="Write each figure as a file into this folder (SVG, PNG).")
-    ] = None,
+    report: Page = None,
+    figures: Figures = None,
     mass: Annotated[
         str | None, typer.Option(help='With a log: weighed mass in kg, or "unknown".')
     ] = None,
     airframe: Annotated[
         Path | None, typer.Option(help="With a log: file with [airframe] and [motors].")
     ] = None,
-    log: Annotated[
-        int | None, typer.Option(min=1, help="In a file of several logs: which, from 1.")
-    ] = None,
-    start: Annotated[
-        float | None,
-        typer.Option(min=0.0, help="With a log: use it from here [s since its first sample]."),
-    ] = None,
-    end: Annotated[
-        float | None,
-        typer.Option(min=0.0, help="With a log: use it up to here [s since its first sample]."),
-    ] = None,
-    speed: Annotated[
-        Literal["measured", "commanded"] | None,
-        typer.Option(help="Rotor speed from telemetry or from motor commands; else [motors] says."),
-    ] = None,
+    log: LogNumber = None,
+    start: Start = None,
+    end: End = None,
+    speed: Speed = None,
     motion: Annotated[
         Literal["imu", "mocap"] | None,
         typer.Option("--source", help="Motion from the IMU (default) or from motion capture."),
     ] = None,
-    method: Annotated[
-        Literal["banded", "ols", "tls"] | None,
-        typer.Option(
-            help="banded (default): all equations and configurations at once; ols: equation by "
-            "equation; tls: total least squares, as the paper. Else the experiment file says."
-        ),
-    ] = None,
+    method: Method = None,
     preset: Annotated[
         Literal["paper"] | None,
         typer.Option(help="paper: exactly as Six et al. 2020, their standard deviations included."),
@@ -146,9 +137,7 @@ def compare(
 @interruptible()
 def inspect(
     logs: Annotated[list[Path], typer.Argument(help="Flight logs of any format.")],
-    log: Annotated[
-        int | None, typer.Option(min=1, help="In a file of several logs: which, from 1.")
-    ] = None,
+    log: LogNumber = None,
     airframe: Annotated[
         Path | None,
         typer.Option(help="File with [airframe] and [motors]: identify quickly, per kilogram."),
@@ -169,7 +158,7 @@ def inspect(
 @app.command()
 @interruptible()
 def validate(
-    result: Annotated[Path, typer.Argument(help="What  rotorfit identify -o  wrote.")],
+    result: ResultFile,
     flights: Annotated[list[Path], typer.Argument(help="Flights that the fit has not seen.")],
     configuration: Annotated[
         str | None,
@@ -186,21 +175,9 @@ def validate(
 @app.command()
 @interruptible()
 def export(
-    result: Annotated[Path, typer.Argument(help="What  rotorfit identify -o  wrote.")],
+    result: ResultFile,
     target: Annotated[
-        Literal[
-            "gazebo",
-            "gazebo-motors",
-            "px4",
-            "px4-sih",
-            "mujoco",
-            "urdf",
-            "rotorpy",
-            "ardupilot-sitl",
-            "crazyflow",
-            "casadi",
-            "table",
-        ],
+        AnyTargetName,
         typer.Option("--to", help="Which tool's file; table: wrenches of the flights over time."),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Write the file here.")],
@@ -208,13 +185,7 @@ def export(
         str | None,
         typer.Option(help="Which to export; may be left out where there is one."),
     ] = None,
-    assume: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help="Stand for a number that the flights do not give, SI (kd=3.7e-9); repeatable.",
-        ),
-    ] = None,
+    assume: Assume = None,
     project: Annotated[
         bool,
         typer.Option(
@@ -248,18 +219,12 @@ def export(
 @app.command()
 @interruptible()
 def fly(
-    result: Annotated[Path, typer.Argument(help="What  rotorfit identify -o  wrote.")],
+    result: ResultFile,
     configuration: Annotated[
         str | None,
         typer.Option(help="Which to fly; may be left out where there is one."),
     ] = None,
-    assume: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help="Stand for a number that the flights do not give, SI (kd=3.7e-9); repeatable.",
-        ),
-    ] = None,
+    assume: Assume = None,
     flight: Annotated[
         list[Path] | None,
         typer.Option(help="Replay this log instead of the result's own flights; repeatable."),
@@ -278,12 +243,8 @@ def fly(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write the numbers as JSON here.")
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option(help="Write a page with tables and figures here (HTML).")
-    ] = None,
-    figures: Annotated[
-        Path | None, typer.Option(help="Write each figure as a file into this folder (SVG, PNG).")
-    ] = None,
+    report: Page = None,
+    figures: Figures = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -326,10 +287,7 @@ def plan(
         ),
     ] = "5",
     seconds: Annotated[str, typer.Option(help="Lengths of flight to consider.")] = "20,40,75",
-    speed: Annotated[
-        Literal["measured", "commanded"] | None,
-        typer.Option(help="Rotor speed from telemetry or from motor commands; else [motors] says."),
-    ] = None,
+    speed: Speed = None,
     payload: Annotated[
         float | None,
         typer.Option(help="Mass of each of two payloads on one arm [kg]; 0: consider none."),
@@ -394,7 +352,7 @@ def simulate(
             "real: and gusts, drag, rotor inertia, unequal rotors, measured rotor speed."
         ),
     ] = "real",
-    seed: Annotated[int, typer.Option(min=0, help="Another seed is another flight.")] = 1,
+    seed: Seed = 1,
     seconds: Annotated[
         float, typer.Option(help="Of each flight between take-off and landing.")
     ] = 75.0,
@@ -426,7 +384,7 @@ def demo(
             "-o", "--output", help="Keep flights, experiment, truth, results and report here."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Another seed is another flight.")] = 1,
+    seed: Seed = 1,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:

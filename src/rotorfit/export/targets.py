@@ -3,7 +3,7 @@
 import datetime
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 from rotorfit.export import (
     ardupilot_sitl,
@@ -18,24 +18,12 @@ from rotorfit.export import (
     urdf,
 )
 from rotorfit.export.header import header_lines
+from rotorfit.export.target_names import TargetName
 from rotorfit.export.vehicle import Speed, VehicleModel
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.identification.result import IdentificationResult
 
 Writer = Callable[[VehicleModel, Sequence[str]], str]
-TargetName = Literal[
-    "gazebo",
-    "gazebo-motors",
-    "px4",
-    "px4-sih",
-    "mujoco",
-    "urdf",
-    "rotorpy",
-    "ardupilot-sitl",
-    "crazyflow",
-    "casadi",
-]
-"""All but ``table``, which is of flights, not of a vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

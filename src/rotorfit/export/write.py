@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from rotorfit.export.targets import TargetName, export
+from rotorfit.export.target_names import TargetName
+from rotorfit.export.targets import export
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import write_whole
 
