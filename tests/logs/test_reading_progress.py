@@ -1,7 +1,8 @@
 """Every reader of long logs tells how far it is; nobody is told who did not ask."""
 
 import pytest
-from flight_writers import WRITERS, in_whole_rpm
+from flight_writers import RECORDING_WRITERS, WRITERS, in_whole_rpm
+from rosbag_writers import messages_of, write_messages_ros2
 
 from flown import simulated
 from rotorfit.logs import read_log
@@ -13,7 +14,11 @@ SMALL = {
     "rotorfit.logs.ulog.messages.BLOCK_BYTES": 50_000,
     "rotorfit.logs.blackbox.scan.WINDOW": 5_000,
     "rotorfit.logs.crazyflie_records.LARGEST_BLOCK": 256,
+    "rotorfit.logs.parquet.ROWS_AT_ONCE": 200,
 }
+
+
+FORMATS = (*WRITERS, *RECORDING_WRITERS)
 
 
 @pytest.fixture(scope="module")
@@ -21,23 +26,42 @@ def flight():
     return in_whole_rpm(simulated("quad-x", "noisy", seed=3, seconds=3.0, sample_rate=500.0))
 
 
-@pytest.mark.parametrize("name", ["table", "ulog", "dataflash", "crazyflie", "blackbox", "ros1"])
+@pytest.mark.parametrize("name", FORMATS)
 def test_a_reader_tells_how_far_it_is(name, flight, tmp_path, monkeypatch):
-    path = tmp_path / WRITERS[name][0]
-    WRITERS[name][1](flight, path)
+    file, write = {**WRITERS, **RECORDING_WRITERS}[name]
+    path = tmp_path / file
+    write(flight, path)
     for place, size in SMALL.items():
         monkeypatch.setattr(place, size)
     told, seen = [], []
     with watched(lambda file, done: seen.append((file, done))):
         log = read_log(path, progress=told.append)
     # A bag of a few seconds is one chunk.
-    assert len(told) >= (1 if name == "ros1" else 4)
+    in_one = name in ("ros1", "mcap")
+    assert len(told) >= (1 if in_one else 4)
     assert told == sorted(told)
-    assert 0.0 < told[0] < (1.0 if name == "ros1" else 0.5)
+    assert 0.0 < told[0] < (1.0 if in_one else 0.5)
     assert told[-1] == 1.0
     assert seen == [(path, done) for done in told]
     assert read_log(path).sha256 == log.sha256  # asked by nobody
     assert seen == [(path, done) for done in told]
+
+
+def test_a_recording_of_several_files_is_gone_through_once(flight, tmp_path):
+    messages = sorted(messages_of(flight), key=lambda sent: sent.received)
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    for k in range(3):
+        part = messages[k * len(messages) // 3 : (k + 1) * len(messages) // 3]
+        write_messages_ros2(part, tmp_path / f"part_{k}")
+        (tmp_path / f"part_{k}" / f"part_{k}.db3").rename(folder / f"part_{k}.db3")
+    told = []
+    log = read_log(folder, progress=told.append)
+    assert len(log.channels["gyro"].time) == len(flight.time)
+    assert told == sorted(told)
+    for third in range(3):
+        assert sum(third / 3 < done < (third + 0.8) / 3 for done in told) >= 5
+    assert told[-1] == 1.0
 
 
 def test_nobody_is_told_outside_of_reading():

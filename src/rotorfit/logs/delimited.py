@@ -21,6 +21,7 @@ _COMMENTS: Final = ("#", "%")
 _ABSENT: Final = frozenset({"", "nan", "na", "n/a", "null", "none"})
 _NEWLINE: Final = b"\n"
 PIECE_BYTES: Final = 1 << 20
+_LINES_PER_WORD: Final = 100
 """Looked at together: numbers need a tenth of the memory of what finds them."""
 
 
@@ -290,6 +291,8 @@ def _rows(table: DelimitedText) -> Iterator[tuple[int, list[str]]]:
     else:
         split = _quoted_rows(lines, table.delimiter, table.first_line)
     for number, cells in split:
+        if number % _LINES_PER_WORD == 0:
+            tell(number - table.first_line, len(lines))
         blank = not any(cell.strip() for cell in cells) and len(cells) < 2
         if not blank and not cells[0].lstrip().startswith(_COMMENTS):
             yield number, cells

@@ -13,10 +13,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
+from rotorfit.logs.progress import tell
 
 MAGIC: Final = b"PAR1"
 """The first four bytes of every Parquet file, and the last four."""
 
+ROWS_AT_ONCE: Final = 65_536
 _LARGEST_EXPANSION: Final = 100
 _ALWAYS_ALLOWED: Final = 64_000_000
 """A table in memory may be so many times as large as its file, or have so many bytes."""
@@ -55,10 +57,16 @@ class ParquetTable:
         """
         try:
             file = _opened(self.data)
-            _check_size(file.metadata.num_rows, len(names), len(self.data))
-            table = file.read(columns=list(names), use_threads=False)
-            columns = [_as_float(name, table.column(name)) for name in names]
-            return np.stack(columns, axis=1)
+            rows = file.metadata.num_rows
+            _check_size(rows, len(names), len(self.data))
+            values, done = np.empty((rows, len(names))), 0
+            pieces = file.iter_batches(ROWS_AT_ONCE, columns=list(names), use_threads=False)
+            for piece in pieces:
+                columns = [_as_float(name, piece.column(name)) for name in names]
+                values[done : done + piece.num_rows] = np.stack(columns, axis=1)
+                done += piece.num_rows
+                tell(done, rows)
+            return values[:done]
         except LogError:
             raise
         except Exception as error:
@@ -122,4 +130,5 @@ def _as_float(name: str, column: Any) -> Float[np.ndarray, " n"]:
         column = column.cast("int32" if clock[1] else "int64")
     elif not _NUMBER.fullmatch(kind):
         raise LogError(f"column {name!r} holds {kind}, expected numbers: convert it first")
-    return seconds * np.array(column.cast("float64", safe=False).to_numpy(), np.float64)
+    numbers = column.cast("float64", safe=False)
+    return seconds * np.array(numbers.to_numpy(zero_copy_only=False), np.float64)

@@ -5,7 +5,6 @@ from typing import Final
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import read_head
-from rotorfit.logs.progress import tell
 from rotorfit.logs.rosbag import mcap, ros1, sqlite
 from rotorfit.logs.rosbag.stream import ZSTD_MAGIC, Messages, Tally, Wanted
 
@@ -59,7 +58,7 @@ def scan(path: Path, wanted: Wanted, tally: Tally) -> Messages:
             with path.open("rb") as file:
                 for message in reader(file, wanted, tally):
                     yield message
-                    tell(file.tell(), tally.file_size)
+                    tally.reached(file.tell())
             return
     packed = ", compressed as a whole: unpack it with unzstd" if head[:4] == ZSTD_MAGIC else ""
     raise LogError(f"{path.name} is no ROS bag (begins with {head[:8].hex(' ')}){packed}")

@@ -96,8 +96,9 @@ def _contents(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> _Conte
         decoders[key] = Decoder(topic, quantities, STAMPS)
         return True
 
-    for file in files:
-        tally = Tally(file_size=file.stat().st_size)
+    sizes = [file.stat().st_size for file in files]
+    for k, file in enumerate(files):
+        tally = Tally(file_size=sizes[k], before=sum(sizes[:k]), recording_size=sum(sizes))
         for topic, received, data in scan(file, wanted, tally):
             decoders[(topic.name, topic.kind)].add(received, data)
         for what, count in tally.damage.items():

@@ -94,6 +94,7 @@ def _topics(database: sqlite3.Connection, tally: Tally) -> dict[int, Topic]:
 def _messages(database: sqlite3.Connection, topics: dict[int, Topic], tally: Tally) -> Messages:
     query = "SELECT topic_id, timestamp, data FROM messages"
     rows: Any = database.execute(query)
+    seen = 0
     while True:
         try:
             row = next(rows, None)
@@ -102,6 +103,8 @@ def _messages(database: sqlite3.Connection, topics: dict[int, Topic], tally: Tal
             return
         if row is None:
             return
+        seen += len(row[2]) if isinstance(row[2], bytes) else 0
+        tally.reached(seen)
         topic = topics.get(row[0])
         if topic is None or topic.encoding is None:
             continue

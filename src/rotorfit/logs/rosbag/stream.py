@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any, Final, Literal, TypeAlias
 
 from rotorfit.errors import LogError
+from rotorfit.logs.progress import tell
 
 Encoding = Literal["ros1", "cdr"]
 
@@ -55,6 +56,10 @@ class Tally:
     ----------
     file_size
         [bytes]
+    before
+        Bytes of the recording's files that come before this one.
+    recording_size
+        Bytes of all its files.
     unfolded
         Bytes that compressed parts came to.
     topics
@@ -64,6 +69,8 @@ class Tally:
     """
 
     file_size: int
+    before: int
+    recording_size: int
     unfolded: int = 0
     topics: dict[tuple[str, str], Topic] = field(default_factory=dict[tuple[str, str], Topic])
     damage: dict[str, int] = field(default_factory=dict[str, int])
@@ -71,6 +78,10 @@ class Tally:
     def passed_over(self, what: str) -> None:
         """Count one more piece of damage."""
         self.damage[what] = self.damage.get(what, 0) + 1
+
+    def reached(self, place: int) -> None:
+        """Tell how much of the recording was gone through, up to a place in the file."""
+        tell(self.before + min(place, self.file_size), self.recording_size)
 
     def declare(self, topic: Topic) -> Topic:
         """Note a topic, and return it."""
