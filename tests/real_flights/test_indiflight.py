@@ -143,6 +143,21 @@ def test_three_logs_together_give_yaw(joint):
     assert inside(Jr, 8.96e-7)
 
 
+@pytest.mark.parametrize("name", [SHORT, "all"])
+def test_the_drag_torque_is_that_of_26_logs(joint, name):
+    found = joint[name].parameter("kd")
+    assert inside(found, 3.66e-9)
+    assert found.std < 0.16 * found.value
+
+
+def test_rotors_drag_is_found_where_the_vehicle_turns(joint):
+    drag = joint[LIVELY].parameter("rotor_drag")
+    assert drag.verdict == "identified"
+    assert drag.interval[0] > 0.0
+    assert inside(drag, joint["all"].parameter("rotor_drag").value)
+    assert joint[CALM].parameter("rotor_drag").value is None
+
+
 def test_a_calm_log_says_that_roll_and_pitch_are_weak_and_refuses_yaw(joint):
     result = joint[CALM]
     for name, axis in (("Ixx", "roll"), ("Iyy", "pitch")):
@@ -152,6 +167,7 @@ def test_a_calm_log_says_that_roll_and_pitch_are_weak_and_refuses_yaw(joint):
     for name in ("Izz", "kd", "Jr"):
         found = result.parameter(name)
         assert found.verdict == "not-identified"
+        assert found.partner is None
         assert "the yaw response to the rotors is only" in found.reason
         assert "yaw while rolling" in found.advice
     for name in ("Izz_com", "kd_over_Izz", "Jr_over_Izz"):

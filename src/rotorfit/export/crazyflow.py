@@ -30,8 +30,7 @@ def write_crazyflow(model: VehicleModel, head: Sequence[str]) -> str:
         head,
         "paste into crazyflow/dynamics/first_principles/params.toml; thrust [N] and torque [N m] "
         "are polynomials in RPM, lowest power first; J is about the CoM",
-        "drag is not identified: 0; prop_inertia 0 leaves out gyroscopic torque where Jr is not "
-        "known",
+        "drag is left out: 0; prop_inertia 0 leaves out gyroscopic torque where Jr is not known",
     )
     lines = "".join(f"{name} = {value}\n" for name, value in _entries(model))
     return hash_comment(comment) + f"\n[{identifier(model.name)}]\n{lines}"

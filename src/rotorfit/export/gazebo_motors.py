@@ -4,7 +4,7 @@ Names, units and signs are those of gz-sim, src/systems/multicopter_motor_model/
 MulticopterMotorModel.cc: thrust = motorConstant w^2 along z of the rotor's link; torque on the
 parent link = -turningDirection momentConstant thrust (ccw: +1); the speed follows its command with
 timeConstantUp or timeConstantDown, whichever way it goes. The two coefficients of rotor drag, which
-rotorfit does not identify, have defaults other than zero there, and are written as zero.
+are left out, have defaults other than zero there, and are written as zero.
 """
 
 from collections.abc import Sequence

@@ -58,7 +58,7 @@ def _remarks(model: VehicleModel) -> list[str]:
         "SIH puts the CoM in the middle of the rotors; here the rotors' middle is "
         f"{off[0]:.2g} mm forward and {off[1]:.2g} mm left of it, which SIH leaves out; as are Jr "
         "and differences between rotors",
-        "SIH_KDV and SIH_KDW (drag) are not identified: 0",
+        "SIH_KDV and SIH_KDW (drag) are left out: 0",
     ]
 
 

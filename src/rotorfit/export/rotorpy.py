@@ -14,7 +14,7 @@ from rotorfit.export.units import elements, text
 from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
-NOT_IDENTIFIED = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_std")
+LEFT_OUT = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_std")
 
 
 def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
@@ -31,7 +31,7 @@ def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
         "about z, -1 for a rotor that turns ccw",
         "k_eta is the mean of the rotors, k_m is kd; tau_m is the mean of up and down; Jr has no "
         "place in RotorPy",
-        f"not identified, 0 here: {', '.join(NOT_IDENTIFIED)}",
+        f"left out, 0 here: {', '.join(LEFT_OUT)}",
     )
     lines = "".join(f"    {name!r}: {value},\n" for name, value in _entries(model))
     return hash_comment(comment) + f"import numpy as np\n\nquad_params = {{\n{lines}}}\n"
@@ -53,7 +53,7 @@ def _entries(model: VehicleModel) -> list[tuple[str, str]]:
         ("tau_m", text(0.5 * (model.lag_up + model.lag_down))),
         ("rotor_speed_min", "0.0"),
         ("rotor_speed_max", text(model.max_speed)),
-        *((name, "0.0") for name in NOT_IDENTIFIED),
+        *((name, "0.0") for name in LEFT_OUT),
     ]
 
 

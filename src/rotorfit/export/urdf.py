@@ -69,7 +69,7 @@ def _remarks(model: VehicleModel, order: list[int] | None) -> list[str]:
     return [
         *remarks,
         f"{numbers}; kf and km per squared RPM, the mean of the rotors",
-        "properties that are not identified: drag, ground effect and downwash are off (0), "
+        "properties that are left out: drag, ground effect and downwash are off (0), "
         f"max_speed_kmh is {GYM_SPEED:g}",
     ]
 
