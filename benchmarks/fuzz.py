@@ -411,7 +411,10 @@ def fuzz(names: list[str] | None, *, seconds: float, seed: int, findings: Path) 
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         make_seeds(folder, seed)
-        chosen = names or sorted(path.name for path in folder.iterdir())
+        formats = sorted(path.name for path in folder.iterdir())
+        chosen = names or formats
+        if unknown := set(chosen) - set(formats):
+            sys.exit(f"no format {', '.join(sorted(unknown))}: one of {', '.join(formats)}")
         for name in chosen:
             given = [f"--{k}={v}" for k, v in (("seconds", seconds), ("seed", seed))]
             paths = [f"--folder={folder}", f"--findings={findings.resolve()}"]
