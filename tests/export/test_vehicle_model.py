@@ -433,10 +433,19 @@ def test_lags_of_rising_and_falling_speed_are_each_written():
 @pytest.mark.parametrize("name", ["kt", "kd", "kt_3", "Jr"])
 def test_a_coefficient_below_zero_is_refused(name):
     own = {} if name == "kt_3" else {f"kt_{i}": None for i in range(1, 5)}
-    lost = {name: {"value": -1e-9, "interval": (-2e-9, 1e-9)}}
+    lost = {name: {"value": -1e-9, "interval": (-2e-9, -1e-10)}}
     negative = changed(a_result(), **(own | lost))
     with pytest.raises(OutputError, match=f"{name} is -1e-09 .*, and nature has it above 0"):
         vehicle_model(negative)
+
+
+def test_a_rotor_inertia_not_told_from_zero_is_left_out():
+    none = changed(a_result(), Jr={"value": -1e-9, "interval": (-2e-9, 1e-9)})
+    model = vehicle_model(none)
+    assert model.Jr is None
+    assert "Jr is below zero within its interval: left out" in model.notes
+    with pytest.raises(OutputError, match=r"Jr is -1e-09 .*, and nature has it above 0"):
+        vehicle_model(none, assumed={"Jr": -1e-9})
 
 
 def test_a_result_without_its_vehicle_is_refused():

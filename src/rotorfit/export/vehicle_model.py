@@ -207,7 +207,7 @@ def _assembled(
         inertia_com=inertia_matrix(np.array([value(name) for name in INERTIA_COM])),
         rotors=_rotors(vehicle, numbers),
         kd=value("kd"),
-        Jr=Jr.value if isinstance(Jr, Number) and Jr.origin != "removed" else None,
+        Jr=Jr.value if isinstance(Jr, Number) and not _is_no_inertia(Jr) else None,
         lag_up=value("motor_lag_up", lag),
         lag_down=value("motor_lag_down", lag),
         max_speed=value("max_speed"),
@@ -218,6 +218,12 @@ def _assembled(
         numbers=tuple(n for name in _SHOWN if isinstance(n := numbers.get(name), Number)),
         notes=notes,
     )
+
+
+def _is_no_inertia(Jr: Number) -> bool:
+    """Say whether a rotor inertia was removed, or came out below zero within its interval."""
+    below = Jr.value <= 0.0 and Jr.interval is not None and Jr.interval[1] > 0.0
+    return Jr.origin == "removed" or below
 
 
 _SHOWN: Final = (
@@ -290,6 +296,8 @@ def _notes(
         notes.append(f"rotors with the mean kt, their own is not known: {', '.join(mean)}")
     if isinstance(numbers.get("Jr"), Missing):
         notes.append("Jr is not known from these flights: left out")
+    elif isinstance(Jr := numbers.get("Jr"), Number) and Jr.value < 0.0 and _is_no_inertia(Jr):
+        notes.append("Jr is below zero within its interval: left out")
     if law is not None and law.voltage is not None:
         notes.append(f"max_speed holds at {law.voltage.nominal:g} V")
     return tuple(notes)
