@@ -40,6 +40,9 @@ LAG_PRIOR: Final = (0.035, 0.03)
 """Mean and deviation of a motor's time constant before the flight [s]."""
 SKEW_TRIED: Final = 0.15
 LARGEST_SKEW: Final = 0.8
+SURE_RATIO: Final = 30.0
+"""Explained over residual power from which a band above the pilot's counts: the autopilot's answer
+moves the delay by up to 1 / (2 rho omega), there half a millisecond."""
 LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, for which rising and falling speed get a lag each."""
 SUM_FAULT: Final = 6e-4
@@ -105,7 +108,8 @@ def _counted(flown: "Flown", response: MotorResponse) -> Counted:
     """Return the pilot's band and what else is flown, as seen at about the right timing."""
     parts = zip(flown.bands(response), flown.configurations, strict=True)
     return tuple(
-        _slow(factors) | flown_turns(factors, flown.model, mass=configured.mass)
+        _slow(factors)
+        | flown_turns(factors, flown.model, mass=configured.mass, least_ratio=SURE_RATIO)
         for factors, configured in parts
     )
 

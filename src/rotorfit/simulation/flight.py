@@ -37,7 +37,7 @@ from rotorfit.simulation.motors import (
     wrenches,
 )
 from rotorfit.simulation.pilot import Reference, Sticks, plan_flight
-from rotorfit.simulation.record import SimulatedFlight, from_wxyz, measure
+from rotorfit.simulation.record import SimulatedFlight, from_wxyz, gyro_noise, measure
 from rotorfit.simulation.sensors import PERFECT, Sensors, gauss_markov
 from rotorfit.simulation.truth import GRAVITY, Truth
 from rotorfit.simulation.vectors import Vector, cross, no_type_check, rotation
@@ -65,6 +65,8 @@ class Scenario:
         Full thrust over weight.
     gains
         Of the autopilot.
+    steered_by_gyro
+        Whether the autopilot hears the noise of its gyro, as real ones do, or knows the true rates.
     """
 
     seconds: float = 75.0
@@ -75,6 +77,7 @@ class Scenario:
     physics_rate: float = 400.0
     thrust_to_weight: float = 2.5
     gains: Gains = field(default_factory=Gains)
+    steered_by_gyro: bool = False
 
     def __post_init__(self) -> None:
         if self.seconds * self.sample_rate < 3 or self.ground_seconds < 0:
@@ -162,11 +165,17 @@ def simulate_flight(
         rng=np.random.default_rng(air),
     )
     machine = _machine(truth, vehicle, scenario)
+    sensor_seed = int(sensing.generate_state(1)[0])
+    heard = gyro_noise(scenario.sensors, len(plan), seed=sensor_seed) * scenario.steered_by_gyro
     moments = _fly(
-        machine, plan, disturbance, trim=trimmed(truth), grounded=scenario.ground_seconds > 0
+        machine,
+        plan,
+        (disturbance, heard),
+        trim=trimmed(truth),
+        grounded=scenario.ground_seconds > 0,
     )
     flight = _assemble(truth, vehicle, scenario, moments=moments, machine=machine)
-    return measure(flight, scenario.sensors, seed=int(sensing.generate_state(1)[0]))
+    return measure(flight, scenario.sensors, seed=sensor_seed)
 
 
 def _machine(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Machine:
@@ -205,21 +214,25 @@ def _stretches(truth: Truth, *, period: float, physics_rate: float) -> tuple[_St
 def _fly(
     machine: _Machine,
     plan: Sequence[Reference],
-    disturbance: Float[np.ndarray, "n_and_1 6"],
+    errors: tuple[Float[np.ndarray, "n_and_1 6"], Float[np.ndarray, "n 3"]],
     *,
     trim: Memory,
     grounded: bool,
 ) -> list[_Moment]:
-    """Return what happened at each sample."""
+    """Return what happened at each sample, under a disturbing wrench and a noise of the rates."""
+    disturbance, heard = errors
     state: State = (*(0.0,) * 3, 1.0, *(0.0,) * 9)
     speeds = mix(machine.autopilot, machine.body.mass * GRAVITY, trim.trim) * (not grounded)
     commands = [speeds] * (machine.stretches[0].samples_ago + 1)  # the latest first
     memory, moments = trim, list[_Moment]()
-    for reference, before, after in zip(plan, disturbance[:-1], disturbance[1:], strict=True):
+    for reference, before, after, noise in zip(
+        plan, disturbance[:-1], disturbance[1:], heard.tolist(), strict=True
+    ):
         grounded = _stands(machine, state, speeds, reference, grounded)
         if grounded:
             state = (*(0.0,) * 3, *state[3:7], *(0.0,) * 3, *state[10:])
-        command, memory = control(machine.autopilot, memory, state, reference, grounded=grounded)
+        seen = (state[0] + noise[0], state[1] + noise[1], state[2] + noise[2], *state[3:])
+        command, memory = control(machine.autopilot, memory, seen, reference, grounded=grounded)
         commands = [command, *commands[:-1]]
         moments.append(_moment(machine, state, speeds, commands, before, grounded))
         state, speeds = _advance(machine, state, speeds, commands, (before, after), grounded)

@@ -115,7 +115,7 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
     seed
         Of the noise; the same seed gives the same noise.
     """
-    rngs = np.random.default_rng(seed).spawn(5)
+    rngs = _generators(seed)
     s, place = sensors, flight.vehicle.imu_position or (0.0, 0.0, 0.0)
     a, w = flight.specific_force, flight.angular_velocity
     force = at_place(a, w, flight.angular_acceleration, position=place)
@@ -143,6 +143,16 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
         position_measured=measured(place_seen, std=s.position_std, rng=rngs[3]),
         attitude_wxyz_measured=to_wxyz(attitude_seen * tilt),
     )
+
+
+def gyro_noise(sensors: Sensors, samples: int, *, seed: int) -> Float[np.ndarray, "n 3"]:
+    """Return the noise that `measure` will add to the gyro of a flight [rad/s]."""
+    return sensors.gyro_std * _generators(seed)[0].normal(size=(samples, 3))
+
+
+def _generators(seed: int) -> list[np.random.Generator]:
+    """Return one for each of gyro, accelerometer, rotors, position and attitude."""
+    return np.random.default_rng(seed).spawn(5)
 
 
 def _frames(

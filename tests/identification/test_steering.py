@@ -1,0 +1,88 @@
+"""Which bands count, and in which the autopilot answers."""
+
+import numpy as np
+import pytest
+
+import flown
+from rotorfit.estimation.factors import Factors
+from rotorfit.identification.bands import EDGES, LEAST_RATIO, counted_bands, flown_bands
+from rotorfit.identification.estimates import _joint_fit
+from rotorfit.identification.experiment import load_experiment
+from rotorfit.identification.identify import _flown
+from rotorfit.identification.joint import ANSWERED, NOISY
+from rotorfit.simulation import Stick, Sticks, write_flight_table
+
+ROLL, PITCH, YAW = (NOISY.index(name) for name in ("dwx", "dwy", "dwz"))
+
+
+def blocks(*, flights=1, stretches=2):
+    """Empty factors with every band of every stretch of some flights."""
+    bands = np.column_stack([EDGES[:-1], EDGES[1:]])
+    count = flights * stretches * len(bands)
+    return Factors(
+        R=np.zeros((count, 2, 2)),
+        rows=np.full(count, 20),
+        segment=np.repeat(np.arange(flights * stretches), len(bands)),
+        band=np.tile(bands, (flights * stretches, 1)),
+        source=np.repeat(np.arange(flights), stretches * len(bands)),
+    )
+
+
+def test_a_band_is_judged_over_all_stretches_of_its_flight():
+    factors = blocks(flights=2)
+    residual = np.ones((len(factors), 1))
+    signal = np.ones((len(factors), 1))
+    second = (factors.source == 0) & (factors.band[:, 0] == 1.0)
+    first_stretch = second & (factors.segment == 0)
+    signal[first_stretch] = 2.0 * (1.0 + LEAST_RATIO) + 0.1  # the other stretch is calm: twice
+    moved = flown_bands(factors, signal, residual)[:, 0]
+    np.testing.assert_array_equal(moved, second)
+    signal[first_stretch] -= 2.0
+    assert not flown_bands(factors, signal, residual).any()
+
+
+def test_what_counts():
+    """Bands flown and the mean; of an axis that is nowhere flown, all."""
+    factors = blocks()
+    moved = np.zeros((len(factors), 2), dtype=bool)
+    moved[factors.band[:, 0] == 2.0, 0] = True
+    counted = counted_bands(factors, moved)
+    assert set(factors.band[counted[:, 0], 0]) == {0.0, 2.0}
+    assert counted[:, 1].all()
+
+
+@pytest.fixture(scope="module")
+def rolled(tmp_path_factory):
+    """A flight with gusts of which only roll is flown, as it is fitted."""
+    folder = tmp_path_factory.mktemp("rolled")
+    still = Stick(band=(0.1, 0.5), rms=0.0)
+    sticks = Sticks(pitch=still, yaw=still)
+    flight = flown.simulated("A", "disturbed", seed=2, seconds=40.0, sticks=sticks)
+    write_flight_table(flight, folder / "flight.csv")
+    path = flown.experiment_file(
+        folder / "experiment.toml", flight.vehicle, ["flight.csv"], mass=flight.truth.mass
+    )
+    loaded = _flown(load_experiment(path), lambda words: None)
+    _, (configuration,) = _joint_fit(loaded, None)
+    return configuration
+
+
+def test_bands_that_only_the_autopilot_moves_do_not_count(rolled):
+    band = rolled.factors.band
+    assert rolled.counted[:, :ROLL].all()  # forces always do
+    slow = (band[:, 0] > 0.0) & (band[:, 1] < 2.0)
+    assert slow.any()
+    assert rolled.counted[slow, ROLL].mean() > 0.6
+    # Above 4 Hz only where a short phase has a band that reaches down to the pilot's.
+    assert rolled.counted[band[:, 0] > 4.0, ROLL].mean() < 0.1
+    assert rolled.counted[band[:, 0] == 0.0, ROLL].all()
+
+
+def test_an_axis_that_is_not_flown_counts_but_has_no_answer(rolled):
+    """With an answer and no motion, an inertia of zero would be the likeliest."""
+    assert rolled.counted[:, PITCH].all()
+    assert not rolled.answered[:, ANSWERED.index("dwy")].any()
+    answered = rolled.answered[:, ANSWERED.index("dwx")]
+    assert answered.any()
+    assert not answered[rolled.factors.band[:, 0] >= 3.0].any()
+    assert (answered <= rolled.factors.rows).all()
