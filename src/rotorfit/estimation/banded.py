@@ -25,6 +25,7 @@ from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import Factors, borrowed_mean_square
 from rotorfit.estimation.feedback import Feedback
 from rotorfit.estimation.parameter_map import ParameterMap
+from rotorfit.estimation.solved import solved, solved_jacobian
 
 MOST_ITERATIONS = 100
 SMALLEST_STEP = 1e-3
@@ -208,11 +209,16 @@ def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
     variances: list[Float[np.ndarray, "b k"]] = []
     cost = _prior_cost(problem, phi)
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        G, _ = _solved(tensor, theta[c], problem.noisy)
+        G, _ = solved(tensor, theta[c], problem.noisy)
         e = factors.R @ G.T
-        v = _variance(e, factors, problem.noisy)
+        v, floored = _variance(e, factors, problem.noisy)
         counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
         cost += float(np.sum(factors.rows[:, None] * np.log(v), where=counted))
+        # At its floor a variance is no longer that of the errors: they have a cost of their own,
+        # or the likelihood of exact flights would be flat.
+        power = np.einsum("bmk,bmk->bk", e, e)
+        spare = np.minimum(power / v - factors.rows[:, None], 0.0)
+        cost += float(np.sum(spare, where=counted & floored))
         v = np.where(counted, v, np.inf)
         residuals.append(e)
         variances.append(v)
@@ -233,7 +239,7 @@ def _feedback_gain(problem: BandedProblem, theta: Float[np.ndarray, "c p"]) -> f
         return 0.0
     gain = 0.0
     for rows, tensor, own in zip(problem.feedback.rows, problem.tensors, theta, strict=True):
-        G, _ = _solved(tensor, own, problem.noisy)
+        G, _ = solved(tensor, own, problem.noisy)
         gain += float(rows.sum(axis=0) @ problem.feedback.log_effect(G))
     return gain
 
@@ -247,33 +253,24 @@ def _feedback_scores(
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
         scores = np.zeros((len(factors), len(phi)))
         if problem.feedback is not None:
-            G, dG = _solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
+            G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
             scores += problem.feedback.rows[c] @ problem.feedback.slope(G, dG)
         parts.append(scores)
     return np.concatenate(parts)
 
 
-def _solved(
-    tensor: Float[np.ndarray, "p j z"], theta: Float[np.ndarray, " p"], noisy: Sequence[int]
-) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "k j"]]:
-    """Return M^-1 B and M^-1."""
-    B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, tensor)
-    both = np.concatenate([B, np.eye(len(B))], axis=1)
-    try:
-        solved: Float[np.ndarray, "k g"] = scipy.linalg.solve(B[:, list(noisy)], both)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise EstimationError("the equations cannot be solved for the noisy signals") from error
-    return solved[:, : B.shape[1]], solved[:, B.shape[1] :]
-
-
 def _variance(
     e: Float[np.ndarray, "b m k"], factors: Factors, noisy: Sequence[int]
-) -> Float[np.ndarray, "b k"]:
-    """Return each block's mean square error per noisy signal, borrowing where rows are few."""
+) -> tuple[Float[np.ndarray, "b k"], Bool[np.ndarray, "b k"]]:
+    """Return each block's mean square error per noisy signal, and where it is at its floor.
+
+    Blocks of few rows borrow from their neighbours.
+    """
     power = np.einsum("bmk,bmk->bk", e, e)
     signal = np.einsum("bmk,bmk->k", factors.R[:, :, list(noisy)], factors.R[:, :, list(noisy)])
     floor = RELATIVE_FLOOR * signal / factors.rows.sum() + np.finfo(float).tiny
-    return np.maximum(borrowed_mean_square(power, factors), floor)
+    own = borrowed_mean_square(power, factors)
+    return np.maximum(own, floor), own < floor
 
 
 def _prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
@@ -314,22 +311,10 @@ def _jacobian(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.
     noisy = list(problem.noisy)
     parts: list[Float[np.ndarray, "b m k f"]] = []
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        _, dG = _solved_jacobian(tensor, theta[c], dtheta[c], noisy)
+        _, dG = solved_jacobian(tensor, theta[c], dtheta[c], noisy)
         flat = factors.R @ dG.transpose(2, 1, 0).reshape(dG.shape[2], -1)
         parts.append(flat.reshape(len(factors), factors.R.shape[1], len(noisy), len(phi)))
     return np.concatenate(parts)
-
-
-def _solved_jacobian(
-    tensor: Float[np.ndarray, "p j z"],
-    theta: Float[np.ndarray, " p"],
-    dtheta: Float[np.ndarray, "p f"],
-    noisy: Sequence[int],
-) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "f k z"]]:
-    """Return G = M^-1 B and d G / d phi = M^-1 (dB - dM G)."""
-    G, inverse = _solved(tensor, theta, noisy)
-    dB = np.einsum("pjz,pf->fjz", tensor, dtheta)
-    return G, inverse @ (dB - dB[:, :, list(noisy)] @ G)
 
 
 def _damped_step(
@@ -395,7 +380,7 @@ def _known_share(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[
     theta = problem.map.theta(phi)
     parts: list[Float[np.ndarray, "b k"]] = []
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        G, _ = _solved(tensor, theta[c], problem.noisy)
+        G, _ = solved(tensor, theta[c], problem.noisy)
         parts.append(factors.known_noise @ (G * G).T)
     return np.concatenate(parts)
 
@@ -444,7 +429,7 @@ def _corrected_equations(
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
         rows = slice(first, first + len(factors))
         first += len(factors)
-        G, dG = _solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
+        G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
         N = factors.rows[:, None] * factors.known_noise
         w = weight[rows]
         scores[rows] += np.einsum("bk,fkz,bz,kz->bf", w, dG, N, G, optimize=True)

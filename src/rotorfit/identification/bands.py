@@ -28,11 +28,7 @@ bandwidth an autopilot's answer alone makes as much as one to three."""
 
 
 def flown_bands(
-    factors: Factors,
-    signal: Float[np.ndarray, "b k"],
-    residual: Float[np.ndarray, "b k"],
-    *,
-    least_ratio: float = LEAST_RATIO,
+    factors: Factors, signal: Float[np.ndarray, "b k"], residual: Float[np.ndarray, "b k"]
 ) -> Bool[np.ndarray, "b k"]:
     """Return in which blocks a pilot moves an axis; a band is judged over all of a flight.
 
@@ -42,12 +38,10 @@ def flown_bands(
         The blocks.
     signal, residual
         Sums of squares of angular accelerations and of their errors, one column per axis.
-    least_ratio
-        Explained over residual power from which a band is flown.
     """
     flown = np.zeros(signal.shape, dtype=bool)
     for band in _bands_of_flights(factors):
-        flown[band] = signal[band].sum(axis=0) > (1.0 + least_ratio) * residual[band].sum(axis=0)
+        flown[band] = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
     return flown
 
 

@@ -134,14 +134,12 @@ def angular_log_likelihood(
     )
 
 
-def flown_turns(
-    factors: Factors, model: Regressor, *, mass: float, least_ratio: float
-) -> Bool[np.ndarray, "b 3"]:
+def flown_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np.ndarray, "b 3"]:
     """Return in which blocks a pilot moves roll, pitch and yaw, by the first pass of the rows."""
     fits = [_fit_row(factors, model, row, mass) for row in ROWS[1:]]
     signal = np.column_stack([fit.known_power for fit in fits])
     residual = np.column_stack([fit.residual_power for fit in fits])
-    return flown_bands(factors, signal, residual, least_ratio=least_ratio)
+    return flown_bands(factors, signal, residual)
 
 
 def _fit_row(

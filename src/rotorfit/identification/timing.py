@@ -40,9 +40,6 @@ LAG_PRIOR: Final = (0.035, 0.03)
 """Mean and deviation of a motor's time constant before the flight [s]."""
 SKEW_TRIED: Final = 0.15
 LARGEST_SKEW: Final = 0.8
-SURE_RATIO: Final = 30.0
-"""Explained over residual power from which a band above the pilot's counts: the autopilot's answer
-moves the delay by up to 1 / (2 rho omega), there half a millisecond."""
 LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, for which rising and falling speed get a lag each."""
 SUM_FAULT: Final = 6e-4
@@ -108,8 +105,7 @@ def _counted(flown: "Flown", response: MotorResponse) -> Counted:
     """Return the pilot's band and what else is flown, as seen at about the right timing."""
     parts = zip(flown.bands(response), flown.configurations, strict=True)
     return tuple(
-        _slow(factors)
-        | flown_turns(factors, flown.model, mass=configured.mass, least_ratio=SURE_RATIO)
+        _slow(factors) | flown_turns(factors, flown.model, mass=configured.mass)
         for factors, configured in parts
     )
 
@@ -139,10 +135,13 @@ def _find_delay(flown: "Flown") -> MotorTiming | None:
         options={"xatol": SMALLEST_STEP},
     )
     place = float(found.x)
-    middle, plus, minus = (cost(place + move) for move in (0.0, STENCIL, -STENCIL))
+    moved = [place + move for move in (0.0, STENCIL, -STENCIL)]
+    middle, plus, minus = (cost(delay) for delay in moved)
     curvature = max((plus - 2.0 * middle + minus) / STENCIL**2, (high - low) ** -2)
-    std = _norm(1.0 / np.sqrt(curvature), SUM_FAULT)
-    response = replace(flown.declared, delay=place + _parabola_shift(middle, plus, minus))
+    move = _parabola_shift(middle, plus, minus)
+    slow = _parabola_shift(*(_cost(flown, at(delay), None) for delay in moved))
+    std = _norm(1.0 / np.sqrt(curvature), slow - move, SUM_FAULT)
+    response = replace(flown.declared, delay=place + move)
     return MotorTiming(response=response, delay_std=std, total_std=std)
 
 
@@ -174,7 +173,7 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
         place, _ = _descended(cost, skewed, steps if delay_free else steps[[0, 2]])
     if abs(place[1]) >= LONGEST_DELAY - SMALLEST_STEP:
         return None  # at its limit: the motion does not follow these commands at all
-    return _with_deviations(cost, place, delay_free=delay_free)
+    return _with_deviations(cost, _penalised(flown, None), place, delay_free=delay_free)
 
 
 def _penalised(flown: "Flown", counted: Counted) -> Cost:
@@ -248,37 +247,34 @@ def _with_skew(
 
 
 def _with_deviations(
-    cost: Cost, place: Float[np.ndarray, " t"], *, delay_free: bool
+    cost: Cost, slow: Cost, place: Float[np.ndarray, " t"], *, delay_free: bool
 ) -> MotorTiming:
-    """Return the timing at the bottom near `place`, with the deviations of its curvature."""
-    moves = (np.eye(len(place)) * STENCIL)[:2]
-    lag, delay = moves
-    middle, plus, minus = cost(place), cost(place + delay), cost(place - delay)
-    longer, shorter = cost(place + lag), cost(place - lag)
+    """Return the timing at the bottom near `place`, with the deviations that its curvature gives.
+
+    Beside them what the pilot's band alone moves it by: where a motor is no first-order lag, or
+    drag and gusts look like one.
+    """
+    lag, delay = (np.eye(len(place)) * STENCIL)[:2]
+    free = delay if delay_free else lag
+    middle, plus, minus = cost(place), cost(place + free), cost(place - free)
+    move = _parabola_shift(middle, plus, minus)
+    apart = _parabola_shift(slow(place), slow(place + free), slow(place - free)) - move
+    response = _response(place + move / STENCIL * free)
     if not delay_free:
-        curvature = max((longer - 2.0 * middle + shorter) / STENCIL**2, LONGEST_LAG**-2)
-        std = _norm(1.0 / np.sqrt(curvature), SUM_FAULT)
-        move = _parabola_shift(middle, longer, shorter)
-        return MotorTiming(
-            response=_response(place + move / STENCIL * lag), lag_std=std, total_std=std
-        )
+        curvature = max((plus - 2.0 * middle + minus) / STENCIL**2, LONGEST_LAG**-2)
+        std = _norm(1.0 / np.sqrt(curvature), apart, SUM_FAULT)
+        return MotorTiming(response=response, lag_std=std, total_std=std)
     cross = cost(place + lag + delay) + cost(place - lag - delay)
     cross -= cost(place + lag - delay) + cost(place - lag + delay)
-    hessian = np.array(
-        [
-            [longer - 2.0 * middle + shorter, 0.25 * cross],
-            [0.25 * cross, plus - 2.0 * middle + minus],
-        ]
-    )
+    own = cost(place + lag) - 2.0 * middle + cost(place - lag)
+    hessian = np.array([[own, 0.25 * cross], [0.25 * cross, plus - 2.0 * middle + minus]])
     covariance = np.linalg.pinv(hessian / STENCIL**2)
     lag_std, delay_std = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
-    total = float(np.sqrt(max(float(covariance.sum()), 0.0)))
-    move = _parabola_shift(middle, plus, minus)
     return MotorTiming(
-        response=_response(place + move / STENCIL * delay),
-        lag_std=_norm(lag_std, SPLIT_FAULT),
-        delay_std=_norm(delay_std, SPLIT_FAULT),
-        total_std=_norm(total, SUM_FAULT),
+        response=response,
+        lag_std=_norm(lag_std, apart, SPLIT_FAULT),
+        delay_std=_norm(delay_std, apart, SPLIT_FAULT),
+        total_std=_norm(float(np.sqrt(max(float(covariance.sum()), 0.0))), apart, SUM_FAULT),
     )
 
 
