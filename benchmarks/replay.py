@@ -48,7 +48,7 @@ BENCH = {
     "Izz_com": 8.860e-4,
     "Jr": 8.96e-7,
 }
-TERMS = '[identification]\nterms = ["rotor_inertia", "accel_bias", "twist"]\n'
+TERMS = '[identification]\nterms = ["rotor_inertia", "accel_bias", "twist", "rotor_drag"]\n'
 TIMES = (0.1, 0.5)
 LOGS_SHOWN = ("LOG00267.BFL", "LOG00271.BFL", "LOG00340.BFL")
 

@@ -9,6 +9,8 @@ WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""
 HOPELESS = 1.0
 """The same, over which it is not identified."""
+HOPELESS_YAW = 0.5
+"""The same where little but disturbances moves yaw: their pull is one-sided."""
 
 ADVICE = {
     "roll": "roll briskly: 20 s of quick left-right rolls, one or two a second",
@@ -39,8 +41,8 @@ def judge(
 ) -> Judgement:
     """Return the verdict on one number.
 
-    One of yaw is refused below `LEAST_EXCITATION`: yaw is what the rotors move least, and there the
-    disturbances that the autopilot answers pull its ratios to zero.
+    One of yaw is refused sooner below `LEAST_EXCITATION`: yaw is what the rotors move least, and
+    there the disturbances that the autopilot answers pull its ratios to zero.
 
     Parameters
     ----------
@@ -57,7 +59,7 @@ def judge(
     if relative <= WEAK:
         return Judgement(verdict="identified")
     little = excitation is not None and excitation < LEAST_EXCITATION
-    hopeless = not relative <= HOPELESS or (little and axis == "yaw")
+    hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
     reason = f"known only to +-{100 * relative:.0f} %"
     if hopeless:
         reason = "the interval is wider than the value itself"
