@@ -137,41 +137,46 @@ def _joint_widened(
     terms: Sequence[Term],
 ) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
-    others = [
-        _joint_fit(flown, response, weighed=weighed, top=top, terms=terms, begin=_values(fit))
-        for response, top in _other_settings(flown)
-    ]
-    shifts = [_joint_numbers(flown, *other).values - numbers.values for other in others]
+
+    def shift(response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
+        other = _joint_fit(
+            flown, response, weighed=weighed, top=top, terms=terms, begin=_values(fit)
+        )
+        return _joint_numbers(flown, *other).values - numbers.values
+
+    shifts = [[shift(*trial) for trial in trials] for trials in _other_settings(flown)]
     return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, shifts))
 
 
-def _other_settings(flown: Flown) -> list[tuple[MotorResponse | None, float]]:
-    """Return timing and upper edge of the trials: half the range, and the motors off both ways.
+def _other_settings(flown: Flown) -> list[list[tuple[MotorResponse | None, float]]]:
+    """Return timing and upper edge of the trials, in groups that are independent of each other.
+
+    Half the range; the motors off both ways; lag taken for delay.
 
     By half a sample, or by a deviation of what the flights tell of lag and delay, and of its split.
     """
-    trials: list[tuple[MotorResponse | None, float]] = [(flown.timing, 0.5 * EDGES[-1])]
+    trials: list[list[tuple[MotorResponse | None, float]]] = [[(flown.timing, 0.5 * EDGES[-1])]]
     found = flown.motor_timing
     if found is not None:
         half = 0.5 / flown.configurations[0].flights[0].prepared.data.sample_rate
         step, at = max(half, found.total_std), found.response
-        trials += [(replace(at, delay=at.delay + move), np.inf) for move in (-step, step)]
+        trials.append([(replace(at, delay=at.delay + move), np.inf) for move in (-step, step)])
     if found is not None and found.lag_std is not None and found.delay_std is not None:
         split = replace(
             found.response,
             lag=found.response.lag + found.lag_std,
             delay=found.response.delay - found.lag_std,
         )
-        trials.append((split, np.inf))
+        trials.append([(split, np.inf)])
     return trials
 
 
 def _wider(
-    half_width: Float[np.ndarray, " q"], shifts: list[Float[np.ndarray, " q"]]
+    half_width: Float[np.ndarray, " q"], shifts: list[list[Float[np.ndarray, " q"]]]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width with twice the rms shift."""
-    rms: Float[np.ndarray, " q"] = np.sqrt((np.array(shifts) ** 2).mean(axis=0))
-    return np.hypot(half_width, 2.0 * rms)
+    """Return the half-width with twice the rms shift of every group of trials."""
+    squares = [(np.array(group) ** 2).mean(axis=0) for group in shifts]
+    return np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))
 
 
 def row_result(experiment: Experiment, flown: Flown) -> Tables:
@@ -186,8 +191,11 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
     fits = _rows_at(flown, flown.timing)
     quantities = _row_quantities(flown, fits)
     shifts = [
-        _row_quantities(flown, _rows_at(flown, response, top=top)).values - quantities.values
-        for response, top in _other_settings(flown)
+        [
+            _row_quantities(flown, _rows_at(flown, response, top=top)).values - quantities.values
+            for response, top in trials
+        ]
+        for trials in _other_settings(flown)
     ]
     return row_tables(
         dataclasses.replace(quantities, half_width=_wider(quantities.half_width, shifts)),
