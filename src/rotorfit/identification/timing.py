@@ -177,7 +177,8 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
         place = _split_again(_penalised(flown, None), place)
     if abs(place[1]) >= LONGEST_DELAY - SMALLEST_STEP:
         return None  # at its limit: the motion does not follow these commands at all
-    return _with_deviations(cost, _penalised(flown, None), place, delay_free=delay_free)
+    found = _with_deviations(cost, _penalised(flown, None), place, delay_free=delay_free)
+    return _no_wider(found, flown.lag_prior[1])
 
 
 def _split_again(slow: Cost, place: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
@@ -299,6 +300,16 @@ def _with_deviations(
         delay_std=_norm(delay_std, apart, SPLIT_FAULT),
         total_std=_norm(float(np.sqrt(max(float(covariance.sum()), 0.0))), apart, SUM_FAULT),
     )
+
+
+def _no_wider(timing: MotorTiming, prior_std: float) -> MotorTiming:
+    """Return the timing with a lag no less sure than it was beforehand, and the delay with it."""
+    if timing.lag_std is None or timing.lag_std <= prior_std:
+        return timing
+    if timing.delay_std is None:  # the delay is given: the lag is all that the sum is unsure of
+        return replace(timing, lag_std=prior_std, total_std=prior_std)
+    delay_std = min(timing.delay_std, _norm(timing.total_std, prior_std))
+    return replace(timing, lag_std=prior_std, delay_std=delay_std)
 
 
 def _norm(*deviations: float) -> float:
