@@ -23,10 +23,10 @@ from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.identification.joint import (
     NOISY,
-    ROTOR_DRAG_STD,
     JointConfiguration,
     joint_map,
     joint_prior,
+    rotor_drag_std,
 )
 from rotorfit.identification.joint_parameters import physical
 from rotorfit.identification.timing import LAG_PRIOR
@@ -322,7 +322,7 @@ def _joint_configuration(
 def _rotor_drag_std(flight: SimulatedFlight) -> float:
     """Return what is known of the rotors' drag before the flight [N s^2/(m rad)]."""
     speeds = np.sqrt((flight.rotor_speed**2).mean(axis=0))
-    return float(ROTOR_DRAG_STD * flight.truth.mass / speeds.sum())
+    return rotor_drag_std(flight.truth.mass, float(speeds.sum()))
 
 
 def true_phi(
@@ -348,11 +348,11 @@ def true_phi(
 
 
 def prior_information(
-    mapped: ParameterMap, joint: Sequence[JointConfiguration], lags: int, rotor_drag_std: float
+    mapped: ParameterMap, joint: Sequence[JointConfiguration], lags: int, drag_std: float
 ) -> Float[np.ndarray, " g"]:
     """Return 1 / std^2 of what the default model knows before the flight."""
     known = np.zeros(len(mapped.names) + lags)
-    prior = joint_prior(joint) | {"rotor_drag": rotor_drag_std}
+    prior = joint_prior(joint) | {"rotor_drag": drag_std}
     for i, name in enumerate(mapped.names):
         known[i] = prior.get(name, np.inf) ** -2
     if lags > 1:

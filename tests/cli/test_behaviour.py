@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -160,7 +161,12 @@ def test_ctrl_c(tmp_path):
     log = tmp_path / "slow.csv"
     os.mkfifo(log)
     running = subprocess.Popen(
-        [PROGRAM, "inspect", log], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [PROGRAM, "inspect", log],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # The tests may themselves run in the background, where a shell has this signal ignored.
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     )
     writer = os.open(log, os.O_WRONLY)  # waits until the program reads, which then waits for us
     time.sleep(0.1)

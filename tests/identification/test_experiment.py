@@ -16,10 +16,10 @@ from rotorfit.flight.speed_law import (
 from rotorfit.identification.experiment import (
     load_experiment,
     motor_model_of,
-    read_options_of,
     single_flight_experiment,
     vehicle_of,
 )
+from rotorfit.identification.read_options import read_options_of
 
 LAYOUT = 'layout = "quad-x"\narm = 0.2'
 FLIGHT = 'mass = 1.2\nflights = ["a.csv"]'

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mocap_writers import write_motive, write_qualisys, write_trajectory, write_vicon
+from refusals import error_of
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
@@ -27,15 +28,6 @@ WRITERS = {
 @pytest.fixture(scope="module")
 def flight():
     return simulate_flight(*paper_vehicle("A"), Scenario(seconds=2.0), seed=3)
-
-
-def error_of(path, *, options=None):
-    with pytest.raises(LogError) as caught:
-        read_log(path, options=options)
-    message = str(caught.value)
-    assert message.startswith(f"{path}: ")
-    assert "\n" not in message
-    return message.removeprefix(f"{path}: ")
 
 
 def turn_between(log, flight):

@@ -4,6 +4,7 @@ import sqlite3
 
 import numpy as np
 import pytest
+from refusals import error_of
 from rosbag_writers import (
     EPOCH,
     LATE,
@@ -17,7 +18,6 @@ from rosbag_writers import (
 )
 from rosbags.rosbag2 import StoragePlugin
 
-from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight
 
@@ -50,15 +50,6 @@ def read(tmp_path, *messages, options=None):
     path = tmp_path / "bag"
     write_messages_ros2([m for group in messages for m in group], path)
     return read_log(path, options=options)
-
-
-def error_of(path, *, options=None):
-    with pytest.raises(LogError) as caught:
-        read_log(path, options=options)
-    message = str(caught.value)
-    assert message.startswith(f"{path}: ")
-    assert "\n" not in message
-    return message.removeprefix(f"{path}: ")
 
 
 def same_flight(log, flight):

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from mocap_writers import write_vicon
+from refusals import error_of
 from scipy.spatial.transform import Rotation
 
-from rotorfit.errors import LogError
-from rotorfit.identification.experiment import load_experiment, recording_options_of
+from rotorfit.identification.experiment import load_experiment
+from rotorfit.identification.read_options import recording_options_of
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight
 
@@ -16,15 +17,6 @@ HELICAL = ReadOptions(columns={"attitude": ColumnSpec(name="helical")})
 @pytest.fixture(scope="module")
 def flight():
     return simulate_flight(*paper_vehicle("A"), Scenario(seconds=2.0), seed=3)
-
-
-def error_of(path, *, options=None):
-    with pytest.raises(LogError) as caught:
-        read_log(path, options=options)
-    message = str(caught.value)
-    assert message.startswith(f"{path}: ")
-    assert "\n" not in message
-    return message.removeprefix(f"{path}: ")
 
 
 def edited(path, *changes):

@@ -184,9 +184,17 @@ def error_power(
     problem: BandedProblem, phi: Float[np.ndarray, " f"]
 ) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
     """Return the sums of squares of each noisy signal, and of its error at `phi`, per block."""
-    noisy, residual = list(problem.noisy), _evaluate(problem, phi).residual
-    signals = np.concatenate([factors.R[:, :, noisy] for factors in problem.factors])
-    return np.einsum("bmk,bmk->bk", signals, signals), np.einsum("bmk,bmk->bk", residual, residual)
+    return _signal_power(problem), _power(_evaluate(problem, phi).residual)
+
+
+def _signal_power(problem: BandedProblem) -> Float[np.ndarray, "b k"]:
+    noisy = list(problem.noisy)
+    return np.concatenate([_power(factors.R[:, :, noisy]) for factors in problem.factors])
+
+
+def _power(rows: Float[np.ndarray, "b m k"]) -> Float[np.ndarray, "b k"]:
+    """Return the sum of squares of every column of each block."""
+    return np.einsum("bmk,bmk->bk", rows, rows)
 
 
 def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
@@ -211,12 +219,12 @@ def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
         G, _ = solved(tensor, theta[c], problem.noisy)
         e = factors.R @ G.T
-        v, floored = _variance(e, factors, problem.noisy)
+        power = _power(e)
+        v, floored = _variance(power, factors, problem.noisy)
         counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
         cost += float(np.sum(factors.rows[:, None] * np.log(v), where=counted))
         # At its floor a variance is no longer that of the errors: they have a cost of their own,
         # or the likelihood of exact flights would be flat.
-        power = np.einsum("bmk,bmk->bk", e, e)
         spare = np.minimum(power / v - factors.rows[:, None], 0.0)
         cost += float(np.sum(spare, where=counted & floored))
         v = np.where(counted, v, np.inf)
@@ -248,25 +256,23 @@ def _feedback_scores(
     problem: BandedProblem, phi: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, "b f"]:
     """Return the derivative of the same by the free parameters, block by block."""
+    if problem.feedback is None:
+        return np.zeros((sum(len(factors) for factors in problem.factors), len(phi)))
     parts: list[Float[np.ndarray, "b f"]] = []
     theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
-    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        scores = np.zeros((len(factors), len(phi)))
-        if problem.feedback is not None:
-            G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
-            scores += problem.feedback.rows[c] @ problem.feedback.slope(G, dG)
-        parts.append(scores)
+    for c, (rows, tensor) in enumerate(zip(problem.feedback.rows, problem.tensors, strict=True)):
+        G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
+        parts.append(rows @ problem.feedback.slope(G, dG))
     return np.concatenate(parts)
 
 
 def _variance(
-    e: Float[np.ndarray, "b m k"], factors: Factors, noisy: Sequence[int]
+    power: Float[np.ndarray, "b k"], factors: Factors, noisy: Sequence[int]
 ) -> tuple[Float[np.ndarray, "b k"], Bool[np.ndarray, "b k"]]:
     """Return each block's mean square error per noisy signal, and where it is at its floor.
 
     Blocks of few rows borrow from their neighbours.
     """
-    power = np.einsum("bmk,bmk->bk", e, e)
     signal = np.einsum("bmk,bmk->k", factors.R[:, :, list(noisy)], factors.R[:, :, list(noisy)])
     floor = RELATIVE_FLOOR * signal / factors.rows.sum() + np.finfo(float).tiny
     own = borrowed_mean_square(power, factors)
@@ -387,8 +393,7 @@ def _known_share(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[
 
 def _squares(problem: BandedProblem, state: _State, own: Float[np.ndarray, "b k"]) -> float:
     """Return the squared errors over their variances, those of the noisy signals being `own`."""
-    power = np.einsum("bmk,bmk->bk", state.residual, state.residual)
-    weighted = power / (own + _known_share(problem, state.phi))
+    weighted = _power(state.residual) / (own + _known_share(problem, state.phi))
     gain = _feedback_gain(problem, problem.map.theta(state.phi))
     return float(weighted.sum()) + _prior_cost(problem, state.phi) - 2.0 * gain
 
@@ -452,7 +457,6 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
     kept = (V * widening) @ V.T
     inverse = root @ kept @ root.T
     covariance = root @ (kept @ kept.T) @ root.T
-    signal_power, residual_power = error_power(problem, state.phi)
     return BandedEstimate(
         estimate=Estimate(
             names=problem.map.names,
@@ -464,8 +468,8 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
         ),
         influence=scores[:-1] @ inverse,
         variance=state.variance,
-        signal_power=signal_power,
-        residual_power=residual_power,
+        signal_power=_signal_power(problem),
+        residual_power=_power(state.residual),
         log_likelihood=-0.5 * state.cost,
         iterations=iterations,
         problem=problem,

@@ -68,6 +68,11 @@ class Factors:
         )
 
     @property
+    def recording(self) -> Int[np.ndarray, " b"]:
+        """Which recording each block comes from; all from one where that is not told."""
+        return np.zeros(len(self), dtype=np.int64) if self.source is None else self.source
+
+    @property
     def known_noise(self) -> Float[np.ndarray, "b z"]:
         """The known variances per row; zeros where nothing is known."""
         return np.zeros((len(self), self.R.shape[2])) if self.noise is None else self.noise

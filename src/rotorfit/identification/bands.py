@@ -55,9 +55,9 @@ def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.n
 
 def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
     """Yield which blocks are of one flight and about one frequency."""
-    source = np.zeros(len(factors), dtype=np.int64) if factors.source is None else factors.source
     middle: Float[np.ndarray, " b"] = factors.band.mean(axis=1)
     place = np.digitize(middle, EDGES)
-    for number in np.unique(source):
-        for one in np.unique(place[source == number]):
-            yield (source == number) & (place == one)
+    for number in np.unique(factors.recording):
+        own = factors.recording == number
+        for one in np.unique(place[own]):
+            yield own & (place == one)

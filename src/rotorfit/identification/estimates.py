@@ -102,10 +102,10 @@ def _joint_fit(
         )
         for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
     ]
-    starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if begin is None else []
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
     if begin is None:
+        starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
         # Before the first fit nobody can tell the pilot's motion from disturbances.
         begin = _values(joint_estimate(joint, starts, known_kt=known, terms=terms))
     joint = steered(joint, begin, known_kt=known, terms=terms)
@@ -144,16 +144,14 @@ def _joint_widened(
         )
         return _joint_numbers(flown, *other).values - numbers.values
 
-    shifts = [[shift(*trial) for trial in trials] for trials in _other_settings(flown)]
-    return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, shifts))
+    return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, flown, shift))
 
 
 def _other_settings(flown: Flown) -> list[list[tuple[MotorResponse | None, float]]]:
     """Return timing and upper edge of the trials, in groups that are independent of each other.
 
-    Half the range; the motors off both ways; lag taken for delay.
-
-    By half a sample, or by a deviation of what the flights tell of lag and delay, and of its split.
+    Half the range; the motors off both ways, by half a sample or by a deviation of what the flights
+    tell of lag plus delay; lag taken for delay, by a deviation of the split.
     """
     trials: list[list[tuple[MotorResponse | None, float]]] = [[(flown.timing, 0.5 * EDGES[-1])]]
     found = flown.motor_timing
@@ -172,10 +170,15 @@ def _other_settings(flown: Flown) -> list[list[tuple[MotorResponse | None, float
 
 
 def _wider(
-    half_width: Float[np.ndarray, " q"], shifts: list[list[Float[np.ndarray, " q"]]]
+    half_width: Float[np.ndarray, " q"],
+    flown: Flown,
+    shift: Callable[[MotorResponse | None, float], Float[np.ndarray, " q"]],
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width with twice the rms shift of every group of trials."""
-    squares = [(np.array(group) ** 2).mean(axis=0) for group in shifts]
+    squares = [
+        np.mean([shift(*trial) ** 2 for trial in trials], axis=0)
+        for trials in _other_settings(flown)
+    ]
     return np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))
 
 
@@ -190,15 +193,13 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
     configured = next(iter(flown.configurations))
     fits = _rows_at(flown, flown.timing)
     quantities = _row_quantities(flown, fits)
-    shifts = [
-        [
-            _row_quantities(flown, _rows_at(flown, response, top=top)).values - quantities.values
-            for response, top in trials
-        ]
-        for trials in _other_settings(flown)
-    ]
+
+    def shift(response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
+        other = _row_quantities(flown, _rows_at(flown, response, top=top))
+        return other.values - quantities.values
+
     return row_tables(
-        dataclasses.replace(quantities, half_width=_wider(quantities.half_width, shifts)),
+        dataclasses.replace(quantities, half_width=_wider(quantities.half_width, flown, shift)),
         fits,
         configured.entry,
         vehicle=flown.vehicle,

@@ -23,7 +23,6 @@ from rotorfit.identification.law_entry import (
 from rotorfit.identification.payload import PointMass
 from rotorfit.identification.terms import Terms
 from rotorfit.identification.toml_files import file_as_table, files_as_tables, read_toml
-from rotorfit.logs import ColumnSpec, ReadOptions
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Spin, Vehicle
 
@@ -415,31 +414,6 @@ def motor_model_of(motors: MotorsEntry) -> MotorModel:
         lag_down=motors.lag_down,
         delay=motors.delay,
     )
-
-
-def read_options_of(flight: FlightEntry, motors: MotorsEntry) -> ReadOptions:
-    """Return what the log's reader is told."""
-    return ReadOptions(
-        log_number=flight.log,
-        columns=_columns(flight.columns),
-        axes=flight.axes,
-        motor_poles=motors.poles,
-    )
-
-
-def recording_options_of(recording: RecordingEntry) -> ReadOptions:
-    """Return what the reader of a motion-capture file is told."""
-    return ReadOptions(columns=_columns(recording.columns), axes=recording.axes)
-
-
-def _columns(entries: Mapping[str, ColumnEntry | str] | None) -> dict[str, ColumnSpec] | None:
-    return None if entries is None else {key: _column(value) for key, value in entries.items()}
-
-
-def _column(entry: ColumnEntry | str) -> ColumnSpec:
-    if isinstance(entry, str):
-        return ColumnSpec(name=entry)
-    return ColumnSpec(**entry.model_dump())
 
 
 def _rotor(entry: RotorEntry, axes: Axes) -> Rotor:

@@ -27,11 +27,10 @@ from rotorfit.identification.experiment import (
     MotorsEntry,
     Source,
     motor_model_of,
-    read_options_of,
-    recording_options_of,
 )
 from rotorfit.identification.frame_check import check_frame
 from rotorfit.identification.payload import PointMass
+from rotorfit.identification.read_options import read_options_of, recording_options_of
 from rotorfit.identification.timing import LAG_PRIOR, MotorTiming
 from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, band_factors

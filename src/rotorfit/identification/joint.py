@@ -194,7 +194,7 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
     }
     first = configurations[0]
     if len(first.factors):
-        prior["rotor_drag"] = ROTOR_DRAG_STD * first.mass / rotor_speeds(first).sum()
+        prior["rotor_drag"] = rotor_drag_std(first.mass, float(rotor_speeds(first).sum()))
     for configuration in configurations:
         at, arm = f"@{configuration.name}", configuration.vehicle.arm
         prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
@@ -203,6 +203,19 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
         prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
         prior |= {f"{name}{at}": std for name, std, _ in tolerances(configuration.payload)}
     return prior
+
+
+def rotor_drag_std(mass: float, speeds: float) -> float:
+    """Return what is known of the rotors' drag before the flight [N s^2/(m rad)].
+
+    Parameters
+    ----------
+    mass
+        [kg]
+    speeds
+        Of all rotors together [rad/s].
+    """
+    return ROTOR_DRAG_STD * mass / speeds
 
 
 def rotor_speeds(configuration: JointConfiguration) -> Float[np.ndarray, " N"]:

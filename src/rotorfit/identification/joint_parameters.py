@@ -22,8 +22,8 @@ from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.bands import PILOT_BAND
 from rotorfit.identification.excitation import AXIS_OF, attenuation_allowance
 from rotorfit.identification.joint import (
-    ROTOR_DRAG_STD,
     JointConfiguration,
+    rotor_drag_std,
     spread_names,
 )
 from rotorfit.identification.payload import MOMENTS
@@ -131,9 +131,7 @@ def _between_flights(
     for factors in fit.problem.factors:
         own = fit.influence[first : first + len(factors)]
         first += len(factors)
-        source = np.zeros(len(factors), dtype=np.int64)
-        if factors.source is not None:
-            source = factors.source
+        source = factors.recording
         pulls = np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T
         m = len(pulls)
         if m < FEWEST_FLIGHTS:
@@ -221,10 +219,9 @@ def _flight_ratios(
     """Return the mean over flights of explained over residual power in the pilot's band."""
     low, high = PILOT_BAND
     inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
-    source = np.zeros(len(factors), dtype=np.int64) if factors.source is None else factors.source
     total, weight = np.zeros(3), 0.0
-    for number in np.unique(source):
-        own = inside & (source == number)
+    for number in np.unique(factors.recording):
+        own = inside & (factors.recording == number)
         left = residual[own].sum(axis=0)
         explained = np.maximum(signal[own].sum(axis=0) - left, 0.0)
         rows = float(factors.rows[own].sum())
@@ -286,7 +283,7 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) 
     if base == "rotor_drag":
         hover = next(n for n in numbers.names if n.startswith("hover_speed"))
         speeds = len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])
-        return ROTOR_DRAG_STD * mass / speeds
+        return rotor_drag_std(mass, speeds)
     if base == "Jr":
         return _diagonal(numbers, owner)[2] / 1000.0
     if base == "Jr_over_Izz":

@@ -24,10 +24,10 @@ from rotorfit.identification.bands import EDGES, PILOT_BAND, STRETCH
 from rotorfit.identification.excitation import attenuation_allowance
 from rotorfit.identification.joint import (
     NOISY,
-    ROTOR_DRAG_STD,
     JointConfiguration,
     joint_map,
     joint_prior,
+    rotor_drag_std,
 )
 from rotorfit.identification.joint_parameters import (
     AXES,
@@ -392,7 +392,7 @@ def _scales(
     for name in mapped.names:
         base = name.partition("@")[0]
         if base == "rotor_drag":
-            sizes.append(ROTOR_DRAG_STD * truth.mass / (len(rough.vehicle.rotors) * speed))
+            sizes.append(rotor_drag_std(truth.mass, len(rough.vehicle.rotors) * speed))
         elif base in ("msx", "msy", "msz"):
             sizes.append(truth.mass * arm)
         elif base in own:

@@ -203,7 +203,6 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
     thrust = kt[:, :, None] * n
     spin = s[:, None] * n
     torque = np.cross(arms, thrust) - values["kd"][:, None, None] * spin
-    squares = (vehicle.positions[:, :2] ** 2).sum(axis=1)
     torque[:, :, 2] += (values["kt"] * values.get("twist", zero))[:, None]
     return ReplayVehicle(
         mass=values["mass"],
@@ -212,7 +211,7 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
         thrust=thrust,
         torque=torque,
         spin=values.get("Jr", zero)[:, None, None] * spin,
-        damping=values.get("rotor_drag", zero)[:, None] * squares,
+        damping=values.get("rotor_drag", zero)[:, None] * vehicle.squared_arms,
         offset=columns("torque_offset_x", "torque_offset_y", "torque_offset_z"),
         accel_bias=columns("accel_bias_x", "accel_bias_y", "accel_bias_z"),
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),

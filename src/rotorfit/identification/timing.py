@@ -158,14 +158,15 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
     """
     # The way there on the first configuration alone; the last steps see all of them.
     one = replace(flown, configurations=flown.configurations[:1])
-    slow, known = _penalised(one, None), flown.declared.delay
-    grid = [slow(np.array([lag, known])) for lag in LAGS_TRIED]
+    slow, slow_of_one = _penalised(flown, None), _penalised(one, None)
+    known = flown.declared.delay
+    grid = [slow_of_one(np.array([lag, known])) for lag in LAGS_TRIED]
     best = int(np.argmin(grid))
     if best == len(LAGS_TRIED) - 1:
         return None
     start = np.array([max(LAGS_TRIED[best], 0.005), known])
     steps = np.array([FIRST_STEP, FIRST_STEP])[: 2 if delay_free else 1]
-    place, _ = _descended(slow, start, steps)
+    place, _ = _descended(slow_of_one, start, steps)
     counted = _counted(flown, _response(place))
     cost, first = _penalised(flown, counted), _penalised(one, counted)
     place, value = _descended(first, place, 0.5 * steps)
@@ -174,10 +175,10 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
         steps = np.array([0.5 * FIRST_STEP, 0.5 * FIRST_STEP, SKEW_TRIED])
         place, _ = _descended(cost, skewed, steps if delay_free else steps[[0, 2]])
     elif delay_free:
-        place = _split_again(_penalised(flown, None), place)
+        place = _split_again(slow, place)
     if abs(place[1]) >= LONGEST_DELAY - SMALLEST_STEP:
         return None  # at its limit: the motion does not follow these commands at all
-    found = _with_deviations(cost, _penalised(flown, None), place, delay_free=delay_free)
+    found = _with_deviations(cost, slow, place, delay_free=delay_free)
     return _no_wider(found, flown.lag_prior[1])
 
 

@@ -106,7 +106,7 @@ def _raw_signals(
         np.multiply(w[:, i], w[:, j], out=Z[:, column])
     np.multiply(O, O, out=Z[:, 12 : 12 + N])
     _fill_spin(Z, layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
-    Z[:, layout.index("wzO")] = w[:, 2] * (O @ (vehicle.positions[:, :2] ** 2).sum(axis=1))
+    Z[:, layout.index("wzO")] = w[:, 2] * (O @ vehicle.squared_arms)
     if velocity:
         first = layout.index("vx")
         Z[:, first : first + 3] = _known_velocity(flight, rows)

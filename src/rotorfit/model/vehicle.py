@@ -66,6 +66,11 @@ class Vehicle:
         return np.array([1.0 if rotor.spin == "ccw" else -1.0 for rotor in self.rotors])
 
     @property
+    def squared_arms(self) -> Float[np.ndarray, " N"]:
+        """Squared distance of each rotor from the body's z axis [m^2]."""
+        return (self.positions[:, :2] ** 2).sum(axis=1)
+
+    @property
     def arm(self) -> float:
         """Mean distance of the rotors from the thrust line through their centre [m]."""
         offsets = self.positions[:, :2] - self.positions[:, :2].mean(axis=0)

@@ -42,7 +42,7 @@ def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
     return Rotors(
         wrench_per_square=allocation(vehicle, kt=truth.rotor_kt(len(vehicle.rotors)), kd=truth.kd),
         spin_per_speed=truth.Jr * (vehicle.spins[:, None] * vehicle.axes).T,
-        yaw_damping_per_speed=truth.rotor_drag * (vehicle.positions[:, :2] ** 2).sum(axis=1),
+        yaw_damping_per_speed=truth.rotor_drag * vehicle.squared_arms,
         lag=truth.motor_lag,
         lag_down=truth.falling_lag,
     )

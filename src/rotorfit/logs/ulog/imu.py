@@ -9,7 +9,8 @@ from jaxtyping import Bool, Float
 
 from rotorfit.flight.log import Channel
 from rotorfit.logs.axes import vectors_to_flu
-from rotorfit.logs.ulog.scan import Scan, Topic
+from rotorfit.logs.ulog.scan import Scan
+from rotorfit.logs.ulog.topic import Topic
 
 _SIGNAL: Final = ("timestamp", "timestamp_sample", "xyz")
 _FIFO: Final = (

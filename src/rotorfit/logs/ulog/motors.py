@@ -11,7 +11,8 @@ from jaxtyping import Bool, Float
 
 from rotorfit.flight.log import Channel
 from rotorfit.flight.signals import pieces
-from rotorfit.logs.ulog.scan import Scan, Topic
+from rotorfit.logs.ulog.scan import Scan
+from rotorfit.logs.ulog.topic import Topic
 
 SPEED_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "esc_status": ("timestamp", "esc_count", "esc", "esc_rpm", "actuator_function")

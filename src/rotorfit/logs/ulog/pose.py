@@ -10,7 +10,8 @@ from jaxtyping import Float
 from rotorfit.flight.log import Channel
 from rotorfit.flight.signals import pieces
 from rotorfit.logs.axes import attitude_to_flu, vectors_to_flu
-from rotorfit.logs.ulog.scan import Scan, Topic
+from rotorfit.logs.ulog.scan import Scan
+from rotorfit.logs.ulog.topic import Topic
 
 MOCAP: Final = ("vehicle_mocap_odometry", "vehicle_visual_odometry")
 TOPICS: Final[Mapping[str, tuple[str, ...]]] = {

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.logs.ulog.motors import commanded_law, motor_count
-from rotorfit.logs.ulog.scan import Scan, Topic
+from rotorfit.logs.ulog.scan import Scan
+from rotorfit.logs.ulog.topic import Topic
 
 TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "actuator_armed": ("timestamp", "armed"),
