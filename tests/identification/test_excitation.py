@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rotorfit.identification.excitation import (
+    ANSWERED_PULL,
     AXIS_OF,
     INERTIA_PULL,
     NO_EXCITATION,
@@ -25,7 +26,8 @@ PULLS = {"Ixx_com": INERTIA_PULL, "Iyy": INERTIA_PULL, "Izz": SCALE_PULL, "kd": 
 )
 def test_the_allowance_holds_the_truth_of_a_number_pulled_up(true, rho, share, name):
     found = true * (1.0 + share * PULLS[name] / rho)
-    assert found - true <= attenuation_allowance(name, found, rho) * (1 + 1e-9)
+    allowed = attenuation_allowance(name, found, rho, answered=False)
+    assert found - true <= allowed * (1 + 1e-9)
 
 
 @given(
@@ -33,15 +35,34 @@ def test_the_allowance_holds_the_truth_of_a_number_pulled_up(true, rho, share, n
     rho=st.floats(NO_EXCITATION * 1.01, 1e3),
     share=st.floats(0.0, 1.0),
     name=st.sampled_from(["kd_over_Izz", "Jr_over_Izz", "Jr", "kd"]),
+    answered=st.booleans(),
 )
-def test_the_allowance_holds_the_truth_of_a_number_pulled_down(true, rho, share, name):
+def test_the_allowance_holds_the_truth_of_a_number_pulled_down(true, rho, share, name, answered):
     found = true * (1.0 - share * RATIO_PULL / rho)
-    assert true - found <= attenuation_allowance(name, found, rho) * (1 + 1e-9)
+    allowed = attenuation_allowance(name, found, rho, answered=answered)
+    assert true - found <= allowed * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("answered", [False, True])
 @pytest.mark.parametrize("name", sorted(AXIS_OF))
-def test_without_excitation_nothing_is_bounded(name):
-    assert np.isinf(attenuation_allowance(name, 1.0, NO_EXCITATION))
-    assert np.isinf(attenuation_allowance(name, 1.0, 0.0))
-    assert attenuation_allowance(name, -2.0, 3.0) == 2 * attenuation_allowance(name, 1.0, 3.0)
-    assert attenuation_allowance(name, 1.0, 1e6) < 1e-5
+def test_without_excitation_nothing_is_bounded(name, answered):
+    def allowed(size, rho):
+        return attenuation_allowance(name, size, rho, answered=answered)
+
+    assert np.isinf(allowed(1.0, NO_EXCITATION))
+    assert np.isinf(allowed(1.0, 0.0))
+    assert allowed(-2.0, 3.0) == 2 * allowed(1.0, 3.0)
+    assert allowed(1.0, 1e6) < 1e-5
+
+
+@given(rho=st.floats(3.01, 1e3), share=st.floats(0.0, 1.0), name=st.sampled_from(["Ixx", "Iyy"]))
+def test_the_term_for_the_answer_leaves_less_to_allow_for(rho, share, name):
+    found = 1.0 + share * ANSWERED_PULL / rho
+    allowed = attenuation_allowance(name, found, rho, answered=True)
+    assert found - 1.0 <= allowed * (1 + 1e-9)
+    assert allowed < attenuation_allowance(name, found, rho, answered=False)
+
+
+def test_where_no_band_is_flown_the_term_is_not_there():
+    one, other = (attenuation_allowance("Ixx", 1.0, 2.9, answered=a) for a in (False, True))
+    assert one == other

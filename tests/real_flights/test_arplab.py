@@ -1,8 +1,11 @@
 """A real Crazyflie on commands only: lag, thrust and inertia as far as its log tells."""
 
+import numpy as np
 import pytest
 
 import flown
+from rotorfit.flight.motors import first_order_lag
+from rotorfit.logs import read_log
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 pytestmark = pytest.mark.flights
@@ -37,6 +40,44 @@ def test_the_lag_is_found_and_rising_is_faster_than_falling(result):
     up, down = (result.parameter(f"motor_lag_{way}") for way in ("up", "down"))
     assert up.interval[1] < down.value
     assert up.value < down.interval[0]
+
+
+@pytest.fixture(scope="module")
+def explained(flight_data_dir):
+    """Return how much of roll and of pitch a lag and a delay of thrust explain, as R^2."""
+    log = flight_data_dir / "arplab-crazyflie" / "log15"
+    if not log.is_file():
+        pytest.skip(f"no {log}")
+    channels = read_log(log).channels
+    time = channels["gyro"].time
+    even = np.arange(time[0], time[-1], 1e-3)
+    gyro = np.stack([np.interp(even, time, w) for w in channels["gyro"].values.T], axis=1)
+    last = np.searchsorted(channels["command"].time, even, side="right") - 1
+    command = channels["command"].values[np.maximum(last, 0)]
+    flying = (even > 55) & (even < 90)
+    turn = np.gradient(smooth(gyro), 1e-3, axis=0)[flying, :2]
+
+    def share(lag, delay):
+        thrust = smooth(first_order_lag(command, 1e3, lag) ** 2)
+        torque = thrust @ np.sign(CRAZYFLIE.positions[:, [1, 0]]) * [1.0, -1.0]
+        late = np.roll(torque, round(delay * 1e3), axis=0)[flying]
+        return np.array([np.corrcoef(late[:, i], turn[:, i])[0, 1] ** 2 for i in (0, 1)])
+
+    return share
+
+
+def smooth(signals):
+    """Return the moving average over 20 ms."""
+    return np.stack([np.convolve(x, np.ones(20) / 20, "same") for x in signals.T], axis=1)
+
+
+def test_lag_and_delay_explain_more_than_the_lag_alone_of_its_authors(result, explained):
+    """Theirs is 80 ms and has no delay: a model that must take the delay for more lag."""
+    alone = {lag: explained(lag, 0.0) for lag in np.arange(0.04, 0.13, 0.01)}
+    best = max(alone, key=lambda lag: alone[lag].sum())
+    assert 0.07 <= best <= 0.09
+    found = [result.parameter(name).value for name in ("motor_lag", "motor_delay")]
+    assert (explained(*found) > alone[best] + 0.04).all()
 
 
 def test_thrust_carries_the_weight_and_the_interval_holds_the_thrust_stand(result):

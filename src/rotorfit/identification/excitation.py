@@ -4,15 +4,19 @@ The autopilot answers disturbances, so that rotor speeds are correlated with the
 of what the rotors do is pulled to one side: by a share of it that goes with 1 / rho, rho being
 explained over residual power of the axis' angular acceleration where a pilot moves the vehicle.
 Measured on simulated flights (another rigid-body engine, gusts and sticks of many sizes) and on
-real ones: the roll and pitch inertia come out too large by up to 2.5 / rho, k_d / I_zz and
-J_r / I_zz too small by up to 1.5 / rho, and the scale of I_zz and k_d, which hangs on small terms,
-is off by up to 3 / rho either way.
+real ones: the roll and pitch inertia come out too large by up to 2.5 / rho, by 1.5 / rho where the
+likelihood has a term for the answer (`steering.py`); k_d / I_zz and J_r / I_zz too small by up to
+1.5 / rho; and the scale of I_zz and k_d, which hangs on small terms, is off by up to 3 / rho either
+way.
 """
 
 from collections.abc import Mapping
 from typing import Final
 
+from rotorfit.identification.bands import LEAST_RATIO
+
 INERTIA_PULL: Final = 2.5
+ANSWERED_PULL: Final = 1.5
 RATIO_PULL: Final = 1.5
 SCALE_PULL: Final = 3.0
 """Largest pulls, as shares of the true value times rho."""
@@ -33,7 +37,7 @@ AXIS_OF: Final[Mapping[str, str]] = {
 YAW_RATIOS: Final = ("kd_over_Izz", "Jr_over_Izz")
 
 
-def attenuation_allowance(name: str, size: float, rho: float) -> float:
+def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool) -> float:
     """Return the half-width that lack of excitation adds, infinite where it bounds nothing.
 
     Parameters
@@ -44,13 +48,16 @@ def attenuation_allowance(name: str, size: float, rho: float) -> float:
         Of the number as found, or a size of it that matters where it is near zero.
     rho
         Explained over residual power of the axis' angular acceleration.
+    answered
+        Whether the likelihood has a term for the autopilot's answer in the bands that are flown.
     """
     size, rho = float(size), float(rho)
     if not rho > NO_EXCITATION:
         return float("inf")
     too_small = RATIO_PULL / (rho - RATIO_PULL)
     if AXIS_OF[name] != "yaw":
-        share = INERTIA_PULL / (rho + INERTIA_PULL)
+        pull = ANSWERED_PULL if answered and rho > LEAST_RATIO else INERTIA_PULL
+        share = pull / (rho + pull)
     elif name in YAW_RATIOS:
         share = too_small
     else:

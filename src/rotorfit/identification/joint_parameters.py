@@ -246,7 +246,7 @@ def _with_systematic(
         if rho is not None:
             c = by_name[owner] if owner else configurations[0]
             scale = number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle)
-            parts.append(attenuation_allowance(base, max(value, scale), rho))
+            parts.append(attenuation_allowance(base, max(value, scale), rho, answered=True))
         if (PARAMETERS | DERIVED)[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)

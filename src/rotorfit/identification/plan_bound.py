@@ -293,7 +293,7 @@ def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
             size = max(
                 abs(value), number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
             )
-            extra[i] = attenuation_allowance(base, size, rho)
+            extra[i] = attenuation_allowance(base, size, rho, answered=True)
         if (PARAMETERS | DERIVED)[base].mass_power:
             weighed = 0.5 * problem.assumed.mass_step / bare.mass
             extra[i] = np.hypot(extra[i], weighed * value)

@@ -188,7 +188,7 @@ def _systematic(
             scale = number_scale(name, known, mass=mass[0], arm=vehicle.arm)
             size = max(abs(float(values[i])), scale)
             rho = fits.excitation[AXIS_OF[name]]
-            parts.append(attenuation_allowance(name, size, rho))
+            parts.append(attenuation_allowance(name, size, rho, answered=False))
         if name == "kt" or name.startswith(("I", "ms")):
             parts.append(weighed * abs(float(values[i])))
         if name in ("com_z", "msz"):
