@@ -135,6 +135,19 @@ def test_one_of_several_logs_is_identified(run, refused, here, columns):
     assert numbers(chosen.json) == numbers(written.json)
 
 
+def test_the_other_log_of_a_file_validates(run, refused, here, columns):
+    later = {**columns, "time": columns["time"] + 100.0}
+    (here / "two.bbl").write_bytes(blackbox_of(columns) + blackbox_of(later))
+    options = ("--mass", "1.285", "--airframe", "airframe.toml", "--method", "ols")
+    assert run("identify", "two.bbl", "--log", "1", *options, "-o", "one.json").code == 0
+    other = run("validate", "one.json", "two.bbl", "--log", "2", "--json")
+    assert other.code == 0
+    assert [row["flight"] for row in other.json] == ["two.bbl"]
+    assert "used in the fit" in refused("validate", "one.json", "two.bbl", "--log", "1")
+    nameless = run("fly", "one.json", "--log", "2")
+    assert (nameless.code, "--log is of a --flight" in nameless.err) == (2, True)
+
+
 def test_speed_overrides_the_file(run, changed, here):
     changed(lambda c: {n: v for n, v in c.items() if not n.startswith("rotor_")})
     given = run("identify", "experiment.toml", "--speed", "commanded", "--json")

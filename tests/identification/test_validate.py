@@ -118,6 +118,43 @@ def test_flight_of_the_fit_is_refused(folder, result, tmp_path):
             validate_file(result, path, configuration="A")
 
 
+def test_the_rest_of_a_flight_of_the_fit_validates(folder, tmp_path):
+    for path in folder.iterdir():
+        shutil.copyfile(path, tmp_path / path.name)
+    experiment = tmp_path / "experiment.toml"
+    text = experiment.read_text().replace('"A1.csv"', '{ file = "A1.csv", end = 10.0 }')
+    experiment.write_text(text)
+    half = flown.quietly_identified(experiment)
+    rest = validate_file(half, tmp_path / "A1.csv", configuration="A", start=10.0, end=15.0)
+    assert max(rest.relative_error.values()) < 5e-3
+    assert 10.0 <= rest.time[0] < rest.time[-1] <= 15.0
+    for window in ({}, {"start": 9.0}, {"end": 3.0}):
+        with pytest.raises(ExperimentError, match=r"A1\.csv was used in the fit"):
+            validate_file(half, tmp_path / "A1.csv", configuration="A", **window)
+
+
+def test_a_stretch_that_ends_before_it_starts_is_refused(folder, result):
+    with pytest.raises(ExperimentError, match=r"end = 3\.0 is not after start = 5\.0"):
+        validate_file(result, folder / "A2.csv", configuration="A", start=5.0, end=3.0)
+
+
+def test_a_flight_under_two_names_is_refused(folder, tmp_path):
+    for path in folder.iterdir():
+        shutil.copyfile(path, tmp_path / path.name)
+    shutil.copyfile(folder / "A1.csv", tmp_path / "B1.csv")
+    with pytest.raises(ExperimentError, match=r"B1\.csv has the same content as A1\.csv"):
+        flown.quietly_identified(tmp_path / "experiment.toml")
+
+
+def test_a_flight_in_two_configurations_is_refused(folder, tmp_path):
+    for path in folder.iterdir():
+        shutil.copyfile(path, tmp_path / path.name)
+    experiment = tmp_path / "experiment.toml"
+    experiment.write_text(experiment.read_text().replace('"B1.csv"', '"A1.csv"'))
+    with pytest.raises(ExperimentError, match=r"A1\.csv is listed twice; it would count twice"):
+        flown.quietly_identified(experiment)
+
+
 def test_experiment_that_validates_on_its_fit_is_refused(folder, tmp_path):
     for path in folder.iterdir():
         shutil.copyfile(path, tmp_path / path.name)

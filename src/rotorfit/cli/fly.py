@@ -43,6 +43,7 @@ class FlyRequest:
     bench: tuple[str, ...] = ()
     against: tuple[Path, ...] = ()
     flights: tuple[Path, ...] = ()
+    log_number: int | None = None
     output: Path | None = None
     report: Path | None = None
     figures: Path | None = None
@@ -63,6 +64,8 @@ def run(request: FlyRequest) -> None:
     assumed = _numbers(request.assume, "--assume")
     bench = _numbers(request.bench, "--bench")
     _refuse_outputs(request)
+    if request.log_number is not None and not request.flights:
+        raise typer.BadParameter("--log is of a --flight, which names the file")
     require_mujoco()
     result = IdentificationResult.load(request.result)
     with threadpool_limits(limits=1, user_api="blas"):
@@ -111,6 +114,7 @@ def _outcome(
             owner,
             {label: side.timed for label, side in sides.items()},
             others=request.flights,
+            log_number=request.log_number,
             tell=tell,
         )
         tell("flying the model")

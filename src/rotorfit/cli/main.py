@@ -164,12 +164,22 @@ def validate(
         str | None,
         typer.Option(help="In which they were flown; may be left out where there is one."),
     ] = None,
+    log: LogNumber = None,
+    start: Start = None,
+    end: End = None,
     as_json: AsJson = False,
 ) -> None:
     """Check whether a result predicts flights that its fit has not seen."""
     from rotorfit.cli.validate import run
 
-    run(result, flights, configuration=configuration, as_json=as_json)
+    run(
+        result,
+        flights,
+        configuration=configuration,
+        log_number=log,
+        window=(start, end),
+        as_json=as_json,
+    )
 
 
 @app.command()
@@ -229,6 +239,7 @@ def fly(
         list[Path] | None,
         typer.Option(help="Replay this log instead of the result's own flights; repeatable."),
     ] = None,
+    log: LogNumber = None,
     against: Annotated[
         list[Path] | None,
         typer.Option(help="Another result of the vehicle, to stand beside; repeatable."),
@@ -263,6 +274,7 @@ def fly(
             bench=tuple(bench or ()),
             against=tuple(against or ()),
             flights=tuple(flight or ()),
+            log_number=log,
             output=output,
             report=report,
             figures=figures,

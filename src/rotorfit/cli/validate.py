@@ -13,7 +13,13 @@ from rotorfit.identification.validate import validate_file, validation_rows
 
 
 def run(
-    result_path: Path, flights: list[Path], *, configuration: str | None, as_json: bool
+    result_path: Path,
+    flights: list[Path],
+    *,
+    configuration: str | None,
+    log_number: int | None = None,
+    window: tuple[float | None, float | None] = (None, None),
+    as_json: bool,
 ) -> None:
     """Compare, and print the errors of every flight."""
     result = IdentificationResult.load(result_path)
@@ -22,7 +28,16 @@ def run(
         warnings.simplefilter("ignore", RotorfitWarning)
         for flight in flights:
             tell(f"reading {flight.name}")
-            comparisons.append(validate_file(result, flight, configuration=configuration))
+            comparisons.append(
+                validate_file(
+                    result,
+                    flight,
+                    configuration=configuration,
+                    log_number=log_number,
+                    start=window[0],
+                    end=window[1],
+                )
+            )
     if as_json:
         show(json.dumps(list(validation_rows(comparisons)), indent=1, allow_nan=False))
     else:

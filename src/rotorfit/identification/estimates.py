@@ -29,9 +29,22 @@ from rotorfit.identification.weight import WeighedThrust, contradiction, kt_from
 
 
 def resolved_method(experiment: Experiment) -> str:
-    """Return the method of an experiment; the preset of the paper brings its own."""
+    """Return the method of an experiment; the preset of the paper brings its own.
+
+    Raises
+    ------
+    ExperimentError
+        If the method cannot take what the experiment has.
+    """
     given = experiment.identification
-    return "tls" if given.preset == "paper" else given.method
+    method = "tls" if given.preset == "paper" else given.method
+    if method == "ols" and len(experiment.configuration) > 1:
+        names = ", ".join(entry.name for entry in experiment.configuration)
+        raise ExperimentError(
+            f'method = "ols" takes one configuration, not {len(experiment.configuration)} '
+            f'({names}); use "banded" or "tls", or leave one [[configuration]] in the file'
+        )
+    return method
 
 
 def joint_result(experiment: Experiment, flown: Flown) -> Tables:
@@ -184,12 +197,6 @@ def _wider(
 
 def row_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the estimate row by row."""
-    if len(flown.configurations) > 1:
-        names = ", ".join(c.entry.name for c in flown.configurations)
-        raise ExperimentError(
-            f'method = "ols" takes one configuration, not {len(flown.configurations)} ({names}); '
-            'use "banded" or "tls", or leave one [[configuration]] in the file'
-        )
     configured = next(iter(flown.configurations))
     fits = _rows_at(flown, flown.timing)
     quantities = _row_quantities(flown, fits)

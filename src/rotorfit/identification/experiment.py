@@ -4,15 +4,17 @@ The file is TOML (see the README); unknown keys are refused with the nearest kno
 message names the place in the file. Paths of flights are relative to the file.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from rotorfit.errors import ExperimentError
 from rotorfit.flight.prepare import MotorModel
-from rotorfit.identification.arms import refuse_impossible_arms
+from rotorfit.identification.airframe_entry import AirframeEntry, Axes, ImuEntry, RotorEntry
+from rotorfit.identification.entries import Finite, NotNegative, Positive, Strict, Vector
 from rotorfit.identification.experiment_problems import problems_in_words
 from rotorfit.identification.law_entry import (
     LawEntry,
@@ -24,88 +26,13 @@ from rotorfit.identification.payload import PointMass
 from rotorfit.identification.terms import Terms
 from rotorfit.identification.toml_files import file_as_table, files_as_tables, read_toml
 from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.vehicle import Rotor, Spin, Vehicle
+from rotorfit.model.vehicle import Rotor, Vehicle
 
-# Strict: neither true nor "1.285" is a number.
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[Finite, Field(gt=0)]
-NotNegative = Annotated[Finite, Field(ge=0)]
-Vector = tuple[Finite, Finite, Finite]
-Axes = Literal["FLU", "FRD"]
 Model = TypeVar("Model", bound=BaseModel)
 Source = Literal["imu", "mocap"]
-Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class RotorEntry(_Strict):
-    """One rotor: position from the body origin [m], spin seen from above, thrust axis."""
-
-    position: Vector
-    spin: Spin
-    axis: Vector | None = None
-    group: str | None = None
-
-
-class ImuEntry(_Strict):
-    """Where the accelerometer is, from the body origin [m]."""
-
-    position: Vector
-    position_std: NotNegative = 0.0
-
-
-class AirframeEntry(_Strict):
-    """The ``[airframe]`` table: rotors listed one by one, or a named layout."""
-
-    axes: Axes = "FLU"
-    rotors: tuple[RotorEntry, ...] | None = None
-    layout: str | None = None
-    arm: Positive | None = None
-    order: Order = "px4"
-    imu: ImuEntry | None = None
-
-    @model_validator(mode="after")
-    def _one_description(self) -> "AirframeEntry":
-        if (self.rotors is None) == (self.layout is None):
-            raise ValueError(
-                "give either rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ] "
-                "or layout = 'quad-x' with arm = 0.2 (and order)"
-            )
-        if self.layout is not None and self.arm is None:
-            raise ValueError("layout needs arm, the distance of a rotor from the centre [m]")
-        if self.rotors is None:
-            refuse_impossible_arms([(self.arm or 0.0, 0.0), (-(self.arm or 0.0), 0.0)])
-            self._refuse_unknown_layout()
-        else:
-            self._refuse_odd_rotors(self.rotors)
-        return self
-
-    def _refuse_unknown_layout(self) -> None:
-        try:
-            layout_rotors(self.layout or "", arm=self.arm or 1.0, order=self.order)
-        except ExperimentError as error:
-            raise ValueError(str(error)) from error
-
-    def _refuse_odd_rotors(self, rotors: tuple[RotorEntry, ...]) -> None:
-        if not 3 <= len(rotors) <= 16:
-            raise ValueError(f"{len(rotors)} rotors; a multirotor has 3 to 16")
-        refuse_impossible_arms([rotor.position for rotor in rotors])
-        if {"arm", "order"} & self.model_fields_set:
-            raise ValueError("arm and order belong to layout; listed rotors have positions")
-        # Coaxial rotors may share a position, but then they turn against each other.
-        places = [(rotor.position, rotor.spin) for rotor in rotors]
-        for number, place in enumerate(places, start=1):
-            first = places.index(place) + 1
-            if first != number:
-                raise ValueError(
-                    f"rotors {first} and {number} are both at {list(place[0])} and turn {place[1]}"
-                )
-
-
-class MotorsEntry(_Strict):
+class MotorsEntry(Strict):
     """The ``[motors]`` table."""
 
     speed: Literal["measured", "commanded"] = "measured"
@@ -130,7 +57,7 @@ class MotorsEntry(_Strict):
         return self
 
 
-class ColumnEntry(_Strict):
+class ColumnEntry(Strict):
     """A column of the file: its name, its unit, and a factor applied before the unit."""
 
     name: str
@@ -140,7 +67,7 @@ class ColumnEntry(_Strict):
     range: tuple[Finite, Finite] | None = None
 
 
-class RecordingEntry(_Strict):
+class RecordingEntry(Strict):
     """A motion-capture file of a flight, and how it is read."""
 
     file: str
@@ -148,7 +75,7 @@ class RecordingEntry(_Strict):
     columns: dict[str, ColumnEntry | str] | None = None
 
 
-class FlightEntry(_Strict):
+class FlightEntry(Strict):
     """One flight: a file, and what is used of it; the pose from a second file where named."""
 
     file: str
@@ -170,8 +97,15 @@ class FlightEntry(_Strict):
             raise ValueError(f"end = {self.end} is not after start = {self.start}")
         return self
 
+    def overlaps(self, other: "FlightEntry") -> bool:
+        """Return whether both use some of the same time, if their files have the same content."""
+        if (self.log or 1) != (other.log or 1):
+            return False
+        ends = [math.inf if entry.end is None else entry.end for entry in (self, other)]
+        return max(self.start or 0.0, other.start or 0.0) < min(ends)
 
-class PayloadEntry(_Strict):
+
+class PayloadEntry(Strict):
     """One item of a known payload: mass [kg] and position of its centre from the origin [m]."""
 
     mass: Positive
@@ -180,7 +114,7 @@ class PayloadEntry(_Strict):
     position_std: NotNegative = 0.0
 
 
-class ConfigurationEntry(_Strict):
+class ConfigurationEntry(Strict):
     """One ``[[configuration]]``: a mass and the flights flown with it."""
 
     name: str = "A"
@@ -200,12 +134,16 @@ class ConfigurationEntry(_Strict):
     @model_validator(mode="after")
     def _each_flight_once(self) -> "ConfigurationEntry":
         for number, flight in enumerate(self.flights):
-            if flight in self.flights[:number]:
-                raise ValueError(f"flight {flight.file!r} is listed twice; it would count twice")
+            before = self.flights[:number]
+            if any(one.file == flight.file and one.overlaps(flight) for one in before):
+                raise ValueError(
+                    f"flight {flight.file!r} is listed twice, with the same time or a part of it; "
+                    "it would count twice"
+                )
         return self
 
 
-class IdentificationEntry(_Strict):
+class IdentificationEntry(Strict):
     """The ``[identification]`` table; what is not written has a good default."""
 
     source: Source = "imu"
@@ -216,7 +154,7 @@ class IdentificationEntry(_Strict):
     r_sigma: Positive | None = None
 
 
-class Experiment(_Strict):
+class Experiment(Strict):
     """The whole experiment, checked: a pydantic model of the experiment file, SI units.
 
     Attributes
@@ -280,7 +218,7 @@ def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) 
         )
 
 
-class AirframeFile(_Strict):
+class AirframeFile(Strict):
     """A file with ``[airframe]`` and ``[motors]`` only, for ``identify LOG --airframe``."""
 
     airframe: AirframeEntry
@@ -340,6 +278,33 @@ def single_flight_experiment(
         "configuration": [{"mass": mass, "flights": [flight]}],
     }
     return _checked(Experiment, described, airframe)
+
+
+def named_flight(
+    path: Path,
+    *,
+    log_number: int | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> FlightEntry:
+    """Return the entry of a flight that no experiment file names.
+
+    Parameters
+    ----------
+    path
+        Its log.
+    log_number
+        Which log of a file with several, from 1.
+    start, end
+        Of what is used of it [s since its first sample].
+
+    Raises
+    ------
+    ExperimentError
+        If it would end before it starts.
+    """
+    described = {"file": str(path.absolute()), "log": log_number, "start": start, "end": end}
+    return _checked(FlightEntry, described, path)
 
 
 def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:

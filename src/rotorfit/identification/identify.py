@@ -4,6 +4,7 @@ import dataclasses
 import platform
 import warnings
 from collections.abc import Callable
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from rotorfit import version
-from rotorfit.errors import FlightWarning, RotorfitError
+from rotorfit.errors import ExperimentError, FlightWarning, RotorfitError
 from rotorfit.identification.choice import velocity_wanted
 from rotorfit.identification.commanded import of_commanded_speed
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
@@ -106,6 +107,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         check_flights(flights, vehicle)
         payload = payload_of(entry, experiment.airframe.axes)
         configurations.append(Configured(entry=entry, flights=flights, payload=payload))
+    _refuse_copies([flight for configured in configurations for flight in configured.flights])
     velocity = resolved_method(experiment) == "banded" and velocity_wanted(
         experiment.identification.terms, configurations
     )
@@ -117,6 +119,17 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         source=source,
         velocity=velocity,
     )
+
+
+def _refuse_copies(flights: list[UsedFlight]) -> None:
+    """Raise if a flight is there twice, under two names or in two configurations."""
+    for flight, other in combinations(flights, 2):
+        if flight.log.sha256 == other.log.sha256 and flight.entry.overlaps(other.entry):
+            one, two = (Path(used.entry.file).name for used in (flight, other))
+            same = "is listed twice" if one == two else f"has the same content as {one}"
+            raise ExperimentError(
+                f"{two} {same}; it would count twice: list it once, with the mass that it flew with"
+            )
 
 
 def _loaded(

@@ -3,7 +3,7 @@
 from itertools import pairwise
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from rotorfit.flight.speed_law import (
     PolynomialLaw,
@@ -12,34 +12,29 @@ from rotorfit.flight.speed_law import (
     TableLaw,
     VoltageFactor,
 )
+from rotorfit.identification.entries import Finite, Positive, Strict
 
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[Finite, Field(gt=0)]
 Share = Annotated[Finite, Field(ge=0, le=1)]
 Row = tuple[Share, Annotated[Finite, Field(ge=0)]]
 
 CURVES = ("linear", "polynomial", "table", "sqrt")
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class SqrtEntry(_Strict):
+class SqrtEntry(Strict):
     """PX4's model: relative thrust f u^2 + (1 - f) u, and the speed its square root."""
 
     full_speed: Positive
     thr_mdl_fac: Share
 
 
-class VoltageEntry(_Strict):
+class VoltageEntry(Strict):
     """Factor (V / nominal)^exponent of the speed, V being the log's battery voltage [V]."""
 
     nominal: Positive
     exponent: Annotated[Finite, Field(gt=0, le=3)] = 1.0
 
 
-class LawEntry(_Strict):
+class LawEntry(Strict):
     """Rotor speed over command [rad/s]: exactly one curve, and the battery's share."""
 
     linear: tuple[Finite, Positive] | None = None

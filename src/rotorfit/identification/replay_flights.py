@@ -11,6 +11,7 @@ from rotorfit.identification.experiment import (
     FlightEntry,
     experiment_of_settings,
     motor_model_of,
+    named_flight,
     vehicle_of,
 )
 from rotorfit.identification.flights import UsedFlight, load_flight, retimed
@@ -33,6 +34,7 @@ def replay_flights(
     vehicles: Mapping[str, Timed],
     *,
     others: Sequence[Path] = (),
+    log_number: int | None = None,
     seconds: float = WINDOW,
     tell: Callable[[str], None] | None = None,
 ) -> list[Replay]:
@@ -48,6 +50,8 @@ def replay_flights(
         By label, each with the timing of the motors that was found with it.
     others
         Logs to replay instead.
+    log_number
+        Which log of their files, where they have several, from 1.
     seconds
         Length of a window [s].
     tell
@@ -61,7 +65,7 @@ def replay_flights(
         If a log cannot be used.
     """
     experiment = experiment_of_settings(result.settings)
-    entries = [FlightEntry(file=str(path.absolute())) for path in others]
+    entries = [named_flight(path, log_number=log_number) for path in others]
     replays: list[Replay] = []
     for entry in entries or _own(experiment, owner):
         if tell is not None:

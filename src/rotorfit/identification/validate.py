@@ -16,6 +16,7 @@ from rotorfit.identification.experiment import (
     FlightEntry,
     experiment_of_settings,
     motor_model_of,
+    named_flight,
     vehicle_of,
 )
 from rotorfit.identification.flights import UsedFlight, load_flight, retimed, velocity_known
@@ -44,6 +45,9 @@ def validate_file(
     *,
     configuration: str | None = None,
     cutoff: float = CUTOFF,
+    log_number: int | None = None,
+    start: float | None = None,
+    end: float | None = None,
 ) -> WrenchComparison:
     """Return how a result predicts a flight that its fit has not seen.
 
@@ -57,6 +61,10 @@ def validate_file(
         In which it was flown; may be left out where the result has one.
     cutoff
         Low-pass of both sides [Hz].
+    log_number
+        Which log of a file with several, from 1.
+    start, end
+        Of what is used of it [s since its first sample].
 
     Raises
     ------
@@ -64,18 +72,24 @@ def validate_file(
         If the flight was used in the fit, or the configuration is not in the result.
     """
     experiment = experiment_of_settings(result.settings)
-    entry = FlightEntry(file=str(path.absolute()))
+    entry = named_flight(path, log_number=log_number, start=start, end=end)
     used = _loaded(experiment, entry)
-    refuse_fitted(used, {record.sha256 for record in result.flights})
+    refuse_fitted(used, result)
     return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
 
 
-def refuse_fitted(used: UsedFlight, fitted: set[str]) -> None:
-    """Raise if a validation flight made the parameters it is to judge."""
-    if used.log.sha256 in fitted:
+def refuse_fitted(used: UsedFlight, result: IdentificationResult) -> None:
+    """Raise if a validation flight, or a part of it, made the parameters it is to judge."""
+    same = {record.file for record in result.flights if record.sha256 == used.log.sha256}
+    fitted = [
+        entry
+        for configuration in experiment_of_settings(result.settings).configuration
+        for entry in configuration.flights
+    ]
+    if any(entry.file in same and entry.overlaps(used.entry) for entry in fitted):
         raise ExperimentError(
-            f"{Path(used.entry.file).name} was used in the fit: it cannot validate it; "
-            "keep another flight apart for validation"
+            f"{Path(used.entry.file).name} was used in the fit: it cannot validate it; keep "
+            "another flight apart for validation, or a stretch of this one (start and end)"
         )
 
 
@@ -120,12 +134,11 @@ def validation_comparisons(
     experiment
         With flights under ``validation``.
     """
-    fitted = {record.sha256 for record in result.flights}
     comparisons: list[WrenchComparison] = []
     for configuration in experiment.configuration:
         for entry in configuration.validation:
             used = _loaded(experiment, entry)
-            refuse_fitted(used, fitted)
+            refuse_fitted(used, result)
             comparisons.append(compare_wrenches(result, used, configuration=configuration.name))
     return comparisons
 

@@ -12,7 +12,8 @@ from jaxtyping import Float
 from pydantic import ValidationError
 
 from rotorfit.errors import RotorfitError
-from rotorfit.identification.experiment import AirframeEntry, vehicle_of
+from rotorfit.identification.airframe_entry import AirframeEntry
+from rotorfit.identification.experiment import vehicle_of
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.report.words import configurations, half_width, known
