@@ -320,9 +320,17 @@ def test_one_log_needs_a_mass_and_an_airframe_file(tmp_path, monkeypatch):
     for mass in (0.0, -1.0, float("nan")):
         with pytest.raises(ExperimentError, match=r"airframe.toml: configuration\[0\].mass"):
             single_flight_experiment(Path("a"), mass=mass, airframe=airframe)
-    airframe.write_text(f"[airframe]\n{LAYOUT}\n[[configuration]]\n{FLIGHT}\n")
-    with pytest.raises(ExperimentError, match="unknown key configuration"):
+    airframe.write_text(f"name = 'mine'\n[airframe]\n{LAYOUT}\n")
+    with pytest.raises(ExperimentError, match="unknown key name"):
         single_flight_experiment(Path("a"), mass=0.5, airframe=airframe)
+
+
+def test_an_experiment_file_is_an_airframe_file(tmp_path):
+    whole = written(tmp_path, motors="poles = 14", identification='method = "tls"')
+    made = single_flight_experiment(tmp_path / "other.csv", mass=0.5, airframe=whole)
+    assert made.airframe == load_experiment(whole).airframe
+    assert (made.motors.poles, made.identification.method) == (14, "banded")
+    assert [Path(f.file).name for f in made.configuration[0].flights] == ["other.csv"]
 
 
 @pytest.mark.parametrize(

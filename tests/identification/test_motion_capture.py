@@ -9,6 +9,7 @@ from rotorfit.errors import LogError
 from rotorfit.identification.compare import compare_results
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation import write_flight_table as write_table
+from rotorfit.simulation.folder import simulate
 
 POSE = ("position", "attitude")
 IMU_AND_POSE = ("gyro", "accel", "rotor_speed", *POSE)
@@ -83,6 +84,20 @@ def test_both_sources_give_the_same_parameters(noisy):
     for name, error in errors_of(results[1], flight.truth).items():
         if name in ("kt", "kd", "msx", "msy", "Ixx", "Iyy", "Izz"):
             assert abs(error) < 0.02, name
+
+
+def test_commands_seen_by_cameras_have_their_lag_found(tmp_path):
+    """Lag taken for delay makes thrust follow commands too early, and kt 4 % too small."""
+    simulate(tmp_path, "single", "noisy", seconds=20.0, seed=2)
+    experiment = tmp_path / "experiment.toml"
+    table = "[identification]\n"
+    experiment.write_text(experiment.read_text().replace(table, f'{table}source = "mocap"\n'))
+    result = quietly_identified(experiment)
+    kt, lag = result.parameter("kt"), result.parameter("motor_lag")
+    assert kt.value == pytest.approx(4e-6, rel=5e-3)
+    assert kt.interval[0] < 4e-6 < kt.interval[1]
+    assert lag.value == pytest.approx(0.04, abs=2e-3)
+    assert not any("carries the weight" in words for words in result.warnings)
 
 
 def test_the_delay_of_motion_capture_is_found(noisy):

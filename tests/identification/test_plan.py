@@ -207,6 +207,16 @@ def test_quick_wiggles_sharpen_roll_and_pitch_inertia_and_height():
         assert wiggles.half_width[wiggles.index(name)] < sticks.half_width[sticks.index(name)]
 
 
+def test_an_imu_off_the_origin_costs_nothing_where_its_place_is_known():
+    vehicle = replace(PAPER, imu_position=(0.02, -0.01, 0.03))
+    offset = problem(rough=rough_vehicle(vehicle, mass=MASS, known=KNOWN))
+    data = fly_once(offset, "turns", "A")
+    there = bound(offset, combined([(evidence(offset, data, "A"), 40.0)]))
+    here = bound(problem(), combined([(piece("turns"), 40.0)]))
+    for name in ("kt", "kd", "Ixx_com@A", "Izz_com@A"):
+        assert there[name] == pytest.approx(here[name], rel=0.1), name
+
+
 def test_four_times_the_flight_halves_the_bound():
     short = bound(problem(), combined([(piece("turns"), 20.0)]))
     long = bound(problem(), combined([(piece("turns"), 80.0)]))

@@ -57,7 +57,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     weighed = kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     if weighed is not None and weighed.contradicts(*_kt_of(numbers)):
-        doubts = (contradiction(weighed, _kt_of(numbers)[0], flown.motors),)
+        doubts = (contradiction(weighed, _kt_of(numbers)[0], flown.motors, flown.source),)
         fit, joint = _joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
         anchored = _joint_numbers(flown, fit, joint)
         anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)

@@ -260,7 +260,8 @@ def single_flight_experiment(
     mass
         Weighed as it flew [kg], or ``"unknown"``: then everything is per kilogram.
     airframe
-        TOML file with the tables ``[airframe]`` and ``[motors]``.
+        TOML file with the tables ``[airframe]`` and ``[motors]``, or an experiment file, which has
+        them too.
     log_number
         Which log of a file with several, from 1.
 
@@ -269,7 +270,7 @@ def single_flight_experiment(
     ExperimentError
         As `load_experiment`.
     """
-    known = _checked(AirframeFile, read_toml(airframe), airframe)
+    known = _checked(AirframeFile, _without_flights(read_toml(airframe)), airframe)
     flight = {"file": str(log.absolute())} | ({} if log_number is None else {"log": log_number})
     described = {
         "name": log.stem,
@@ -278,6 +279,13 @@ def single_flight_experiment(
         "configuration": [{"mass": mass, "flights": [flight]}],
     }
     return _checked(Experiment, described, airframe)
+
+
+def _without_flights(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of an airframe file; of an experiment file those that both have."""
+    is_experiment = "configuration" in data
+    other = set(Experiment.model_fields) - set(AirframeFile.model_fields) if is_experiment else ()
+    return {key: value for key, value in data.items() if key not in other}
 
 
 def named_flight(

@@ -97,9 +97,8 @@ class Flown:
     @property
     def unknown_times(self) -> tuple[str, ...]:
         """Which of lag and delay are to be found from the flights."""
-        commanded = self.source == "imu" and self.motors.speed == "commanded"
         unsure = self.motors.lag is None or self.motors.lag_std > 0
-        lag = ("lag",) if commanded and unsure else ()
+        lag = ("lag",) if self.motors.speed == "commanded" and unsure else ()
         return (*lag, "delay") if self.motors.delay is None else lag
 
     @property

@@ -50,7 +50,8 @@ class FlyOutcome:
     replays
         One for each flight.
     manoeuvres
-        By label: the identified model, flown by an autopilot tuned to those parameters.
+        By label: the identified model, flown by an autopilot tuned to those parameters; empty
+        where there is no MuJoCo.
     notes
         What was assumed, and what to know.
     """

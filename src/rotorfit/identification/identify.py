@@ -75,10 +75,10 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
 def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     method = resolved_method(experiment)
     flown = _flown(experiment, tell)
-    # The paper neglects the motors' delay, but takes out that of its motion capture.
+    # The paper neglects the motors' lag and delay, but takes out the delay of its motion capture.
     if flown.unknown_times and (method != "tls" or flown.source == "mocap"):
         tell("timing the motors against the motion")
-        flown = dataclasses.replace(flown, motor_timing=find_timing(flown))
+        flown = dataclasses.replace(flown, motor_timing=find_timing(flown, lag=method != "tls"))
     tell("fitting")
     tables = of_commanded_speed(ESTIMATES[method](experiment, flown), experiment.motors)
     tables = with_timing_total(tables, flown.motor_timing)

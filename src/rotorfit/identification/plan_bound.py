@@ -194,7 +194,7 @@ def fly(problem: Problem, manoeuvre: Manoeuvre, configuration: str) -> FlightDat
         raise lost from error
     if not np.abs(flight.position).max() < FARTHEST:
         raise lost
-    return exact_flight_data(flight, vehicle)
+    return exact_flight_data(flight, vehicle, specific_force_at="imu")
 
 
 def evidence(problem: Problem, data: FlightData, configuration: str) -> Evidence:

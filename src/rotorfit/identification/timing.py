@@ -76,10 +76,18 @@ class MotorTiming:
     delay_std: float | None = None
 
 
-def find_timing(flown: "Flown") -> MotorTiming | None:
-    """Return the timing that fits best; None where the flights do not determine it."""
+def find_timing(flown: "Flown", *, lag: bool = True) -> MotorTiming | None:
+    """Return the timing that fits best; None where the flights do not determine it.
+
+    Parameters
+    ----------
+    flown
+        All flights.
+    lag
+        Look for the motors' lag, too, where it is unknown; else all lateness is delay.
+    """
     unknown = flown.unknown_times
-    if "lag" in unknown:
+    if lag and "lag" in unknown:
         return _find_lag(flown, delay_free="delay" in unknown)
     return _find_delay(flown) if unknown else None
 

@@ -7,12 +7,12 @@ carries along (`hover.py`). On flights of which all is right the two agree to 3 
 is the less sure: propellers in motion differ from those in hover.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rotorfit.identification.experiment import MotorsEntry
+from rotorfit.identification.experiment import MotorsEntry, Source
 from rotorfit.identification.flights import Configured
 from rotorfit.identification.hover import Held, held_up, pooled
 from rotorfit.model.vehicle import Vehicle
@@ -57,7 +57,9 @@ def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> We
     return WeighedThrust(kt=mean.ratio, std=float(np.hypot(mean.std, INFLOW_STD * mean.ratio)))
 
 
-def contradiction(weighed: WeighedThrust, kt: float, motors: MotorsEntry) -> str:
+def contradiction(
+    weighed: WeighedThrust, kt: float, motors: MotorsEntry, source: Source = "imu"
+) -> str:
     """Return what it means that changes of thrust give another k_t than the weight."""
     ratio = kt / weighed.kt
     seen = (
@@ -66,7 +68,7 @@ def contradiction(weighed: WeighedThrust, kt: float, motors: MotorsEntry) -> str
         "the intervals hold both"
     )
     if motors.speed == "measured":
-        return f"{seen}; calibrate the accelerometer (its scale), or weigh again"
+        return f"{seen}; calibrate {_SCALE_OF[source]}, or weigh again"
     if motors.law is None:
         return (
             f"{seen}; thrust goes neither with the command nor with its square, but in between "
@@ -76,4 +78,8 @@ def contradiction(weighed: WeighedThrust, kt: float, motors: MotorsEntry) -> str
     return f"{seen}; the law under [motors] does not hold: measure it again, or log the rotor speed"
 
 
+_SCALE_OF: Mapping[Source, str] = {
+    "imu": "the accelerometer (its scale)",
+    "mocap": "the cameras (their scale)",
+}
 _SPEED = {"measured": "rotor speed", "commanded": "command"}
