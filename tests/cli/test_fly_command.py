@@ -2,11 +2,10 @@
 
 import json
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from rotorfit.cli import fly
 from rotorfit.export import mujoco_flight
@@ -14,6 +13,7 @@ from rotorfit.export import mujoco_flight
 sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import UNKNOWN, a_result, changed
 
+needs_mujoco = pytest.mark.skipif(find_spec("mujoco") is None, reason="mujoco is not installed")
 GIVEN = ("kd=5.11e-8", "com_z=0", "Ixy_com=0", "Ixz_com=0", "Iyz_com=0")
 KNOWN = tuple(word for given in GIVEN for word in ("--assume", given))
 BENCH = ("--bench", "Ixx_com=0.036", "--bench", "kt=3.6e-6")
@@ -40,19 +40,25 @@ def there(identified, tmp_path, monkeypatch):
     return tmp_path
 
 
+@needs_mujoco
 def test_the_screen(run, there):
     ended = run("fly", "result.json", *KNOWN, *BENCH)
     assert (ended.code, ended.err) == (0, "")
     lines = ended.out.splitlines()
     assert "windows of 0.5 s of flight.csv" in lines[0]
-    labels = [line[2:30].strip() for line in lines if line.startswith("  ")]
-    assert labels.count("identified") == labels.count("bench") == 3
+    labels = [line[2:20].strip() for line in lines if line.startswith("  ")]
+    assert labels.count("identified") == labels.count("bench") == 2
+    steps = [line.split() for line in lines if line.startswith(("  hover", "  roll 0.25 rad"))]
+    assert [words.count("m") for words in steps] == [2, 0]
+    assert [words.count("in") for words in steps] == [0, 2]
+    assert max(map(len, lines)) <= 80
     assert any("against bench, after 0.5 s: roll better" in line for line in lines)
     assert "kd = 5.11e-08 N m s^2/rad^2 is assumed" in ended.out
     assert "the motors' lag is not known" in ended.out
     assert "Ixx_com=0.036, kt=3.6e-06; all else as identified" in ended.out
 
 
+@needs_mujoco
 def test_json_page_and_figures(run, there):
     ended = run(
         *("fly", "result.json", *KNOWN, *BENCH, "--json", "-o", "fly.json"),
@@ -147,12 +153,29 @@ def test_other_vehicles_are_refused(refused, there):
     assert "six has 6 rotors, the result 4" in words
 
 
-def test_mujoco_missing_is_said_before_any_work(refused, there, monkeypatch):
+def test_without_mujoco_the_flights_are_replayed_all_the_same(run, there, monkeypatch):
     def absent(name):
         raise ImportError(name)
 
     monkeypatch.setattr(mujoco_flight, "import_module", absent)
-    assert 'pip install "rotorfit[mujoco]"' in refused("fly", "result.json", *KNOWN)
+    ended = run(
+        *("fly", "result.json", *KNOWN, *BENCH, "-o", "fly.json"),
+        *("--report", "fly.html", "--figures", "figures"),
+    )
+    assert ended.code == 0
+    assert "against bench, after 0.5 s: roll better" in ended.out
+    assert "In MuJoCo" not in ended.out
+    words = " ".join(ended.out.split())
+    assert "hover and steps are left out" in words
+    assert "pip install 'rotorfit[mujoco]' adds them" in words
+    assert "motors' lag is not known" not in words  # nothing was taken for it
+    told = json.loads((there / "fly.json").read_text())
+    assert told["manoeuvres"] == {}
+    assert told["rate_errors"][-1]["rms"]["identified"]["roll"] > 0.0
+    page = (there / "fly.html").read_text()
+    assert "The model in MuJoCo" not in page and "How the error grows" in page
+    names = {path.name for path in (there / "figures").iterdir()}
+    assert "replay-errors.svg" in names and "manoeuvres.svg" not in names
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,12 @@ from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import say, show
 from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
-from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, require_mujoco
+from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
 from rotorfit.export.vehicle_model import owner_of, vehicle_model
 from rotorfit.identification.experiment import experiment_of_settings
 from rotorfit.identification.fly_outcome import IDENTIFIED, FlyOutcome
-from rotorfit.identification.model_flight import MANOEUVRES
+from rotorfit.identification.model_flight import MANOEUVRES, ModelFlight
 from rotorfit.identification.replay import WINDOW
 from rotorfit.identification.replay_flights import Timed, replay_flights
 from rotorfit.identification.replay_vehicle import replay_vehicle
@@ -29,6 +29,10 @@ from rotorfit.logs.files import write_whole
 DRAWS = 40
 BENCH = "bench"
 NEEDS = (*BODY, *ROTORS)
+WITHOUT_MUJOCO = (
+    "hover and steps are left out, for want of MuJoCo; "
+    "pip install 'rotorfit[mujoco]'  adds them (in a clone: pip install '.[mujoco]')"
+)
 FIGURES = ("replay-1.svg", "replay-errors.svg", "manoeuvres.svg")
 PER_SPEED = ("kt", "kd", "Jr")
 
@@ -66,7 +70,6 @@ def run(request: FlyRequest) -> None:
     _refuse_outputs(request)
     if request.log_number is not None and not request.flights:
         raise typer.BadParameter("--log is of a --flight, which names the file")
-    require_mujoco()
     result = IdentificationResult.load(request.result)
     with threadpool_limits(limits=1, user_api="blas"):
         outcome = _outcome(request, result, assumed, bench)
@@ -106,7 +109,6 @@ def _outcome(
     own = sides[IDENTIFIED].model
     for label, side in sides.items():
         _refuse_other_vehicle(own, side.model, label)
-    model, taken = flyable(own)
     with warnings.catch_warnings(), steps() as tell:
         warnings.simplefilter("ignore", RotorfitWarning)  # the result has them already
         replays = replay_flights(
@@ -117,13 +119,11 @@ def _outcome(
             log_number=request.log_number,
             tell=tell,
         )
-        tell("flying the model")
-        manoeuvres = {
-            label: tuple(
-                fly_manoeuvre(model, name, believed=flyable(side.model)[0]) for name in MANOEUVRES
-            )
-            for label, side in sides.items()
-        }
+        manoeuvres: dict[str, tuple[ModelFlight, ...]] = {}
+        known = [WITHOUT_MUJOCO]
+        if has_mujoco():
+            tell("flying the model")
+            manoeuvres, known = _manoeuvres(sides)
     return FlyOutcome(
         name=result.name,
         configuration=owner,
@@ -132,8 +132,22 @@ def _outcome(
         labels=tuple(sides),
         replays=tuple(replays),
         manoeuvres=manoeuvres,
-        notes=(*_notes(result, own, bench), *taken),
+        notes=(*_notes(result, own, bench), *known),
     )
+
+
+def _manoeuvres(
+    sides: Mapping[str, _Side],
+) -> tuple[dict[str, tuple[ModelFlight, ...]], list[str]]:
+    """Return the identified model flown by autopilots tuned to each side, and what was taken."""
+    model, taken = flyable(sides[IDENTIFIED].model)
+    flown = {
+        label: tuple(
+            fly_manoeuvre(model, name, believed=flyable(side.model)[0]) for name in MANOEUVRES
+        )
+        for label, side in sides.items()
+    }
+    return flown, list(taken)
 
 
 def _side(
@@ -208,7 +222,7 @@ def _notes(
     result: IdentificationResult, model: VehicleModel, bench: Mapping[str, float]
 ) -> list[str]:
     notes = [
-        f"{n.name} = {n.value:.6g} {n.unit} is {n.origin}" + (f": {n.remark}" if n.remark else "")
+        f"{n.name} = {n.value:.4g} {n.unit} is {n.origin}" + (f": {n.remark}" if n.remark else "")
         for n in model.numbers
         if n.origin in ("weak", "assumed", "from-ratio")
     ]

@@ -97,6 +97,15 @@ def fly_manoeuvre(
     return ModelFlight(manoeuvre=manoeuvre, time=time, asked=asked, flown=flown, tilt=tilt)
 
 
+def has_mujoco() -> bool:
+    """Say whether manoeuvres can be flown here."""
+    try:
+        require_mujoco()
+    except OutputError:
+        return False
+    return True
+
+
 def require_mujoco() -> Any:
     """Return the module.
 

@@ -66,7 +66,8 @@ def fly_drawings(outcome: FlyOutcome) -> dict[str, str]:
         f"replay-{i}": replay_svg(replay, outcome.labels)
         for i, replay in enumerate(outcome.replays, 1)
     }
-    return out | {"replay-errors": growth_svg(outcome), "manoeuvres": manoeuvre_svg(outcome)}
+    out["replay-errors"] = growth_svg(outcome)
+    return out | {"manoeuvres": manoeuvre_svg(outcome)} if outcome.manoeuvres else out
 
 
 def kind_of(labels: Sequence[str], name: str) -> str:

@@ -25,7 +25,7 @@ def fly_html(outcome: FlyOutcome) -> str:
         verdicts=verdicts(outcome),
         legend=[(name, kind_of(outcome.labels, name)) for name in outcome.labels],
         names=[file_name(replay.flight) for replay in outcome.replays],
-        manoeuvres=[(name, manoeuvre_words(outcome, name)) for name in outcome.labels],
+        manoeuvres=[(name, manoeuvre_words(outcome, name)) for name in outcome.manoeuvres],
         drawings=fly_drawings(outcome),
         style="".join(template_text(f"{name}.css") for name in ("page", "figure", "fly")),
     )

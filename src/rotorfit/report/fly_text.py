@@ -26,8 +26,8 @@ from rotorfit.identification.model_flight import (
 from rotorfit.identification.replay import HOLD, force_errors
 from rotorfit.report.words import file_name
 
-WIDTH = 100
-BAND = "95 % band of the parameters"
+WIDTH = 80
+BAND = "95 % band"
 EVEN = 0.05
 """Errors that differ by less count as equal."""
 FORCE_HELD = "first mean held"
@@ -36,32 +36,51 @@ FORCE_HELD = "first mean held"
 def fly_text(outcome: FlyOutcome) -> str:
     """Return replay, manoeuvres and what to know as plain text."""
     lines = [
-        headline(outcome),
+        *_wrapped(headline(outcome), "", ""),
         "",
         "Replay: rms error of the rates [rad/s], so long after the start of a window",
     ]
-    width = max(len(label) for label in (*outcome.labels, BAND))
+    width = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
     times = told_times(outcome)
     lines.append(f"  {'':<{width}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
     lines.append(f"  {'':<{width}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
     lines += [f"  {label:<{width}}" + _numbers(row) for label, row in rate_rows(outcome)]
-    lines += ["", *(f"  {line}" for line in verdicts(outcome))]
+    lines.append("")
+    for line in verdicts(outcome):
+        lines += _wrapped(line, "  ", "    ")
     lines += ["", "Replay: rms error of the specific force, means over 0.05 s [m/s^2]"]
     lines.append(f"  {'':<{width}}" + "".join(f"{axis:>10}" for axis in "xyz"))
     lines += [f"  {label:<{width}}" + _numbers(row) for label, row in force_rows(outcome)]
-    lines += ["", "In MuJoCo: the identified model, its autopilot tuned to these parameters"]
-    names = "".join(f"{step_name(n):<21}" for n in STEPS).rstrip()
-    lines.append(f"  {'':<{width}}  {'hover':<14}{names}")
-    for label in outcome.labels:
-        cells = "".join(f"{step_words(manoeuvre_of(outcome, label, n)):<21}" for n in STEPS)
-        lines.append(f"  {label:<{width}}  {hover_words(outcome, label):<14}{cells}".rstrip())
+    lines += _manoeuvre_lines(outcome)
     if outcome.notes:
         lines += ["", "To know"]
         for note in outcome.notes:
-            lines += textwrap.wrap(
-                note, WIDTH, initial_indent="  - ", subsequent_indent="    ", break_long_words=False
-            )
+            lines += _wrapped(note, "  - ", "    ")
     return "\n".join(lines)
+
+
+def _manoeuvre_lines(outcome: FlyOutcome) -> list[str]:
+    """Return a line a manoeuvre, a column a set of parameters."""
+    if not outcome.manoeuvres:
+        return []
+    rows = [("", list(outcome.labels))]
+    rows.append(("hover", [hover_words(outcome, label) for label in outcome.labels]))
+    rows += [
+        (step_name(n), [step_words(manoeuvre_of(outcome, label, n)) for label in outcome.labels])
+        for n in STEPS
+    ]
+    width = max(len(name) for name, _ in rows)
+    return [
+        "",
+        "In MuJoCo: the identified model, its autopilot tuned to these parameters",
+        *(f"  {n:<{width}}" + "".join(f"  {c:<20}" for c in cells).rstrip() for n, cells in rows),
+    ]
+
+
+def _wrapped(text: str, first: str, later: str) -> list[str]:
+    return textwrap.wrap(
+        text, WIDTH, initial_indent=first, subsequent_indent=later, break_long_words=False
+    )
 
 
 def headline(outcome: FlyOutcome) -> str:
