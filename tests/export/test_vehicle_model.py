@@ -84,7 +84,7 @@ def test_terms_that_are_left_out_are_named_in_the_file(target):
     term = parameter("rotor_drag", 1.2e-5)
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
-    assert "identified, and left out here: rotor_drag = 1.2e-05 N s^2/(m rad)" in text
+    assert "identified, and left out here: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)" in text
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
 
 

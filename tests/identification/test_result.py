@@ -9,7 +9,7 @@ import pytest
 import flown
 from rotorfit.errors import OutputError
 from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.verdicts import ADVICE, judge
+from rotorfit.identification.verdicts import ADVICE, judge, motion_for
 
 KEYS = {
     *("schema", "name", "method", "axes", "parameters", "derived", "validation", "flights"),
@@ -54,6 +54,29 @@ def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
     assert "the pitch response to the rotors is only 4.9 times" in found.reason
     assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="pitch", excitation=5.0).reason
     assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="force").reason
+
+
+def test_a_percentage_says_of_what_it_is():
+    assert judge(0.8, 0.6, scale=0.2, axis="force").reason == "known only to +-75 %"
+    near_zero = judge(0.1, 0.12, scale=0.2, axis="force").reason
+    assert near_zero == "known only to +-60 % of a size that matters for it"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("com_z", "wiggle roll and pitch quickly"),
+        ("msz", "wiggle roll and pitch quickly"),
+        ("com_x", "alternating turns"),
+        ("kt", "climb and sink"),
+        ("accel_bias_z", "climb and sink"),
+        ("Ixx", "roll briskly"),
+        ("drag_x", "to and fro"),
+    ],
+)
+def test_the_advice_is_what_the_plan_finds_by_the_bound(name, words):
+    found = judge(0.0, 0.1, scale=0.2, axis=motion_for(name))
+    assert (found.verdict, words in found.advice) == ("weak", True)
 
 
 @pytest.mark.parametrize(("excitation", "verdict"), [(4.9, "not-identified"), (5.0, "weak")])

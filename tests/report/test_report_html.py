@@ -306,3 +306,26 @@ def test_percentages_of_the_paper_are_said_to_be_its_own() -> None:
     page = Page(report_html(a_result(method="tls")))
     assert "known to 0.6 %, by the paper's formula" in page.text
     assert "by the paper's formula" not in Page(report_html(a_result())).text
+
+
+def test_no_percentage_of_a_number_near_zero() -> None:
+    result = a_result()
+    rotors = [p for p in result.parameters if p.configuration is None]
+    own = {p.name: p for p in rotors}
+    unit = {"unit": "s", "partner": None, "reason": None, "advice": None}
+    near_zero = dataclasses.replace(
+        own["kt"],
+        **{**unit, "name": "motor_delay", "value": 1.7e-3, "interval": (1e-4, 3.3e-3)},
+    )
+    assumed = dataclasses.replace(
+        own["kt"], name="kt_1", verdict="weak", reason="little more than that rotors are alike"
+    )
+    wide = dataclasses.replace(assumed, name="kt_2", interval=(2e-6, 6e-6), value=4e-6)
+    result = dataclasses.replace(result, parameters=(*result.parameters, near_zero, assumed, wide))
+    findings = summary_of(result).groups[0][1]
+    words = {f.subject: f.words for f in findings}
+    assert words["Motor delay"] == "0.0017 ± 0.0016 s"
+    assert words["Thrust coefficient of rotor 1"].endswith(
+        "N s²/rad²: little more than that rotors are alike"
+    )
+    assert words["Thrust coefficient of rotor 2"] == "known only to 50 %"

@@ -270,11 +270,15 @@ _TERMS: Final = (
 def _left_out(result: IdentificationResult, owner: str) -> tuple[str, ...]:
     """Return the terms of the identified model that no target is written with."""
     found = [
-        f"{p.name} = {p.value:.6g} {p.unit}"
+        f"{p.name} = {p.value:.3g}{_half(p.interval)} {p.unit}"
         for p in result.parameters
         if p.name in _TERMS and p.configuration in (None, owner) and p.value
     ]
     return (f"identified, and left out here: {', '.join(found)}",) if found else ()
+
+
+def _half(interval: tuple[float, float] | None) -> str:
+    return "" if interval is None else f" +- {0.5 * (interval[1] - interval[0]):.2g}"
 
 
 def _notes(

@@ -7,7 +7,7 @@ import numpy as np
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.identification.bands import STRETCH
-from rotorfit.identification.excitation import AXIS_OF, LEAST_EXCITATION
+from rotorfit.identification.excitation import LEAST_EXCITATION
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.identification.joint import BIAS_STD, JointConfiguration
 from rotorfit.identification.joint_parameters import (
@@ -27,7 +27,7 @@ from rotorfit.identification.tables import (
     unit_of,
 )
 from rotorfit.identification.timing import MotorTiming
-from rotorfit.identification.verdicts import ADVICE, Judgement, judge
+from rotorfit.identification.verdicts import ADVICE, Judgement, judge, motion_for
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 
 PARTNERS = {
@@ -111,7 +111,7 @@ def _judgements(
             value,
             half,
             scale=number_scale(numbers, name, mass=mass, vehicle=vehicle),
-            axis=AXIS_OF.get(base, "force"),
+            axis=motion_for(base),
             excitation=numbers.rho(name),
         )
     return judged

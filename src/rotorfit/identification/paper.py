@@ -14,7 +14,6 @@ from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.total import EssentialEstimate, essential_total
-from rotorfit.identification.excitation import AXIS_OF
 from rotorfit.identification.experiment import ConfigurationEntry
 from rotorfit.identification.flights import Flown, retimed
 from rotorfit.identification.result import Parameter
@@ -25,7 +24,7 @@ from rotorfit.identification.tables import (
     motor_parameters,
     unit_of,
 )
-from rotorfit.identification.verdicts import judge
+from rotorfit.identification.verdicts import judge, motion_for
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.model.reduce import LowPass, time_factors
 
@@ -144,7 +143,7 @@ def _paper_parameter(
         return shown
     value = estimate.value(full)
     std = float(estimate.std[estimate.names.index(full)])
-    judged = judge(value, 1.96 * std, scale=0.0, axis=AXIS_OF.get(name, "force"))
+    judged = judge(value, 1.96 * std, scale=0.0, axis=motion_for(name))
     shown = replace(shown, verdict=judged.verdict, reason=judged.reason, advice=judged.advice)
     if judged.verdict == "not-identified":
         return shown

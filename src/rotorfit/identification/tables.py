@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.identification.excitation import AXIS_OF, LEAST_EXCITATION
+from rotorfit.identification.excitation import LEAST_EXCITATION
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.identification.result import Derived, Parameter
 from rotorfit.identification.row_parameters import Quantities, number_scale
 from rotorfit.identification.rows import ROWS, RowFits
 from rotorfit.identification.timing import MotorTiming
-from rotorfit.identification.verdicts import ADVICE, WEAK, Judgement, judge
+from rotorfit.identification.verdicts import ADVICE, WEAK, Judgement, judge, motion_for
 from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS, ParameterInfo
 from rotorfit.model.vehicle import Vehicle
 
@@ -98,7 +98,7 @@ def _judgements(
     for name, value, half in zip(
         quantities.names, quantities.values.tolist(), quantities.half_width.tolist(), strict=True
     ):
-        axis = AXIS_OF.get(name, "force")
+        axis = motion_for(name)
         judged[name] = judge(
             value,
             half,

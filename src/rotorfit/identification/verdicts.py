@@ -1,8 +1,10 @@
 """From an estimate to words: how well is it known, why not better, and what to fly next."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
-from rotorfit.identification.excitation import LEAST_EXCITATION
+from rotorfit.identification.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.identification.result import Verdict
 
 WEAK = 0.25
@@ -17,9 +19,21 @@ ADVICE = {
     "pitch": "pitch briskly: 20 s of quick nods forward and back, one or two a second",
     "yaw": "yaw while rolling: fly 20 s of alternating turns",
     "force": "climb and sink: 20 s of gentle thrust steps",
+    "place": "yaw while rolling and nodding: fly 20 s of alternating turns",
+    "height": "wiggle roll and pitch quickly, once or twice a second, for 20 s",
+    "air": "fly fast to and fro along every axis, 20 s",
     "scale": "nothing in the yaw equation fixes the scale; a measured Izz, or an estimate from "
     "all equations at once, would",
 }
+
+PRACTICE: Final[Mapping[str, str]] = {
+    **{name: "place" for name in ("com_x", "com_y", "msx", "msy")},
+    **{name: "place" for name in ("rotor_center_x", "rotor_center_y")},
+    **{name: "height" for name in ("com_z", "msz")},
+    **{name: "air" for name in ("drag_x", "drag_y", "drag_z")},
+}
+"""What helps numbers that no axis of `AXIS_OF` speaks for, as `plan` finds it by the bound; all
+others by changes of thrust."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +43,11 @@ class Judgement:
     verdict: Verdict
     reason: str | None = None
     advice: str | None = None
+
+
+def motion_for(name: str) -> str:
+    """Return which motion determines a number: a key of `ADVICE`."""
+    return AXIS_OF.get(name) or PRACTICE.get(name, "force")
 
 
 def judge(
@@ -61,6 +80,8 @@ def judge(
     little = excitation is not None and excitation < LEAST_EXCITATION
     hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
     reason = f"known only to +-{100 * relative:.0f} %"
+    if abs(value) < scale:
+        reason += " of a size that matters for it"
     if hopeless:
         reason = "the interval is wider than the value itself"
     if little:

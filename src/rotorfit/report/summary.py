@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.identification.verdicts import WEAK
 from rotorfit.report.parameters import body_verdict
 from rotorfit.report.words import (
     VERDICT_MEANING,
@@ -135,7 +136,7 @@ def _finding(number: Parameter | Derived, twin: Parameter) -> Finding:
     return Finding(
         verdict=verdict,
         subject=subject[0].upper() + subject[1:],
-        words=_words(number, verdict, twin.partner),
+        words=_words(number, verdict, twin),
         advice=twin.advice if verdict in ("weak", "ratio-only", "not-identified") else None,
     )
 
@@ -144,13 +145,13 @@ def _verdict_of(number: Parameter | Derived, twin: Parameter) -> str:
     return body_verdict(number, twin) if isinstance(number, Derived) else number.verdict
 
 
-def _words(number: Parameter | Derived, verdict: str, partner: str | None) -> str:
+def _words(number: Parameter | Derived, verdict: str, twin: Parameter) -> str:
     unit = unit_words(number.unit)
     shown = f"{number_of(number.value, None) or ''} {unit}".strip()
     if verdict == "given":
         return f"given, {shown}"
     if verdict == "ratio-only":
-        other = SUBJECTS.get(partner or "", title_of(partner or "other parameters"))
+        other = SUBJECTS.get(twin.partner or "", title_of(twin.partner or "other parameters"))
         return f"known only as a ratio to the {other}"
     if verdict == "removed":
         return "left out as unessential"
@@ -159,10 +160,14 @@ def _words(number: Parameter | Derived, verdict: str, partner: str | None) -> st
         return "not known"
     if share is None:
         return f"known: {shown}"
-    only = "only " if verdict == "weak" else ""
-    if share > 100:
-        return f"{number_of(number.value, number.interval)} {unit}".strip()
-    return f"known {only}to {percent_words(share)}"
+    whole = f"{number_of(number.value, number.interval)} {unit}".strip()
+    narrow = share <= 100.0 * WEAK
+    if verdict == "weak" and narrow and number is twin and twin.reason:
+        return f"{whole}: {twin.reason}"
+    if verdict == "weak" and share <= 100.0:
+        return f"known only to {percent_words(share)}"
+    # Judged by a size that matters, not by its value: no percentage of that.
+    return f"known to {percent_words(share)}" if narrow and verdict == "identified" else whole
 
 
 def _com(derived: dict[str, Derived], parameters: dict[str, Parameter]) -> Finding:

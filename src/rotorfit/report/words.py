@@ -54,8 +54,8 @@ TITLES = {
 }
 
 VERDICT_MEANING = {
-    "identified": "the flight fixes it, to a quarter of its size or better",
-    "weak": "known, but the interval is over a quarter of the value",
+    "identified": "known to 1/4 of the value or better, or of a size that matters (docs/method.md)",
+    "weak": "known worse than to 1/4 of value or size that matters, or a rotor's kt mostly assumed",
     "ratio-only": "known only together with another parameter",
     "not-identified": "this flight does not tell",
     "given": "told to rotorfit, not estimated",
@@ -168,7 +168,7 @@ def half_width(number: Parameter | Derived) -> float | None:
 
 
 def percent(number: Parameter | Derived) -> float | None:
-    """Return the half-width relative to the value [%]."""
+    """Return the half-width relative to the value [%]; silly where the value is near zero."""
     half, value = half_width(number), known(number.value)
     return None if half is None or not value else 100.0 * half / abs(value)
 
