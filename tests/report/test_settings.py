@@ -1,47 +1,52 @@
-"""The settings that inspect names stand in the ready-to-load files, which load as they are."""
-
-from pathlib import Path
+"""The settings that inspect names: right for the log at hand, in files that load as they are."""
 
 import pytest
 
-from rotorfit.report.settings import FILES, TABLES, settings_for
+from rotorfit.report.settings import FILES, TABLES, settings_file, settings_for
 
-FOLDER = Path(__file__).parents[2] / "examples" / "settings"
+SLOW = frozenset({"slow gyro", "slow accel", "slow motors"})
+INAV = {"Firmware revision": "INAV 7.1.2 (abcdef012)  STM32F745"}
 
 
-@pytest.mark.parametrize("log_format", sorted(TABLES))
-def test_every_setting_is_in_the_file(log_format):
-    text = (FOLDER / FILES[log_format]).read_text(encoding="utf-8")
-    for setting in TABLES[log_format]:
-        names = setting.value.split() if setting.name.endswith(":") else [setting.name]
-        for name in names:
+def text_of(table):
+    metadata, log_format = (INAV, "blackbox") if table == "inav" else ({}, table)
+    return settings_file(log_format, metadata).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("table", sorted(TABLES))
+def test_every_setting_is_in_the_file(table):
+    text = text_of(table)
+    for setting in TABLES[table]:
+        names = setting.value.split() if setting.name == "config.txt:" else [setting.name]
+        for name in [setting.value] if setting.name == "CLI:" else names:
             if not name.startswith("rpm."):  # only with a deck: a variable that is missing is none
                 assert name.strip(",") in text, name
 
 
-def lines(name):
-    text = (FOLDER / name).read_text(encoding="utf-8")
-    return [line for line in text.splitlines() if line and not line.startswith("#")]
+def lines(table):
+    return [line for line in text_of(table).splitlines() if line and not line.startswith("#")]
 
 
 def test_px4_parameters_have_five_columns_of_known_types():
-    for line in lines("px4.params"):
+    for line in lines("ulog"):
         vehicle, component, name, value, kind = line.split("\t")
         assert (vehicle, component) == ("1", "1")
         assert name.isupper() and kind in ("6", "9") and float(value) >= 0
 
 
 def test_ardupilot_parameters_are_pairs_with_the_bits_that_are_named():
-    pairs = dict(line.split(",") for line in lines("ardupilot.parm"))
+    pairs = dict(line.split(",") for line in lines("dataflash"))
     mask = int(pairs["LOG_BITMASK"])
     assert all(mask >> bit & 1 for bit in (0, 9, 10, 18))
     assert mask == 176126 | 1 | 262144
 
 
-def test_betaflight_lines_are_commands_and_the_last_one_saves():
-    *settings, last = lines("betaflight.txt")
+@pytest.mark.parametrize("table", ["blackbox", "inav"])
+def test_lines_for_a_command_line_are_commands_and_the_last_one_saves(table):
+    *settings, last = lines(table)
     assert last == "save"
-    assert all(line.startswith("set ") and " = " in line for line in settings)
+    for line in settings:
+        assert (line.startswith("set ") and " = " in line) or line.startswith("blackbox "), line
 
 
 def test_only_what_is_lacking_is_advised():
@@ -49,3 +54,95 @@ def test_only_what_is_lacking_is_advised():
     named = [s.name for s in settings_for("ulog", frozenset({"slow motors"}))]
     assert named == ["SDLOG_PROFILE"]
     assert settings_for("table", frozenset({"no gyro"})) == ()
+    assert settings_file("table") is None
+
+
+def value(found, name):
+    [setting] = [s for s in found if s.name == name]
+    return setting.value
+
+
+@pytest.mark.parametrize(
+    ("mask", "lacking", "expected"),
+    [
+        (393215, SLOW, "917503, which adds raw IMU (bit 19)"),  # adding gave 655360: 17 bits lost
+        (176126, {"slow motors"}, "438271, which adds fast attitude (bit 0), fast IMU (bit 18)"),
+        (176126 - 512, {"no battery"}, "438271, which adds fast attitude (bit 0), battery (bit 9)"),
+    ],
+)
+def test_bits_of_ardupilot_are_set_beside_those_of_the_log(mask, lacking, expected):
+    found = settings_for("dataflash", frozenset(lacking), {"LOG_BITMASK": f"{mask}"})
+    words = value(found, "LOG_BITMASK")
+    assert words.startswith(expected)
+    assert int(words.split(",")[0]) & mask == mask  # no bit is lost
+
+
+@pytest.mark.parametrize("text", [None, "2.09715e+06"])
+def test_an_unknown_mask_is_told_in_bits_and_never_to_be_added_to(text):
+    metadata = {} if text is None else {"LOG_BITMASK": text}
+    words = value(settings_for("dataflash", SLOW, metadata), "LOG_BITMASK")
+    assert "fast IMU (bit 18), raw IMU (bit 19) set, too" in words
+    assert "do not add numbers" in words and "262145" not in words
+
+
+@pytest.mark.parametrize("mask", [2**21 - 1, -1])
+def test_a_full_mask_points_to_the_limit_of_the_rate_unless_only_the_battery_is_missing(mask):
+    metadata = {"LOG_BITMASK": f"{mask}"}
+    names = [s.name for s in settings_for("dataflash", SLOW, metadata)]
+    assert "LOG_FILE_RATEMAX" in names and "LOG_BITMASK" not in names
+    [only] = settings_for("dataflash", frozenset({"no battery"}), metadata)
+    assert only.name == "BATT_MONITOR"
+
+
+@pytest.mark.parametrize(
+    ("profile", "expected"),
+    [
+        ("1", "17, which adds high rate (bit 4)"),
+        ("131", "147, which adds high rate (bit 4)"),  # replay and motion capture stay
+        ("16", "17, which adds default set (bit 0)"),
+        (None, "what it is with default set (bit 0), high rate (bit 4) set, too"),
+    ],
+)
+def test_the_logging_profile_of_px4_keeps_its_other_bits(profile, expected):
+    metadata = {} if profile is None else {"SDLOG_PROFILE": profile}
+    found = settings_for("ulog", SLOW, metadata)
+    assert [s.name for s in found] == ["SDLOG_PROFILE"]  # no low-pass mends a slow IMU
+    assert found[0].value.startswith(expected)
+
+
+def test_a_logging_profile_that_has_the_bits_is_not_named():
+    assert settings_for("ulog", SLOW, {"SDLOG_PROFILE": "145"}) == ()
+
+
+def test_parameters_that_px4_gave_up_are_named_with_their_versions():
+    found = settings_for("ulog", frozenset({"no rotor speed"}))
+    assert "1.16 and 1.17; from 1.18 on choose BDShot" in value(found, "DSHOT_BIDIR_EN")
+    assert "from 1.18 on DSHOT_MOT_POL1" in value(found, "MOT_POLE_COUNT")
+    text = text_of("ulog")
+    assert "BDShot" in text and "DSHOT_MOT_POL1" in text
+
+
+def test_inav_gets_its_own_names_and_file():
+    lacking = SLOW | {"no accel", "no motors", "no rotor speed", "filtered accel"}
+    found = settings_for("blackbox", lacking, INAV)
+    assert [(s.name, s.value) for s in found] == [
+        ("acc_lpf_hz", "100"),
+        ("blackbox_rate_denom", "2 (with blackbox_rate_num = 1)"),
+        ("CLI:", "blackbox ACC"),
+        ("CLI:", "blackbox MOTORS"),
+    ]
+    assert settings_file("blackbox", INAV).name == "inav.txt"
+    betaflight = {"Firmware revision": "Betaflight 4.5.1 (77d01ba3b) STM32F7X2"}
+    assert "dshot_bidir" in [s.name for s in settings_for("blackbox", lacking, betaflight)]
+    assert settings_file("blackbox", betaflight).name == "betaflight.txt"
+
+
+def test_the_outputs_of_the_motors_are_not_taken_for_granted():
+    words = value(settings_for("dataflash", frozenset({"no rotor speed"})), "SERVO_BLH_BDMASK")
+    assert words.startswith("2^(output - 1) of each motor's output")
+
+
+def test_the_files_are_where_they_are_said_to_be():
+    for table in FILES:
+        assert text_of(table).startswith(("#", "1 "))
+    assert "logs every IMU" in text_of("dataflash")

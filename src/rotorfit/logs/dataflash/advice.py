@@ -6,21 +6,18 @@ from typing import Final
 import numpy as np
 
 from rotorfit.flight.log import Channel
+from rotorfit.logs.bitmask import bits_set
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.motors import Wiring
 from rotorfit.logs.dataflash.parameters import Parameters
 
-FAST_ATTITUDE, RC_OUTPUT, BATTERY, FAST_IMU, RAW_IMU = 0, 10, 9, 18, 19
-"""Bits of ArduCopter's LOG_BITMASK."""
+LOG_BITS: Final = {0: "fast attitude", 9: "battery", 10: "RC output", 18: "fast IMU"}
+"""Bits of ArduCopter's LOG_BITMASK that every flight for an identification wants."""
+RAW_IMU: Final = {19: "raw IMU"}
+"""Every sample of every IMU, which needs a fast card."""
+BATTERY_BIT: Final = 9
 ENOUGH_RATE: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""
-_BIT_NAMES: Final = {
-    FAST_ATTITUDE: "fast attitude",
-    RC_OUTPUT: "RC output",
-    BATTERY: "battery",
-    FAST_IMU: "fast IMU",
-    RAW_IMU: "raw IMU",
-}
 
 
 def advice(
@@ -31,39 +28,41 @@ def advice(
     wired: Wiring,
 ) -> list[str]:
     """Return what the log lacks and what to set for a better one, one sentence each."""
-    lacks, bits = _lacks(channels)
+    slow, raw = _slow(channels)
+    current = parameters.integer("LOG_BITMASK")
+    value = log_bitmask(current, raw=raw)
+    to_set = f"LOG_BITMASK = {value}"
     notes = [_esc_advice(wired)] if "rotor_speed" not in channels else []
-    if lacks:
-        notes.append(f"{'; '.join(lacks)}: set {bitmask(parameters, bits)}")
-    if RAW_IMU in bits:
-        notes.append("raw IMU logs every sample; on a slow card leave it out (400 Hz remain)")
+    if slow:
+        notes.append(f"{'; '.join(slow)}: set {to_set if value else _no_limit(current)}")
+    if raw and value is not None and "raw IMU" in value:
+        notes.append(
+            "raw IMU logs every sample of every IMU; on a slow card leave it out (400 Hz remain)"
+        )
+    if "battery" not in channels:
+        logged = current is not None and current >> BATTERY_BIT & 1
+        also = "" if logged or slow else f", and {to_set}"
+        notes.append(f"there is no battery voltage: set BATT_MONITOR to your power module{also}")
     return notes + _batch_note(messages)
 
 
-def _lacks(channels: Mapping[str, Channel]) -> tuple[list[str], list[int]]:
-    """Return what is missing or too slow, and the bits of LOG_BITMASK that help."""
-    lacks: list[str] = []
-    bits: list[int] = []
+def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
+    """Return what is missing or too slow, and whether the IMU is."""
+    slow: list[str] = []
     gyro, command = channels.get("gyro"), channels.get("command")
     if gyro is None or "accel" not in channels:
-        lacks.append("there is no IMU message")
-        bits += [FAST_IMU, RAW_IMU]
+        slow.append("there is no IMU message")
     elif (rate := rate_of(gyro)) < ENOUGH_RATE:
-        lacks.append(f"the IMU comes at {rate:.0f} Hz only")
-        bits += [FAST_IMU, RAW_IMU]
+        slow.append(f"the IMU comes at {rate:.0f} Hz only")
+    raw = bool(slow)
     if command is None:
-        lacks.append("there are no motor outputs")
-        bits += [FAST_ATTITUDE, RC_OUTPUT]
+        slow.append("there are no motor outputs")
     elif "rotor_speed" not in channels and (rate := rate_of(command)) < ENOUGH_RATE:
-        lacks.append(
+        slow.append(
             f"commands come at {rate:.0f} Hz only (from firmware 3.5 on they are mixed again from "
             "fast attitude's messages RATE)"
         )
-        bits.append(FAST_ATTITUDE)
-    if "battery" not in channels:
-        lacks.append("there is no battery voltage (BATT_MONITOR)")
-        bits.append(BATTERY)
-    return lacks, bits
+    return slow, raw
 
 
 def rate_of(channel: Channel) -> float:
@@ -72,20 +71,21 @@ def rate_of(channel: Channel) -> float:
     return 1.0 / step if step > 0 else 0.0
 
 
-def bitmask(parameters: Parameters, bits: list[int]) -> str:
-    """Return the setting of LOG_BITMASK that adds some bits to what the log has."""
-    current = parameters.integer("LOG_BITMASK")
-    known = current is not None and current >= 0
-    wanted = current or 0
-    for bit in bits:
-        wanted |= 1 << bit
-    added = [bit for bit in sorted(bits) if not known or not (current or 0) & (1 << bit)]
-    names = ", ".join(f"{_BIT_NAMES[bit]} (bit {bit})" for bit in added)
-    if not known:
-        return f"in LOG_BITMASK {names}"
-    if not added:
-        return f"LOG_FILE_RATEMAX = 0, since LOG_BITMASK = {wanted} asks for all of it already"
-    return f"LOG_BITMASK = {wanted}, which adds {names}"
+def log_bitmask(current: int | None, *, raw: bool) -> str | None:
+    """Return in words the value that LOG_BITMASK is to have; None where it has all of it.
+
+    Parameters
+    ----------
+    current
+        LOG_BITMASK of the log; None where it is not known.
+    raw
+        Whether to ask for every sample of the IMU, too.
+    """
+    return bits_set(current, {**LOG_BITS, **RAW_IMU} if raw else LOG_BITS)
+
+
+def _no_limit(current: int | None) -> str:
+    return f"LOG_FILE_RATEMAX = 0, since LOG_BITMASK = {current} asks for all of it already"
 
 
 def _esc_advice(wired: Wiring) -> str:
