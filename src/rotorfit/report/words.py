@@ -54,8 +54,8 @@ TITLES = {
 }
 
 VERDICT_MEANING = {
-    "identified": "known to 1/4 of the value or better, or of a size that matters (docs/method.md)",
-    "weak": "known worse than to 1/4 of value or size that matters, or a rotor's kt mostly assumed",
+    "identified": "half-width at most 1/4 of the value, or of a relevant size (method.md)",
+    "weak": "half-width over 1/4 of value and relevant size (inertia: at origin); or kt mostly assumed",
     "ratio-only": "known only together with another parameter",
     "not-identified": "this flight does not tell",
     "given": "told to rotorfit, not estimated",
