@@ -1,9 +1,13 @@
 """The settings that inspect names: right for the log at hand, in files that load as they are."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from rotorfit.report.settings import FILES, TABLES, settings_file, settings_for
 
+DOCS = Path(__file__).parents[2] / "docs"
 SLOW = frozenset({"slow gyro", "slow accel", "slow motors"})
 INAV = {"Firmware revision": "INAV 7.1.2 (abcdef012)  STM32F745"}
 
@@ -146,3 +150,47 @@ def test_the_files_are_where_they_are_said_to_be():
     for table in FILES:
         assert text_of(table).startswith(("#", "1 "))
     assert "logs every IMU" in text_of("dataflash")
+
+
+def page(name):
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+def test_the_page_of_settings_says_where_the_files_are_and_names_each(capsys):
+    [block] = re.findall(r"```python\n(.*?)```", page("settings.md"), re.S)
+    exec(block, {})
+    folder = Path(capsys.readouterr().out.strip())
+    assert {path.name for path in folder.iterdir()} == set(FILES.values())
+    assert all(f"| `{name}` |" in page("settings.md") for name in FILES.values())
+
+
+def test_pages_tick_bits_and_never_add_them():
+    for name in ("settings.md", "howto/px4.md", "howto/ardupilot.md"):
+        assert not re.search(r"\badd (the )?bits?\b|its value \+", page(name)), name
+    assert "17, if no other is" in page("howto/px4.md")
+
+
+def test_pages_name_the_versions_of_px4_and_what_inav_has():
+    for name in ("settings.md", "howto/px4.md"):
+        text = page(name)
+        assert "1.18" in text and "BDShot" in text and "DSHOT_MOT_POL1" in text, name
+    assert "INAV to 9 has no such DShot" in page("howto/betaflight.md")
+
+
+def test_the_page_of_motion_capture_says_what_px4_logs_of_it():
+    text = page("howto/mocap.md")
+    assert "bit 7 of `SDLOG_PROFILE`" in text
+    assert f"`SDLOG_PROFILE = {1 | 1 << 1 | 1 << 4}`" in text
+    assert "Times of receipt over a network are refused" in text
+
+
+def test_low_passes_of_px4_are_told_of_in_one_way():
+    assert "need no change" in page("settings.md")
+    commented = [line for line in text_of("ulog").splitlines() if "CUTOFF" in line]
+    assert len(commented) == 2 and all(line.startswith("# 1\t1\t") for line in commented)
+    assert not any("CUTOFF" in setting.name for setting in TABLES["ulog"])
+
+
+def test_sentences_of_the_guides_do_not_run_together():
+    for guide in sorted((DOCS / "howto").glob("*.md")):
+        assert not re.search(r":\nReady to load", guide.read_text(encoding="utf-8")), guide.name
