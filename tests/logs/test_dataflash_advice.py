@@ -40,7 +40,9 @@ def test_a_missing_battery_asks_for_its_monitor_and_no_limit_of_rate(tmp_path, m
 
 def test_a_battery_that_is_not_logged_asks_for_its_bit_too(tmp_path):
     [note] = advised(read(tmp_path, mask=DEFAULT & ~(1 << 9)))
-    assert note.startswith(f"{BATTERY_NOTE}, and LOG_BITMASK = 438271, which adds")
+    assert note.startswith(
+        f"{BATTERY_NOTE}, and LOG_BITMASK = {DEFAULT}, which adds battery (bit 9)"
+    )
     [note] = advised(read(tmp_path, mask=None))
     assert note.startswith(f"{BATTERY_NOTE}, and LOG_BITMASK = what it is with")
 

@@ -71,7 +71,7 @@ def value(found, name):
     [
         (393215, SLOW, "917503, which adds raw IMU (bit 19)"),  # adding gave 655360: 17 bits lost
         (176126, {"slow motors"}, "438271, which adds fast attitude (bit 0), fast IMU (bit 18)"),
-        (176126 - 512, {"no battery"}, "438271, which adds fast attitude (bit 0), battery (bit 9)"),
+        (176126 - 512, {"no battery"}, "176126, which adds battery (bit 9)"),
     ],
 )
 def test_bits_of_ardupilot_are_set_beside_those_of_the_log(mask, lacking, expected):
@@ -85,7 +85,7 @@ def test_bits_of_ardupilot_are_set_beside_those_of_the_log(mask, lacking, expect
 def test_an_unknown_mask_is_told_in_bits_and_never_to_be_added_to(text):
     metadata = {} if text is None else {"LOG_BITMASK": text}
     words = value(settings_for("dataflash", SLOW, metadata), "LOG_BITMASK")
-    assert "fast IMU (bit 18), raw IMU (bit 19) set, too" in words
+    assert "fast IMU (bit 18), raw IMU (bit 19) ticked, too" in words
     assert "do not add numbers" in words and "262145" not in words
 
 
@@ -98,13 +98,18 @@ def test_a_full_mask_points_to_the_limit_of_the_rate_unless_only_the_battery_is_
     assert only.name == "BATT_MONITOR"
 
 
+def test_a_missing_battery_alone_asks_for_nothing_faster():
+    found = settings_for("dataflash", frozenset({"no battery"}), {"LOG_BITMASK": "176126"})
+    assert [s.name for s in found] == ["BATT_MONITOR"]
+
+
 @pytest.mark.parametrize(
     ("profile", "expected"),
     [
         ("1", "17, which adds high rate (bit 4)"),
         ("131", "147, which adds high rate (bit 4)"),  # replay and motion capture stay
         ("16", "17, which adds default set (bit 0)"),
-        (None, "what it is with default set (bit 0), high rate (bit 4) set, too"),
+        (None, "what it is with default set (bit 0), high rate (bit 4) ticked, too"),
     ],
 )
 def test_the_logging_profile_of_px4_keeps_its_other_bits(profile, expected):

@@ -26,5 +26,5 @@ def bits_set(current: int | None, bits: Mapping[int, str]) -> str | None:
         return None
     words = ", ".join(f"{what} (bit {bit})" for bit, what in missing.items())
     if current is None:
-        return f"what it is with {words} set, too (tick the bits, do not add numbers)"
+        return f"what it is with {words} ticked, too (do not add numbers)"
     return f"{known | sum(1 << bit for bit in missing)}, which adds {words}"

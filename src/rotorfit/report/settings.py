@@ -208,7 +208,8 @@ def _beside_what_is_set(
     text = metadata.get(setting.name, "")
     current = int(text) if text.removeprefix("-").isdecimal() else None
     if setting.name == "LOG_BITMASK":
-        value = log_bitmask(current, raw=bool(SLOW_IMU & lacks))
+        slow, raw = bool(NO_LIMIT.asked_by & lacks), bool(SLOW_IMU & lacks)
+        value = log_bitmask(current, slow=slow, raw=raw)
     else:
         value = bits_set(current, PROFILE_BITS)
     if value is not None:

@@ -11,11 +11,10 @@ from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.motors import Wiring
 from rotorfit.logs.dataflash.parameters import Parameters
 
-LOG_BITS: Final = {0: "fast attitude", 9: "battery", 10: "RC output", 18: "fast IMU"}
-"""Bits of ArduCopter's LOG_BITMASK that every flight for an identification wants."""
+BATTERY: Final = {9: "battery"}
+FAST: Final = {0: "fast attitude", 10: "RC output", 18: "fast IMU"}
 RAW_IMU: Final = {19: "raw IMU"}
-"""Every sample of every IMU, which needs a fast card."""
-BATTERY_BIT: Final = 9
+"""Bits of ArduCopter's LOG_BITMASK; the last is every sample of every IMU: for a fast card."""
 ENOUGH_RATE: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""
 
@@ -30,7 +29,7 @@ def advice(
     """Return what the log lacks and what to set for a better one, one sentence each."""
     slow, raw = _slow(channels)
     current = parameters.integer("LOG_BITMASK")
-    value = log_bitmask(current, raw=raw)
+    value = log_bitmask(current, slow=bool(slow), raw=raw)
     to_set = f"LOG_BITMASK = {value}"
     notes = [_esc_advice(wired)] if "rotor_speed" not in channels else []
     if slow:
@@ -40,8 +39,7 @@ def advice(
             "raw IMU logs every sample of every IMU; on a slow card leave it out (400 Hz remain)"
         )
     if "battery" not in channels:
-        logged = current is not None and current >> BATTERY_BIT & 1
-        also = "" if logged or slow else f", and {to_set}"
+        also = f", and {to_set}" if value and not slow else ""
         notes.append(f"there is no battery voltage: set BATT_MONITOR to your power module{also}")
     return notes + _batch_note(messages)
 
@@ -71,17 +69,19 @@ def rate_of(channel: Channel) -> float:
     return 1.0 / step if step > 0 else 0.0
 
 
-def log_bitmask(current: int | None, *, raw: bool) -> str | None:
+def log_bitmask(current: int | None, *, slow: bool, raw: bool) -> str | None:
     """Return in words the value that LOG_BITMASK is to have; None where it has all of it.
 
     Parameters
     ----------
     current
         LOG_BITMASK of the log; None where it is not known.
+    slow
+        Whether IMU or motors are missing or too slow; else only the battery is asked for.
     raw
         Whether to ask for every sample of the IMU, too.
     """
-    return bits_set(current, {**LOG_BITS, **RAW_IMU} if raw else LOG_BITS)
+    return bits_set(current, BATTERY | (FAST if slow else {}) | (RAW_IMU if raw else {}))
 
 
 def _no_limit(current: int | None) -> str:
