@@ -63,7 +63,7 @@ def test_an_assumption_is_told(run, there):
     ended = run(*asked)
     assert (ended.code, ended.err) == (0, "")
     assert "kd = 5.2e-08 N m s^2/rad^2 is assumed" in ended.out
-    assert "Izz_com = 0.0293072 kg m^2 is from-ratio: kd, assumed, over kd_over_Izz" in ended.out
+    assert "Izz_com = 0.02931 kg m^2 is from-ratio: kd, assumed, over kd_over_Izz" in ended.out
 
 
 @pytest.mark.parametrize(

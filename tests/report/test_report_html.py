@@ -329,3 +329,10 @@ def test_no_percentage_of_a_number_near_zero() -> None:
         "N s²/rad²: little more than that rotors are alike"
     )
     assert words["Thrust coefficient of rotor 2"] == "known only to 50 %"
+
+
+def test_only_the_condition_of_rotors_and_bodies_is_judged() -> None:
+    odd = {"condition": 1.26e3, "condition_bodies": 33.6}
+    page = Page(report_html(dataclasses.replace(a_result(), diagnostics=odd))).text
+    assert "all free parameters 1.26e+03, rotors and bodies 33.6 (poor)." in page
+    assert "over 1000 doubtful" not in page

@@ -73,7 +73,7 @@ def _write_vehicle(
         project=request.project,
     )
     write_whole(request.output, made.text, force=request.force)
-    doubts = [_doubt(n) for n in made.model.numbers if n.origin in DOUBTFUL]
+    doubts = [doubt_words(n) for n in made.model.numbers if n.origin in DOUBTFUL]
     if request.as_json:
         described = {
             "target": target,
@@ -89,9 +89,11 @@ def _write_vehicle(
         show(f"  {line}")
 
 
-def _doubt(number: Number) -> str:
+def doubt_words(number: Number) -> str:
+    """Return a number that is not simply identified, and why."""
     remark = "" if number.remark is None else f": {number.remark}"
-    return f"{number.name} = {number.value:.6g} {number.unit} is {number.origin}{remark}"
+    digits = 6 if number.origin == "assumed" else 4  # the user's own as given
+    return f"{number.name} = {number.value:.{digits}g} {number.unit} is {number.origin}{remark}"
 
 
 def _plain(number: Number) -> dict[str, object]:

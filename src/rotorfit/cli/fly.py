@@ -8,6 +8,7 @@ from pathlib import Path
 import typer
 from threadpoolctl import threadpool_limits
 
+from rotorfit.cli.export import doubt_words
 from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import say, show
@@ -221,11 +222,7 @@ def _refuse_other_vehicle(own: VehicleModel, other: VehicleModel, label: str) ->
 def _notes(
     result: IdentificationResult, model: VehicleModel, bench: Mapping[str, float]
 ) -> list[str]:
-    notes = [
-        f"{n.name} = {n.value:.4g} {n.unit} is {n.origin}" + (f": {n.remark}" if n.remark else "")
-        for n in model.numbers
-        if n.origin in ("weak", "assumed", "from-ratio")
-    ]
+    notes = [doubt_words(n) for n in model.numbers if n.origin in ("weak", "assumed", "from-ratio")]
     if bench:
         given = ", ".join(f"{name}={value:g}" for name, value in bench.items())
         notes.append(f"bench: {given}; all else as identified, which favours it")

@@ -1,6 +1,7 @@
 """rotorfit validate: whether a result predicts flights that its fit has not seen."""
 
 import json
+import textwrap
 import warnings
 from pathlib import Path
 
@@ -10,6 +11,9 @@ from rotorfit.errors import RotorfitWarning
 from rotorfit.identification.comparison import SHOWN, WrenchComparison
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.identification.validate import validate_file, validation_rows
+from rotorfit.report.words import NOTHING_PREDICTED, PREDICTED_WELL
+
+WIDTH = 80
 
 
 def run(
@@ -48,7 +52,8 @@ def validation_text(comparisons: list[WrenchComparison]) -> str:
     """Return the relative errors as a table, in percent."""
     width = max(len(c.flight) for c in comparisons)
     lines = [
-        "Body wrench against rotor wrench below 3 Hz: norm of the difference, % of the rotors'",
+        "Body wrench against rotor wrench below 3 Hz: norm of the difference, % of",
+        "that of the rotors",
         f"  {'':<{width}}  configuration" + "".join(f"{name:>8}" for name in SHOWN),
     ]
     for c in comparisons:
@@ -56,6 +61,9 @@ def validation_text(comparisons: list[WrenchComparison]) -> str:
         lines.append(f"  {c.flight:<{width}}  {c.configuration:<13}{numbers}")
     if any(len(c.relative_error) < len(SHOWN) for c in comparisons):
         lines.append("  -: the result does not know the parameters of that component")
+    lines += textwrap.wrap(PREDICTED_WELL, WIDTH)
+    if any(error >= 1.0 for c in comparisons for error in c.relative_error.values()):
+        lines += textwrap.wrap(NOTHING_PREDICTED, WIDTH)
     return "\n".join(lines)
 
 

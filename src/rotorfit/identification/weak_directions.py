@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.identification.payload import MOMENTS
-from rotorfit.identification.verdicts import ADVICE
+from rotorfit.identification.verdicts import ADVICE, motion_for
 
 ROTORS = ("kt", "kd", "Jr")
 GOOD, FAIR, ONE_AXIS = 10.0, 30.0, 255.0
@@ -23,12 +23,6 @@ SHARE = 0.3
 """Parameters with less of a direction than this share of its largest are not named in it."""
 SAME = 0.2
 """Relative changes that differ by less are one factor: only the ratio is known."""
-ADVICE_OF = {
-    **dict.fromkeys(("kd", "Jr", "Izz"), ADVICE["yaw"]),
-    **dict.fromkeys(("Ixx", "Ixy", "Ixz", "msy", "msz"), ADVICE["roll"]),
-    **dict.fromkeys(("Iyy", "Iyz", "msx"), ADVICE["pitch"]),
-    "kt": ADVICE["force"],
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +113,7 @@ def weak_sentence(directions: Sequence[WeakDirection], doubtful: Collection[str]
     names = [name.replace("@", " of ") for name in weakest.parts]
     together = f"{', '.join(names[:-1])} and {names[-1]}"
     what = "are known only as a ratio" if weakest.is_ratio else "are known only together"
-    advice = ADVICE_OF[next(iter(weakest.parts)).partition("@")[0]]
+    advice = ADVICE[motion_for(next(iter(weakest.parts)).partition("@")[0])]
     return (
         f"{together} {what} (condition number {condition:.0f}: {condition_words(condition)}; "
         f"{GOOD:.0f} and less is good): {advice}"

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from rotorfit.identification.excitation import LEAST_EXCITATION
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.weak_directions import condition_words
 from rotorfit.report.svg import drawing, label, tag, text
 
 STRONG = 0.6
@@ -134,14 +135,14 @@ def _excitations(result: IdentificationResult) -> tuple[Excitation, ...]:
 
 
 def _conditions(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
-    """Return the condition numbers by equation."""
+    """Return the condition numbers, and how good that of rotors and bodies is."""
     found: list[tuple[str, str]] = []
     for name, value in result.diagnostics.items():
         if name.startswith("condition") and math.isfinite(value):
-            equation = (
-                name.removeprefix("condition").strip("_").replace("@", " ") or "all equations"
-            )
-            found.append((equation, f"{value:.3g}"))
+            what = name.removeprefix("condition").strip("_").replace("@", " ")
+            judged = f" ({condition_words(value)})" if what == "bodies" else ""
+            words = {"": "all free parameters", "bodies": "rotors and bodies"}.get(what, what)
+            found.append((words, f"{value:.3g}{judged}"))
     return tuple(found)
 
 

@@ -17,7 +17,7 @@ from rotorfit.report.summary import summary_of
 from rotorfit.report.svg import clean
 from rotorfit.report.used import used_flights
 from rotorfit.report.vehicle import vehicle_drawings
-from rotorfit.report.words import VERDICT_MEANING, configurations
+from rotorfit.report.words import PREDICTED_WELL, VERDICT_MEANING, configurations
 from rotorfit.report.wrenches import validation_rows, wrench_figures
 
 
@@ -54,6 +54,7 @@ def report_html(
         figures=wrench_figures(comparisons),
         validation=validation_rows(result),
         components=SHOWN,
+        predicted_well=PREDICTED_WELL,
         paper=paper_section(result, comparisons) if with_paper else None,
         correlations=correlation_section(result),
         flights=used_flights(result),

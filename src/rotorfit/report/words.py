@@ -55,12 +55,23 @@ TITLES = {
 
 VERDICT_MEANING = {
     "identified": "half-width at most 1/4 of the value, or of a relevant size (method.md)",
-    "weak": "half-width over 1/4 of value and relevant size (inertia: at origin); or kt mostly assumed",
+    "weak": "half-width over 1/4 of value and relevant size (inertia: at origin); "
+    "or kt mostly assumed",
     "ratio-only": "known only together with another parameter",
     "not-identified": "this flight does not tell",
     "given": "told to rotorfit, not estimated",
     "removed": "taken out of the model as unessential",
 }
+
+PREDICTED_WELL = (
+    "Good: Fz up to 5 % (the weight is in it), moments up to 30 % (a tenth of their power is left)."
+)
+"""What relative errors on flights kept apart are worth."""
+NOTHING_PREDICTED = (
+    "At 100 % and over the model predicts nothing of that component: the rotors hardly moved it "
+    "in this flight (validate on one that does), or the parameters do not hold for it (vehicle "
+    "changed since, wrong configuration; identify from both flights)."
+)
 
 _POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
