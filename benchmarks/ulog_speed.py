@@ -16,7 +16,7 @@ from pathlib import Path
 from pyulog import ULog
 
 from rotorfit.logs import read_log
-from rotorfit.logs.ulog.scan import scan_file
+from rotorfit.logs.ulog.scan import Wanted, scan_file
 
 
 def best_of(repeats: int, function: Callable[[], int]) -> tuple[float, int]:
@@ -34,7 +34,7 @@ def messages_of_pyulog(path: Path) -> int:
         return sum(len(data.data["timestamp"]) for data in ULog(str(path)).data_list)
 
 
-def messages_of_rotorfit(path: Path, names: frozenset[str]) -> int:
+def messages_of_rotorfit(path: Path, names: Wanted) -> int:
     topics = scan_file(path, names).topics
     return sum(len(topic.rows) for found in topics.values() for topic in found)
 
@@ -45,7 +45,7 @@ def main(paths: list[str]) -> None:
     print(f"{'file':<30}{'MB':>6}{'messages':>10}{'pyulog':>12}{'all topics':>12}{'read_log':>12}")
     for path in map(Path, paths):
         size = path.stat().st_size / 1e6
-        names = frozenset(scan_file(path, frozenset()).counts)
+        names = dict.fromkeys(scan_file(path, {}).counts)
         theirs, count = best_of(5, lambda path=path: messages_of_pyulog(path))
         ours, same = best_of(5, lambda path=path, names=names: messages_of_rotorfit(path, names))
         whole, _ = best_of(5, lambda path=path: len(read_log(path).channels))
