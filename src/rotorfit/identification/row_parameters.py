@@ -1,8 +1,9 @@
 """From the row fits to physical parameters: values, joint covariance, intervals.
 
-Half-width^2 = (larger of 1.96 formal and t scatter)^2 + (1.5 |value| / rho)^2 + what the geometry
+Half-width^2 = (larger of 1.96 formal and t scatter)^2 + (c |value| / rho)^2 + what the geometry
 leaves open. Formal: the bands' own variances; scatter: the one-step jackknife over stretches and
-bands; rho: excitation of the axis, whose lack pulls every estimate of that axis to one side.
+bands; rho: excitation of the axis, whose lack pulls every estimate of that axis to one side, by up
+to c = 2.5 for roll and pitch, 1.5 for the ratios of yaw (`excitation.py` has it exactly).
 """
 
 from dataclasses import dataclass
