@@ -85,7 +85,7 @@ def picture(folder: Path) -> str:
             span = errors(result, truth, name)
             if span is not None:
                 parts.append(bar(span, y + offset, colour))
-    return drawing(720, bottom + 34, {"xmlns": NAMESPACE}, *parts)
+    return drawing(720.0, bottom + 34, {"xmlns": NAMESPACE}, *parts)
 
 
 def main() -> None:

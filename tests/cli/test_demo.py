@@ -1,6 +1,12 @@
-"""The demo: the paper's experiment, files that identify reads, numbers that hold."""
+"""The demo: the paper's experiment, files that identify reads, numbers that hold.
+
+What README.md and the first page of the documentation show of it is what it makes; both are
+rewritten by  pytest --update-golden tests/cli/test_demo.py
+"""
 
 import json
+import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -8,16 +14,15 @@ from command_line import called
 
 from rotorfit.cli import demo as demo_command
 from rotorfit.identification.result import IdentificationResult
-from rotorfit.simulation.experiments import plan_experiment
 
+ROOT = Path(__file__).parents[2]
+README = ROOT / "README.md"
+PICTURE = ROOT / "docs" / "pictures" / "intervals.svg"
+SHOWN = re.compile(r"(?<=```text\n)The experiment of Six.*?(?=```)", re.S)
 FILES = [
     *("A1.csv", "A2.csv", "B1.csv", "B2.csv", "experiment.toml"),
     *("report.html", "result-paper.json", "result.json", "truth.json"),
 ]
-
-
-def short(scenario, variant, *, seed):
-    return plan_experiment(scenario, variant, seed=seed, seconds=25.0)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +32,6 @@ def demonstrated(tmp_path_factory) -> tuple[Path, list[str]]:
     with pytest.MonkeyPatch.context() as patch:
         texts: list[str] = []
         patch.setattr(demo_command, "show", texts.append)
-        patch.setattr(demo_command, "plan_experiment", short)
         assert called("demo", "-o", folder) == 0
     return folder, "\n".join(texts).splitlines()
 
@@ -40,8 +44,30 @@ def test_files(demonstrated):
 
 def test_fits_a_screen(demonstrated):
     _, lines = demonstrated
-    assert len(lines) < 42
-    assert max(len(line) for line in lines) <= 100
+    assert len(lines) < 44
+    assert max(len(line) for line in lines) <= 80
+
+
+def test_the_readme_shows_what_it_prints(demonstrated, request):
+    printed = "\n".join(line.rstrip() for line in demonstrated[1]) + "\n"
+    text = README.read_text(encoding="utf-8")
+    if request.config.getoption("--update-golden"):
+        text = SHOWN.sub(printed.replace("\\", r"\\"), text)
+        README.write_text(text, encoding="utf-8", newline="\n")
+    assert SHOWN.findall(text) == [printed], "meant so? then  pytest --update-golden"
+
+
+def test_the_picture_of_the_first_page_is_of_its_numbers(demonstrated, request):
+    made = runpy.run_path(str(PICTURE.with_name("make.py")))["picture"](demonstrated[0]) + "\n"
+    if request.config.getoption("--update-golden"):
+        PICTURE.write_text(made, encoding="utf-8", newline="\n")
+    number = re.compile(r"-?\d+\.?\d*")
+    shown = PICTURE.read_text(encoding="utf-8")
+    assert number.sub("", made) == number.sub("", shown)
+    # A fifth of a pixel is a twentieth of a percent of the truth.
+    assert [float(x) for x in number.findall(made)] == pytest.approx(
+        [float(x) for x in number.findall(shown)], abs=0.2
+    ), "meant so? then  pytest --update-golden"
 
 
 def test_printed_numbers_are_those_of_the_files(demonstrated):

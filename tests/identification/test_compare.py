@@ -72,10 +72,15 @@ def test_differences_and_overlaps_of_table_two():
 def test_text_names_what_is_apart_and_gives_no_percentage_of_zero():
     text = comparison_text(compare_results([IMU, MOCAP], ["imu", "mocap"]))
     lines = {line.split("  ")[0]: line for line in text.splitlines()}
-    assert "+1.38 % apart" in lines["kt"]
+    assert "+1.38 %*" in lines["kt"]
     assert lines["Ixx A"].rstrip().endswith("+3.30 %  kg m^2")
     assert "%" not in lines["Ixy A"]
-    assert text.endswith("Intervals apart: kt, Iyy B")
+    assert text.endswith("* intervals apart from the first's: kt, Iyy B")
+    assert max(map(len, text.splitlines())) <= 80
+    far = result(parameter("kt", 5.787, 0.1))
+    assert " +479 %* " in comparison_text(
+        compare_results([result(parameter("kt", 1.0, 0.1)), far], ["a", "b"])
+    )
 
 
 def test_a_number_that_one_result_lacks():
@@ -118,7 +123,7 @@ def test_command(tmp_path):
         saved.save(type(tmp_path)(file))
     run = CliRunner().invoke(app, ["compare", *files])
     assert run.exit_code == 0, run.output
-    assert run.stdout.splitlines()[0].split() == ["imu", "mocap", "difference"]
+    assert run.stdout.splitlines()[0].split() == ["imu", "mocap", "differs"]
     data = json.loads(CliRunner().invoke(app, ["compare", "--json", *files]).stdout)
     assert data["labels"] == ["imu", "mocap"]
     assert data["numbers"][0]["entries"][1]["overlap"] is False

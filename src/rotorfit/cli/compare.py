@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +11,10 @@ from rotorfit.identification.compare import ComparedNumber, Comparison, Entry, c
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.report.text import with_interval
 
-COLUMN = 26
+LABEL = 20
+"""Longer names of results are cut in front."""
+APART = "*"
+WIDTH = 80
 
 
 def run(paths: Sequence[Path], *, as_json: bool) -> None:
@@ -25,28 +29,37 @@ def run(paths: Sequence[Path], *, as_json: bool) -> None:
 
 def comparison_text(comparison: Comparison) -> str:
     """Return a comparison as text for a terminal: a line a number, a column a result."""
-    head = f"{'':<20}{comparison.labels[0]:>{COLUMN}}" + "".join(
-        f"  {label:>{COLUMN}} {'difference':>18}" for label in comparison.labels[1:]
-    )
-    lines = [head, *(_line(number) for number in comparison.numbers)]
+    several = len({n.configuration for n in comparison.numbers} - {None}) > 1
+    first, *others = comparison.labels
+    rows = [["", first, *(cell for label in others for cell in (label, "differs")), ""]]
+    rows += [_cells(number, several=several) for number in comparison.numbers]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [_line(row, widths) for row in rows]
     apart = [
-        _name(number)
+        _name(number, several=several)
         for number in comparison.numbers
         if any(entry.overlap is False for entry in number.entries)
     ]
     if apart:
-        lines += ["", f"Intervals apart: {', '.join(apart)}"]
-    return "\n".join(line.rstrip() for line in lines)
+        words = f"{APART} intervals apart from the first's: {', '.join(apart)}"
+        lines += ["", *textwrap.wrap(words, WIDTH, subsequent_indent="  ")]
+    return "\n".join(lines)
 
 
-def _line(number: ComparedNumber) -> str:
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    """Return name and unit to the left of their columns, numbers to the right."""
+    name, *numbers, unit = cells
+    shown = [f"{cell:>{width}}" for cell, width in zip(numbers, widths[1:-1], strict=True)]
+    return " ".join([f"{name:<{widths[0]}}", *shown, unit]).rstrip()
+
+
+def _cells(number: ComparedNumber, *, several: bool) -> list[str]:
+    """Return name, value, then value and difference of every other result, unit."""
     first, *others = number.entries
-    cells = [f"{_name(number):<20}{with_interval(first.value, first.interval):>{COLUMN}}"]
+    cells = [_name(number, several=several), with_interval(first.value, first.interval)]
     for entry in others:
-        shown = with_interval(entry.value, entry.interval)
-        cells.append(f"{shown:>{COLUMN}} {_difference(entry, first):>18}")
-    unit = "" if number.unit == "1" else number.unit
-    return "  ".join([*cells, unit])
+        cells += [with_interval(entry.value, entry.interval), _difference(entry, first)]
+    return [*cells, "" if number.unit == "1" else number.unit]
 
 
 def _difference(entry: Entry, first: Entry) -> str:
@@ -54,19 +67,24 @@ def _difference(entry: Entry, first: Entry) -> str:
 
     No percentage of what may as well be zero.
     """
-    apart = " apart" if entry.overlap is False else ""
+    apart = APART if entry.overlap is False else " "
     about_zero = first.interval is not None and first.interval[0] <= 0 <= first.interval[1]
     if entry.difference is None or about_zero:
-        return apart.strip()
-    return f"{100.0 * entry.difference:+.2f} %{apart}"
+        return apart
+    percent = 100.0 * entry.difference
+    decimals = 0 if abs(percent) >= 99.5 else 1 if abs(percent) >= 9.95 else 2
+    return f"{percent:+.{decimals}f} %{apart}"
 
 
-def _name(number: ComparedNumber) -> str:
-    return number.name if number.configuration is None else f"{number.name} {number.configuration}"
+def _name(number: ComparedNumber, *, several: bool) -> str:
+    """Return the name, with its configuration where there is more than one."""
+    if number.configuration is None or not several:
+        return number.name
+    return f"{number.name} {number.configuration}"
 
 
 def _labels(paths: Sequence[Path]) -> list[str]:
     """Return the shortest names that tell the files apart, no longer than a column."""
     stems = [path.stem for path in paths]
     names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
-    return [name if len(name) <= COLUMN else "..." + name[-(COLUMN - 3) :] for name in names]
+    return [name if len(name) <= LABEL else "..." + name[-(LABEL - 3) :] for name in names]

@@ -24,10 +24,11 @@ RESULT, PAPER, REPORT = "result.json", "result-paper.json", "report.html"
 PAPERS: Final = "paper's method"
 BODY: Final = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz")
 INTRODUCTION: Final = """\
-The experiment of Six et al. 2020, flown again in simulation: quadrotor A (1.285 kg), and B, which
-is A with 125 g on +x and 42 g on -y. Noisy and biased sensors; the log has motor commands only,
-and nobody knows the motors' lag. One flight of each identifies both at once, one is kept for
-validation. Does the 95 % interval hold the truth?
+The experiment of Six et al. 2020, flown again in simulation: quadrotor A
+(1.285 kg), and B, which is A with 125 g on +x and 42 g on -y. Noisy and biased
+sensors; the log has motor commands only, and nobody knows the motors' lag. One
+flight of each identifies both at once, one is kept for validation. Does the
+95 % interval hold the truth?
 """
 
 
@@ -104,7 +105,7 @@ def _beside(estimate: Parameter, true: float) -> tuple[str, str]:
 
 
 def _row(name: str, truth: str, ours: str, held: str, paper: str, paper_held: str) -> str:
-    line = f"  {name:<5}{truth:>10}{ours:>26} {held:<6}{paper:>26} {paper_held}"
+    line = f"  {name:<5}{truth:>10}{ours:>24} {held:<5}{paper:>24} {paper_held}"
     return line.rstrip()
 
 
