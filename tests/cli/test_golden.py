@@ -68,3 +68,19 @@ def test_result_as_text(run, here, golden):
 def test_inspection_as_text(run, here, golden):
     ended = run("inspect", "flight.csv")
     golden("inspect.txt", re.sub(r"\d+\.\d+", "x", ended.out))
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - {"inspect"}))
+def test_options_are_in_words_not_in_types_of_python(run, name, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    shown = run(name, "--help").out
+    # What only an argument is, typer itself adds beside its name.
+    options = shown.partition("Options:")[2]
+    assert not re.search(r"<(str|float|int|list|path)", options), shown
+    assert max(map(len, shown.splitlines())) <= 80
+
+
+def test_every_command_is_described_by_a_whole_clause(run):
+    for name, command in COMMANDS.items():
+        first = (command.help or "").split("\n\n")[0].rstrip()
+        assert first.endswith(".") and ". " not in first, name

@@ -1,7 +1,7 @@
 """The command line: one command a question. Heavy imports happen inside the commands."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import typer
 
@@ -64,17 +64,24 @@ def _options(
 @app.command()
 @interruptible()
 def identify(
-    source: Annotated[Path, typer.Argument(help="An experiment file (.toml), or one flight log.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="EXPERIMENT|LOG", help="An experiment file (.toml), or one flight log."
+        ),
+    ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write the result as JSON here.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write the result as JSON here."),
     ] = None,
     report: Page = None,
     figures: Figures = None,
     mass: Annotated[
-        str | None, typer.Option(help='With a log: weighed mass in kg, or "unknown".')
+        str | None, typer.Option(metavar="KG", help='With a log: weighed mass in kg, or "unknown".')
     ] = None,
     airframe: Annotated[
-        Path | None, typer.Option(help="With a log: file with [airframe] and [motors].")
+        Path | None,
+        typer.Option(metavar="FILE", help="With a log: file with [airframe] and [motors]."),
     ] = None,
     log: LogNumber = None,
     start: Start = None,
@@ -123,7 +130,8 @@ def identify(
 @interruptible()
 def compare(
     results: Annotated[
-        list[Path], typer.Argument(help="Results that identify -o wrote; two or more.")
+        list[Path],
+        typer.Argument(metavar="RESULT", help="Results that identify -o wrote; two or more."),
     ],
     as_json: AsJson = False,
 ) -> None:
@@ -159,10 +167,14 @@ def inspect(
 @interruptible()
 def validate(
     result: ResultFile,
-    flights: Annotated[list[Path], typer.Argument(help="Flights that the fit has not seen.")],
+    flights: Annotated[
+        list[Path], typer.Argument(metavar="FLIGHT", help="Flights that the fit has not seen.")
+    ],
     configuration: Annotated[
         str | None,
-        typer.Option(help="In which they were flown; may be left out where there is one."),
+        typer.Option(
+            metavar="NAME", help="In which they were flown; may be left out where there is one."
+        ),
     ] = None,
     log: LogNumber = None,
     start: Start = None,
@@ -188,12 +200,18 @@ def export(
     result: ResultFile,
     target: Annotated[
         AnyTargetName,
-        typer.Option("--to", help="Which tool's file; table: wrenches of the flights over time."),
+        typer.Option(
+            "--to",
+            metavar="TARGET",
+            help=f"Which tool's file: {', '.join(get_args(AnyTargetName))} (wrenches of the flights over time).",
+        ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Write the file here.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Write the file here.")
+    ],
     configuration: Annotated[
         str | None,
-        typer.Option(help="Which to export; may be left out where there is one."),
+        typer.Option(metavar="NAME", help="Which to export; may be left out where there is one."),
     ] = None,
     assume: Assume = None,
     project: Annotated[
@@ -232,17 +250,21 @@ def fly(
     result: ResultFile,
     configuration: Annotated[
         str | None,
-        typer.Option(help="Which to fly; may be left out where there is one."),
+        typer.Option(metavar="NAME", help="Which to fly; may be left out where there is one."),
     ] = None,
     assume: Assume = None,
     flight: Annotated[
         list[Path] | None,
-        typer.Option(help="Replay this log instead of the result's own flights; repeatable."),
+        typer.Option(
+            metavar="LOG", help="Replay this log instead of the result's own flights; repeatable."
+        ),
     ] = None,
     log: LogNumber = None,
     against: Annotated[
         list[Path] | None,
-        typer.Option(help="Another result of the vehicle, to stand beside; repeatable."),
+        typer.Option(
+            metavar="RESULT", help="Another result of the vehicle, to stand beside; repeatable."
+        ),
     ] = None,
     bench: Annotated[
         list[str] | None,
@@ -252,7 +274,8 @@ def fly(
         ),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write the numbers as JSON here.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write the numbers as JSON here."),
     ] = None,
     report: Page = None,
     figures: Figures = None,
@@ -287,40 +310,60 @@ def fly(
 @app.command()
 @interruptible()
 def plan(
-    airframe: Annotated[Path, typer.Argument(help="File with [airframe] and [motors].")],
+    airframe: Annotated[
+        Path, typer.Argument(metavar="AIRFRAME", help="File with [airframe] and [motors].")
+    ],
     mass: Annotated[
-        float | None, typer.Option(help="Weighed as it flies, battery included [kg].")
+        float | None, typer.Option(metavar="KG", help="Weighed as it flies, battery included [kg].")
     ] = None,
     accuracy: Annotated[
         str,
         typer.Option(
+            metavar="PERCENT|NAME=VALUE,...",
             help="Wanted half of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), or "
-            "names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm)."
+            "names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm).",
         ),
     ] = "5",
-    seconds: Annotated[str, typer.Option(help="Lengths of flight to consider.")] = "20,40,75",
+    seconds: Annotated[
+        str,
+        typer.Option(
+            metavar="SECONDS,...",
+            help="Lengths of each flight to consider, between take-off and landing [s].",
+        ),
+    ] = "20,40,75",
     speed: Speed = None,
     payload: Annotated[
         float | None,
-        typer.Option(help="Mass of each of two payloads on one arm [kg]; 0: consider none."),
+        typer.Option(
+            metavar="KG", help="Mass of each of two payloads on one arm [kg]; 0: consider none."
+        ),
     ] = None,
     guess: Annotated[
         list[str] | None,
         typer.Option(
+            metavar="NAME=VALUE",
             help="NAME=VALUE of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr, motor_lag, where you "
-            "know better than a guess from the geometry (SI); may be repeated."
+            "know better than a guess from the geometry (SI); may be repeated.",
         ),
     ] = None,
-    log_rate: Annotated[float, typer.Option(help="Samples per second of your log.")] = 200.0,
+    log_rate: Annotated[
+        float, typer.Option(metavar="HZ", help="Samples per second of your log.")
+    ] = 200.0,
     after: Annotated[
         Path | None,
-        typer.Option(help="A result of this vehicle: plan for what it still lacks."),
+        typer.Option(
+            metavar="RESULT", help="A result of this vehicle: plan for what it still lacks."
+        ),
     ] = None,
     card: Annotated[
-        Path | None, typer.Option(help="Write a page for the pilot here (.html to print, .txt).")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write a page for the pilot here (.html to print, .txt)."
+        ),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write the plan as JSON here.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write the plan as JSON here."),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -355,7 +398,10 @@ def simulate(
         typer.Argument(help="paper: vehicles A and B of Six et al. 2020; the others on layouts."),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder for flights, experiment and truth.")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FOLDER", help="Folder for flights, experiment and truth."
+        ),
     ],
     variant: Annotated[
         Literal["clean", "lag", "noisy", "real"],
@@ -366,7 +412,8 @@ def simulate(
     ] = "real",
     seed: Seed = 1,
     seconds: Annotated[
-        float, typer.Option(help="Of each flight between take-off and landing.")
+        float,
+        typer.Option(metavar="SECONDS", help="Of each flight, between take-off and landing [s]."),
     ] = 75.0,
     force: Force = False,
     as_json: AsJson = False,
@@ -393,14 +440,20 @@ def demo(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="Keep flights, experiment, truth, results and report here."
+            "-o",
+            "--output",
+            metavar="FOLDER",
+            help="Keep flights, experiment, truth, results and report here.",
         ),
     ] = None,
     seed: Seed = 1,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fly the experiment of Six et al. 2020 in simulation, identify it, compare to the truth."""
+    """Fly the paper's experiment in simulation, identify it, and compare to the truth.
+
+    Six, Briot, Erskine and Chriette, ICRA 2020: two quadrotors that differ by a known payload.
+    """
     from rotorfit.cli.demo import run
 
     run(output, seed=seed, force=force, as_json=as_json)

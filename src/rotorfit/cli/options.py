@@ -7,17 +7,23 @@ import typer
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
-ResultFile = Annotated[Path, typer.Argument(help="What  rotorfit identify -o  wrote.")]
+ResultFile = Annotated[
+    Path, typer.Argument(metavar="RESULT", help="What  rotorfit identify -o  wrote.")
+]
 LogNumber = Annotated[
-    int | None, typer.Option(min=1, help="In a file of several logs: which, from 1.")
+    int | None, typer.Option(min=1, metavar="N", help="In a file of several logs: which, from 1.")
 ]
 Start = Annotated[
     float | None,
-    typer.Option(min=0.0, help="With a log: use it from here [s since its first sample]."),
+    typer.Option(
+        min=0.0, metavar="SECONDS", help="With a log: use it from here [s since its first sample]."
+    ),
 ]
 End = Annotated[
     float | None,
-    typer.Option(min=0.0, help="With a log: use it up to here [s since its first sample]."),
+    typer.Option(
+        min=0.0, metavar="SECONDS", help="With a log: use it up to here [s since its first sample]."
+    ),
 ]
 Speed = Annotated[
     Literal["measured", "commanded"] | None,
@@ -38,9 +44,11 @@ Assume = Annotated[
     ),
 ]
 Page = Annotated[
-    Path | None, typer.Option(help="Write a page with tables and figures here (HTML).")
+    Path | None,
+    typer.Option(metavar="FILE", help="Write a page with tables and figures here (HTML)."),
 ]
 Figures = Annotated[
-    Path | None, typer.Option(help="Write each figure as a file into this folder (SVG, PNG).")
+    Path | None,
+    typer.Option(metavar="FOLDER", help="Write each figure as a file into this folder (SVG, PNG)."),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Another seed is another flight.")]
+Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another flight.")]
