@@ -203,7 +203,8 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
-            help=f"Which tool's file: {', '.join(get_args(AnyTargetName))} (wrenches of the flights over time).",
+            help=f"Which tool's file: {', '.join(get_args(AnyTargetName))} (wrenches of the "
+            "flights over time).",
         ),
     ],
     output: Annotated[
