@@ -170,29 +170,35 @@ def test_a_body_that_cannot_exist_is_doubted_within_its_interval():
     assert "intervals allow" in words
 
 
-def test_beyond_its_interval_the_inertia_is_taken_back():
+def test_beyond_its_interval_the_inertia_is_taken_back_with_the_scale_of_yaw():
     moment = smallest_second_moment(numbers_of([0.01, 0.01, 0.03, 0, 0, 0], 1e-3), "A")
     assert moment.impossible
-    shown = [number(n, 0.01) for n in ("msx", *INERTIA)] + [number("Ixx", 0.02, configuration="B")]
+    shared = [number(n, 1e-8, configuration=None) for n in ("kt", "kd", "Jr")]
+    other = [number(n, 0.02, configuration="B") for n in ("Ixx", "Izz")]
+    shown = [*shared, *(number(n, 0.01) for n in ("msx", *INERTIA)), *other]
     derived = [
         Derived(name=n, configuration="A", value=1.0, std=0.1, interval=(0.8, 1.2), unit="")
-        for n in ("com_x", "Ixx_com", "Izz_over_kt", "kd_over_Izz")
+        for n in ("com_x", "Ixx_com", "Izz_over_kt", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz")
     ]
-    names = tuple(f"{p.name}@{p.configuration}" for p in shown)
+    names = tuple(f"{p.name}@{p.configuration}" if p.configuration else p.name for p in shown)
     tables = Tables(
         parameters=tuple(shown),
         derived=tuple(derived),
         covariance_names=names,
-        covariance=np.diag(np.arange(1.0, 9.0)),
+        covariance=np.diag(np.arange(1.0, 13.0)),
         settings={},
     )
     left = without_impossible(tables, ["A"])
     for parameter in left.parameters:
-        lost = parameter.configuration == "A" and parameter.name in INERTIA
-        assert (parameter.verdict == "not-identified") is lost
+        scale = parameter.name in ("kd", "Jr", "Izz")  # its ratios are known, but not at B
+        lost = scale or (parameter.configuration == "A" and parameter.name in INERTIA)
         assert (parameter.value is None) is lost
         assert (parameter.reason == IMPOSSIBLE) is lost
-    assert [d.value is None for d in left.derived] == [False, True, True, True]
-    assert left.covariance_names == ("msx@A", "Ixx@B")
-    np.testing.assert_array_equal(left.covariance, np.diag([1.0, 8.0]))
+        ratio = scale and parameter.configuration != "B"
+        assert (parameter.verdict == "ratio-only") is ratio
+        assert (parameter.verdict == "not-identified") is (lost and not ratio)
+        assert parameter.partner == ({"Izz": "kd"}.get(parameter.name, "Izz") if ratio else None)
+    assert [d.value is None for d in left.derived] == [False, True, True, True, False, False]
+    assert left.covariance_names == ("kt", "msx@A", "Ixx@B")
+    np.testing.assert_array_equal(left.covariance, np.diag([1.0, 4.0, 11.0]))
     assert without_impossible(tables, []) is tables

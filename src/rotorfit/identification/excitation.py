@@ -8,6 +8,12 @@ real ones: the roll and pitch inertia come out too large by up to 2.5 / rho, by 
 likelihood has a term for the answer (`steering.py`); k_d / I_zz and J_r / I_zz too small by up to
 1.5 / rho; and the scale of I_zz and k_d, which hangs on small terms, is off by up to 3 / rho either
 way.
+
+The yaw equation holds I_zz, k_d and J_r only relative to one another. Their scale comes from what
+yaw does to roll and pitch (products of rates, gyroscopic torque of the rotors, known geometry).
+Where neither of the two is flown it is noise, up to seventeen times too large; a known payload
+gives it without that link. The height of the centre of mass hangs on roll and pitch, too, and is
+off by up to half an arm / rho.
 """
 
 from collections.abc import Mapping
@@ -35,6 +41,11 @@ AXIS_OF: Final[Mapping[str, str]] = {
 }
 """Whose excitation decides how far a number can be trusted."""
 YAW_RATIOS: Final = ("kd_over_Izz", "Jr_over_Izz")
+SCALED: Final = ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr", "rotor_drag")
+"""What is known only as well as the scale of the yaw equation."""
+HEIGHTS: Final = ("com_z", "msz")
+HEIGHT_PULL: Final = 0.5
+"""Of the height of the centre of mass, in arms times rho."""
 
 
 def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool) -> float:
@@ -63,3 +74,35 @@ def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool)
     else:
         share = max(SCALE_PULL / (rho + SCALE_PULL), too_small)
     return share * abs(size)
+
+
+def link_allowance(size: float, link: float) -> float:
+    """Return the half-width that too little roll and pitch adds to a number of `SCALED`.
+
+    Parameters
+    ----------
+    size
+        Of the number as found.
+    link
+        The larger rho of roll and pitch.
+    """
+    if not link > NO_EXCITATION:
+        return float("inf")
+    return SCALE_PULL / (link + SCALE_PULL) * abs(size)
+
+
+def height_allowance(arm: float, link: float) -> float:
+    """Return the half-width [m] that too little roll and pitch adds to the height of the CoM."""
+    return HEIGHT_PULL * arm / link if link > NO_EXCITATION else float("inf")
+
+
+def scale_stretch(value: float, half_width: float) -> float:
+    """Return by how much more a half-width must be to hold the inverse of the number, too.
+
+    Small terms fix the scale of the yaw equation where it multiplies the rotors, its inverse where
+    it divides the other torques. So +-r of the inverse is as good as +-r of the scale: from
+    1 / (1 + r) to 1 / (1 - r), which is r / (1 - r^2) to either side of its middle. The two agree
+    where they are narrow; where the interval reaches zero, the scale has no upper end.
+    """
+    relative = half_width / abs(value) if value else float("inf")
+    return 1.0 / (1.0 - relative**2) if relative < 1.0 else float("inf")

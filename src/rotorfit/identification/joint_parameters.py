@@ -7,7 +7,7 @@ the recipe.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +20,15 @@ from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.bands import PILOT_BAND
-from rotorfit.identification.excitation import AXIS_OF, attenuation_allowance
+from rotorfit.identification.excitation import (
+    AXIS_OF,
+    HEIGHTS,
+    SCALED,
+    attenuation_allowance,
+    height_allowance,
+    link_allowance,
+    scale_stretch,
+)
 from rotorfit.identification.joint import (
     JointConfiguration,
     rotor_drag_std,
@@ -83,6 +91,14 @@ class Numbers:
             return self.excitation[f"{axis}@{configuration}"]
         return max(value for key, value in self.excitation.items() if key.startswith(axis))
 
+    def link(self, configuration: str | None = None) -> float:
+        """Return the larger rho of roll and pitch, of one configuration or of any."""
+        return max(
+            value
+            for key, value in self.excitation.items()
+            if not key.startswith("yaw") and (configuration or "") in ("", key.partition("@")[2])
+        )
+
 
 def joint_numbers(
     fit: BandedEstimate,
@@ -115,7 +131,9 @@ def joint_numbers(
         correlation=formal / np.outer(safe, safe),
         excitation=excitation(fit, configurations),
     )
-    return _with_systematic(numbers, configurations, mass_std)
+    return hanging_on_roll_and_pitch(
+        _with_systematic(numbers, configurations, mass_std), configurations
+    )
 
 
 def _between_flights(
@@ -251,18 +269,47 @@ def _with_systematic(
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)
             parts.append(1.96 * relative * value)
-        if base in ("com_z", "msz"):
+        if base in HEIGHTS:
             c = by_name[owner]
             imu = 1.96 * c.vehicle.imu_position_std
             parts.append(imu * (c.mass if base == "msz" else 1.0))
         extra[i] = float(np.sqrt(sum(part**2 for part in parts)))
-    return Numbers(
-        names=numbers.names,
-        values=numbers.values,
-        half_width=np.hypot(numbers.half_width, extra),
-        correlation=numbers.correlation,
-        excitation=numbers.excitation,
-    )
+    return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
+
+
+def hanging_on_roll_and_pitch(
+    numbers: Numbers, configurations: Sequence[JointConfiguration]
+) -> Numbers:
+    """Return the numbers with what too little roll and pitch leaves open.
+
+    The height of the centre of mass, and the scale of the yaw equation, which a known payload gives
+    as well.
+    """
+    weighed = any(c.payload_of is not None for c in configurations)
+    by_name = {c.name: c for c in configurations}
+    half = numbers.half_width.copy()
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        if base in SCALED and not weighed:
+            half[i] = np.hypot(half[i], link_allowance(float(numbers.values[i]), numbers.link()))
+        if base in HEIGHTS:
+            c = by_name[owner]
+            off = height_allowance(c.vehicle.arm, numbers.link(None if weighed else owner))
+            half[i] = np.hypot(half[i], off * (c.mass if base == "msz" else 1.0))
+    return replace(numbers, half_width=half * _stretches(numbers, half))
+
+
+def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndarray, " q"]:
+    """Return the factor of each half-width for the inverse of the scale, as `half` gives it."""
+    stretch = np.ones(len(half))
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        if base not in SCALED:
+            continue
+        # J_r and the rotors' drag may be near zero; their scale is that of k_d.
+        at = numbers.index(f"Izz_com@{owner}" if owner else "kd")
+        stretch[i] = scale_stretch(float(numbers.values[at]), float(half[at]))
+    return stretch
 
 
 def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.identification.bands import STRETCH
-from rotorfit.identification.excitation import LEAST_EXCITATION
+from rotorfit.identification.excitation import HEIGHTS, LEAST_EXCITATION
 from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.identification.joint import BIAS_STD, JointConfiguration
 from rotorfit.identification.joint_parameters import (
@@ -114,6 +114,12 @@ def _judgements(
             axis=motion_for(base),
             excitation=numbers.rho(name),
         )
+        if base in HEIGHTS and not np.isfinite(half):
+            judged[name] = replace(
+                judged[name],
+                reason=f"roll and pitch respond to the rotors at most {numbers.link(owner):.1f} "
+                f"times what they do not explain (at least {LEAST_EXCITATION:.0f} is needed)",
+            )
     return judged
 
 

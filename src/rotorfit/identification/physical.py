@@ -10,7 +10,7 @@ the second moments of its mass. About the centre of mass that is :math:`\tfrac12
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,10 +18,11 @@ from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
+from rotorfit.identification.excitation import SCALED
 from rotorfit.identification.joint_parameters import Numbers
 from rotorfit.identification.payload import MOMENTS
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
-from rotorfit.identification.tables import Tables
+from rotorfit.identification.tables import RATIOS, Tables
 from rotorfit.model.parameters import INERTIA, inertia_matrix
 
 IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the two others"
@@ -114,19 +115,29 @@ def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
 
 
 def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
-    """Return the tables with the inertia of these configurations taken back."""
+    """Return the tables without the inertia of these configurations, and without the scale of yaw.
+
+    What the yaw equation gives, k_d / I_zz and J_r / I_zz, is sound whatever the other moments are,
+    and stays; I_zz, k_d and J_r hang on one scale, which the impossible body disproves for all
+    configurations.
+    """
     if not configurations:
         return tables
+    ratios = {(d.name, d.configuration) for d in tables.derived if d.value is not None}
     parameters = tuple(
-        _taken_back(p) if p.name in INERTIA and p.configuration in configurations else p
+        _taken_back(p, ratios) if _disproved(p.name, p.configuration, configurations) else p
         for p in tables.parameters
     )
     derived = tuple(
-        _emptied(d) if d.configuration in configurations and _holds_inertia(d.name) else d
+        _emptied(d) if _disproved(d.name, d.configuration, configurations) else d
         for d in tables.derived
     )
-    lost = {f"{name}@{c}" for name in INERTIA for c in configurations}
-    keep = [i for i, name in enumerate(tables.covariance_names) if name not in lost]
+    known = {
+        f"{p.name}@{p.configuration}" if p.configuration else p.name
+        for p in parameters
+        if p.value is not None
+    }
+    keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
     return dataclasses.replace(
         tables,
         parameters=parameters,
@@ -136,15 +147,25 @@ def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
     )
 
 
-def _taken_back(parameter: Parameter) -> Parameter:
+def _disproved(name: str, configuration: str | None, impossible: Sequence[str]) -> bool:
+    """Return whether an impossible body disproves a number."""
+    return name in SCALED or (configuration in impossible and name.startswith(INERTIA))
+
+
+def _taken_back(parameter: Parameter, ratios: Collection[tuple[str, str | None]]) -> Parameter:
+    """Return a parameter without its value, as a ratio where (name, configuration) is known."""
     if parameter.value is None:
         return parameter
+    ratio, partner = RATIOS.get(parameter.name, ("", None))
+    owners = {owner for name, owner in ratios if name == ratio}
+    own = owners if parameter.configuration is None else owners & {parameter.configuration}
     return dataclasses.replace(
         parameter,
         value=None,
         std=None,
         interval=None,
-        verdict="not-identified",
+        verdict="ratio-only" if own else "not-identified",
+        partner=partner if own else None,
         reason=IMPOSSIBLE,
         advice=FLY,
     )
@@ -152,10 +173,6 @@ def _taken_back(parameter: Parameter) -> Parameter:
 
 def _emptied(derived: Derived) -> Derived:
     return dataclasses.replace(derived, value=None, std=None, interval=None)
-
-
-def _holds_inertia(name: str) -> bool:
-    return name.startswith(INERTIA) or name.endswith("_over_Izz")
 
 
 def project_to_physical(

@@ -32,6 +32,7 @@ from rotorfit.identification.joint import (
 from rotorfit.identification.joint_parameters import (
     AXES,
     Numbers,
+    hanging_on_roll_and_pitch,
     number_scale,
     physical,
 )
@@ -247,7 +248,8 @@ def predicted(
         correlation=np.eye(len(jacobian)),
         excitation={key: value / flown.residual[key] for key, value in flown.explained.items()},
     )
-    return replace(numbers, half_width=np.hypot(numbers.half_width, _systematic(problem, numbers)))
+    half = np.hypot(numbers.half_width, _systematic(problem, numbers))
+    return hanging_on_roll_and_pitch(replace(numbers, half_width=half), problem.configurations)
 
 
 def bound(
