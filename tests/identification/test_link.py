@@ -1,0 +1,141 @@
+"""What hangs on roll and pitch: the scale of the yaw equation and the height of the CoM."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flown
+from rotorfit.identification.excitation import (
+    NO_EXCITATION,
+    SCALE_PULL,
+    height_allowance,
+    link_allowance,
+    scale_stretch,
+)
+from rotorfit.identification.experiment import load_experiment
+from rotorfit.identification.identify import identify
+from rotorfit.simulation import (
+    STILL,
+    TYPICAL,
+    Scenario,
+    Sticks,
+    layout_vehicle,
+    simulate_flight,
+    with_payload,
+    write_flight_table,
+)
+
+FREE = Sticks()
+TURNS_AND_CLIMBS = replace(FREE, roll=STILL.roll, pitch=STILL.pitch)
+MORE = {
+    "Jr": 2e-5,
+    "disturbance_force_std": (0.1,) * 3,
+    "disturbance_torque_std": (6e-3, 6e-3, 1.5e-3),
+}
+
+
+def gusty(sticks, *, seed, seconds=25.0, payload=()):
+    truth, vehicle = layout_vehicle("quad-x")
+    truth = replace(truth, **MORE)
+    for item in payload:
+        truth = with_payload(truth, **item)
+    scenario = Scenario(seconds=seconds, ground_seconds=2.0, sticks=sticks, sensors=TYPICAL)
+    return simulate_flight(truth, vehicle, scenario, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory):
+    """A flight of turns and climbs alone, with its result."""
+    flight = gusty(TURNS_AND_CLIMBS, seed=403)
+    return flight, flown.identified(tmp_path_factory.mktemp("turned"), [flight])
+
+
+def test_without_roll_and_pitch_the_scale_of_yaw_is_not_known(turned):
+    _, result = turned
+    for name, partner in (("kd", "Izz"), ("Jr", "Izz"), ("Izz", "kd")):
+        parameter = result.parameter(name)
+        assert (parameter.verdict, parameter.partner) == ("ratio-only", partner)
+        assert parameter.value is None
+    for name in ("kd_over_kt", "Izz_com", "Izz_over_kt"):
+        assert result.derived_value(name).value is None
+
+
+def test_the_ratios_of_the_yaw_equation_stay(turned):
+    flight, result = turned
+    truth = flight.truth
+    for name, true in (("kd_over_Izz", truth.kd), ("Jr_over_Izz", truth.Jr)):
+        low, high = result.derived_value(name).interval
+        assert low < true / truth.com_inertia[2, 2] < high
+        assert high - low < 0.3 * high
+
+
+def test_without_roll_and_pitch_the_height_of_the_centre_of_mass_is_not_known(turned):
+    _, result = turned
+    assert result.derived_value("com_z").value is None
+    height = result.parameter("msz")
+    assert height.verdict == "not-identified"
+    assert "roll and pitch respond to the rotors at most" in height.reason
+    assert "wiggle roll and pitch" in height.advice
+
+
+def test_where_all_axes_are_flown_scale_and_height_are_identified(tmp_path):
+    flight = gusty(FREE, seed=400)
+    result = flown.identified(tmp_path, [flight])
+    truth = flight.truth
+    found = {
+        "kd": truth.kd,
+        "Jr": truth.Jr,
+        "Izz_com": truth.com_inertia[2, 2],
+        "com_z": truth.center_of_mass[2],
+    }
+    for name, true in found.items():
+        low, high = flown_number(result, name).interval
+        assert low < true < high
+        assert high - low < 0.5 * abs(true)
+    assert result.parameter("kd").verdict == "identified"
+
+
+def test_a_known_payload_gives_the_scale_without_roll_and_pitch(tmp_path, turned):
+    bare, _ = turned
+    weights = [{"mass": 0.1, "position": place} for place in ((0.3, 0.0, 0.0), (-0.3, 0.0, 0.0))]
+    loaded = gusty(TURNS_AND_CLIMBS, seed=404, payload=weights)
+    for name, flight in (("A", bare), ("B", loaded)):
+        write_flight_table(flight, tmp_path / f"{name}.csv")
+    path = flown.experiment_file(
+        tmp_path / "two.toml", bare.vehicle, ["A.csv"], mass=bare.truth.mass
+    )
+    items = ", ".join(f"{{ mass = 0.1, position = {list(w['position'])} }}" for w in weights)
+    more = f'payload_of = "A"\npayload = [{items}]\nflights = ["B.csv"]\n'
+    text = path.read_text().replace("[[configuration]]", '[[configuration]]\nname = "A"')
+    text += f'[[configuration]]\nname = "B"\nmass = {loaded.truth.mass!r}\n{more}'
+    path.write_text(text, encoding="utf-8")
+    result = identify(load_experiment(path))
+    for name, true in (("kd", bare.truth.kd), ("Jr", bare.truth.Jr)):
+        parameter = result.parameter(name)
+        assert parameter.verdict == "identified"
+        assert parameter.interval[0] < true < parameter.interval[1]
+    assert result.derived_value("com_z", "A").value is None
+
+
+def flown_number(result, name):
+    return next(n for n in (*result.parameters, *result.derived) if n.name == name)
+
+
+def test_the_allowances_end_where_nothing_is_flown():
+    assert link_allowance(2.0, NO_EXCITATION) == np.inf
+    assert link_allowance(-2.0, SCALE_PULL) == 1.0
+    assert height_allowance(0.25, NO_EXCITATION) == np.inf
+    assert height_allowance(0.25, 50.0) == pytest.approx(0.0025)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.9])
+def test_a_stretched_interval_is_as_long_as_that_of_the_inverse(share):
+    """1 / scale within +-share: the scale between 1 / (1 + share) and 1 / (1 - share)."""
+    length = 1.0 / (1.0 - share) - 1.0 / (1.0 + share)
+    assert 2.0 * share * scale_stretch(1.0, share) == pytest.approx(length)
+    assert scale_stretch(-2.0, 2.0 * share) == scale_stretch(1.0, share)
+
+
+def test_an_interval_of_the_scale_that_reaches_zero_has_no_end():
+    assert scale_stretch(1.0, 1.0) == scale_stretch(0.0, 0.1) == np.inf
