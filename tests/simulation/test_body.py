@@ -9,7 +9,6 @@ from rotorfit.simulation.body import (
     Wrench,
     accelerations,
     derivative,
-    mass_matrix,
     rigid_body,
     step,
     with_drag,
@@ -44,14 +43,6 @@ def test_accelerations_satisfy_newton_euler(force, torque, spin, w, damping):
     tau = I @ dw + np.cross(w, I @ w + spin) + np.cross(ms, a)
     np.testing.assert_allclose(f, force, atol=1e-13)
     np.testing.assert_allclose(tau, torque - damping * w * [0, 0, 1], atol=1e-13)
-
-
-def test_mass_matrix_of_a_body_at_rest():
-    wrench = Wrench((0.3, -0.2, 12.0), (0.1, 0.05, -0.02))
-    a, dw = accelerations(rigid_body(B), wrench, (0.0, 0.0, 0.0))
-    M = mass_matrix(B)
-    np.testing.assert_array_equal(M, M.T)
-    np.testing.assert_allclose(M @ [*a, *dw], [*wrench.force, *wrench.torque], atol=1e-14)
 
 
 def test_free_rotation_conserves_angular_momentum_and_energy():

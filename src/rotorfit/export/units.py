@@ -16,11 +16,6 @@ def per_squared_rpm(coefficient: float) -> float:
     return coefficient * RPM**2
 
 
-def to_rpm(speed: float) -> float:
-    """Return a speed in RPM, from rad/s."""
-    return speed / RPM
-
-
 def frd(vector_flu: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
     """Return a vector in FRD axes (x forward, y right, z down)."""
     return vector_flu * np.array([1.0, -1.0, -1.0])

@@ -131,21 +131,18 @@ def prepare_mocap(
         If gravity contradicts the attitude.
     """
     motors = motors or MotorModel()
-    name = "rotor_speed" if motors.speed == "measured" else "command"
+    measured = motors.speed == "measured"
+    name = "rotor_speed" if measured else "command"
     pose = poses(log)
     refuse_missing_motors(log, name, rotor_count)
     clock = camera_clock(pose.time)
     frames = _frames(pose, clock, _motor_channel(log, motors))
-    measured = motors.speed == "measured"
     data = _differentiated(frames, (log.channels[name].resolution or 0.0) if measured else None)
     data = with_motors(data, frames.motors, motors.response)
     motion = _windowed(data, frames, arm=arm, window=window)
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)
-    flights = list(motion.stretches)
-    if window == (None, None):
-        flights = airborne_rows(with_likely_lag(_calmed(motion), motors))
-    data = dataclasses.replace(data, segments=tuple(Segment(start=a, stop=b) for a, b in flights))
+    data = dataclasses.replace(data, segments=_flown(motion, motors, window))
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
@@ -157,6 +154,14 @@ def prepare_mocap(
         cuts=_cuts(data, frames, window),
         warnings=(*_doubts(data, frames, clock), *_law_doubts(log, motors, data)),
     )
+
+
+def _flown(motion: Motion, motors: MotorModel, window: Window) -> tuple[Segment, ...]:
+    """Return the window where the user gave one, else what is found airborne."""
+    flights = list(motion.stretches)
+    if window == (None, None):
+        flights = airborne_rows(with_likely_lag(_calmed(motion), motors))
+    return tuple(Segment(start=a, stop=b) for a, b in flights)
 
 
 def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:

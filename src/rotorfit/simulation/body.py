@@ -65,13 +65,6 @@ def rigid_body(truth: Truth) -> RigidBody:
     )
 
 
-def mass_matrix(truth: Truth) -> Float[np.ndarray, "6 6"]:
-    """Return M in M (a, dw) = (force, torque) for a body at rest, about the body origin."""
-    x, y, z = truth.first_moments
-    S = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.block([[truth.mass * np.eye(3), -S], [S, truth.inertia_tensor]])
-
-
 @no_type_check
 def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, Vector]:
     """Solve Newton-Euler about the body origin for a and dw.
@@ -80,7 +73,7 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
         I dw + w x (I w + Jr H) + ms x a = tau - (0, 0, damping w_z)
 
     With a from the first put into the second, the inertia about the centre of mass is left in
-    front of dw (the Schur complement of the mass in `mass_matrix`).
+    front of dw (the Schur complement of the mass).
 
     Returns
     -------
