@@ -1,5 +1,6 @@
 """rotorfit plan: what it prints and writes, and how it refuses."""
 
+import dataclasses
 import json
 import re
 
@@ -8,7 +9,7 @@ import pytest
 from rotorfit.identification.plan import PlanRequest, plan
 from rotorfit.identification.plan_wanted import wanted_accuracy
 from rotorfit.report.plan_card import card_html, card_text
-from rotorfit.report.plan_text import plan_text
+from rotorfit.report.plan_text import plan_text, remedy_words
 from rotorfit.simulation import paper_vehicle
 
 QUICK = ("--mass", "1.285", "--payload", "0", "--seconds", "20")
@@ -30,6 +31,20 @@ def planned():
 
 def test_the_plan_as_text(planned, golden):
     golden("plan.txt", plan_text(planned))
+
+
+@pytest.mark.parametrize(
+    ("speed", "words"),
+    [
+        ("measured", "Flying longer does not reach it: "),
+        ("commanded", "Neither flying longer nor measured rotor speed reaches it: "),
+    ],
+)
+def test_what_was_tried_in_vain_is_what_was_left_to_try(planned, speed, words):
+    request = dataclasses.replace(planned.request, speed=speed)
+    in_vain = dataclasses.replace(planned, request=request, remedies=())
+    (said,) = remedy_words(in_vain)
+    assert said.startswith(words)
 
 
 def test_the_card_as_text(planned, golden):

@@ -79,10 +79,18 @@ def remedy_words(plan: FlightPlan) -> list[str]:
                 f"Longer, in several flights of the same configuration if the battery asks for "
                 f"it: {flown}."
             )
-    return words or [
-        "Neither flying longer nor measured rotor speed reaches it: what is left is not chance but "
-        "gusts, the timing of the motor data and the scale. A calm hall, brisker flying, a faster "
-        "log (--log-rate) or a heavier payload (--payload) may."
+    if words:
+        return words
+    commanded = plan.request.speed == "commanded"
+    tried = (
+        "Neither flying longer nor measured rotor speed reaches it"
+        if commanded
+        else "Flying longer does not reach it"
+    )
+    return [
+        f"{tried}: what is left is not chance but gusts, the timing of the motor data and the "
+        "scale. A calm hall, brisker flying, a faster log (--log-rate) or a heavier payload "
+        "(--payload) may."
     ]
 
 
