@@ -452,3 +452,21 @@ def test_options_that_make_no_sense_are_refused(tmp_path):
     (tmp_path / "text.csv").write_text("time,gyro_x\n")
     with pytest.raises(LogError, match="begins with 74 69, expected a3 95"):
         read_log(tmp_path / "text.csv", options=ReadOptions(format="dataflash"))
+
+
+@pytest.mark.parametrize("lengths", [(400, 300), (300, 400)], ids=["longer first", "longer last"])
+def test_a_log_appended_to_another_is_told(tmp_path, lengths):
+    parts = [
+        log(KINDS, [*parameters(QUAD_X), *(imu(5.0 + k / 100, *REST) for k in range(length))])
+        for length in lengths
+    ]
+    path = tmp_path / "two.bin"
+    path.write_bytes(b"".join(parts))
+    [told] = [words for words in read_log(path).warnings if "begins anew" in words]
+    left = 300 if lengths[0] > lengths[1] else 299  # at the same time one of two may stay
+    assert told == (
+        f"the clock begins anew 1 time within the file, as where a second log is appended: {left} "
+        "of 700 messages IMU are left out; download the logs one by one"
+    )
+    path.write_bytes(parts[0])
+    assert not any("begins anew" in words for words in read_log(path).warnings)

@@ -54,12 +54,18 @@ def test_options_reach_the_table_reader(tmp_path):
         (b"MATLAB 5.0 MAT-file, Platform", "a MATLAB file"),
         (b'{"time": 0}', "JSON"),
         (b"[1, 2]", "JSON"),
+        (
+            b'# mine\nname = "x"\n\n[airframe]\nlayout = "quad-x"\n',
+            "a TOML file: name the log itself, and an airframe file with --airframe",
+        ),
         (b"<!DOCTYPE html>", "a web page or other XML"),
     ],
 )
 def test_formats_not_read_are_named(tmp_path, content, what):
     path = written(tmp_path, content)
-    message = f"{path}: looks like {what}, which rotorfit does not read (yet){READS}"
+    what, _, remedy = what.partition(": ")
+    advice = remedy and f": {remedy}"
+    message = f"{path}: looks like {what}, which rotorfit does not read (yet){advice}{READS}"
     with pytest.raises(LogError, match=f"^{re.escape(message)}$"):
         read_log(path)
 

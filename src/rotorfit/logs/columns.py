@@ -96,7 +96,7 @@ _OTHER_NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     **{f"rotor_{i}": (f"rpm_{i}", f"rpm{i}", f"motor_{i}", f"motor{i}", f"m{i}") for i in "1234"},
     "battery": ("vbat", "voltage"),
 }
-_LISTED_COLUMNS: Final = 60
+_LISTED_COLUMNS: Final = 12
 
 
 def quantity_of(canonical: str) -> Quantity | None:
@@ -266,8 +266,8 @@ def _suggestion(in_file: Sequence[str]) -> str:
     entries = [f'{name} = {{ name = "{near}" }}' for name, near in pairs[:4]]
     start = ", ".join(entries) or f'{TIME} = {{ name = "NAME IN THE FILE", unit = "s" }}'
     return (
-        f"say which is which with a columns map, such as columns = {{ {start}, ... }}, "
-        "with a unit where it is not SI"
+        "say which is which with a columns map in an experiment file, which inspect takes, too, "
+        f"such as columns = {{ {start}, ... }}, with a unit where it is not SI"
     )
 
 

@@ -1,6 +1,7 @@
 """Any log to a FlightLog: the format is told from the content, not from the name."""
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,7 +118,9 @@ def _titles() -> str:
 def _what_it_is(head: bytes) -> str:
     for name, recognises in FOREIGN:
         if recognises(head):
-            return f"looks like {name}, which rotorfit does not read (yet)"
+            what, _, remedy = name.partition(": ")
+            advice = f": {remedy}" if remedy else ""
+            return f"looks like {what}, which rotorfit does not read (yet){advice}"
     return f"unknown format (begins with {head[:8].hex(' ')})"
 
 
@@ -299,10 +302,20 @@ def _begins(*magic: bytes) -> Callable[[bytes], bool]:
     return lambda head: head.startswith(magic)
 
 
+def _is_toml(head: bytes) -> bool:
+    # A table after comments and plain keys; a list of JSON has no bare word in its brackets.
+    return _TOML_TABLE.match(head) is not None
+
+
 def _is_c3d(head: bytes) -> bool:
     # The block in which its parameters begin, nearly always the second, and its mark.
     return head[1:2] == b"\x50" and 0 < head[0] < 9
 
+
+_TOML_TABLE: Final = re.compile(
+    rb"(?:[ \t]*(?:#[^\r\n]*|[A-Za-z_]\w*[ \t]*=[^\r\n]*)?\r?\n)*"
+    rb"[ \t]*\[\[?[A-Za-z_][\w.-]*\]\]?[ \t]*(?:#[^\r\n]*)?\r?\n"
+)
 
 FORMATS: Final = (
     Format(
@@ -376,6 +389,7 @@ FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
     ("an image", _begins(b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*")),
     ("a MATLAB file", _begins(b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n")),
     ("a C3D file: export the rigid bodies as text", _is_c3d),
+    ("a TOML file: name the log itself, and an airframe file with --airframe", _is_toml),
     ("JSON", _begins(b"{", b"[")),
     ("a web page or other XML", _begins(b"<")),
 )

@@ -93,6 +93,15 @@ def vector(
     return values
 
 
+def time_of(messages: Messages, name: str) -> Float[np.ndarray, " n"]:
+    """Return the times of all messages of a name in the order of the file [s]; none without."""
+    label = first_label(messages, name, tuple(TIMES))
+    found = {} if label is None else columns(messages, name, (label,))
+    if label is None or not found or found[label].dtype.kind == "S":
+        return np.zeros(0)
+    return vector(found, (label,), factor=TIMES[label])[:, 0]
+
+
 def in_order(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Return which messages to keep, so that time never goes back, below 0 or beyond `LATEST_TIME`.
 

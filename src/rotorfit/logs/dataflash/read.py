@@ -13,6 +13,7 @@ from rotorfit.errors import LogError
 from rotorfit.flight.log import CHANNELS, Channel, FlightLog
 from rotorfit.logs.dataflash import imu, motors, parameters, pose, remix
 from rotorfit.logs.dataflash.advice import advice
+from rotorfit.logs.dataflash.columns import in_order, time_of
 from rotorfit.logs.dataflash.formats import HEAD
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
@@ -27,6 +28,10 @@ CHOICE: Final = Wanted(
 )
 """Messages that tell which IMU to read."""
 NAMES: Final = (*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, "UNIT", "FMTU")
+LEAST_RESTART: Final = 1.0
+"""By which the clock goes back where a log begins anew [s]."""
+LEAST_LEFT: Final = 0.01
+"""Share of the messages left out from which that is said."""
 _SAID: Final = 200
 _MOTOR_PARAMETERS: Final = (
     *("FRAME_CLASS", "FRAME_TYPE", "FRAME", "Q_FRAME_CLASS", "Q_FRAME_TYPE"),
@@ -139,6 +144,7 @@ def _understood(path: Path) -> _Found:
     # Messages are let go of when their channel is made: all of both would fill the memory.
     speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
     messages = messages.without(motors.ESC_NAMES)
+    appended = _appended(messages, choice.names)
     sensors = imu.read_imu(messages, settings, choice)
     messages = messages.without(choice.names)
     command, command_notes = motors.read_commands(messages, settings, wired)
@@ -172,6 +178,7 @@ def _understood(path: Path) -> _Found:
         ),
         warnings=(
             *doubts,
+            *appended,
             *unit_doubts(messages),
             *_changed(settings),
             *_damage(messages, names),
@@ -249,6 +256,26 @@ def _armed(messages: Messages) -> tuple[list[str], list[str]]:
         f"{'armed' if s else 'disarmed'} at {t:.1f} s" for t, s in zip(time, states, strict=True)
     ]
     return [", ".join(turns[:6]) + " of the autopilot's clock"], []
+
+
+def _appended(messages: Messages, names: Container[str]) -> list[str]:
+    """Return a doubt where the clock begins anew: a second log stands behind the first.
+
+    Their times overlap, so that one of them is left out.
+    """
+    present = {form.name for form in messages.formats if form.name in names}
+    for name in sorted(present):
+        time = time_of(messages, name)
+        back = np.flatnonzero(np.diff(time) < -LEAST_RESTART)
+        left = int(np.count_nonzero(~in_order(time)))
+        # One number that is damaged goes back, too, but leaves out hardly anything.
+        if len(back) and left > LEAST_LEFT * len(time):
+            return [
+                f"the clock begins anew {len(back)} time{'s' if len(back) > 1 else ''} within the "
+                f"file, as where a second log is appended: {left} of {len(time)} messages {name} "
+                "are left out; download the logs one by one"
+            ]
+    return []
 
 
 def _changed(settings: Parameters) -> list[str]:
