@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.estimation.factors import time_block_factors
 from rotorfit.identification.excitation import (
     NO_EXCITATION,
     SCALE_PULL,
@@ -15,6 +16,9 @@ from rotorfit.identification.excitation import (
 )
 from rotorfit.identification.experiment import load_experiment
 from rotorfit.identification.identify import identify
+from rotorfit.identification.joint import JointConfiguration
+from rotorfit.identification.joint_parameters import Numbers, hanging_on_roll_and_pitch
+from rotorfit.model.regressor import regressor
 from rotorfit.simulation import (
     STILL,
     TYPICAL,
@@ -139,3 +143,21 @@ def test_a_stretched_interval_is_as_long_as_that_of_the_inverse(share):
 
 def test_an_interval_of_the_scale_that_reaches_zero_has_no_end():
     assert scale_stretch(1.0, 1.0) == scale_stretch(0.0, 0.1) == np.inf
+
+
+def test_the_scale_of_every_number_is_stretched_alike():
+    """k_d known to 80 %: J_r, near zero, is as doubtful as k_d; k_t is not."""
+    _, vehicle = layout_vehicle("quad-x")
+    model = regressor(vehicle)
+    nothing = time_block_factors(np.ones((1, len(model.layout))), block_rows=1)
+    body = JointConfiguration(name="A", mass=1.4, factors=nothing, model=model, vehicle=vehicle)
+    numbers = Numbers(
+        names=("kt", "kd", "Jr", "Izz_com@A", "kd_over_Izz@A"),
+        values=np.array([1.0, 1.0, 0.0, 2.0, 0.5]),
+        half_width=np.array([0.1, 0.8, 0.2, 1.0, 0.05]),
+        correlation=np.eye(5),
+        excitation={"roll@A": 1e9, "pitch@A": 0.1, "yaw@A": 50.0},
+    )
+    half = hanging_on_roll_and_pitch(numbers, [body]).half_width
+    expected = [0.1, 0.8 / 0.36, 0.2 / 0.36, 1.0 / 0.75, 0.05]
+    np.testing.assert_allclose(half, expected, rtol=1e-6)
