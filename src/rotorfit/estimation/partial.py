@@ -49,7 +49,7 @@ def left_out(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
     """
     whole = normal_equations(fit, np.ones_like(blocks))
     rest = normal_equations(fit, ~blocks)
-    scale = np.sqrt(np.maximum(np.diagonal(whole.information), np.finfo(float).tiny))
+    scale = parameter_scale(whole.information)
     inverse, inverse_rest = _inverse(whole.information, scale), _inverse(rest.information, scale)
     influence = (rest.scores @ inverse_rest - whole.scores @ inverse)[:-1]
     formal = inverse_rest - inverse
@@ -57,6 +57,16 @@ def left_out(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
         values=rest.scores.sum(axis=0) @ inverse_rest,
         covariance=_at_least(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal),
     )
+
+
+def parameter_scale(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, " f"]:
+    """Return the root of the information of each parameter alone, for a matrix of order one.
+
+    Less than nothing may be left of a parameter that the flight does not move, after what the noise
+    of its signals makes up: that is as little, and 1 stands for nothing at all.
+    """
+    size = np.sqrt(np.abs(np.diagonal(information)))
+    return np.where(size > 0.0, size, 1.0)
 
 
 def _scatter(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:

@@ -37,6 +37,7 @@ class AirframeEntry(Strict):
     rotors: tuple[RotorEntry, ...] | None = None
     layout: str | None = None
     arm: Positive | None = None
+    arm_std: NotNegative = 0.0
     order: Order = "px4"
     imu: ImuEntry | None = None
 

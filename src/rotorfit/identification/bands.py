@@ -26,6 +26,8 @@ LEAST_RATIO: Final = 3.0
 """Explained over residual power of an angular acceleration from which a band counts. About its
 bandwidth an autopilot's answer alone makes as much as one to three."""
 
+_TINY: Final = float(np.finfo(float).tiny)
+
 
 def flown_bands(
     factors: Factors, signal: Float[np.ndarray, "b k"], residual: Float[np.ndarray, "b k"]
@@ -43,6 +45,26 @@ def flown_bands(
     for band in _bands_of_flights(factors):
         flown[band] = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
     return flown
+
+
+def followed_bands(
+    factors: Factors, signal: Float[np.ndarray, "b m"], made: Float[np.ndarray, "b m"]
+) -> Bool[np.ndarray, " b"]:
+    """Return in which blocks a signal follows what should make it, at any gain of the band.
+
+    Parameters
+    ----------
+    factors
+        The blocks.
+    signal, made
+        Their rows of the signal, and of what should make it.
+    """
+    followed = np.zeros(len(factors), dtype=bool)
+    for band in _bands_of_flights(factors):
+        power = float((made[band] ** 2).sum())
+        explained = float((made[band] * signal[band]).sum()) ** 2 / max(power, _TINY)
+        followed[band] = explained > LEAST_RATIO * ((signal[band] ** 2).sum() - explained)
+    return followed
 
 
 def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.ndarray, "b k"]:

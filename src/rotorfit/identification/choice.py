@@ -16,6 +16,7 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
+from rotorfit.estimation.partial import parameter_scale
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.identification.flights import Configured, velocity_known
 from rotorfit.identification.joint import JointConfiguration, joint_problem
@@ -172,7 +173,7 @@ def expected_gain(
     wide = dataclasses.replace(fit, problem=problem, estimate=at)
     every = np.ones(len(fit.influence), dtype=bool)
     equations = normal_equations(wide, every)
-    size = 1.0 / np.sqrt(np.diagonal(equations.information))
+    size = 1.0 / parameter_scale(equations.information)
     score = equations.scores.sum(axis=0) * size
     information = equations.information * np.outer(size, size)
     step: Float[np.ndarray, " f"] = np.linalg.pinv(information) @ score

@@ -16,6 +16,7 @@ from rotorfit.identification.choice import chosen
 from rotorfit.identification.doubts import with_doubts
 from rotorfit.identification.experiment import Experiment
 from rotorfit.identification.flights import Flown
+from rotorfit.identification.geometry_trials import other_geometries
 from rotorfit.identification.joint import JointConfiguration, joint_estimate
 from rotorfit.identification.joint_parameters import Numbers, joint_numbers
 from rotorfit.identification.joint_tables import joint_tables
@@ -25,7 +26,12 @@ from rotorfit.identification.rows import RowFits, fit_rows
 from rotorfit.identification.steering import steered
 from rotorfit.identification.tables import Tables, row_tables
 from rotorfit.identification.terms import DEFAULT_TERMS, Term
-from rotorfit.identification.weight import WeighedThrust, contradiction, kt_from_weight
+from rotorfit.identification.weight import (
+    WeighedThrust,
+    contradiction,
+    kt_from_weight,
+    vagueness,
+)
 
 
 def resolved_method(experiment: Experiment) -> str:
@@ -56,12 +62,17 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
     weighed = kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
-    if weighed is not None and weighed.contradicts(*_kt_of(numbers)):
-        doubts = (contradiction(weighed, _kt_of(numbers)[0], flown.motors, flown.source),)
+    found = _kt_of(numbers)
+    if weighed is not None and (weighed.contradicts(*found) or weighed.is_surer_than(*found)):
         fit, joint = _joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
         anchored = _joint_numbers(flown, fit, joint)
         anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)
-        numbers = _holding_both(anchored, numbers)
+        if weighed.contradicts(*found):
+            doubts = (contradiction(weighed, found[0], flown.motors, flown.source),)
+            numbers = _holding_both(anchored, numbers)
+        else:
+            doubts = (vagueness(weighed, *found),)
+            numbers = _reaching(anchored, numbers)
     tables = joint_tables(
         numbers,
         fit,
@@ -88,6 +99,12 @@ def _holding_both(numbers: Numbers, other: Numbers) -> Numbers:
     """Return the numbers with intervals that hold those of another model, too."""
     apart = np.abs(numbers.values - other.values)
     return replace(numbers, half_width=np.maximum(numbers.half_width, apart + other.half_width))
+
+
+def _reaching(numbers: Numbers, other: Numbers) -> Numbers:
+    """Return the numbers with intervals that reach the values of a vaguer model, too."""
+    apart = np.abs(numbers.values - other.values)
+    return replace(numbers, half_width=np.maximum(numbers.half_width, apart))
 
 
 def _joint_fit(
@@ -121,7 +138,8 @@ def _joint_fit(
         starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
         # Before the first fit nobody can tell the pilot's motion from disturbances.
         begin = _values(joint_estimate(joint, starts, known_kt=known, terms=terms))
-    joint = steered(joint, begin, known_kt=known, terms=terms)
+    commanded = flown.motors.speed == "commanded"
+    joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
     return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint
 
 
@@ -151,11 +169,11 @@ def _joint_widened(
 ) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
 
-    def shift(response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
-        other = _joint_fit(
-            flown, response, weighed=weighed, top=top, terms=terms, begin=_values(fit)
+    def shift(other: Flown, response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
+        fitted = _joint_fit(
+            other, response, weighed=weighed, top=top, terms=terms, begin=_values(fit)
         )
-        return _joint_numbers(flown, *other).values - numbers.values
+        return _joint_numbers(other, *fitted).values - numbers.values
 
     return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, flown, shift))
 
@@ -185,13 +203,14 @@ def _other_settings(flown: Flown) -> list[list[tuple[MotorResponse | None, float
 def _wider(
     half_width: Float[np.ndarray, " q"],
     flown: Flown,
-    shift: Callable[[MotorResponse | None, float], Float[np.ndarray, " q"]],
+    shift: Callable[[Flown, MotorResponse | None, float], Float[np.ndarray, " q"]],
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width with twice the rms shift of every group of trials."""
     squares = [
-        np.mean([shift(*trial) ** 2 for trial in trials], axis=0)
+        np.mean([shift(flown, *trial) ** 2 for trial in trials], axis=0)
         for trials in _other_settings(flown)
     ]
+    squares += [shift(other, flown.timing, np.inf) ** 2 for other in other_geometries(flown)]
     return np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))
 
 
@@ -201,9 +220,9 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
     fits = _rows_at(flown, flown.timing)
     quantities = _row_quantities(flown, fits)
 
-    def shift(response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
-        other = _row_quantities(flown, _rows_at(flown, response, top=top))
-        return other.values - quantities.values
+    def shift(other: Flown, response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
+        fitted = _row_quantities(other, _rows_at(other, response, top=top))
+        return fitted.values - quantities.values
 
     return row_tables(
         dataclasses.replace(quantities, half_width=_wider(quantities.half_width, flown, shift)),

@@ -269,10 +269,6 @@ def _with_systematic(
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)
             parts.append(1.96 * relative * value)
-        if base in HEIGHTS:
-            c = by_name[owner]
-            imu = 1.96 * c.vehicle.imu_position_std
-            parts.append(imu * (c.mass if base == "msz" else 1.0))
         extra[i] = float(np.sqrt(sum(part**2 for part in parts)))
     return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
 

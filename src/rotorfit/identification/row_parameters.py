@@ -175,7 +175,6 @@ def _systematic(
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width of what no scatter within the flight shows."""
     weighed = 1.96 * mass[1] / mass[0]
-    imu = 1.96 * vehicle.imu_position_std
     lean = float(np.hypot(vehicle.axes[:, 0], vehicle.axes[:, 1]).mean())
     result = np.zeros(len(names))
     for i, name in enumerate(names):
@@ -192,8 +191,6 @@ def _systematic(
             parts.append(attenuation_allowance(name, size, rho, answered=False))
         if name == "kt" or name.startswith(("I", "ms")):
             parts.append(weighed * abs(float(values[i])))
-        if name in ("com_z", "msz"):
-            parts.append(imu * (mass[0] if name == "msz" else 1.0))
         result[i] = float(np.sqrt(sum(part**2 for part in parts)))
     return result
 

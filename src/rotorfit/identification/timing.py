@@ -9,7 +9,7 @@ user knows better, keeps it from running away. Rotors that rise and fall at diff
 lag for each where the flights ask for it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
@@ -34,6 +34,8 @@ DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
 """The search for the delay of the motion against the motor data: from, to [s], and in how many
 trials. Motion capture comes late by cameras, network and, with commands, the motors' own lag."""
 LAGS_TRIED: Final = (0.0, 0.02, 0.04, 0.07, 0.1, 0.14)
+SHARES_TRIED: Final = (0.25, 0.5, 0.75, 1.0)
+"""Of the lag in lag plus delay."""
 LONGEST_LAG: Final = 0.2
 LONGEST_DELAY: Final = 0.1
 LAG_PRIOR: Final = (0.035, 0.03)
@@ -92,12 +94,12 @@ def find_timing(flown: "Flown", *, lag: bool = True) -> MotorTiming | None:
     return _find_delay(flown) if unknown else None
 
 
-Counted = tuple[Bool[np.ndarray, "_ 3"], ...] | None
-"""Which blocks of each configuration count for roll, pitch and yaw; None: the pilot's band."""
+Counted = tuple[Bool[np.ndarray, "_ 3"], ...]
+"""Which blocks of each configuration count for roll, pitch and yaw."""
 
 
-def _cost(flown: "Flown", response: MotorResponse, counted: Counted) -> float:
-    """Return minus the log-likelihood of the angular accelerations."""
+def _cost(flown: "Flown", response: MotorResponse, counted: Counted | None) -> float:
+    """Return minus the log-likelihood of the angular accelerations; None: of the pilot's band."""
     cost = 0.0
     for c, (factors, configured) in enumerate(
         zip(flown.bands(response), flown.configurations, strict=True)
@@ -175,9 +177,10 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
     start = np.array([max(LAGS_TRIED[best], 0.005), known])
     steps = np.array([FIRST_STEP, FIRST_STEP])[: 2 if delay_free else 1]
     place, _ = _descended(slow_of_one, start, steps)
-    counted = _counted(flown, _response(place))
+    splits = _splits(place) if delay_free else [place]
+    counted = _counted_at_any(flown, splits)
     cost, first = _penalised(flown, counted), _penalised(one, counted)
-    place, value = _descended(first, place, 0.5 * steps)
+    place, value = _descended(first, min(splits, key=first), 0.5 * steps)
     skewed, gained = _with_skew(first, np.append(place, 0.0), value)
     if gained > LEAST_GAIN:
         steps = np.array([0.5 * FIRST_STEP, 0.5 * FIRST_STEP, SKEW_TRIED])
@@ -188,6 +191,26 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
         return None  # at its limit: the motion does not follow these commands at all
     found = _with_deviations(cost, slow, place, delay_free=delay_free)
     return _no_wider(found, flown.lag_prior[1])
+
+
+def _splits(place: Float[np.ndarray, " 2"]) -> list[Float[np.ndarray, " 2"]]:
+    """Return the place, and others with the same sum of lag and delay.
+
+    The pilot's frequencies hardly tell the split, and at a wrong one nothing further up looks
+    flown that could mend it.
+    """
+    total = float(place.sum())
+    if total <= 0.0:
+        return [place]
+    return [place, *(np.array([share * total, (1.0 - share) * total]) for share in SHARES_TRIED)]
+
+
+def _counted_at_any(flown: "Flown", places: Sequence[Float[np.ndarray, " 2"]]) -> Counted:
+    """Return what is flown as seen at any of the places."""
+    return tuple(
+        np.logical_or.reduce(seen)
+        for seen in zip(*(_counted(flown, _response(place)) for place in places), strict=True)
+    )
 
 
 def _split_again(slow: Cost, place: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
@@ -209,7 +232,7 @@ def _split_again(slow: Cost, place: Float[np.ndarray, " 2"]) -> Float[np.ndarray
     return np.array([float(found.x), total - float(found.x)])
 
 
-def _penalised(flown: "Flown", counted: Counted) -> Cost:
+def _penalised(flown: "Flown", counted: Counted | None) -> Cost:
     """Return the cost with what is known of a lag beforehand, rising steeply out of bounds."""
     mean, std = flown.lag_prior
 

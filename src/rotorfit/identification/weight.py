@@ -21,6 +21,8 @@ INFLOW_STD = 0.02
 """Share by which a propeller in motion differs from the same in hover."""
 LEAST_CONFLICT = 0.08
 """Share by which k_t of changes and of the weight may differ before the square law is doubted."""
+VAGUE = 0.25
+"""Share of k_t from which what changes of thrust leave open of it is taken from the weight."""
 LIKELY = 3.0
 """Deviations of chance within which they always may."""
 
@@ -36,6 +38,10 @@ class WeighedThrust:
         """Whether another estimate differs by more than chance and the model's own faults."""
         apart = abs(kt - self.kt)
         return apart > max(LEAST_CONFLICT * self.kt, LIKELY * float(np.hypot(std, self.std)))
+
+    def is_surer_than(self, kt: float, std: float) -> bool:
+        """Whether another estimate leaves open what the weight tells."""
+        return 1.96 * std > max(VAGUE * abs(kt), 2.0 * 1.96 * self.std)
 
 
 def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> WeighedThrust | None:
@@ -76,6 +82,15 @@ def contradiction(
             "thrust stand shows it, or log the rotor speed"
         )
     return f"{seen}; the law under [motors] does not hold: measure it again, or log the rotor speed"
+
+
+def vagueness(weighed: WeighedThrust, kt: float, std: float) -> str:
+    """Return what it means that changes of thrust leave k_t open."""
+    return (
+        f"changes of thrust tell kt only to {kt:.3g} +- {1.96 * std:.2g}; {weighed.kt:.3g} carries "
+        "the weight: kt is taken from the weight, inertia with it, and the intervals hold both "
+        "values; climb and sink: 20 s of gentle thrust steps"
+    )
 
 
 _SCALE_OF: Mapping[Source, str] = {

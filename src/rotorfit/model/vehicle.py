@@ -44,11 +44,14 @@ class Vehicle:
         accelerometer is the origin.
     imu_position_std
         Standard deviation of each of its components [m].
+    arm_std
+        Standard deviation of the length of the arms, all measured with one tape [m].
     """
 
     rotors: tuple[Rotor, ...]
     imu_position: tuple[float, float, float] | None = None
     imu_position_std: float = 0.0
+    arm_std: float = 0.0
 
     @property
     def positions(self) -> Float[np.ndarray, "N 3"]:

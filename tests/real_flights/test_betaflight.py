@@ -1,0 +1,51 @@
+"""A Betaflight log on commands alone, weakly flown: what it tells, and no more."""
+
+import pytest
+
+import flown
+from rotorfit.model.vehicle import Rotor, Vehicle
+
+pytestmark = pytest.mark.flights
+
+ARM = 0.12
+PROPS_OUT = Vehicle(
+    rotors=(
+        Rotor(position=(-ARM, -ARM, 0.0), spin="ccw"),
+        Rotor(position=(ARM, -ARM, 0.0), spin="cw"),
+        Rotor(position=(-ARM, ARM, 0.0), spin="cw"),
+        Rotor(position=(ARM, ARM, 0.0), spin="ccw"),
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def result(flight_data_dir, tmp_path_factory):
+    log = flight_data_dir / "betaflight" / "LOG00037.BFL"
+    if not log.is_file():
+        pytest.skip(f"no {log}")
+    path = tmp_path_factory.mktemp("betaflight") / "experiment.toml"
+    commands = '[motors]\nspeed = "commanded"\n'
+    flown.experiment_file(path, PROPS_OUT, [log], mass="unknown", extra=commands)
+    return flown.quietly_identified(path)
+
+
+def test_thrust_per_mass_is_what_carries_the_weight(result):
+    """A line through its squared commands, of a lag of 40 to 80 ms, has 12 to 15 for a slope."""
+    kt = result.parameter("kt")
+    assert kt.value == pytest.approx(20.1, abs=0.3)
+    assert kt.verdict == "weak"
+    assert kt.interval[0] < 15.0
+    assert any("kt is taken from the weight" in words for words in result.warnings)
+
+
+def test_lag_and_delay_are_found_by_the_turns_that_are_flown(result):
+    """In the pilot's band alone a delay of 40 ms without any lag looks as good."""
+    total = result.derived_value("motor_lag_total")
+    assert 0.02 < total.value < 0.05
+    assert result.parameter("motor_delay").value < 0.02
+
+
+def test_the_yaw_that_is_flown_is_found_and_nothing_else(result):
+    assert result.derived_value("Jr_over_Izz").interval[0] > 0.0
+    for name in ("kd", "Ixx", "Iyy", "Izz"):
+        assert result.parameter(name).value is None
