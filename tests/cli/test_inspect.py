@@ -30,7 +30,7 @@ def test_a_good_log(run, here):
 
 def test_json_agrees_with_the_text(run, here):
     [report] = run("inspect", "flight.csv", "--json").json
-    text = run("inspect", "flight.csv").out
+    text = " ".join(run("inspect", "flight.csv").out.split())
     assert [c["name"] for c in report["channels"]] == ["gyro", "accel", "rotor_speed"]
     for channel in report["channels"]:
         assert (channel["samples"], channel["missing"]) == (6000, 0)
@@ -276,7 +276,7 @@ def test_what_needs_an_airframe_is_said_in_one_line(run, here):
 def test_a_flight_too_short_for_prospects_is_told_and_done(run, changed, monkeypatch):
     changed(lambda c: c)
 
-    def too_short(*arguments):
+    def too_short(*arguments, commanded):
         raise FlightError("the airborne part is too short to use")
 
     monkeypatch.setattr("rotorfit.cli.inspect.prospects", too_short)
@@ -284,3 +284,69 @@ def test_a_flight_too_short_for_prospects_is_told_and_done(run, changed, monkeyp
     assert (ended.code, ended.err) == (0, "")
     assert ended.json[0]["trouble"] == ["the airborne part is too short to use"]
     assert ended.json[0]["prospects"] is None
+
+
+RENAMED = {"gyro_x": "p", "gyro_y": "q", "gyro_z": "r"}
+
+
+def test_an_experiment_file_names_the_columns(run, changed, here):
+    changed(without("command_"))
+    text = (here / "flight.csv").read_text(encoding="utf-8")
+    head, _, rows = text.partition("\n")
+    named = ",".join(RENAMED.get(name, name) for name in head.split(","))
+    (here / "flight.csv").write_text(f"{named}\n{rows}", encoding="utf-8")
+    columns = ", ".join(f'{name} = {{ name = "{own}" }}' for name, own in RENAMED.items())
+    airframe = (here / "airframe.toml").read_text(encoding="utf-8")
+    (here / "mapped.toml").write_text(
+        f'{airframe}\n[[configuration]]\nmass = "unknown"\n'
+        f'flights = [{{ file = "flight.csv", columns = {{ {columns} }} }}]\n',
+        encoding="utf-8",
+    )
+    ended = run("inspect", "mapped.toml", "--airframe", "mapped.toml", "--json")
+    assert (ended.code, ended.err) == (0, "")
+    [report] = ended.json
+    assert report["channels"][0]["source"] == "columns p, q, r [rad/s]"
+    assert any(": identified: " in words for words in report["verdicts"]), report["trouble"]
+
+
+def test_an_airframe_file_is_no_log(refused, here):
+    words = refused("inspect", "airframe.toml")
+    assert "no [[configuration]] with flights in it" in words
+    assert "an airframe file with --airframe" in words
+
+
+def test_no_line_is_wider_than_the_terminal(run, changed, monkeypatch):
+    changed(with_commands())
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = run("inspect", "flight.csv").out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert max(map(len, lines)) > 70
+    monkeypatch.setenv("COLUMNS", "200")
+    assert 80 < max(map(len, run("inspect", "flight.csv").out.splitlines())) <= 100
+
+
+def test_verdicts_stand_in_the_place_of_what_was_foreseen(run, here):
+    text = run("inspect", "flight.csv", "--airframe", "airframe.toml").out
+    assert "What this flight tells\n" in text
+    assert "can be found" not in text
+
+
+def test_what_cannot_be_identified_gets_no_advice_how(run, changed):
+    only_commands = without("rotor_")
+    advice = 'identify with speed = "commanded"'
+    changed(only_commands)
+    [flown] = run("inspect", "flight.csv", "--json").json
+    assert any(advice in words for words in flown["trouble"])
+    changed(lambda c: {n: v[:500] for n, v in only_commands(c).items()})
+    [grounded] = run("inspect", "flight.csv", "--json").json
+    assert any("only commands: log measured" in words for words in grounded["trouble"])
+    assert not any(advice in words for words in grounded["trouble"])
+    assert "airborne: not found from motors and IMU" in run("inspect", "flight.csv").out
+
+
+def test_a_motor_clock_that_is_far_off_is_named(run, changed):
+    changed(lambda c: {n: np.roll(v, -40) if n.startswith("rotor") else v for n, v in c.items()})
+    [report] = run("inspect", "flight.csv", "--json").json
+    assert report["motor_lateness"] == pytest.approx(0.204, abs=0.004)
+    text = " ".join(run("inspect", "flight.csv").out.split())
+    assert "answers 204 ms after the motor data: no motor is so slow" in text

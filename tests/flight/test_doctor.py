@@ -34,6 +34,20 @@ def test_straight_lines_between_samples_are_unmasked(factor):
     assert new_share(drawn) == pytest.approx(1 / factor, rel=0.02)
 
 
+@pytest.mark.parametrize("factor", [2.3, 3.24, 7.7])
+def test_straight_lines_are_unmasked_whatever_the_ratio_of_the_rates(factor):
+    slow = np.arange(len(NOISE))
+    fast = np.arange(0, len(NOISE) - 1, 1 / factor)
+    drawn = np.column_stack([np.interp(fast, slow, column) for column in NOISE.T])
+    written = np.array([float(f"{x:.9g}") for x in drawn.ravel()]).reshape(drawn.shape)
+    assert new_share(written) == pytest.approx(1 / factor, rel=0.15)
+
+
+def test_a_line_within_motion_of_its_own_is_not_taken_for_lines_throughout():
+    ramped = np.concatenate([NOISE, NOISE[-1] + np.linspace(0.0, 9.0, 900)[:, None] * [1, 2, 3]])
+    assert new_share(ramped) == 1.0
+
+
 @pytest.mark.parametrize(
     "values",
     [NOISE, np.round(0.2 * NOISE), np.round(0.02 * NOISE), np.zeros((900, 3)), NOISE[:3]],
@@ -53,6 +67,23 @@ def test_a_sensor_at_its_limit():
     assert share_at_limit(np.clip(swing, -35.0, 35.0), 4.0) == pytest.approx(0.322, abs=0.01)
     assert share_at_limit(swing, 4.0) == 0.0
     assert share_at_limit(np.clip(swing, -35.0, 35.0), 36.0) == 0.0
+
+
+def test_a_rounded_peak_is_no_limit():
+    swing = 7.0 * np.sin(np.arange(4000) / 90.0)[:, None]
+    rounded = np.round(swing / np.radians(1.0)) * np.radians(1.0)
+    crest = float(rounded.max())
+    assert (rounded == crest).sum() > 30  # it stands still there for many samples in a row
+    assert share_at_limit(rounded, 4.0) == 0.0
+    assert share_at_limit(np.minimum(rounded, 5.0), 4.0) > 0.1
+
+
+def test_samples_that_are_repeated_are_no_limit():
+    repeated = np.repeat(5.0 * np.sin(np.arange(1000) / 2.0)[:, None], 4, axis=0)
+    assert share_at_limit(repeated, 4.0) > 0.0
+    assert share_at_limit(repeated, 4.0, repeats=4) == 0.0
+    t = np.arange(len(repeated)) / 200.0
+    assert channel_report("gyro", channel(t, repeated)).at_limit == 0.0
 
 
 def test_gaps_and_jitter():
@@ -78,7 +109,7 @@ def test_vibration_of_a_known_level():
     assert found[1].level < 0.4
 
 
-@pytest.mark.parametrize("late", [-20, 0, 15])
+@pytest.mark.parametrize("late", [-150, -20, 0, 15, 150, 300])
 def test_motors_late_against_the_gyro(late):
     flight = simulate_flight(*paper_vehicle("A"), Scenario(seconds=12.0, sensors=PERFECT), seed=2)
     log = to_flight_log(flight)

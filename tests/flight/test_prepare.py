@@ -429,7 +429,7 @@ def test_fast_flight_is_doubted(hover, speed, said):
     result = prepared(with_channel(hover, velocity=channel(t, velocity)))
     message = (
         "the vehicle flies at up to 8.0 m/s; over 5 m/s the air drag of the frame counts, which "
-        "the model leaves out: use a slower part of the flight"
+        "is in the model only as the term drag: use a slower part of the flight"
     )
     assert (message in result.warnings) == said
     assert result.slowest_rate == pytest.approx(200)

@@ -1,18 +1,26 @@
 """rotorfit inspect: what is in a log, what it could tell, and what to set before the next one."""
 
 import json
+import shutil
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from rotorfit.cli.outputs import refuse_output_file
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import one_line, say, show
-from rotorfit.errors import FlightError, LogError, OutputError, RotorfitError
-from rotorfit.flight.doctor import channel_report, lacks, motor_lateness, vibration
+from rotorfit.errors import (
+    EstimationError,
+    ExperimentError,
+    FlightError,
+    LogError,
+    OutputError,
+    RotorfitError,
+)
+from rotorfit.flight.doctor import LATEST, channel_report, lacks, motor_lateness, vibration
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
@@ -20,19 +28,25 @@ from rotorfit.flight.telemetry import telemetry
 from rotorfit.identification.doctor import Prospects, prospects
 from rotorfit.identification.gravity_check import gravity_doubts, gravity_seen
 from rotorfit.identification.plausible import gyro_in_degrees
+from rotorfit.identification.timing import LAG_PRIOR
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
 from rotorfit.logs.files import read_head
-from rotorfit.report.doctor import LogReport, plain, report_text, write_page
+from rotorfit.report.doctor import WIDTH, LogReport, plain, report_text, write_page
 from rotorfit.report.settings import settings_for
+
+if TYPE_CHECKING:
+    from rotorfit.identification.experiment import FlightEntry
 
 GUESSED_ARM = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""
 NEEDED = ("gyro", "accel")
 HEAD_BYTES = 65_536
+NARROWEST = 60
+"""Of a line on a narrow terminal [characters]."""
 WITH_AIRFRAME = (
-    "only with --airframe FILE is it judged whether changes of thrust fit the weight (the scale of "
-    "the accelerometer against kt), and whether motor order, spins and arm are right"
+    "only with --airframe FILE is it judged whether motor order, spins and arm are right, and each "
+    "number gets its verdict"
 )
 CUTOFFS = {
     "acc_lpf_hz": ("the accelerometer's low-pass", 100.0),
@@ -71,9 +85,14 @@ def run(paths: list[Path], options: InspectOptions) -> None:
             raise typer.Exit(1) from error
     failed = False
     reports: list[LogReport | SeveralLogs] = []
-    for path in paths:
+    looks, refused = _looks(paths)
+    for refusal in refused:
+        failed = True
+        say(f"rotorfit: {one_line(refusal)}")
+    for look in looks:
+        path = look.path
         try:
-            report = _report(path, options)
+            report = _report(look, options)
         except RotorfitError as error:
             failed = True
             say(f"rotorfit: {one_line(str(error))}")
@@ -83,7 +102,7 @@ def run(paths: list[Path], options: InspectOptions) -> None:
             say(f"rotorfit: {path}: no usable sample in it: copy the log again")
         reports.append(report)
         if not options.as_json:
-            show(_text(report))
+            show(_text(report, width=_width()))
     if options.as_json and reports:
         show(json.dumps([_plain(one) for one in reports], indent=1, allow_nan=False))
     _write(options, reports)
@@ -99,8 +118,54 @@ def _write(options: InspectOptions, reports: Sequence[LogReport | SeveralLogs]) 
         say(f"rotorfit: wrote {options.report}")
 
 
-def _report(path: Path, options: InspectOptions) -> LogReport | SeveralLogs:
-    number = options.log_number
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """A log to look at; what an experiment file says of it, where one names it."""
+
+    path: Path
+    read: ReadOptions = field(default_factory=ReadOptions)
+    entry: "FlightEntry | None" = None
+
+
+def _looks(paths: list[Path]) -> tuple[list[Look], list[str]]:
+    """Return the logs to look at, those of experiment files among them, and what is refused."""
+    looks: list[Look] = []
+    refused: list[str] = []
+    for path in paths:
+        if path.suffix.lower() != ".toml":
+            looks.append(Look(path=path))
+            continue
+        try:
+            looks += _of_experiment(path)
+        except RotorfitError as error:
+            refused.append(str(error))
+    return looks, refused
+
+
+def _of_experiment(path: Path) -> list[Look]:
+    from rotorfit.identification.experiment import load_experiment
+    from rotorfit.identification.read_options import read_options_of
+    from rotorfit.identification.toml_files import read_toml
+
+    if path.is_file() and "configuration" not in read_toml(path):
+        raise ExperimentError(
+            f"{path}: no [[configuration]] with flights in it: name an experiment file or a log, "
+            "and an airframe file with --airframe"
+        )
+    experiment = load_experiment(path)
+    return [
+        Look(
+            path=Path(entry.file),
+            read=read_options_of(entry, experiment.motors),
+            entry=entry,
+        )
+        for configuration in experiment.configuration
+        for entry in (*configuration.flights, *configuration.validation)
+    ]
+
+
+def _report(look: Look, options: InspectOptions) -> LogReport | SeveralLogs:
+    path, number = look.path, look.read.log_number or options.log_number
     if number is None and path.is_file() and is_blackbox(read_head(path, HEAD_BYTES)):
         entries = list_blackbox_logs(path)
         if len(entries) > 1:
@@ -109,16 +174,18 @@ def _report(path: Path, options: InspectOptions) -> LogReport | SeveralLogs:
             )
     with steps() as tell:
         tell(f"reading {path.name}")
-        log = read_log(path, options=ReadOptions(log_number=number))
-    return inspect_log(log, airframe=options.airframe)
+        log = read_log(path, options=replace(look.read, log_number=number))
+    return inspect_log(log, airframe=options.airframe, entry=look.entry)
 
 
-def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
+def inspect_log(
+    log: FlightLog, *, airframe: Path | None = None, entry: "FlightEntry | None" = None
+) -> LogReport:
     """Return what a log holds and lacks, which part of it is flight, and what that could tell."""
     channels = {
         name: channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
     }
-    trouble = [*log.warnings, *_missing(log)]
+    trouble: list[str] = []
     prepared: PreparedFlight | None = None
     if all(name in log.channels for name in NEEDED) and not {"rotor_speed", "command"}.isdisjoint(
         log.channels
@@ -128,16 +195,21 @@ def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
             trouble += [*prepared.warnings, *filter(None, [gyro_in_degrees(prepared.data)])]
         except (LogError, FlightError) as error:
             trouble.append(str(error))
+    trouble = [*log.warnings, *_missing(log, usable=prepared is not None), *trouble]
     late = None if prepared is None else motor_lateness(prepared.data)
     foreseen: Prospects | None = None
     if prepared is not None:
         try:
-            foreseen = prospects(prepared, _response(log, late))
-        except FlightError as error:
+            foreseen = prospects(
+                prepared,
+                _response(log, late),
+                commanded="rotor_speed" not in log.channels,
+            )
+        except (FlightError, EstimationError) as error:
             trouble.append(str(error))
     speeds = telemetry(log)
     trouble += [] if speeds is None else speeds.doubts
-    verdicts, refused = _with_airframe(log, airframe)
+    verdicts, refused = _with_airframe(log, airframe, entry)
     gravity = None if prepared is None else gravity_seen(prepared.data)
     if gravity is not None:
         # With an airframe the identification has looked at the flight itself.
@@ -150,7 +222,7 @@ def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
         log=f"{log.log_number} of {log.logs_in_file}",
         seconds=log.seconds,
         channels=tuple(channels.values()),
-        airborne=() if prepared is None else _airborne(prepared),
+        airborne=_airborne(prepared),
         vibration=() if prepared is None else vibration(prepared.data),
         motor_lateness=late,
         telemetry=speeds,
@@ -160,13 +232,15 @@ def inspect_log(log: FlightLog, *, airframe: Path | None = None) -> LogReport:
         not_judged=(WITH_AIRFRAME,) if prepared is not None and airframe is None else (),
         filters=tuple(f"{CUTOFFS[k][0]} is at {hz:g} Hz ({k})" for k, hz in cutoffs.items()),
         trouble=tuple(dict.fromkeys([*trouble, *refused])),
-        settings=settings_for(log.format, lacking),
+        settings=settings_for(log.format, lacking, log.metadata),
         notes=log.notes,
         metadata=dict(log.metadata),
     )
 
 
-def _with_airframe(log: FlightLog, airframe: Path | None) -> tuple[tuple[str, ...], list[str]]:
+def _with_airframe(
+    log: FlightLog, airframe: Path | None, entry: "FlightEntry | None"
+) -> tuple[tuple[str, ...], list[str]]:
     """Return the verdicts of an identification with an airframe, and why there are none."""
     if airframe is None:
         return (), []
@@ -179,6 +253,10 @@ def _with_airframe(log: FlightLog, airframe: Path | None) -> tuple[tuple[str, ..
     experiment = single_flight_experiment(
         log.path, mass="unknown", airframe=airframe, log_number=number
     )
+    if entry is not None:
+        [configuration] = experiment.configuration
+        flown = configuration.model_copy(update={"flights": (entry,)})
+        experiment = experiment.model_copy(update={"configuration": (flown,)})
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -201,7 +279,9 @@ def _response(log: FlightLog, late: float | None) -> MotorResponse | None:
         return None
     if "rotor_speed" in log.channels:
         return MotorResponse(delay=late)
-    return MotorResponse(lag=max(late, 0.0), delay=min(late, 0.0))
+    # No motor is so slow: the clocks are apart, and that is not to be taken for a lag.
+    lag = min(max(late, 0.0), LAG_PRIOR[0] if late > LATEST else LATEST)
+    return MotorResponse(lag=lag, delay=late - lag)
 
 
 def _cutoffs(log: FlightLog) -> dict[str, float]:
@@ -221,8 +301,8 @@ def _cutoffs(log: FlightLog) -> dict[str, float]:
     }
 
 
-def _missing(log: FlightLog) -> list[str]:
-    """Return what the log lacks for an identification."""
+def _missing(log: FlightLog, *, usable: bool) -> list[str]:
+    """Return what the log lacks for an identification, and what to do where it is usable at all."""
     if set(log.channels) and set(log.channels) <= {"position", "attitude", "velocity"}:
         return [
             "only the pose is in this file, no motors: name it beside the log of the autopilot "
@@ -237,6 +317,8 @@ def _missing(log: FlightLog) -> list[str]:
             words.append(
                 'no measured rotor speed, only commands: identify with speed = "commanded"; '
                 "better, log measured rotor speed"
+                if usable
+                else "no measured rotor speed, only commands: log measured rotor speed"
             )
         else:
             words.append("no motor data: log ESC telemetry or motor outputs")
@@ -255,7 +337,9 @@ def _prepared(log: FlightLog) -> PreparedFlight:
     )
 
 
-def _airborne(prepared: PreparedFlight) -> tuple[tuple[float, float], ...]:
+def _airborne(prepared: PreparedFlight | None) -> tuple[tuple[float, float], ...]:
+    if prepared is None:
+        return ()
     t = prepared.data.time
     return tuple(
         (float(t[s.start] - t[0]), float(t[s.stop - 1] - t[0])) for s in prepared.data.segments
@@ -266,8 +350,14 @@ def _plain(report: LogReport | SeveralLogs) -> dict[str, Any]:
     return plain(report) if isinstance(report, LogReport) else asdict(report)
 
 
-def _text(report: LogReport | SeveralLogs) -> str:
+def _width() -> int:
+    """Return how wide a line may be: as the terminal, within limits that read well."""
+    columns = shutil.get_terminal_size((WIDTH, 0)).columns
+    return min(max(columns, NARROWEST), WIDTH)
+
+
+def _text(report: LogReport | SeveralLogs, *, width: int) -> str:
     if isinstance(report, LogReport):
-        return report_text(report)
+        return report_text(report, width=width)
     head = f"{report.file}: {len(report.logs)} logs; look at one with --log N"
     return "\n".join([head, *(f"  {line}" for line in report.logs), ""])

@@ -158,7 +158,7 @@ def slow_motors_said(motor_rate: float) -> Generator[None, None, None]:
         raise FlightError(
             f"motor data come at {motor_rate:.0f} Hz, too slow to tell flight from ground and to "
             "find inertia (100 Hz and more are good): log motors faster (PX4: SDLOG_PROFILE = 17); "
-            "of this log, thrust at most, with start and end of the flight set by yourself"
+            "of this log, thrust at most, with start and end of the flight given (--start, --end)"
         ) from error
 
 
@@ -212,5 +212,5 @@ def speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
         return []
     return [
         f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air drag of the frame "
-        "counts, which the model leaves out: use a slower part of the flight"
+        "counts, which is in the model only as the term drag: use a slower part of the flight"
     ]

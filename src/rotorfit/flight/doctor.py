@@ -31,16 +31,27 @@ FAST_ENOUGH: Final = 150.0
 LEAST_LIMIT: Final = {"gyro": 4.0, "accel": 35.0}
 """Sensors end at 250 deg/s and 4 g at the least: values that stay the same below are no limit."""
 LIMIT_RUN: Final = 3
+STEEP: Final = 5.0
+"""A step of so many times the smallest one is no rounded peak's."""
 FEWEST: Final = 50
 LONGEST_REPEAT: Final = 100
 EVEN: Final = 0.35
 """Variance of the intervals between new samples, over that of chance, below which they are even."""
 LEAST_REPEATED: Final = 0.8
+LEAST_STRAIGHT: Final = 0.1
+"""Share of samples that lie on the line through their neighbours, below which none is drawn."""
+LONGEST_BEND: Final = 20
+"""Samples in a row that bend, beyond which there are no lines between them."""
 LOWEST_CUTOFF: Final = 40.0
 """A low-pass below this takes away what inertia shows in, or makes sensors differ [Hz]."""
 BANDS: Final = ((10.0, 50.0), (50.0, 150.0), (150.0, 500.0))
 """In which vibration is given [Hz]."""
 LATEST: Final = 0.1
+FAR: Final = 0.5
+"""How far the motion may be apart from the motor data in the search for it: at first, and where
+nothing shows so near [s]."""
+STRIDE: Final = 0.004
+"""Of that search [s]."""
 LOOK: Final = 15.0
 """Low-pass for comparing motors and gyro [Hz]."""
 SURE: Final = 0.3
@@ -62,7 +73,7 @@ class ChannelReport:
     gaps, longest_gap
         Steps over 2.5 median ones, and the longest [s].
     at_limit
-        Share of the samples that stand at the largest or smallest value, as at a sensor's end.
+        Share of the samples that a sensor's end cut off, see `share_at_limit`.
     """
 
     name: str
@@ -98,6 +109,7 @@ def channel_report(name: str, channel: Channel) -> ChannelReport:
     late = steps > GAP_STEPS * step
     gaps = steps[late] if step > 0 else steps[:0]
     rate = 1.0 / step if step > 0 else 0.0
+    share = new_share(x)
     return ChannelReport(
         name=name,
         columns=channel.values.shape[1],
@@ -105,11 +117,15 @@ def channel_report(name: str, channel: Channel) -> ChannelReport:
         samples=int(finite.sum()),
         missing=int((~finite).sum()),
         rate=rate,
-        true_rate=rate * new_share(x),
+        true_rate=rate * share,
         jitter=float(steps[~late].std()) if step > 0 else 0.0,
         gaps=len(gaps),
         longest_gap=float(gaps.max()) if len(gaps) else 0.0,
-        at_limit=share_at_limit(x, LEAST_LIMIT[name]) if name in LEAST_LIMIT else 0.0,
+        at_limit=(
+            share_at_limit(x, LEAST_LIMIT[name], repeats=round(1.0 / share))
+            if name in LEAST_LIMIT
+            else 0.0
+        ),
         resolution=channel.resolution,
         source=channel.source,
     )
@@ -126,20 +142,41 @@ def new_share(values: Float[np.ndarray, "n k"]) -> float:
         return 1.0
     first = np.diff(values, axis=0)
     moves = (first != 0.0).any(axis=1)
-    bends = np.ones(len(first), dtype=bool)
-    bends[1:] = _bent(first)
-    return min(_share_at_even_intervals(moves), _share_at_even_intervals(moves & bends))
+    bent = _bent(first, np.abs(values).max(axis=0))
+    return min(_share_at_even_intervals(moves), _share_of_corners(bent, moves))
 
 
-def _bent(first: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, " m"]:
-    """Return where a line through the samples bends; everywhere, where they are too coarse."""
+def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"]) -> float:
+    """Return the share of samples at the corners of straight lines, where there are lines.
+
+    A corner between two samples bends the line at both: a run of bends holds a corner for each two.
+    """
+    straight = ~bent & moves[1:] & moves[:-1]
+    if straight.sum() < LEAST_STRAIGHT * max(int(moves.sum()), 1):
+        return 1.0
+    runs = true_runs(bent & moves[1:])
+    if sum(b - a for a, b in runs if b - a > LONGEST_BEND) > 0.5 * moves.sum():
+        return 1.0  # a line here or there, as of a motor that is run up, and motion of its own
+    corners = np.zeros(len(moves), dtype=bool)
+    for a, b in runs:
+        corners[1 + a : 1 + b : 2] = True
+    return _share_at_even_intervals(corners)
+
+
+def _bent(first: Float[np.ndarray, "n k"], size: Float[np.ndarray, " k"]) -> Bool[np.ndarray, " m"]:
+    """Return where a line through the samples bends; everywhere, where they are too coarse.
+
+    Samples up to `size` were written with seven to nine digits.
+    """
     steps = np.abs(first)
     finest = np.where(steps > 0, steps, np.inf).min(axis=0)
-    fine = np.isfinite(finest) & (np.median(steps, axis=0) > 20.0 * finest)
+    usual = np.median(steps, axis=0)
+    rounding = np.maximum(1e-6 * usual, 2.5e-7 * size)
+    fine = np.isfinite(finest) & (usual > 20.0 * finest) & (usual > 100.0 * rounding)
     if not fine.any():
         return np.ones(len(first) - 1, dtype=bool)
     change = np.abs(np.diff(first[:, fine], axis=0))
-    bent: Bool[np.ndarray, " m"] = np.any(change > 1e-6 * np.median(steps[:, fine], axis=0), axis=1)
+    bent: Bool[np.ndarray, " m"] = np.any(change > rounding[fine], axis=1)
     return bent
 
 
@@ -157,15 +194,33 @@ def _share_at_even_intervals(fresh: Bool[np.ndarray, " n"]) -> float:
     return p if even and p < LEAST_REPEATED else 1.0
 
 
-def share_at_limit(values: Float[np.ndarray, "n k"], least: float) -> float:
-    """Return the share of samples at an extreme that is met three times in a row or more."""
+def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1) -> float:
+    """Return the share of samples that a sensor's end cut off.
+
+    Such stand at one extreme three times in a row or more, and come to it or leave it steeply. A
+    rounded peak stands still for a while, too, but a step of the resolution above its neighbours.
+
+    Parameters
+    ----------
+    values
+        Of a channel.
+    least
+        Sizes below are no sensor's end.
+    repeats
+        How often the recorder writes each sample.
+    """
     stuck = np.zeros(len(values), dtype=bool)
     for column in values.T:
-        for extreme in (column.max(), column.min()) if len(column) else ():
+        steps = np.abs(np.diff(column))
+        if not (steps > 0.0).any():
+            continue
+        steep = STEEP * float(steps[steps > 0.0].min())
+        for extreme in (column.max(), column.min()):
             if abs(extreme) < least:
                 continue
             for a, b in true_runs(np.abs(column - extreme) <= 1e-4 * abs(extreme)):
-                stuck[a:b] |= b - a >= LIMIT_RUN
+                beside = steps[[k for k in (a - 1, b - 1) if 0 <= k < len(steps)]]
+                stuck[a:b] |= b - a >= LIMIT_RUN * repeats and bool((beside > steep).any())
     return float(stuck.mean()) if len(stuck) else 0.0
 
 
@@ -230,16 +285,23 @@ def motor_lateness(data: FlightData) -> float | None:
 
     The time shift at which the squared motor data explain the angular acceleration best.
     Negative: the motor data were recorded late. Of commands it holds the motors' lag, too.
+    Only where nothing shows within a tenth of a second it is looked for further away.
     """
+    near = _lateness_within(data, LATEST)
+    return _lateness_within(data, FAR) if near is None else near
+
+
+def _lateness_within(data: FlightData, seconds: float) -> float | None:
+    """Return the lateness, in a search that ends at so many seconds both ways."""
     longest = max(data.segments, key=len, default=None)
-    reach = whole_samples(LATEST * data.sample_rate)
+    reach = whole_samples(seconds * data.sample_rate)
     if longest is None or len(longest) < 20 * max(reach, 1) or reach < 2:
         return None
     rows = slice(longest.start, longest.stop)
     rates = smooth(data.angular_velocity[rows], data.sample_rate, LOOK)
     turn = central_difference(rates, data.sample_rate)
     push = smooth(data.rotor_speed[rows] ** 2, data.sample_rate, LOOK)
-    stride = max(reach // 25, 1)
+    stride = max(whole_samples(STRIDE * data.sample_rate), 1)
     shifts = range(-reach, reach + 1, stride)
     shares = np.array([_explained(turn, push, shift, reach) for shift in shifts])
     best = int(np.argmax(shares))

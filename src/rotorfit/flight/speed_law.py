@@ -145,7 +145,7 @@ def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, .
         beyond = float(((command < first) | (command > last)).mean())
         if beyond > 0.0:
             doubts.append(
-                f"{100 * beyond:.2g} % of the commands ({low:.3g} to {high:.3g}) are beyond the "
+                f"{100 * beyond:.3g} % of the commands ({low:.3g} to {high:.3g}) are beyond the "
                 f"table of the motors' law ({first:g} to {last:g}), where its end is taken: "
                 "measure the speed there, too"
             )

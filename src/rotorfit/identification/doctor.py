@@ -1,10 +1,11 @@
-"""What one log could tell, cheaply: excitation of each axis, and whose motor order it has."""
+"""What one log could tell, cheaply: kt, what each axis was moved, and whose motor order it has."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
+from scipy import stats
 
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
@@ -13,12 +14,20 @@ from rotorfit.flight.doctor import LOOK
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import smooth
-from rotorfit.identification.bands import EDGES, STRETCH
-from rotorfit.identification.excitation import LEAST_EXCITATION, NO_EXCITATION
+from rotorfit.identification.bands import EDGES, PILOT_BAND, STRETCH
+from rotorfit.identification.excitation import NO_EXCITATION, attenuation_allowance
 from rotorfit.identification.flights import retimed
-from rotorfit.identification.frame_check import Response, free_response, response
+from rotorfit.identification.frame_check import Response, response
+from rotorfit.identification.guessed_rotors import guessed_vehicles
+from rotorfit.identification.hover import held_up
+from rotorfit.identification.result import Verdict
+from rotorfit.identification.rows import RowFits, angular_log_likelihood, fit_rows
+from rotorfit.identification.timing import LAG_PRIOR
+from rotorfit.identification.verdicts import judge
+from rotorfit.identification.weight import INFLOW_STD, WeighedThrust
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.reduce import BandPlan, band_factors
+from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 Axis = Literal["roll", "pitch", "yaw"]
@@ -32,6 +41,13 @@ LAYOUTS: Final = {
     6: ("hexa-x", "hexa-plus"),
     8: ("octo-x", "octo-plus", "octo-coax-x"),
 }
+PROSPECT: Final[dict[Verdict, Prospect]] = {
+    "identified": "well",
+    "weak": "roughly",
+    "not-identified": "not",
+}
+LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
+"""Of commanded motors, tried one by one [s]."""
 CLEAR: Final = 0.4
 """Share of roll and pitch that a motor order must explain before it is named."""
 LEAST_YAW: Final = 0.1
@@ -47,19 +63,55 @@ class Excitation:
     turning
         Deviation of the angular acceleration below 15 Hz [rad/s^2].
     rho
-        Its power that the motors explain over the rest: what limits an estimate.
+        Power of the angular acceleration that the rotors explain over the rest, where a pilot
+        flies: what limits an estimate, and seen as that sees it.
+    width
+        Half of the 95 % interval to be expected, over the value: of Ixx, Iyy, kd / Izz. None where
+        nothing bounds it.
     """
 
     axis: Axis
     turning: float
     rho: float
+    width: float | None
 
     @property
     def prospect(self) -> Prospect:
-        """How well numbers of this axis can be found."""
-        if self.rho <= NO_EXCITATION:
-            return "not"
-        return "well" if self.rho > LEAST_EXCITATION else "roughly"
+        """How well its number can be found: the verdict that an estimate would have."""
+        return _prospect(self.width, axis=self.axis, excitation=self.rho)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thrust:
+    """How the thrust was moved, and what carries the weight.
+
+    Attributes
+    ----------
+    change
+        Deviation of the thrust over its mean.
+    from_changes, from_weight
+        kt per kilogram by changes of thrust and by the weight; None where no stretch is long enough
+        for the weight.
+    agree
+        Whether the two are one number within what an estimate allows them.
+    width
+        Half of the 95 % interval to be expected, over the value; None where nothing bounds it.
+    followed
+        Whether the vehicle turns with the motor data at all: else commands may be no rotor speeds.
+    """
+
+    change: float
+    from_changes: float
+    from_weight: float | None
+    agree: bool
+    width: float | None
+    followed: bool
+
+    @property
+    def prospect(self) -> Prospect:
+        """How well kt can be found."""
+        found = _prospect(self.width, axis="force")
+        return "roughly" if found == "well" and not self.followed else found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,19 +122,33 @@ class Prospects:
     ----------
     excitation
         Of roll, pitch and yaw.
-    thrust_change
-        Deviation of the thrust over its mean.
+    thrust
+        Of all rotors together.
+    commanded
+        Whether commands stand for the rotor speeds.
     motors
         The layout and order whose motors explain the motion, in words; None where none does.
     """
 
     excitation: tuple[Excitation, ...]
-    thrust_change: float
+    thrust: Thrust
+    commanded: bool
     motors: str | None
 
 
-def prospects(prepared: PreparedFlight, motors: MotorResponse | None = None) -> Prospects:
+def _prospect(width: float | None, *, axis: str, excitation: float | None = None) -> Prospect:
+    half_width = np.inf if width is None else width
+    found = judge(1.0, half_width, scale=0.0, axis=axis, excitation=excitation)
+    return PROSPECT[found.verdict]
+
+
+def prospects(
+    prepared: PreparedFlight, motors: MotorResponse | None = None, *, commanded: bool = False
+) -> Prospects:
     """Return what a prepared flight could tell, whatever its airframe.
+
+    By the rows of an estimate, with the rotors of a usual layout where one is borne out, else with
+    rotors as the flight itself places them: excitation is then the estimate's own.
 
     Parameters
     ----------
@@ -90,26 +156,129 @@ def prospects(prepared: PreparedFlight, motors: MotorResponse | None = None) -> 
         The flight.
     motors
         How late the motors do what their data say; None leaves the flight as it was prepared.
+    commanded
+        Whether its rotor speeds are commands, whose lag is looked for, then.
+
+    Raises
+    ------
+    FlightError
+        If the flight is too short.
+    EstimationError
+        If it does not move its rotors at all.
     """
-    prepared = replace(prepared, data=retimed(prepared, motors))
-    data = prepared.data
-    stand_in = _stand_in(data.rotor_speed.shape[1])
-    factors = _factors(prepared, stand_in)
-    shares = free_response(factors, stand_in).shares
-    known = likely_motors(factors, stand_in)
-    if known is not None:
-        # With the spins known the spin-up of the rotors counts, too.
-        shares = np.maximum(shares, response(_factors(prepared, known[0]), known[0]).shares)
-    shares = np.clip(shares, 0.0, 0.999)
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    if commanded and motors is None:
+        motors = MotorResponse(lag=LAG_PRIOR[0])
+    timed = replace(prepared, data=retimed(prepared, motors))
+    stand_in = _stand_in(timed.data.rotor_speed.shape[1])
+    known = likely_motors(_factors(timed, stand_in), stand_in)
+    vehicle = _guessed(timed) if known is None else known[0]
+    model = regressor(vehicle)
+    if commanded and motors is not None:
+        motors = _best_lag(prepared, vehicle, model, motors)
+        timed = replace(prepared, data=retimed(prepared, motors))
+    fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
+    followed = max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
+    thrust = _thrust(timed.data, vehicle, fits, followed=followed or not commanded)
     return Prospects(
         excitation=tuple(
-            Excitation(axis=axis, turning=size, rho=float(share / (1.0 - share)))
-            for axis, size, share in zip(AXES, _turning(data), shares, strict=True)
+            Excitation(
+                axis=axis,
+                turning=size,
+                rho=fits.excitation[axis],
+                width=_width(axis, fits, thrust),
+            )
+            for axis, size in zip(AXES, _turning(timed.data), strict=True)
         ),
-        thrust_change=_thrust_change(data, rows),
+        thrust=thrust,
+        commanded=commanded,
         motors=None if known is None else known[1],
     )
+
+
+def _guessed(prepared: PreparedFlight) -> Vehicle:
+    """Return the rotors that explain the turns best, where no usual layout does."""
+    likely = guessed_vehicles(prepared.data)
+    if len(likely) == 1:
+        return likely[0]
+    return max(likely, key=lambda vehicle: _likelihood(prepared, vehicle, regressor(vehicle)))
+
+
+def _best_lag(
+    prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, motors: MotorResponse
+) -> MotorResponse:
+    """Return the lag with which commands explain the turns best, where a pilot flies."""
+    return max(
+        (replace(motors, lag=lag) for lag in LAGS),
+        key=lambda at: _likelihood(replace(prepared, data=retimed(prepared, at)), vehicle, model),
+    )
+
+
+def _likelihood(prepared: PreparedFlight, vehicle: Vehicle, model: Regressor) -> float:
+    """Return the log-likelihood of the turns, where a pilot flies."""
+    factors = _factors(prepared, vehicle)
+    slow = np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
+    return angular_log_likelihood(factors, model, mass=1.0, counted=slow)
+
+
+def _thrust(data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool) -> Thrust:
+    """Return what changes of thrust and the weight say of kt."""
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    kt, random = _with_width(fits, "force.kt")
+    weighed = _weighed(data, vehicle)
+    agree = weighed is None or not weighed.contradicts(kt, random / 1.96)
+    width = _relative(random, kt)
+    if weighed is not None and not agree:
+        # An estimate then takes the weight's, and its interval holds both.
+        width = _relative(abs(kt - weighed.kt) + random, weighed.kt)
+    return Thrust(
+        change=_thrust_change(data, rows),
+        from_changes=kt,
+        from_weight=None if weighed is None else weighed.kt,
+        agree=agree,
+        width=_finite(width),
+        followed=followed,
+    )
+
+
+def _weighed(data: FlightData, vehicle: Vehicle) -> WeighedThrust | None:
+    """Return the kt per kilogram that carries the weight; None where no stretch is long enough."""
+    held = held_up(data, data.rotor_speed**2 @ vehicle.axes)
+    if held is None or held.ratio <= 0:
+        return None
+    kt = 1.0 / held.ratio
+    return WeighedThrust(kt=kt, std=kt * float(np.hypot(held.std * kt, INFLOW_STD)))
+
+
+def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
+    """Return the half-width to be expected of the number of an axis, over its value."""
+    name = {"roll": "Ixx", "pitch": "Iyy", "yaw": "kd_over_Izz"}[axis]
+    pull = attenuation_allowance(name, 1.0, fits.excitation[axis], answered=True)
+    value, random = _with_width(fits, "yaw.kd" if axis == "yaw" else f"{axis}.kt")
+    if axis == "yaw":
+        return _finite(float(np.hypot(_relative(random, value), pull)))
+    if thrust.width is None:
+        return None
+    return _finite(float(np.hypot(np.hypot(_relative(random, value), pull), thrust.width)))
+
+
+def _with_width(fits: RowFits, name: str) -> tuple[float, float]:
+    """Return a parameter of the rows and half of its interval, by the bands or by their scatter."""
+    i = fits.names.index(name)
+    row = fits.fits[name.partition(".")[0]]
+    blocks = len(row.variance)
+    free = max(blocks - len(row.estimate.names), 1)
+    formal = 1.96 * float(np.sqrt(fits.formal[i, i]))
+    scatter = float(np.sqrt(fits.covariance[i, i] * blocks / free))
+    return float(fits.values[i]), max(formal, float(stats.t.ppf(0.975, free)) * scatter)
+
+
+def _relative(half_width: float, value: float) -> float:
+    """Return a half-width over a value that must be positive to mean anything."""
+    return half_width / value if value > 0 else float("inf")
+
+
+def _finite(width: float) -> float | None:
+    return width if np.isfinite(width) else None
 
 
 def likely_motors(factors: Factors, made_for: Vehicle) -> tuple[Vehicle, str] | None:

@@ -6,12 +6,13 @@ from html import escape
 from pathlib import Path
 from typing import Any, Final
 
-from rotorfit.flight.doctor import ChannelReport, Vibration
+from rotorfit.flight.doctor import LATEST, ChannelReport, Vibration
 from rotorfit.flight.telemetry import Telemetry
-from rotorfit.identification.doctor import Excitation, Prospects
+from rotorfit.identification.doctor import Excitation, Prospects, Thrust
+from rotorfit.identification.excitation import LEAST_EXCITATION
 from rotorfit.identification.gravity_check import GravitySeen
 from rotorfit.logs.files import write_whole
-from rotorfit.report.settings import FILES, Setting
+from rotorfit.report.settings import Setting, settings_file
 
 MOST_SPANS: Final = 6
 SLOWED: Final = 0.8
@@ -19,21 +20,20 @@ SLOWED: Final = 0.8
 LEAST_LIMITED: Final = 1e-4
 USED: Final = ("gyro", "accel", "rotor_speed", "command")
 LEAST_LATE: Final = 0.002
+SEARCHED: Final = 0.012
+"""How far an estimate looks for the delay of measured speeds, and of motor data that come late
+[s]."""
 MUCH_JITTER: Final = 0.3
 SHAKES: Final = ((10.0, "strong: balance the propellers"), (3.0, "moderate"), (0.0, "low"))
 """Levels of vibration [m/s^2] and their words."""
 LEAST_CHANGE: Final = 3.0
-"""Change of thrust from which kt is found well [%]."""
-PROSPECT: Final = {
-    "well": "{what} can be found well",
-    "roughly": "{what} roughly: disturbances are not small against this motion",
-    "not": "{what} cannot be found: the motors explain too little of the motion",
-}
-WHAT: Final = {
-    "roll": "Ixx",
-    "pitch": "Iyy",
-    "yaw": "kd / Izz, and Izz, kd, Jr with roll and pitch",
-}
+"""Change of thrust below which kt is found from the weight alone [%]."""
+MOST_SHOWN: Final = 1000.0
+"""Ratio above which its figure says nothing more."""
+WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
+"""What an axis tells, and what it tells with all the others."""
+WIDTH: Final = 100
+"""Of a line where nothing is known of the terminal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,19 +73,21 @@ def plain(report: LogReport) -> dict[str, Any]:
     return found
 
 
-def report_text(report: LogReport) -> str:
-    """Return a report as one screen."""
-    lines = [f"{report.file}: {report.format}, log {report.log}, {report.seconds:.1f} s", ""]
-    lines.append(
+def report_text(report: LogReport, *, width: int = WIDTH) -> str:
+    """Return a report as one screen, its lines no longer than `width` where words can be parted."""
+    title = f"{report.file}: {report.format}, log {report.log}, {report.seconds:.1f} s"
+    head = (
         f"  {'channel':<12}{'columns':>8}{'samples':>9}{'rate':>10}{'gaps':>6}  {'unit':<6} source"
     )
-    lines += [_channel_line(channel) for channel in report.channels]
-    lines += ["", f"  airborne: {_spans(report.airborne)}"]
+    lines = [title, "", head]
+    lines += [line for channel in report.channels for line in _channel_lines(channel, width)]
     facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
-    lines += [f"  {name}: {report.metadata[name]}" for name in facts]
-    lines += [f"  {note}" for note in report.notes]
+    notes = [f"airborne: {_spans(report.airborne)}"]
+    notes += [*(f"{name}: {report.metadata[name]}" for name in facts), *report.notes]
+    lines += ["", *(line for note in notes for line in _wrapped(note, width, "  ", "    "))]
     for title, words in sections(report):
-        lines += ["", f"  {title}", *(line for text in words for line in _wrapped(text))]
+        lines += ["", f"  {title}"]
+        lines += [line for text in words for line in _wrapped(text, width, "  - ", "    ")]
     return "\n".join([*lines, ""])
 
 
@@ -95,8 +97,9 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
         ("Recording", recording_words(report)),
         ("Flight", flight_words(report)),
         (
-            "What this flight could tell",
-            [*prospect_words(report.prospects), *report.verdicts, *report.not_judged],
+            "What this flight tells" if report.verdicts else "What this flight could tell",
+            # Verdicts are what the prospects only foresee.
+            [*(report.verdicts or prospect_words(report.prospects)), *report.not_judged],
         ),
         ("To know", list(report.trouble)),
         ("To set before the next flight", setting_words(report)),
@@ -119,14 +122,18 @@ def _channel_words(c: ChannelReport) -> list[str]:
         )
     if c.gaps:
         used = "; they are cut out" if c.name in USED else ""
-        words.append(f"{c.name}: {c.gaps} gaps, the longest {c.longest_gap:.3g} s{used}")
+        words.append(
+            f"{c.name}: a gap of {c.longest_gap:.3g} s{', which is cut out' if used else ''}"
+            if c.gaps == 1
+            else f"{c.name}: {c.gaps} gaps, the longest {c.longest_gap:.3g} s{used}"
+        )
     if c.rate > 0 and c.jitter * c.rate > MUCH_JITTER:
         words.append(
             f"{c.name}: steps vary by {1e3 * c.jitter:.2g} ms around {1e3 / c.rate:.3g} ms"
         )
     if c.at_limit > LEAST_LIMITED:
         words.append(
-            f"{c.name}: {100 * c.at_limit:.2g} % of the samples stand at the sensor's limit: fly "
+            f"{c.name}: {100 * c.at_limit:.3g} % of the samples stand at the sensor's limit: fly "
             "gentler there, or set a larger range"
         )
     if c.missing:
@@ -144,17 +151,34 @@ def flight_words(report: LogReport) -> list[str]:
         worst = max(v.level for v in report.vibration)
         verdict = next(name for level, name in SHAKES if worst >= level)
         words.append(f"vibration {levels}: {verdict}")
-    if report.motor_lateness is not None and abs(report.motor_lateness) > LEAST_LATE:
-        late = 1e3 * report.motor_lateness
-        words.append(
-            f"the vehicle answers {late:.0f} ms after the motor data"
-            if late >= 0
-            else f"the motor data were recorded {-late:.0f} ms after the motion that they make"
-        )
+    words += lateness_words(report)
     words += [*telemetry_words(report.telemetry), *gravity_words(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
         words.append(f"the motors answer like {report.prospects.motors}")
     return words
+
+
+def lateness_words(report: LogReport) -> list[str]:
+    """Return how far motor data and motion are apart, and what to do where that is too far."""
+    late = report.motor_lateness
+    if late is None or abs(late) <= LEAST_LATE:
+        return []
+    words = (
+        f"the vehicle answers {1e3 * late:.0f} ms after the motor data"
+        if late >= 0
+        else f"the motor data were recorded {-1e3 * late:.0f} ms after the motion that they make"
+    )
+    measured = any(channel.name == "rotor_speed" for channel in report.channels)
+    cause = "no motor is so slow" if late > 0 else "their clocks are apart"
+    if late > LATEST or late < -SEARCHED:
+        return [
+            f"{words}: {cause}; bring motor data and IMU on one clock, or log both by one recorder"
+        ]
+    if measured and late > SEARCHED:
+        return [
+            f"{words}: write delay = {late:.3f} under [motors], as it is looked for up to 12 ms"
+        ]
+    return [words]
 
 
 def telemetry_words(found: Telemetry | None) -> list[str]:
@@ -194,20 +218,67 @@ def prospect_words(found: Prospects | None) -> list[str]:
     """Return in words which parameters the motion could tell."""
     if found is None:
         return []
-    change = 100.0 * found.thrust_change
-    thrust = (
-        f"thrust changes by {change:.0f} %: kt (per kilogram) can be found well"
-        if change > LEAST_CHANGE
-        else f"thrust changes by {change:.1f} % only: kt from the weight alone; climb and sink"
+    return [_thrust_words(found), *(_axis_words(axis, found.thrust) for axis in found.excitation)]
+
+
+def _thrust_words(found: Prospects) -> str:
+    thrust = found.thrust
+    change = 100.0 * thrust.change
+    if change <= LEAST_CHANGE:
+        return f"thrust changes by {change:.1f} % only: kt from the weight alone; climb and sink"
+    verdict = {
+        "well": "kt (per kilogram) can be found",
+        "roughly": "kt (per kilogram) can be found roughly",
+        "not": "kt cannot be found",
+    }[thrust.prospect]
+    if not thrust.followed:
+        return (
+            f"thrust changes by {change:.0f} %: {verdict}, if at all: neither roll nor pitch goes "
+            "with the commands"
+        )
+    if thrust.agree or thrust.from_weight is None:
+        sure = " well" if thrust.prospect == "well" else ", changes of thrust being too few"
+        return f"thrust changes by {change:.0f} %: {verdict}{sure}"
+    why = (
+        "thrust does not go with the square of the command: give its law under [motors], or log "
+        "the rotor speed"
+        if found.commanded
+        else "calibrate the accelerometer (its scale)"
     )
-    return [thrust, *map(_axis_words, found.excitation)]
-
-
-def _axis_words(axis: Excitation) -> str:
-    verdict = PROSPECT[axis.prospect].format(what=WHAT[axis.axis])
     return (
-        f"{axis.axis}: {axis.turning:.2g} rad/s^2, motors over the rest {axis.rho:.2g}: {verdict}"
+        f"thrust changes by {change:.0f} %: {verdict}, no better than two ways agree: changes of "
+        f"thrust give {thrust.from_changes:.3g}, the weight {thrust.from_weight:.3g}; {why}"
     )
+
+
+def _axis_words(axis: Excitation, thrust: Thrust) -> str:
+    rho = f"over {MOST_SHOWN:.0f}" if axis.rho > MOST_SHOWN else short(axis.rho)
+    what, others = WHAT[axis.axis]
+    verdict = {
+        # The scale of Izz hangs on small terms of all equations, which only an estimate weighs.
+        "well": f"{what} can be found well{others and f'; {others} less surely'}",
+        "roughly": f"{what} roughly{others and f', {others} less surely'}: {_reason(axis, thrust)}",
+        "not": f"{what}{others and f', {others}'} cannot be found: {_reason(axis, thrust)}",
+    }[axis.prospect]
+    return f"{axis.axis}: {short(axis.turning)} rad/s^2, motors over the rest {rho}: {verdict}"
+
+
+def _reason(axis: Excitation, thrust: Thrust) -> str:
+    """Return why the number of an axis is not found well."""
+    if axis.rho < LEAST_EXCITATION:
+        return (
+            "the motors explain too little of the motion"
+            if axis.prospect == "not"
+            else "disturbances are not small against this motion"
+        )
+    if axis.axis != "yaw" and thrust.prospect != "well":
+        return "no better than kt"
+    return "too little of this motion"
+
+
+def short(value: float) -> str:
+    """Return two digits of a number, without an exponent."""
+    return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.2g}"
 
 
 def setting_words(report: LogReport) -> list[str]:
@@ -218,24 +289,31 @@ def setting_words(report: LogReport) -> list[str]:
         f"{s.name} {s.value}: {s.why}" if s.name.endswith(":") else f"{s.name} = {s.value}: {s.why}"
         for s in report.settings
     ]
-    return [*words, f"ready to load: examples/settings/{FILES[report.format]}"]
+    file = settings_file(report.format, report.metadata)
+    return words if file is None else [*words, f"ready to load: {file}"]
 
 
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, 100, initial_indent="  - ", subsequent_indent="    ")
-
-
-def _channel_line(c: ChannelReport) -> str:
-    gaps = f"{c.gaps}" if c.gaps else "-"
-    return (
-        f"  {c.name:<12}{c.columns:>8}{c.samples:>9}{c.rate:>7.0f} Hz{gaps:>6}  {c.unit:<6} "
-        f"{c.source}"
+def _wrapped(text: str, width: int, first: str, next_: str) -> list[str]:
+    return textwrap.wrap(
+        text,
+        width,
+        initial_indent=first,
+        subsequent_indent=next_,
+        break_long_words=False,
+        break_on_hyphens=False,
     )
+
+
+def _channel_lines(c: ChannelReport, width: int) -> list[str]:
+    gaps = f"{c.gaps}" if c.gaps else "-"
+    start = f"  {c.name:<12}{c.columns:>8}{c.samples:>9}{c.rate:>7.0f} Hz{gaps:>6}  {c.unit:<6} "
+    return _wrapped(c.source, width, start, " " * len(start)) or [start.rstrip()]
 
 
 def _spans(spans: tuple[tuple[float, float], ...]) -> str:
     if not spans:
-        return "nothing found"
+        # The autopilot's own account may well know of a flight.
+        return "not found from motors and IMU, why stands below"
     total = sum(end - start for start, end in spans)
     if len(spans) > MOST_SPANS:
         first, last = spans[0][0], spans[-1][1]
