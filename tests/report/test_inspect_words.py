@@ -1,0 +1,120 @@
+"""What inspect says of the thrust, of an axis and of gaps, sentence by sentence."""
+
+from dataclasses import replace
+
+import pytest
+
+from rotorfit.flight.doctor import ChannelReport
+from rotorfit.identification.doctor import Excitation, Prospects, Thrust
+from rotorfit.report.doctor import LogReport, flight_words, prospect_words, recording_words
+
+THRUST = Thrust(
+    change=0.13, from_changes=6.6, from_weight=7.4, agree=True, width=0.02, followed=True
+)
+YAW = Excitation(axis="yaw", turning=0.7, rho=137.0, width=0.02)
+ROLL = Excitation(axis="roll", turning=51.2, rho=4.0, width=0.4)
+CHANNEL = ChannelReport(
+    name="gyro",
+    columns=3,
+    unit="rad/s",
+    samples=1000,
+    missing=0,
+    rate=200.0,
+    true_rate=200.0,
+    jitter=0.0,
+    gaps=1,
+    longest_gap=2.1,
+    at_limit=0.0,
+    resolution=None,
+    source="IMU",
+)
+
+
+def said(thrust=THRUST, axis=YAW, *, commanded=False):
+    found = Prospects(excitation=(axis,), thrust=thrust, commanded=commanded, motors=None)
+    return prospect_words(found)
+
+
+@pytest.mark.parametrize(
+    ("thrust", "words"),
+    [
+        (THRUST, "kt (per kilogram) can be found well"),
+        (replace(THRUST, change=0.012), "thrust changes by 1.2 % only: kt from the weight alone"),
+        (replace(THRUST, width=0.4), "can be found roughly, changes of thrust being too few"),
+        (replace(THRUST, width=None), "kt cannot be found, changes of thrust being too few"),
+        (
+            replace(THRUST, agree=False, width=0.15),
+            "can be found, no better than two ways agree: changes of thrust give 6.6, the weight "
+            "7.4; thrust does not go with the square of the command",
+        ),
+        (
+            replace(THRUST, followed=False),
+            "can be found roughly, if at all: neither roll nor pitch",
+        ),
+    ],
+    ids=["well", "calm", "roughly", "not", "two values", "unfollowed"],
+)
+def test_the_thrust(thrust, words):
+    assert words in said(thrust, commanded=True)[0]
+
+
+def test_two_values_of_kt_with_measured_speed_are_the_accelerometers():
+    [words, _] = said(replace(THRUST, agree=False, width=0.15))
+    assert words.endswith("calibrate the accelerometer (its scale)")
+
+
+@pytest.mark.parametrize(
+    ("axis", "words"),
+    [
+        (YAW, "yaw: 0.7 rad/s^2, motors over the rest 137: kd / Izz can be found well; Izz, kd"),
+        (replace(YAW, rho=1e6), "over the rest over 1000: kd / Izz can be found well"),
+        (
+            replace(YAW, rho=1.2, width=None),
+            "1.2: kd / Izz, Izz, kd and Jr cannot be found: the motors explain too little",
+        ),
+        (ROLL, "roll: 51 rad/s^2, motors over the rest 4: Ixx roughly: disturbances are not small"),
+        (replace(ROLL, rho=40.0), "40: Ixx roughly: too little of this motion"),
+    ],
+)
+def test_an_axis(axis, words):
+    assert words in said(axis=axis)[1]
+
+
+def test_an_axis_that_waits_for_kt():
+    weak = replace(THRUST, width=0.5)
+    assert said(weak, replace(ROLL, rho=40.0))[1].endswith("Ixx roughly: no better than kt")
+
+
+def report(**changes):
+    return LogReport(file="a", format="table", log="1 of 1", seconds=10.0, **changes)
+
+
+def test_one_gap_is_no_gaps():
+    assert recording_words(report(channels=(CHANNEL,))) == [
+        "gyro: a gap of 2.1 s, which is cut out"
+    ]
+    two = replace(CHANNEL, gaps=2, name="battery")
+    assert recording_words(report(channels=(two,))) == ["battery: 2 gaps, the longest 2.1 s"]
+
+
+def test_a_share_has_no_exponent():
+    all_of_it = replace(CHANNEL, gaps=0, at_limit=0.998)
+    [words] = recording_words(report(channels=(all_of_it,)))
+    assert "99.8 % of the samples" in words
+    [words] = recording_words(report(channels=(replace(all_of_it, at_limit=1.0),)))
+    assert "100 % of the samples" in words
+
+
+@pytest.mark.parametrize(
+    ("late", "words"),
+    [
+        (0.004, "the vehicle answers 4 ms after the motor data"),
+        (0.04, "write delay = 0.040 under [motors]"),
+        (0.2, "no motor is so slow; bring motor data and IMU on one clock"),
+        (-0.1, "recorded 100 ms after the motion that they make: their clocks are apart"),
+    ],
+)
+def test_lateness(late, words):
+    speed = replace(CHANNEL, name="rotor_speed", gaps=0)
+    [told] = flight_words(report(channels=(speed,), motor_lateness=late))
+    assert words in told
