@@ -144,13 +144,24 @@ def compare(
 @app.command()
 @interruptible()
 def inspect(
-    logs: Annotated[list[Path], typer.Argument(help="Flight logs of any format.")],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="Flight logs of any format, or experiment files (.toml) that map their columns.",
+        ),
+    ],
     log: LogNumber = None,
     airframe: Annotated[
         Path | None,
-        typer.Option(help="File with [airframe] and [motors]: identify quickly, per kilogram."),
+        typer.Option(
+            metavar="FILE",
+            help="File with [airframe] and [motors]: identify quickly, per kilogram.",
+        ),
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="Write a page (HTML) to this file.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a page (HTML) to this file.")
+    ] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
