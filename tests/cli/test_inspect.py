@@ -1,6 +1,7 @@
 """inspect is a doctor: trouble in a readable log is told with exit code 0, an unusable log 1."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -350,3 +351,34 @@ def test_a_motor_clock_that_is_far_off_is_named(run, changed):
     assert report["motor_lateness"] == pytest.approx(0.204, abs=0.004)
     text = " ".join(run("inspect", "flight.csv").out.split())
     assert "answers 204 ms after the motor data: no motor is so slow" in text
+
+
+def test_the_settings_are_those_of_the_log_s_firmware_and_their_file_is_there(run, here, blackbox):
+    inav = re.sub(
+        rb"H Firmware revision:[^\n]*", b"H Firmware revision:INAV 7.1.2 (abc) F7", blackbox
+    )
+    (here / "inav.bbl").write_bytes(inav)
+    out = " ".join(run("inspect", "inav.bbl").out.split())
+    assert "dshot_bidir" not in out and "blackbox_disable" not in out
+
+
+def test_poses_at_times_of_receipt_are_not_sent_beside_a_log(run, here):
+    rng = np.random.default_rng(1)
+    times = np.arange(400) * 0.01 + rng.exponential(0.008, 400)
+    lines = [f"{t} {0.1 * i} 0 1 0 0 0 1" for i, t in enumerate(np.sort(times))]
+    (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    [report] = run("inspect", "take.tum", "--json").json
+    [words] = report["trouble"]
+    assert words.startswith("only the pose is in this file, no motors")
+    assert "times of receipt" in words and "name it beside" not in words
+
+
+@pytest.mark.flights
+def test_the_number_to_set_and_the_file_are_those_of_the_log(run, flight_data_dir):
+    logs = sorted((flight_data_dir / "ardupilot-dronekit").glob("*.[bB][iI][nN]"))
+    if not logs:
+        pytest.skip("no DataFlash log")
+    out = run("inspect", logs[0]).out
+    assert out.count("LOG_BITMASK = 917503, which adds") == 2  # the reader's note, and the list
+    [file] = re.findall(r"ready to load: (\S+)", out)
+    assert Path(file).name == "ardupilot.parm" and Path(file).is_file()

@@ -55,7 +55,7 @@ def test_a_slow_imu_of_a_log_without_its_mask_is_told_the_bits(tmp_path):
 
 
 @pytest.mark.parametrize("battery", [False, True])
-@pytest.mark.parametrize("mask", [0, DEFAULT, 393215, 438271])
+@pytest.mark.parametrize("mask", [0, DEFAULT, 393215, 438271, 2242525])
 def test_the_reader_and_the_settings_name_one_value(tmp_path, mask, battery):
     found = read(tmp_path, rate=50, mask=mask, battery=battery)
     lacking = frozenset({"slow gyro"} | (set() if battery else {"no battery"}))

@@ -237,7 +237,7 @@ def test_filtered_signals_are_named_with_their_filters(tmp_path):
     np.testing.assert_allclose(log.channels["accel"].time, TIME - 0.002, atol=1e-6)
     (note,) = noted(log, "low-passed on board")
     assert "IMU_GYRO_CUTOFF = 40 Hz, IMU_ACCEL_CUTOFF unknown" in note
-    assert "SDLOG_PROFILE = 17" in note
+    assert "set bits 0 and 4 of SDLOG_PROFILE" in note
 
 
 def test_the_fastest_source_is_taken_where_none_is_fast(tmp_path):
@@ -376,17 +376,17 @@ def test_a_log_without_any_known_topic_is_refused(tmp_path):
     other = Logged(
         name="cpuload", time=TIME, fields={"load": 0.5}, format="uint64_t timestamp;float load;"
     )
-    with pytest.raises(LogError, match=r"\(topics: cpuload\); set SDLOG_PROFILE = 17"):
+    with pytest.raises(LogError, match=r"\(topics: cpuload\); set bits 0 and 4 of SDLOG_PROFILE"):
         read(tmp_path, other)
 
 
 def test_what_is_missing_is_asked_for(tmp_path):
     log = read(tmp_path, esc_status(TIME, np.full((N, 4), 500.0)))
-    assert noted(log, "No gyro: set SDLOG_PROFILE = 17")
-    assert noted(log, "No accel: set SDLOG_PROFILE = 17")
+    assert noted(log, "No gyro: set bits 0 and 4 of SDLOG_PROFILE")
+    assert noted(log, "No accel: set bits 0 and 4 of SDLOG_PROFILE")
     assert noted(log, "No motor commands (actuator_motors, actuator_outputs)")
     log = read(tmp_path, IMU, actuator_motors(TIME, np.full((N, 4), 0.5)))
-    assert noted(log, "set DSHOT_BIDIR_EN = 1 (or wire ESC telemetry and set DSHOT_TEL_CFG)")
+    assert noted(log, "set DSHOT_BIDIR_EN = 1 (PX4 1.16 and 1.17; from 1.18 on choose BDShot")
 
 
 @pytest.mark.parametrize(

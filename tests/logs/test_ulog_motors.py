@@ -210,7 +210,9 @@ def test_slow_motor_data_are_doubted(tmp_path):
     log = read(tmp_path, actuator_motors(slow, SHARE), esc_status(slow, SPEED))
     for name in ("rotor_speed", "command"):
         (doubt,) = noted(log, f"the {name} channel comes at 10 Hz, too slow for inertia")
-        assert doubt.endswith("set SDLOG_PROFILE = 17 (bits 0 and 4: default set and high rate)")
+        assert doubt.endswith(
+            "set bits 0 and 4 of SDLOG_PROFILE (default set and high rate; 17, if no other is set)"
+        )
         assert doubt in log.warnings
 
 

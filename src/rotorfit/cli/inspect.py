@@ -20,6 +20,7 @@ from rotorfit.errors import (
     OutputError,
     RotorfitError,
 )
+from rotorfit.flight.camera import camera_clock
 from rotorfit.flight.doctor import LATEST, channel_report, lacks, motor_lateness, vibration
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.flight.motors import MotorResponse
@@ -304,10 +305,7 @@ def _cutoffs(log: FlightLog) -> dict[str, float]:
 def _missing(log: FlightLog, *, usable: bool) -> list[str]:
     """Return what the log lacks for an identification, and what to do where it is usable at all."""
     if set(log.channels) and set(log.channels) <= {"position", "attitude", "velocity"}:
-        return [
-            "only the pose is in this file, no motors: name it beside the log of the autopilot "
-            '(flights = [{ file = "LOG", mocap = "THIS FILE" }])'
-        ]
+        return [_of_a_pose_alone(log)]
     words: list[str] = []
     for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
         if name not in log.channels:
@@ -323,6 +321,17 @@ def _missing(log: FlightLog, *, usable: bool) -> list[str]:
         else:
             words.append("no motor data: log ESC telemetry or motor outputs")
     return words
+
+
+def _of_a_pose_alone(log: FlightLog) -> str:
+    """Return what a file of motion capture lacks, and what it is good for."""
+    words = "only the pose is in this file, no motors"
+    try:
+        camera_clock(log.channels["position"].time)
+    except (FlightError, KeyError) as error:
+        return f"{words}, and not as a recording beside a log: {error}"
+    beside = 'name it beside the log of the autopilot (flights = [{ file = "LOG", mocap = '
+    return f'{words}: {beside}"THIS FILE" }}])'
 
 
 def _prepared(log: FlightLog) -> PreparedFlight:

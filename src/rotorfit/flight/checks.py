@@ -157,8 +157,9 @@ def slow_motors_said(motor_rate: float) -> Generator[None, None, None]:
             raise
         raise FlightError(
             f"motor data come at {motor_rate:.0f} Hz, too slow to tell flight from ground and to "
-            "find inertia (100 Hz and more are good): log motors faster (PX4: SDLOG_PROFILE = 17); "
-            "of this log, thrust at most, with start and end of the flight given (--start, --end)"
+            "find inertia (100 Hz and more are good): log motors faster (PX4: bit 4 of "
+            "SDLOG_PROFILE); of this log, thrust at most, with start and end of the flight given "
+            "(--start, --end)"
         ) from error
 
 

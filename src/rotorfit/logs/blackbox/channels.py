@@ -163,6 +163,8 @@ def _rotor_speed(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | s
         raw = raw[:, :used]
         return _scaled(time, raw, 1.0, f"{base}[0..{raw.shape[1] - 1}], rad/s")
     erpm = _vector(log, ("eRPM",))
+    if erpm is None and log.header.entries.get("Firmware revision", "").startswith("INAV"):
+        return "INAV to 9 has no bidirectional DSHOT, and escRPM of a telemetry wire is not read"
     if erpm is None:
         return "the log has neither omega nor eRPM: enable bidirectional DSHOT and RPM logging"
     raw = erpm[1]

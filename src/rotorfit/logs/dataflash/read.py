@@ -206,7 +206,7 @@ def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[s
     if text is not None:
         metadata["airframe"] = text
     values = settings.values
-    metadata |= {name: f"{values[name]:g}" for name in _MOTOR_PARAMETERS if name in values}
+    metadata |= {name: f"{values[name]:.10g}" for name in _MOTOR_PARAMETERS if name in values}
     return metadata
 
 

@@ -41,7 +41,9 @@ NO_ACCEL: Final = 0x7FFFFFFF
 """accelerometer_timestamp_relative of a row without an acceleration."""
 COMPLETE: Final = 0.98
 """Share of the time that raw samples must cover."""
-LOG_FASTER: Final = "set SDLOG_PROFILE = 17 (bits 0 and 4: default set and high rate)"
+LOG_FASTER: Final = (
+    "set bits 0 and 4 of SDLOG_PROFILE (default set and high rate; 17, if no other is set)"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,8 +33,9 @@ DSHOT_MOST: Final = 1999
 _AIRFRAMES: Final = {4: 4, 5: 4, 6: 6, 7: 6, 8: 8, 9: 8, 11: 6, 12: 8}
 """Motors of the airframes 4000 to 4999 and so on, before PX4 had parameters for the geometry."""
 TELEMETRY: Final = (
-    "for measured rotor speed set DSHOT_BIDIR_EN = 1 (or wire ESC telemetry and set DSHOT_TEL_CFG) "
-    "and SDLOG_PROFILE = 17"
+    "for measured rotor speed set DSHOT_BIDIR_EN = 1 (PX4 1.16 and 1.17; from 1.18 on choose "
+    "BDShot in the actuator configuration), or wire ESC telemetry and set DSHOT_TEL_CFG; and set "
+    "bits 0 and 4 of SDLOG_PROFILE"
 )
 
 
@@ -185,7 +186,7 @@ def find_command(scan: Scan) -> Motors:
         return _from_outputs(scan)
     note = (
         "No motor commands (actuator_motors, actuator_outputs): add them to the logged topics, or "
-        "set SDLOG_PROFILE = 17."
+        "set bits 0 and 4 of SDLOG_PROFILE."
     )
     return Motors(notes=(note,))
 
