@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -146,6 +147,8 @@ def sample() -> IdentificationResult:
     ]
     gone = ("com_z", "Izz_com", "Iyz_com")
     numbers = [derived(name, None if name in gone else 0.5) for name in COM]
+    wide = {"Ixz_com": (0.2, 0.8)}
+    numbers = [replace(n, interval=wide.get(n.name, n.interval)) for n in numbers]
     numbers += [derived(name) for name in ("kd_over_Izz", "Jr_over_Izz", "hover_speed")]
     rolls = f"roll: the rotors explain little; {ROLL}"
     return result_of(parameters, numbers, warnings=(rolls, rolls, "a doubt " * 40))
@@ -155,6 +158,40 @@ def rows(text: str) -> dict[str, str]:
     """Return the lines of the tables by the name that they begin with."""
     lines = [line for line in text.splitlines() if re.match(r"  \w", line)]
     return {line.split()[0]: line for line in lines}
+
+
+def body_with(twin: Parameter, half: float, value: float = 0.5, moment: float | None = 0.5) -> str:
+    """Return the text of a body with one product of inertia of this half-width."""
+    about = [derived(f"{name}_com", moment) for name in ("Ixx", "Iyy", "Izz")]
+    product = replace(derived("Ixz_com", value), interval=(value - half, value + half))
+    others = [parameter(name) for name in ("Ixx", "Iyy", "Izz")]
+    return result_text(result_of([*others, twin], [*about, product]))
+
+
+def test_a_sharp_number_is_not_called_weak_for_its_like_at_the_origin():
+    text = body_with(parameter("Ixz", "weak", reason="known only to +-60 %", advice=ROLL), 0.05)
+    assert rows(text)["Ixz_com"].endswith(" identified")
+    assert "Ixz_com (" not in text and "weak:" not in text
+
+
+def test_a_number_that_is_shown_is_not_said_to_be_wider_than_its_value():
+    lost = parameter("Ixz", "not-identified", reason="the interval is wider", advice=ROLL)
+    text = body_with(lost, 0.2)
+    assert rows(text)["Ixz_com"].endswith(" weak")
+    assert "wider" not in text and "Ixz_com (weak): " in text
+
+
+def test_a_wide_number_is_weak_where_its_like_at_the_origin_is_sharp():
+    text = body_with(parameter("Ixz"), 0.2)
+    assert rows(text)["Ixz_com"].endswith(" weak")
+    assert "Ixz_com (weak): roll briskly" in text
+
+
+def test_a_product_near_zero_goes_by_the_moments():
+    text = body_with(parameter("Ixz"), 0.006, value=0.001)  # a twentieth of 0.5: 24 %
+    assert rows(text)["Ixz_com"].endswith(" identified")
+    text = body_with(parameter("Ixz", "weak", advice=ROLL), 0.006, value=0.001, moment=None)
+    assert rows(text)["Ixz_com"].endswith(" weak")
 
 
 def test_one_screen():

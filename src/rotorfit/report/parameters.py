@@ -1,9 +1,11 @@
 """Section 1: what was identified; one table for the rotors, and per configuration its body."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.identification.verdicts import ADVICE, WEAK, motion_for
 from rotorfit.report.intervals import axis_of, axis_range, interval_bar
 from rotorfit.report.words import (
     Number,
@@ -56,7 +58,7 @@ class ParameterTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Entry:
+class Entry:
     """A number with its verdict, before it is laid out."""
 
     number: Parameter | Derived
@@ -87,12 +89,16 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
     own = [p for p in result.parameters if p.configuration == configuration]
     derived = {d.name: d for d in result.derived if d.configuration == configuration}
     parameters = {p.name: p for p in own}
-    about_com = [_of_body(derived[n], parameters) for n in COM_FIRST if n in derived]
+    about_com = [
+        body_entry(derived[n], parameters.get(twin_of(n)), derived)
+        for n in COM_FIRST
+        if n in derived
+    ]
     mass = [_of_parameter(p) for p in own if p.name == "mass"]
     # With one configuration the rotors' table has the ratios; with several they differ by body.
     elsewhere = _ROTOR_DERIVED if len(configurations(result)) == 1 else ()
     others = [
-        _Entry(number=d, verdict="")
+        Entry(number=d, verdict="")
         for d in derived.values()
         if d.name not in (*COM_FIRST, *elsewhere) and known(d.value) is not None
     ]
@@ -112,18 +118,18 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
 _ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total")
 
 
-def _shared_derived(result: IdentificationResult) -> list[_Entry]:
+def _shared_derived(result: IdentificationResult) -> list[Entry]:
     """Return the derived numbers of the rotors; with one configuration its ratios too."""
     names = _ROTOR_DERIVED if len(configurations(result)) == 1 else ()
     return [
-        _Entry(number=d, verdict="")
+        Entry(number=d, verdict="")
         for d in result.derived
         if (d.configuration is None or d.name in names) and known(d.value) is not None
     ]
 
 
-def _of_parameter(parameter: Parameter) -> _Entry:
-    return _Entry(
+def _of_parameter(parameter: Parameter) -> Entry:
+    return Entry(
         number=parameter,
         verdict=parameter.verdict,
         partner=parameter.partner,
@@ -132,30 +138,65 @@ def _of_parameter(parameter: Parameter) -> _Entry:
     )
 
 
-def _of_body(derived: Derived, parameters: dict[str, Parameter]) -> _Entry:
-    """Return a derived number with the verdict of the parameter that speaks for it."""
-    twin = parameters.get(twin_of(derived.name))
-    verdict = body_verdict(derived, twin)
+def body_entry(derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived]) -> Entry:
+    """Return a derived number with its verdict, and why; `kin` is all of its body, by name."""
+    verdict = body_verdict(derived, twin, kin)
     if twin is None or verdict == "identified":
-        return _Entry(number=derived, verdict=verdict)
-    return _Entry(
+        return Entry(number=derived, verdict=verdict)
+    reason, advice = twin.reason, twin.advice
+    if verdict == "weak" != twin.verdict:
+        reason = f"known only to +-{100.0 * (_relative(derived, kin) or 0.0):.0f} %"
+        advice = ADVICE[motion_for(derived.name)]
+    return Entry(
         number=derived,
         verdict=verdict,
         partner=twin.partner if verdict == "ratio-only" else None,
-        reason=twin.reason,
-        advice=twin.advice,
+        reason=reason,
+        advice=advice,
     )
 
 
-def body_verdict(derived: Derived, twin: Parameter | None) -> str:
-    """Return the verdict on a derived number: its twin's, unless only one of them is known."""
+def body_verdict(
+    derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived] | None = None
+) -> str:
+    """Return the verdict on a derived number: by its own interval, else its twin's.
+
+    Inertia about the centre of mass can be sharp where that at the origin is not, and the other way
+    round. `kin` is all of its body, by name: what products of inertia are measured by.
+    """
     verdict = "" if twin is None else twin.verdict
     if known(derived.value) is None:
         return verdict if verdict in ("ratio-only", "removed") else "not-identified"
-    return verdict if verdict in ("weak", "given") else "identified"
+    relative = _relative(derived, kin or {})
+    if relative is None or verdict == "given":
+        return verdict if verdict in ("weak", "given") else "identified"
+    if relative <= WEAK:
+        return "identified"
+    # Where a moment is not known, the estimate had a better idea of what matters than the value.
+    measured = twin is not None and _size(derived, kin or {}) is None
+    return "identified" if measured and verdict == "identified" else "weak"
 
 
-def _table(title: str, explanation: str, entries: Sequence[_Entry]) -> ParameterTable:
+def _relative(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
+    """Return half of the interval of an inertia about the CoM over what its verdict goes by."""
+    value, interval = known(derived.value), derived.interval
+    if value is None or interval is None or not derived.name.endswith("_com"):
+        return None
+    size = max(abs(value), _size(derived, kin) or 0.0)
+    return 0.5 * (interval[1] - interval[0]) / size if size else None
+
+
+def _size(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
+    """Return the size of an inertia that matters; None for a product without its two moments."""
+    i, j = derived.name[1:3]
+    if i == j:
+        return 0.0
+    found = [known(kin[n].value) for n in (f"I{i}{i}_com", f"I{j}{j}_com") if n in kin]
+    moments = [abs(value) for value in found if value is not None]
+    return math.sqrt(moments[0] * moments[1]) / 20.0 if len(moments) == 2 else None
+
+
+def _table(title: str, explanation: str, entries: Sequence[Entry]) -> ParameterTable:
     axes: dict[str, list[Parameter | Derived]] = {}
     for entry in entries:
         axes.setdefault(axis_of(entry.number.name), []).append(entry.number)
@@ -171,7 +212,7 @@ def _table(title: str, explanation: str, entries: Sequence[_Entry]) -> Parameter
     )
 
 
-def _row(entry: _Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
+def _row(entry: Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
     number = entry.number
     return Row(
         name=number.name,
@@ -185,7 +226,7 @@ def _row(entry: _Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
     )
 
 
-def _notes(entries: Sequence[_Entry]) -> tuple[Note, ...]:
+def _notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
     """Return reasons and advice, each once, lettered in the order of the rows."""
     groups: dict[tuple[str | None, str | None], list[str]] = {}
     for entry in entries:

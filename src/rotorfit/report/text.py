@@ -5,7 +5,7 @@ from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
-from rotorfit.report.parameters import COM_FIRST, body_verdict
+from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
 from rotorfit.report.words import (
     VERDICT_MEANING,
     configurations,
@@ -82,7 +82,7 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
     several = len(configurations(result)) > 1
     return [
         *(_of_parameter(p) for name, p in parameters.items() if name == "mass"),
-        *(_of_body(d, parameters.get(twin_of(d.name))) for d in about_com),
+        *(_of_body(d, parameters.get(twin_of(d.name)), derived) for d in about_com),
         *map(_of_parameter, others),
         *(_rotor_derived(result, {configuration}) if several else []),
     ]
@@ -92,8 +92,26 @@ def _of_parameter(parameter: Parameter) -> Line:
     return parameter, _verdict(parameter.verdict, parameter.partner)
 
 
-def _of_body(derived: Derived, twin: Parameter | None) -> Line:
-    return derived, _verdict(body_verdict(derived, twin), None if twin is None else twin.partner)
+def _of_body(derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived]) -> Line:
+    entry = body_entry(derived, twin, kin)
+    return derived, _verdict(entry.verdict, entry.partner)
+
+
+def _judged(result: IdentificationResult) -> list[Entry]:
+    """Return what the tables show of every parameter: itself, or its like about the CoM."""
+    about_com = {
+        (twin_of(d.name), d.configuration): d for d in result.derived if d.name in COM_FIRST
+    }
+    entries: list[Entry] = []
+    for p in result.parameters:
+        shown = about_com.get((p.name, p.configuration))
+        if shown is None:
+            entry = Entry(number=p, verdict=p.verdict, reason=p.reason, advice=p.advice)
+        else:
+            kin = {d.name: d for d in result.derived if d.configuration == p.configuration}
+            entry = body_entry(shown, p, kin)
+        entries.append(entry)
+    return entries
 
 
 def _verdict(verdict: str, partner: str | None) -> str:
@@ -149,19 +167,18 @@ def _validated(row: Mapping[str, Any]) -> str:
 
 
 def _meanings(result: IdentificationResult) -> list[str]:
-    met = {p.verdict for p in result.parameters}
+    met = {entry.verdict for entry in _judged(result)}
     return [f"{verdict}: {VERDICT_MEANING[verdict]}" for verdict in DOUBTFUL if verdict in met]
 
 
 def _advice(result: IdentificationResult) -> list[str]:
     """Return each advice once, after the numbers that it is for and what is wrong with them."""
-    shown = {twin_of(d.name): d.name for d in result.derived if d.name in COM_FIRST}
     groups: dict[str, dict[str, list[str]]] = {}
-    for p in result.parameters:
-        if p.advice is None or p.verdict not in DOUBTFUL:
+    for entry in _judged(result):
+        if entry.advice is None or entry.verdict not in DOUBTFUL:
             continue
-        names = groups.setdefault(p.advice, {}).setdefault(_wrong(p), [])
-        name = shown.get(p.name, p.name)
+        names = groups.setdefault(entry.advice, {}).setdefault(_wrong(entry), [])
+        name = entry.number.name
         names += [name] if name not in names else []
     return [
         "; ".join(f"{', '.join(names)} ({wrong})" for wrong, names in group.items()) + f": {advice}"
@@ -169,9 +186,9 @@ def _advice(result: IdentificationResult) -> list[str]:
     ]
 
 
-def _wrong(parameter: Parameter) -> str:
+def _wrong(entry: Entry) -> str:
     # How wide a weak interval is, is seen in the table.
-    return parameter.verdict if parameter.verdict == "weak" else parameter.reason or "-"
+    return entry.verdict if entry.verdict == "weak" else entry.reason or "-"
 
 
 def _doubts(result: IdentificationResult) -> list[str]:
