@@ -149,6 +149,16 @@ def test_a_numbering_that_no_swap_mends_is_refused(flights):
     assert "check the rotors' positions, order and spin" in message
 
 
+@pytest.mark.parametrize("name", ["hexa-x", "octo"])
+def test_positions_in_other_axes_than_declared_are_named(flights, name):
+    data, vehicle = flights[name]
+    sides = [
+        replace(r, position=(r.position[0], -r.position[1], r.position[2])) for r in vehicle.rotors
+    ]
+    message = refusal(data, replace(vehicle, rotors=tuple(sides)))
+    assert "with the rotors' y reversed (FRD positions where FLU is declared)" in message
+
+
 GUSTS = {
     "disturbance_force_std": (0.5, 0.5, 0.5),
     "disturbance_torque_std": (0.03, 0.03, 0.01),

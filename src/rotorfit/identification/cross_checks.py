@@ -124,14 +124,20 @@ def steady_yaw_torque(
         if f"twist@{c.name}" in numbers.names and not differs:
             doubts += _tilt_said(c, numbers)
         elif abs(trim) > LEAST_TRIM or differs:
-            more, less = ("ccw", "cw") if trim > 0 else ("cw", "ccw")
-            doubts.append(
-                f"{c.name}: the {more} rotors carry {100.0 * abs(trim):.1f} % of the thrust more "
-                f"than the {less} ones: a steady yaw torque that the model does not have, as "
-                "tilted motors or twisted arms make it; set them upright, until then do not trust "
-                "kd, Jr and Izz"
-            )
+            doubts.append(_steady_torque_said(c.name, trim))
     return _joined(doubts), diagnostics
+
+
+def _steady_torque_said(name: str, trim: float) -> str:
+    """Return a steady yaw torque that the model does not have in words, and what shows it."""
+    more, less = ("ccw", "cw") if trim > 0 else ("cw", "ccw")
+    seen = f"the {more} rotors carry {100.0 * abs(trim):.1f} % of the thrust more than the {less}"
+    if abs(trim) <= LEAST_TRIM:
+        seen = "yaw answers the rotors otherwise in the mean of every stretch than around it"
+    return (
+        f"{name}: {seen}: a steady yaw torque that the model does not have, as tilted motors or "
+        "twisted arms make it; set them upright, until then do not trust kd, Jr and Izz"
+    )
 
 
 def _tilt_said(c: JointConfiguration, numbers: Numbers) -> list[str]:
@@ -163,10 +169,12 @@ def _yaw_trim(configured: Configured, vehicle: Vehicle) -> float:
 def _yaw_response_without_mean(c: JointConfiguration) -> tuple[float, float] | None:
     """Return k_d / Izz of the yaw row without the means, and its deviation.
 
-    None where the rotors' drag is not in the yaw row (tilted rotors), or there are no means.
+    None where there are no means, or the rotors are tilted: what the yaw row then answers is
+    thrust about the tilted axes together with drag.
     """
     mean = c.factors.band[:, 0] == 0.0
-    if not mean.any() or mean.all():
+    tilted = bool((c.vehicle.axes[:, :2] != 0.0).any())
+    if tilted or not mean.any() or mean.all():
         return None
     rest = fit_rows(c.factors.select(~mean), c.model, mass=c.mass)
     if "yaw.kd" not in rest.names:

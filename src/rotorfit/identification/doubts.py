@@ -14,6 +14,7 @@ from rotorfit.identification.cross_checks import (
     without_mean,
 )
 from rotorfit.identification.flights import Flown
+from rotorfit.identification.ground_contact import ground_sentence
 from rotorfit.identification.joint import JointConfiguration
 from rotorfit.identification.joint_parameters import Numbers
 from rotorfit.identification.payload_check import payload_checks, payload_sentence
@@ -23,7 +24,10 @@ from rotorfit.identification.physical import (
     without_impossible,
 )
 from rotorfit.identification.residual_peaks import peak_sentence, residual_peaks
+from rotorfit.identification.size_check import refuse_impossible_size
+from rotorfit.identification.spin_check import refuse_wrong_spins
 from rotorfit.identification.tables import Tables
+from rotorfit.identification.timing_check import early_motors
 from rotorfit.identification.weak_directions import (
     body_directions,
     condition_number,
@@ -54,7 +58,14 @@ def with_doubts(
         Of the estimate, with their final intervals.
     fit, joint
         The fit, and its configurations.
+
+    Raises
+    ------
+    FrameError
+        If no vehicle with the declared spins and arms flies like that.
     """
+    refuse_wrong_spins(flown, joint, numbers)
+    refuse_impossible_size(flown, joint, numbers)
     doubts = [
         *_doubts_of_body(tables, fit, numbers, joint),
         *_doubts_of_flight(flown, fit, numbers),
@@ -99,6 +110,18 @@ def _doubts_of_body(
 def _doubts_of_flight(flown: Flown, fit: BandedEstimate, numbers: Numbers) -> Iterator[Doubt]:
     """Yield what the flights say against the fit."""
     yield without_mean(fit, numbers)
+    yield early_motors(flown), {}
+    ground = ground_sentence(flown.configurations)
+    yield ground, {}
+    for words, numbers_behind in _doubts_of_thrust(flown, numbers):
+        # The ground carries what thrust and battery would be blamed for.
+        yield (words if ground is None else None), numbers_behind
+    for peak in residual_peaks(flown, fit):
+        yield peak_sentence(peak), {f"residual_peak@{peak.configuration}": peak.ratio}
+
+
+def _doubts_of_thrust(flown: Flown, numbers: Numbers) -> Iterator[Doubt]:
+    """Yield what holds the vehicle up against its weight."""
     if flown.source == "imu":
         yield accelerometer_against_gravity(flown.configurations)
     if all(c.entry.mass != "unknown" for c in flown.configurations):
@@ -106,8 +129,6 @@ def _doubts_of_flight(flown: Flown, fit: BandedEstimate, numbers: Numbers) -> It
         yield thrust_against_weight(found, numbers)
         yield hovers_differ(found)
         yield thrust_sags(found)
-    for peak in residual_peaks(flown, fit):
-        yield peak_sentence(peak), {f"residual_peak@{peak.configuration}": peak.ratio}
 
 
 def _doubts_of_payload(flown: Flown, joint: Sequence[JointConfiguration]) -> Iterator[Doubt]:

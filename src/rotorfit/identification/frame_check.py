@@ -229,6 +229,7 @@ def _others(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
     flipped = "every spin reversed (props out instead of in)"
     yield _with_rotors(vehicle, map(_reversed, rotors)), flipped
     yield _mirrored(vehicle), "the gyro's y and z reversed (FRD axes where FLU is declared)"
+    yield _swapped_sides(vehicle), "the rotors' y reversed (FRD positions where FLU is declared)"
     for quarters in (1, 2, 3):
         words = f"the rotors turned by {90 * quarters} degrees counter-clockwise (a turned IMU)"
         turned = [_turned(rotor, quarters) for rotor in rotors]
@@ -282,6 +283,16 @@ def _turned(rotor: Rotor, quarters: int) -> Rotor:
 def _mirrored(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle that answers like this one seen by a gyro with y and z reversed."""
     return _with_rotors(vehicle, (_across(_reversed(rotor)) for rotor in vehicle.rotors))
+
+
+def _swapped_sides(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with every rotor on the other side, its spin kept: seen from above."""
+    return _with_rotors(vehicle, (_other_side(rotor) for rotor in vehicle.rotors))
+
+
+def _other_side(rotor: Rotor) -> Rotor:
+    (x, y, z), (nx, ny, nz) = rotor.position, rotor.axis
+    return replace(rotor, position=(x, -y, z), axis=(nx, -ny, nz))
 
 
 def _across(rotor: Rotor) -> Rotor:
