@@ -145,6 +145,64 @@ def test_what_is_unknown_cannot_be_projected():
         nearest_consistent(np.zeros(1), np.zeros((1, 1)), (np.eye(2), np.eye(2)[None]))
 
 
+def test_a_product_that_is_not_known_is_free_in_the_projection():
+    values = np.array([0.0, 0.0, 0.0, 0.010, 0.011, 0.024, 0.0, 0.0, 0.0])
+    whole = result_of(values, np.diag([1e-4**2] * 9))
+    lost = tuple(
+        replace(p, value=None, interval=None, std=None) if p.name in ("Iyz", "msz") else p
+        for p in whole.parameters
+    )
+    keep = [i for i, name in enumerate(MOMENTS) if name not in ("Iyz", "msz")]
+    projected = project_to_physical(
+        replace(
+            whole,
+            parameters=lost,
+            covariance_names=tuple(whole.covariance_names[i] for i in keep),
+            covariance=whole.covariance[np.ix_(keep, keep)],
+        )
+    )
+    found = [projected.values[name] for name in ("Ixx", "Iyy", "Izz", "Iyz")]
+    assert found == pytest.approx([0.011, 0.012, 0.023, 0.0], abs=2e-8)
+
+
+def test_what_was_taken_back_as_impossible_is_projected_from_where_it_was():
+    values = np.array([0.0, 0.0, 0.0, 0.010, 0.011, 0.024, 0.0, 0.0, 0.0])
+    whole = result_of(values, np.diag([1e-4**2] * 9))
+    tables = without_impossible(
+        Tables(
+            parameters=whole.parameters,
+            derived=(),
+            covariance_names=whole.covariance_names,
+            covariance=whole.covariance,
+            settings={},
+            diagnostics={"other": 1.0},
+        ),
+        ["A"],
+    )
+    assert all(p.value is None for p in tables.parameters if p.name in INERTIA)
+    assert tables.diagnostics["other"] == 1.0
+    projected = project_to_physical(
+        replace(
+            whole,
+            parameters=tables.parameters,
+            covariance_names=tables.covariance_names,
+            covariance=tables.covariance,
+            diagnostics=tables.diagnostics,
+        )
+    )
+    found = [projected.values[name] for name in ("Ixx", "Iyy", "Izz")]
+    assert found == pytest.approx([0.011, 0.012, 0.023], abs=2e-8)
+
+
+def test_of_several_configurations_one_must_be_named():
+    values, _ = point_masses(0)
+    whole = result_of(values, random_covariance(0))
+    two = replace(whole, parameters=(*whole.parameters, number("mass", MASS, configuration="B")))
+    with pytest.raises(EstimationError, match=r"2 configurations \(A, B\): name the one"):
+        project_to_physical(two)
+    assert project_to_physical(two, "A").distance == 0.0
+
+
 def test_the_smallest_second_moment_and_its_interval():
     I = inertia_matrix(np.array([0.010, 0.012, 0.020, 1e-3, 0.0, -5e-4]))
     elements = [0.010, 0.012, 0.020, 1e-3, 0.0, -5e-4]

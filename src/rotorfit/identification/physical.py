@@ -23,9 +23,11 @@ from rotorfit.identification.joint_parameters import Numbers
 from rotorfit.identification.payload import MOMENTS
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
 from rotorfit.identification.tables import RATIOS, Tables
-from rotorfit.model.parameters import INERTIA, inertia_matrix
+from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_matrix
 
 IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the two others"
+ESTIMATE = "impossible_"
+"""Before the diagnostics that keep the estimates which were taken back."""
 FLY = "fly longer and livelier about all three axes, 20 s each, then identify all flights together"
 
 
@@ -138,12 +140,21 @@ def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
         if p.value is not None
     }
     keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
+    # What `project_to_physical` begins at.
+    estimates = {
+        f"{ESTIMATE}{what}_{p.name}@{p.configuration}": float(number)
+        for p in tables.parameters
+        if p.name in INERTIA and f"{p.name}@{p.configuration}" not in known
+        for what, number in (("value", p.value), ("std", p.std))
+        if number is not None
+    }
     return dataclasses.replace(
         tables,
         parameters=parameters,
         derived=derived,
         covariance_names=tuple(tables.covariance_names[i] for i in keep),
         covariance=tables.covariance[np.ix_(keep, keep)],
+        diagnostics={**tables.diagnostics, **estimates},
     )
 
 
@@ -180,18 +191,23 @@ def project_to_physical(
 ) -> Projected:
     """Return the body nearest to an estimate, in its own covariance, that can exist.
 
+    An inertia that was taken back because no body has it stands as it was estimated. A first moment
+    or product that is not known stands as zero, give or take what a body of these moments of
+    inertia can have.
+
     Parameters
     ----------
     result
-        With first moments and inertia of the configuration.
+        With mass and moments of inertia of the configuration.
     configuration
         Its name; may be left out where there is one.
 
     Raises
     ------
     EstimationError
-        If mass, a first moment or an inertia of that configuration is not known, or the projection
-        needs a library that is not installed (the extra ``physical``).
+        If mass or a moment of inertia of that configuration is not known, several configurations
+        are there and none is named, or the projection needs a library that is not installed (the
+        extra ``physical``).
     """
     values, covariance, mass = _body(result, configuration)
     # In units of the mass and of a length of the body, so that all entries are of one size.
@@ -212,17 +228,46 @@ def _body(
     result: IdentificationResult, configuration: str | None
 ) -> tuple[Float[np.ndarray, " 9"], Float[np.ndarray, "9 9"], float]:
     """Return the nine moments of a configuration with their covariance, and its mass."""
-    mass = result.parameter("mass", configuration)
-    found = [result.parameter(name, mass.configuration) for name in MOMENTS]
-    unknown = [p.name for p in (mass, *found) if p.value is None]
-    if unknown:
+    owners = [p.configuration for p in result.parameters if p.name == "mass"]
+    if configuration is None and len(owners) > 1:
         raise EstimationError(
-            f"{mass.configuration}: {', '.join(unknown)} not known, and without it no nearest "
+            f"{len(owners)} configurations ({', '.join(map(str, owners))}): name the one to project"
+        )
+    mass = result.parameter("mass", configuration)
+    at = {name: f"{name}@{mass.configuration}" for name in MOMENTS}
+    found = {name: _estimate(result, name, at[name]) for name in MOMENTS}
+    unknown = [name for name in ("Ixx", "Iyy", "Izz") if found[name] is None]
+    if unknown or mass.value is None:
+        names = ", ".join([*(["mass"] if mass.value is None else []), *unknown])
+        raise EstimationError(
+            f"{mass.configuration}: {names} not known, and without it no nearest "
             "body; fly what the result advises, then identify again"
         )
-    places = [result.covariance_names.index(f"{p.name}@{p.configuration}") for p in found]
-    values = np.array([p.value for p in found], dtype=float)
-    return values, result.covariance[np.ix_(places, places)], float(mass.value or 0.0)
+    diagonal = [known[0] for name in ("Ixx", "Iyy", "Izz") if (known := found[name]) is not None]
+    filled = [found[name] or (0.0, _widest(name, diagonal, mass.value)) for name in MOMENTS]
+    covariance = np.diag([std**2 for _, std in filled])
+    names = list(result.covariance_names)
+    own = [i for i, name in enumerate(MOMENTS) if at[name] in names]
+    places = [names.index(at[MOMENTS[i]]) for i in own]
+    covariance[np.ix_(own, own)] = result.covariance[np.ix_(places, places)]
+    return np.array([value for value, _ in filled]), covariance, mass.value
+
+
+def _estimate(result: IdentificationResult, name: str, full: str) -> tuple[float, float] | None:
+    """Return value and deviation of a moment, also of one taken back; None if it is not known."""
+    parameter = result.parameter(name, full.partition("@")[2])
+    if parameter.value is not None:
+        return parameter.value, parameter.std or 0.0
+    value, std = (result.diagnostics.get(f"{ESTIMATE}{k}_{full}") for k in ("value", "std"))
+    return None if value is None or std is None else (value, std)
+
+
+def _widest(name: str, diagonal: Sequence[float], mass: float) -> float:
+    """Return a deviation that no body of these moments of inertia exceeds by much."""
+    if name in INERTIA:
+        i, j = INERTIA_PLACES[INERTIA.index(name)]
+        return 0.5 * float(np.sqrt(abs(diagonal[i] * diagonal[j])))
+    return 0.5 * float(np.sqrt(mass * max(map(abs, diagonal))))
 
 
 def _pseudo_slopes() -> Float[np.ndarray, "9 4 4"]:
