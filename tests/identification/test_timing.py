@@ -12,6 +12,8 @@ from rotorfit.identification.identify import identify
 from rotorfit.identification.validate import validate_file
 from rotorfit.simulation import (
     Scenario,
+    Sensors,
+    Sticks,
     paper_vehicle,
     simulate_flight,
     variant,
@@ -118,3 +120,26 @@ def test_a_bench_lag_is_a_prior_or_a_fact(tmp_path, flown_on_commands):
     known = with_motors("delay = 0.010")
     assert known.parameter("motor_delay").verdict == "given"
     assert known.parameter("motor_lag").value == pytest.approx(0.040, abs=1e-3)
+
+
+def test_a_gentle_flight_in_gusts_is_as_unsure_of_its_delay_as_it_is_wrong(tmp_path):
+    """The autopilot's answer to gusts comes after them, and is taken for late rotor speeds."""
+    body, full = paper_vehicle("A"), Sticks()
+    truth = replace(
+        body.truth,
+        disturbance_force_std=(0.1, 0.1, 0.1),
+        disturbance_torque_std=(6e-3, 6e-3, 1.5e-3),
+    )
+    gentle = {
+        name: replace(getattr(full, name), rms=0.25 * getattr(full, name).rms)
+        for name in ("roll", "pitch", "yaw", "climb")
+    }
+    sensors = Sensors(gyro_std=0.02, accel_std=0.4, rotor_speed_std=1.0)
+    scenario = Scenario(seconds=25.0, ground_seconds=2.0, sticks=Sticks(**gentle), sensors=sensors)
+    flight = simulate_flight(truth, body.vehicle, scenario, seed=303)
+    write_flight_table(flight, tmp_path / "flight.csv")
+    path = tmp_path / "experiment.toml"
+    flown.experiment_file(path, body.vehicle, [tmp_path / "flight.csv"], mass=truth.mass)
+    delay = flown.quietly_identified(path).parameter("motor_delay")
+    assert 4e-3 < delay.value < 8e-3  # there is none
+    assert delay.interval[0] < 0.0

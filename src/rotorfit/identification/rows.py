@@ -143,6 +143,15 @@ def flown_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np.n
     return flown_bands(factors, signal, residual)
 
 
+def turn_ratios(factors: Factors, model: Regressor, *, mass: float) -> Float[np.ndarray, " 3"]:
+    """Return explained over residual power of the three turns, by the first pass of the rows."""
+    fits = [_fit_row(factors, model, row, mass) for row in ROWS[1:]]
+    signal = np.array([fit.known_power.sum() for fit in fits])
+    residual = np.array([fit.residual_power.sum() for fit in fits])
+    explained = np.maximum(signal - residual, 0.0)
+    return explained / np.maximum(residual, np.finfo(float).tiny)
+
+
 def _fit_row(
     factors: Factors,
     model: Regressor,

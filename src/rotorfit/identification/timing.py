@@ -20,7 +20,7 @@ from scipy import optimize
 from rotorfit.estimation.factors import Factors
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.identification.bands import PILOT_BAND
-from rotorfit.identification.rows import angular_log_likelihood, flown_turns
+from rotorfit.identification.rows import angular_log_likelihood, flown_turns, turn_ratios
 
 if TYPE_CHECKING:
     from rotorfit.identification.flights import Flown
@@ -50,9 +50,13 @@ SPLIT_FAULT: Final = 5e-3
 """Deviations that no curvature shows [s], of a delay alone, of lag plus delay and of their split:
 drag and gusts, which the model of the three turns leaves out, moved them by up to twice that on
 simulated flights (by 1.4 and 5 ms on average in the worst, drag and gusts on commands alone)."""
+DELAY_PULL: Final = 0.15
+"""Deviation of a delay that rests on the pilot's band alone, times explained over residual power
+[s]: the autopilot answers gusts later than they come (by 0.14 to 0.5 on simulated flights)."""
 FIRST_STEP: Final = 0.008
 STENCIL: Final = 2e-3
 SMALLEST_STEP: Final = 1e-3
+SMALLEST_RATIO: Final = 0.1
 SMALLEST_GAIN: Final = 2.0
 """Where the descent ends [s, log-likelihood]: a parabola through the last trials does the rest."""
 MOST_TRIALS: Final = 60
@@ -122,6 +126,21 @@ def _counted(flown: "Flown", response: MotorResponse) -> Counted:
     )
 
 
+def _is_flown_fast(flown: "Flown", counted: Counted) -> bool:
+    """Return whether a turn is flown beyond the pilot's band."""
+    slow = [_slow(factors) for factors in flown.bands(flown.declared)]
+    return any(bool((own & ~low).any()) for own, low in zip(counted, slow, strict=True))
+
+
+def _slow_ratio(flown: "Flown", response: MotorResponse) -> float:
+    """Return explained over residual power in the pilot's band, of the turn that has most of it."""
+    ratios = [
+        turn_ratios(factors.select(_slow(factors)[:, 0]), flown.model, mass=configured.mass).max()
+        for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
+    ]
+    return max(float(max(ratios)), SMALLEST_RATIO)
+
+
 def _find_delay(flown: "Flown") -> MotorTiming | None:
     """Return the delay alone, None where the best one is at the edge of the search."""
     kind = " commanded" if flown.motors.speed == "commanded" else ""
@@ -152,8 +171,9 @@ def _find_delay(flown: "Flown") -> MotorTiming | None:
     curvature = max((plus - 2.0 * middle + minus) / STENCIL**2, (high - low) ** -2)
     move = _parabola_shift(middle, plus, minus)
     slow = _parabola_shift(*(_cost(flown, at(delay), None) for delay in moved))
-    std = _norm(1.0 / np.sqrt(curvature), slow - move, DELAY_FAULT)
     response = replace(flown.declared, delay=place + move)
+    pull = 0.0 if _is_flown_fast(flown, counted) else DELAY_PULL / _slow_ratio(flown, response)
+    std = _norm(1.0 / np.sqrt(curvature), slow - move, max(DELAY_FAULT, pull))
     return MotorTiming(response=response, delay_std=std, total_std=std)
 
 
