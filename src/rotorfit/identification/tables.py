@@ -220,8 +220,8 @@ def _found_time(name: str, value: float, std: float) -> Parameter:
 
 
 def with_timing_total(tables: Tables, timing: MotorTiming | None) -> Tables:
-    """Return the tables with lag plus delay, which is sharper than either alone."""
-    if timing is None or timing.lag_std is None:
+    """Return the tables with lag plus delay of commands, which is sharper than either alone."""
+    if timing is None or timing.response.mean_lag == 0.0:
         return tables
     value, half = timing.response.mean_lag + timing.response.delay, 1.96 * timing.total_std
     total = Derived(
