@@ -17,6 +17,7 @@ from rotorfit.identification.doubts import with_doubts
 from rotorfit.identification.experiment import Experiment
 from rotorfit.identification.flights import Flown
 from rotorfit.identification.geometry_trials import other_geometries
+from rotorfit.identification.ground_contact import ground_sentence
 from rotorfit.identification.joint import JointConfiguration, joint_estimate
 from rotorfit.identification.joint_parameters import Numbers, joint_numbers
 from rotorfit.identification.joint_tables import joint_tables
@@ -60,7 +61,9 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     choice, fit = chosen(wanted, fit, joint, refit=lambda terms, at: _refitted(joint, terms, at))
     terms = choice.terms
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
-    weighed = kt_from_weight(flown.configurations, flown.vehicle)
+    # What stands on the ground is carried by it, and weighs nothing of what thrust does.
+    stands = ground_sentence(flown.configurations) is not None
+    weighed = None if stands else kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     found = _kt_of(numbers)
     if weighed is not None and (weighed.contradicts(*found) or weighed.is_surer_than(*found)):
