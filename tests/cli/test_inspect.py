@@ -378,7 +378,7 @@ def test_the_number_to_set_and_the_file_are_those_of_the_log(run, flight_data_di
     logs = sorted((flight_data_dir / "ardupilot-dronekit").glob("*.[bB][iI][nN]"))
     if not logs:
         pytest.skip("no DataFlash log")
-    out = run("inspect", logs[0]).out
+    out = " ".join(run("inspect", logs[0]).out.split())
     assert out.count("LOG_BITMASK = 917503, which adds") == 2  # the reader's note, and the list
     [file] = re.findall(r"ready to load: (\S+)", out)
     assert Path(file).name == "ardupilot.parm" and Path(file).is_file()

@@ -107,7 +107,9 @@ def test_a_voltage_factor_without_voltage_is_refused():
 
 def test_commands_beyond_a_table_are_doubted():
     (doubt,) = law_doubts(SpeedLaw(curve=TABLE), COMMANDS)
-    assert doubt.startswith("20 % of the commands (0 to 1) are beyond the table of the motors' law")
+    assert doubt.startswith(
+        "19.5 % of the commands (0 to 1) are beyond the table of the motors' law"
+    )
     assert "(0.1 to 0.9)" in doubt
     assert law_doubts(SpeedLaw(curve=TABLE), COMMANDS[4:37]) == ()
     assert len(law_doubts(SpeedLaw(curve=TABLE), COMMANDS[3:37])) == 1

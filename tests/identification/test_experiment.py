@@ -134,7 +134,7 @@ def test_a_wrong_mass_is_refused_once(tmp_path, mass, words):
         ("motors", 'sped = "measured"', "unknown key motors.sped, did you mean 'speed'?"),
         ("identification", "cutof = 3", "identification.cutof, did you mean 'cutoff'?"),
         ("flights", f"{FLIGHT}\nmas_std = 1", "configuration[0].mas_std, did you mean 'mass_std'?"),
-        ("flights", f"{FLIGHT}\nqqqq = 1", "qqqq; known keys: airframe, arm, axes"),
+        ("flights", f"{FLIGHT}\nqqqq = 1", "qqqq; known keys: airframe, arm, arm_std, axes"),
         (
             "flights",
             'mass = 1\nflights = [ { file = "a",'

@@ -190,6 +190,6 @@ def test_command(folder, result, tmp_path, capsys):
     assert row["relative_error"] == pytest.approx(result.validation[0]["relative_error"])
     validate_command(saved, flights, configuration="A", as_json=False)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1].split() == ["configuration", *SHOWN]
-    assert lines[2].split()[:2] == ["A2.csv", "A"]
-    assert [float(word) for word in lines[2].split()[2:]] == pytest.approx([0.0] * 4, abs=0.2)
+    assert lines[2].split() == ["configuration", *SHOWN]
+    assert lines[3].split()[:2] == ["A2.csv", "A"]
+    assert [float(word) for word in lines[3].split()[2:]] == pytest.approx([0.0] * 4, abs=0.2)

@@ -143,7 +143,7 @@ def test_a_c3d_file_is_told(tmp_path):
     path = tmp_path / "take.c3d"
     path.write_bytes(b"\x02\x50" + bytes(510))
     assert error_of(path).startswith(
-        "looks like a C3D file: export the rigid bodies as text, which rotorfit does not read (yet)"
+        "looks like a C3D file, which rotorfit does not read (yet): export the rigid bodies as text"
     )
 
 

@@ -25,9 +25,10 @@ from rotorfit.identification.joint_parameters import Numbers
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Rotor, Vehicle
 
-BETTER: Final = 0.5
+BETTER: Final = 0.75
 """Log of how many times less of yaw another pattern of spins leaves, from which it is taken for
-the right one. On right declarations no other one gets above zero, a wrong spin makes 0.9 to 4."""
+the right one. On right declarations another one gets to 0.6 where rotors differ by a tenth, and
+not above zero else; a wrong spin makes 0.9 to 4."""
 PASSES: Final = 4
 """Of the reweighting by bands."""
 CERTAIN: Final = 2.0
