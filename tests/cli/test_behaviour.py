@@ -11,6 +11,7 @@ import time
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 from blackbox_file import blackbox_of
 from command_line import EXPERIMENT
@@ -213,6 +214,14 @@ def test_a_fault_of_ours_is_one_line(refused_fault, fault):
         f"rotorfit: internal error ({words}); please report it with the log, "
         "run with ROTORFIT_DEBUG=1 for details\n"
     )
+
+
+def test_equations_without_a_solution_are_the_flights_and_said(refused, here, monkeypatch):
+    def unsolved(*arguments, **options):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr("rotorfit.identification.identify._flown", unsolved)
+    assert "no solution (SVD did not converge)" in refused("identify", "experiment.toml")
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from rotorfit import version
-from rotorfit.errors import ExperimentError, FlightWarning, RotorfitError
+from rotorfit.errors import EstimationError, ExperimentError, FlightWarning, RotorfitError
 from rotorfit.identification.choice import velocity_wanted
 from rotorfit.identification.commanded import of_commanded_speed
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
@@ -69,7 +69,13 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
     # The matrices are small: a second thread of the linear algebra only waits, at ten times the
     # cost where another program uses the other cores.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _identify(experiment, progress or _silent)
+        try:
+            return _identify(experiment, progress or _silent)
+        except np.linalg.LinAlgError as error:
+            raise EstimationError(
+                f"the equations of these flights have no solution ({error}): there is hardly any "
+                "motion in them; fly more, and please report it with the log"
+            ) from error
 
 
 def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
