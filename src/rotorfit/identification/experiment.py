@@ -271,12 +271,11 @@ def single_flight_experiment(
         As `load_experiment`.
     """
     known = _checked(AirframeFile, _without_flights(read_toml(airframe)), airframe)
-    flight = {"file": str(log.absolute())} | ({} if log_number is None else {"log": log_number})
     described = {
         "name": log.stem,
         "airframe": known.airframe,
         "motors": known.motors,
-        "configuration": [{"mass": mass, "flights": [flight]}],
+        "configuration": [{"mass": mass, "flights": [named_flight(log, log_number=log_number)]}],
     }
     return _checked(Experiment, described, airframe)
 

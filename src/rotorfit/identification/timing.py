@@ -126,19 +126,20 @@ def _counted(flown: "Flown", response: MotorResponse) -> Counted:
     )
 
 
-def _is_flown_fast(flown: "Flown", counted: Counted) -> bool:
-    """Return whether a turn is flown beyond the pilot's band."""
-    slow = [_slow(factors) for factors in flown.bands(flown.declared)]
-    return any(bool((own & ~low).any()) for own, low in zip(counted, slow, strict=True))
+def _pull(flown: "Flown", response: MotorResponse, counted: Counted) -> float:
+    """Return by how much the autopilot's answer may have moved a delay [s].
 
-
-def _slow_ratio(flown: "Flown", response: MotorResponse) -> float:
-    """Return explained over residual power in the pilot's band, of the turn that has most of it."""
+    Nothing beyond `DELAY_FAULT` where a turn is flown above the pilot's band; else by the ratio
+    of explained to residual power in it, of the turn that has most of it.
+    """
+    bands = flown.bands(response)
+    if any((own & ~_slow(factors)).any() for own, factors in zip(counted, bands, strict=True)):
+        return 0.0
     ratios = [
-        turn_ratios(factors.select(_slow(factors)[:, 0]), flown.model, mass=configured.mass).max()
-        for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
+        turn_ratios(factors.select(_slow(factors)[:, 0]), flown.model, mass=c.mass).max()
+        for factors, c in zip(bands, flown.configurations, strict=True)
     ]
-    return max(float(max(ratios)), SMALLEST_RATIO)
+    return DELAY_PULL / max(float(max(ratios)), SMALLEST_RATIO)
 
 
 def _find_delay(flown: "Flown") -> MotorTiming | None:
@@ -172,7 +173,7 @@ def _find_delay(flown: "Flown") -> MotorTiming | None:
     move = _parabola_shift(middle, plus, minus)
     slow = _parabola_shift(*(_cost(flown, at(delay), None) for delay in moved))
     response = replace(flown.declared, delay=place + move)
-    pull = 0.0 if _is_flown_fast(flown, counted) else DELAY_PULL / _slow_ratio(flown, response)
+    pull = _pull(flown, response, counted)
     std = _norm(1.0 / np.sqrt(curvature), slow - move, max(DELAY_FAULT, pull))
     return MotorTiming(response=response, delay_std=std, total_std=std)
 

@@ -15,6 +15,7 @@ import numpy as np
 from rotorfit.identification.experiment import MotorsEntry, Source
 from rotorfit.identification.flights import Configured
 from rotorfit.identification.hover import Held, held_up, pooled
+from rotorfit.identification.verdicts import ADVICE
 from rotorfit.model.vehicle import Vehicle
 
 INFLOW_STD = 0.02
@@ -89,7 +90,7 @@ def vagueness(weighed: WeighedThrust, kt: float, std: float) -> str:
     return (
         f"changes of thrust tell kt only to {kt:.3g} +- {1.96 * std:.2g}; {weighed.kt:.3g} carries "
         "the weight: kt is taken from the weight, inertia with it, and the intervals hold both "
-        "values; climb and sink: 20 s of gentle thrust steps"
+        f"values; {ADVICE['force']}"
     )
 
 
