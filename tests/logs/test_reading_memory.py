@@ -13,7 +13,7 @@ from flight_writers import WRITERS, in_whole_rpm
 
 from flown import experiment_file, simulated
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.identification.experiment import load_experiment, motor_model_of, vehicle_of
+from rotorfit.identification.experiment import load_experiment, vehicle_of
 from rotorfit.identification.flights import flight_bands, load_flight
 from rotorfit.logs import read_log
 
@@ -72,8 +72,7 @@ def test_a_long_flight_is_prepared_and_retimed_within_three_times_its_channels(f
         )
         vehicle = vehicle_of(experiment.airframe, "imu")
         (entry,) = experiment.configuration[0].flights
-        model = motor_model_of(experiment.motors)
-        used = load_flight(entry, experiment.motors, vehicle, model)
+        used = load_flight(entry, experiment)
         assert used.log.channels == {}
         assert len(flight_bands([used], vehicle, MotorResponse(lag=0.02, delay=0.003))) > 0
 

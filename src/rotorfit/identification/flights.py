@@ -14,7 +14,6 @@ from rotorfit.flight.log import FlightLog
 from rotorfit.flight.mocap import prepare_mocap
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import (
-    MotorModel,
     PreparedFlight,
     on_one_clock,
     prepared_from,
@@ -23,10 +22,12 @@ from rotorfit.flight.prepare import (
 from rotorfit.identification.bands import EDGES, STRETCH
 from rotorfit.identification.experiment import (
     ConfigurationEntry,
+    Experiment,
     FlightEntry,
     MotorsEntry,
     Source,
     motor_model_of,
+    vehicle_of,
 )
 from rotorfit.identification.frame_check import check_frame
 from rotorfit.identification.payload import PointMass
@@ -121,21 +122,23 @@ class Flown:
         )
 
 
-def load_flight(
-    entry: FlightEntry,
-    motors: MotorsEntry,
-    vehicle: Vehicle,
-    motor_model: MotorModel,
-    *,
-    source: Source = "imu",
-) -> UsedFlight:
+def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
     """Read and prepare one flight, its motion from the IMU or from motion capture.
+
+    Parameters
+    ----------
+    entry
+        The flight; it need not be one of the experiment's own.
+    experiment
+        Whose vehicle, motors and source of motion it has.
 
     Raises
     ------
     LogError, FlightError, FrameError
         If it cannot be used; the message names the file.
     """
+    motors, source = experiment.motors, experiment.identification.source
+    vehicle, motor_model = vehicle_of(experiment.airframe, source), motor_model_of(motors)
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))

@@ -20,7 +20,6 @@ from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.experiment import (
     Experiment,
     FlightEntry,
-    motor_model_of,
     payload_of,
     vehicle_of,
 )
@@ -37,7 +36,6 @@ from rotorfit.identification.tables import ORIGIN_IS_IMU, Tables, with_timing_to
 from rotorfit.identification.timing import find_timing
 from rotorfit.identification.validate import validation_comparisons, validation_rows
 from rotorfit.model.regressor import regressor
-from rotorfit.model.vehicle import Vehicle
 
 Progress = Callable[[str], None]
 
@@ -106,7 +104,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
     vehicle = vehicle_of(experiment.airframe, source)
     configurations: list[Configured] = []
     for entry in experiment.configuration:
-        flights = [_loaded(experiment, flight, vehicle, tell) for flight in entry.flights]
+        flights = [_loaded(experiment, flight, tell) for flight in entry.flights]
         tell("checking axes, units and rotors")
         if source == "imu":
             refuse_gyro_in_degrees({Path(f.entry.file).name: f.prepared.data for f in flights})
@@ -138,18 +136,10 @@ def _refuse_copies(flights: list[UsedFlight]) -> None:
             )
 
 
-def _loaded(
-    experiment: Experiment, flight: FlightEntry, vehicle: Vehicle, tell: Progress
-) -> UsedFlight:
+def _loaded(experiment: Experiment, flight: FlightEntry, tell: Progress) -> UsedFlight:
     tell(f"reading {Path(flight.file).name}")
     try:
-        return load_flight(
-            flight,
-            experiment.motors,
-            vehicle,
-            motor_model_of(experiment.motors),
-            source=experiment.identification.source,
-        )
+        return load_flight(flight, experiment)
     except RotorfitError as error:
         raise _with_file(error, flight.file) from error
 

@@ -10,9 +10,7 @@ from rotorfit.identification.experiment import (
     Experiment,
     FlightEntry,
     experiment_of_settings,
-    motor_model_of,
     named_flight,
-    vehicle_of,
 )
 from rotorfit.identification.flights import UsedFlight, load_flight, retimed
 from rotorfit.identification.replay import WINDOW, Entrant, Replay, replay
@@ -70,7 +68,7 @@ def replay_flights(
     for entry in entries or _own(experiment, owner):
         if tell is not None:
             tell(f"replaying {Path(entry.file).name}")
-        used = _loaded(experiment, entry) if entries else _unchanged(result, experiment, entry)
+        used = load_flight(entry, experiment) if entries else _unchanged(result, experiment, entry)
         replays.append(
             replay(
                 used.prepared.data,
@@ -99,17 +97,6 @@ def _own(experiment: Experiment, owner: str) -> list[FlightEntry]:
     ]
 
 
-def _loaded(experiment: Experiment, entry: FlightEntry) -> UsedFlight:
-    source = experiment.identification.source
-    return load_flight(
-        entry,
-        experiment.motors,
-        vehicle_of(experiment.airframe, source),
-        motor_model_of(experiment.motors),
-        source=source,
-    )
-
-
 def _unchanged(
     result: IdentificationResult, experiment: Experiment, entry: FlightEntry
 ) -> UsedFlight:
@@ -121,7 +108,7 @@ def _unchanged(
             f"is now (--flight PATH/{name}), or give another flight of this vehicle"
         )
     try:
-        used = _loaded(experiment, entry)
+        used = load_flight(entry, experiment)
     except LogError as error:
         raise LogError(f"{error}; or give another flight of this vehicle (--flight LOG)") from error
     known = {record.file: record.sha256 for record in result.flights}

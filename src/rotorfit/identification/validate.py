@@ -13,9 +13,7 @@ from rotorfit.flight.motors import MotorResponse
 from rotorfit.identification.comparison import COMPONENTS, SHOWN, WrenchComparison
 from rotorfit.identification.experiment import (
     Experiment,
-    FlightEntry,
     experiment_of_settings,
-    motor_model_of,
     named_flight,
     vehicle_of,
 )
@@ -73,7 +71,7 @@ def validate_file(
     """
     experiment = experiment_of_settings(result.settings)
     entry = named_flight(path, log_number=log_number, start=start, end=end)
-    used = _loaded(experiment, entry)
+    used = load_flight(entry, experiment)
     refuse_fitted(used, result)
     return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
 
@@ -111,7 +109,7 @@ def fitted_comparisons(result: IdentificationResult) -> list[WrenchComparison]:
     comparisons: list[WrenchComparison] = []
     for configuration in experiment.configuration:
         for entry in configuration.flights:
-            used = _loaded(experiment, entry)
+            used = load_flight(entry, experiment)
             if used.log.sha256 != hashes.get(entry.file):
                 raise ExperimentError(
                     f"{Path(entry.file).name} has changed since the fit; identify again"
@@ -137,20 +135,10 @@ def validation_comparisons(
     comparisons: list[WrenchComparison] = []
     for configuration in experiment.configuration:
         for entry in configuration.validation:
-            used = _loaded(experiment, entry)
+            used = load_flight(entry, experiment)
             refuse_fitted(used, result)
             comparisons.append(compare_wrenches(result, used, configuration=configuration.name))
     return comparisons
-
-
-def _loaded(experiment: Experiment, entry: FlightEntry) -> UsedFlight:
-    return load_flight(
-        entry,
-        experiment.motors,
-        vehicle_of(experiment.airframe, experiment.identification.source),
-        motor_model_of(experiment.motors),
-        source=experiment.identification.source,
-    )
 
 
 def validation_rows(comparisons: list[WrenchComparison]) -> tuple[dict[str, Any], ...]:
