@@ -61,7 +61,8 @@ def public_name(app, env, node, contnode):
     if thing is None:
         return None
     name = target.rpartition(".")[2]
-    if getattr(rotorfit, name, None) is thing:
+    public = getattr(rotorfit, name, None)
+    if getattr(public, "__wrapped__", public) is thing:
         domain = env.get_domain("py")
         return domain.resolve_xref(
             env, node["refdoc"], app.builder, "obj", f"rotorfit.{name}", node, contnode

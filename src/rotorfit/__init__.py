@@ -124,8 +124,13 @@ else:
         if name not in _MODULE_OF:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from importlib import import_module
+        from inspect import isfunction
+
+        from rotorfit.arguments import checked
 
         value = getattr(import_module(_MODULE_OF[name]), name)
+        if isfunction(value):
+            value = checked(value, name)
         globals()[name] = value
         return value
 
