@@ -3,10 +3,12 @@
 import importlib
 import inspect
 
+import typer.main
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 
 import rotorfit
+import rotorfit.cli.main
 
 project = "rotorfit"
 author = "rotorfit contributors"
@@ -95,7 +97,24 @@ def mathml(translator, node):
     raise nodes.SkipNode
 
 
+def with_help(app, page, source):
+    """Put what `rotorfit COMMAND --help` prints into the page of the command line."""
+    if page != "commands":
+        return
+    program = typer.main.get_command(rotorfit.cli.main.app)
+    parts = [
+        f"## {name}\n\n```text\n{help_of(command, f'rotorfit {name}')}\n```\n"
+        for name, command in program.commands.items()
+    ]
+    source[0] = source[0].replace("<!-- the help of every command -->", "\n".join(parts))
+
+
+def help_of(command, name):
+    return command.get_help(command.context_class(command, info_name=name, terminal_width=80))
+
+
 def setup(app):
+    app.connect("source-read", with_help)
     app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))
     app.connect("missing-reference", public_name)
     app.connect("autodoc-process-docstring", without_generated_text)

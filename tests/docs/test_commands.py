@@ -2,7 +2,8 @@
 
 Every shell block runs, page by page, in a folder that holds a short simulated flight as a reader
 would have it; a block that cannot run here (a real log, a device) says why in the line before it:
-``<!-- not run: REASON -->``.
+``<!-- not run: REASON -->``. Its lines are still held against the options that there are, and so
+are those of the README and the examples of ``--help``.
 """
 
 import ast
@@ -15,10 +16,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import typer.main
 
 import rotorfit
-from rotorfit.cli.main import main
+from rotorfit.cli.main import app, main
 
+COMMANDS = typer.main.get_command(app).commands
 DOCS = Path(__file__).parents[2] / "docs"
 BLOCK = re.compile(
     r"(?:<!-- not run: (?P<why>.+?) -->\n)?```(?P<kind>sh|python)\n(?P<text>.*?)```", re.S
@@ -107,6 +110,29 @@ def test_commands(page, here, capsys, monkeypatch):
         printed = capsys.readouterr()
         assert code == 0, f"{line}\n{printed.err}"
         assert printed.out.strip(), f"{line} printed nothing"
+
+
+README = DOCS.parent / "README.md"
+SHOWN = [
+    *(line for page in (*PAGES, README) for b in blocks_of(page, "sh") for line in lines_of(b)),
+    *(str(command.epilog).removeprefix("Example: ") for command in COMMANDS.values()),
+]
+
+
+@pytest.mark.parametrize("line", sorted({line for line in SHOWN if line.startswith("rotorfit ")}))
+def test_every_command_that_is_shown_is_one(line):
+    _, name, *words = shlex.split(line, comments=True)
+    COMMANDS[name].make_context(name, words)  # an option or a choice that is not there is refused
+
+
+def test_every_command_has_an_example():
+    shown = {name: str(command.epilog) for name, command in COMMANDS.items()}
+    assert [n for n, text in shown.items() if not text.startswith(f"Example: rotorfit {n} ")] == []
+
+
+def test_the_list_of_commands_is_not_cut():
+    texts = [command.get_short_help_str(64) for command in COMMANDS.values()]
+    assert [text for text in texts if not text.endswith(".") or text.endswith("...")] == []
 
 
 def test_most_pages_with_commands_run_some():

@@ -76,6 +76,18 @@ def test_every_public_name_is_in_the_reference(site):
     assert missing == ["__version__"]
 
 
+def test_every_option_of_every_command_is_on_the_site(site):
+    import typer.main
+
+    from rotorfit.cli.main import app
+
+    page = (site / "commands.html").read_text(encoding="utf-8")
+    for name, command in typer.main.get_command(app).commands.items():
+        shown = page.partition(f"Usage: rotorfit {name} ")[2].partition("</pre>")[0]
+        for parameter in command.params:
+            assert all(option in shown for option in parameter.opts if option.startswith("-"))
+
+
 @pytest.mark.parametrize(
     ("wrong", "warning"),
     [

@@ -27,6 +27,7 @@ from rotorfit.export.target_names import AnyTargetName
 app = typer.Typer(
     name="rotorfit",
     help="Physical parameters of a multirotor, with intervals, from the flight logs you have.",
+    epilog="Start with  rotorfit inspect LOG,  or see  rotorfit demo.  COMMAND --help tells more.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -61,7 +62,43 @@ def _options(
     del version
 
 
-@app.command()
+@app.command(epilog="Example: rotorfit inspect flight.bfl")
+@interruptible()
+def inspect(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="Flight logs of any format, or experiment files (.toml) that map their columns.",
+        ),
+    ],
+    log: LogNumber = None,
+    airframe: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="File with [airframe] and [motors]: identify quickly, per kilogram.",
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a page here (HTML).")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show what is in a log, and what it could tell.
+
+    And the settings of the autopilot to change before the next flight.
+    """
+    from rotorfit.cli.inspect import InspectOptions, run
+
+    options = InspectOptions(
+        log_number=log, airframe=airframe, as_json=as_json, report=report, force=force
+    )
+    run(logs, options)
+
+
+@app.command(epilog="Example: rotorfit identify flight.bfl --mass 0.428 --airframe airframe.toml")
 @interruptible()
 def identify(
     source: Annotated[
@@ -101,8 +138,8 @@ def identify(
 ) -> None:
     """Identify a vehicle's parameters from its flights.
 
-    Either an experiment file, which names airframe, masses and flights, or straight from one log:
-    rotorfit identify LOG --mass 0.428 --airframe airframe.toml
+    From an experiment file, which names airframe, masses and flights, or straight from one log,
+    with --mass and --airframe.
     """
     from rotorfit.cli.identify import IdentifyRequest, run
 
@@ -126,55 +163,7 @@ def identify(
     )
 
 
-@app.command()
-@interruptible()
-def compare(
-    results: Annotated[
-        list[Path],
-        typer.Argument(metavar="RESULT", help="Results that identify -o wrote; two or more."),
-    ],
-    as_json: AsJson = False,
-) -> None:
-    """Show results side by side: values, intervals, and how far they are from the first."""
-    from rotorfit.cli.compare import run
-
-    run(results, as_json=as_json)
-
-
-@app.command()
-@interruptible()
-def inspect(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="LOG...",
-            help="Flight logs of any format, or experiment files (.toml) that map their columns.",
-        ),
-    ],
-    log: LogNumber = None,
-    airframe: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="File with [airframe] and [motors]: identify quickly, per kilogram.",
-        ),
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a page (HTML) to this file.")
-    ] = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
-    """Show what is in a log, what it could tell, and what to set before the next flight."""
-    from rotorfit.cli.inspect import InspectOptions, run
-
-    options = InspectOptions(
-        log_number=log, airframe=airframe, as_json=as_json, report=report, force=force
-    )
-    run(logs, options)
-
-
-@app.command()
+@app.command(epilog="Example: rotorfit validate result.json other_flight.bfl")
 @interruptible()
 def validate(
     result: ResultFile,
@@ -192,7 +181,10 @@ def validate(
     end: End = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check whether a result predicts flights that its fit has not seen."""
+    """Check a result on flights that its fit has not seen.
+
+    What the motion asks for against what the rotors give, for thrust and the three moments.
+    """
     from rotorfit.cli.validate import run
 
     run(
@@ -205,7 +197,26 @@ def validate(
     )
 
 
-@app.command()
+@app.command(epilog="Example: rotorfit compare imu.json mocap.json")
+@interruptible()
+def compare(
+    results: Annotated[
+        list[Path],
+        typer.Argument(metavar="RESULT", help="Results that identify -o wrote; two or more."),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Show results side by side, and how far they differ.
+
+    Values and intervals of each, the difference to the first in percent, and which intervals are
+    apart from the first's.
+    """
+    from rotorfit.cli.compare import run
+
+    run(results, as_json=as_json)
+
+
+@app.command(epilog="Example: rotorfit export result.json --to urdf -o quad.urdf")
 @interruptible()
 def export(
     result: ResultFile,
@@ -235,7 +246,7 @@ def export(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a result as a file for a simulator, an autopilot or a plot.
+    """Write a result as a file of a simulator or autopilot.
 
     What the flights do not determine is refused unless you stand for it with --assume; what is
     weak is marked in the file.
@@ -256,7 +267,7 @@ def export(
     )
 
 
-@app.command()
+@app.command(epilog="Example: rotorfit fly result.json --report fly.html")
 @interruptible()
 def fly(
     result: ResultFile,
@@ -294,10 +305,11 @@ def fly(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fly an identified vehicle: logged rotors replayed, hover and steps in MuJoCo.
+    """Check whether the identified vehicle flies as flown.
 
     The rotor speeds of the flights move the model over half a second from many measured starts:
-    predicted rates and accelerations against flown ones, beside a bench's or another result's.
+    predicted rates and accelerations against flown ones, beside a bench's or another result's. Then
+    hover and steps in MuJoCo, where that is installed.
     """
     from rotorfit.cli.fly import FlyRequest, run
 
@@ -319,14 +331,18 @@ def fly(
     )
 
 
-@app.command()
+@app.command(epilog="Example: rotorfit plan airframe.toml --mass 1.285 --card card.html")
 @interruptible()
 def plan(
     airframe: Annotated[
         Path, typer.Argument(metavar="AIRFRAME", help="File with [airframe] and [motors].")
     ],
     mass: Annotated[
-        float | None, typer.Option(metavar="KG", help="Weighed as it flies, battery included [kg].")
+        float | None,
+        typer.Option(
+            metavar="KG",
+            help="Weighed as it flies, battery included [kg]; needed where --after does not say.",
+        ),
     ] = None,
     accuracy: Annotated[
         str,
@@ -355,7 +371,7 @@ def plan(
         typer.Option(
             metavar="NAME=VALUE",
             help="NAME=VALUE of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr, motor_lag, where you "
-            "know better than a guess from the geometry (SI); may be repeated.",
+            "know better than a guess from the geometry (SI); repeatable.",
         ),
     ] = None,
     log_rate: Annotated[
@@ -380,7 +396,10 @@ def plan(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Tell which manoeuvres to fly, how long, and with which payload, for the accuracy wanted."""
+    """Tell what to fly for the accuracy you want.
+
+    Which manoeuvres, how long, and whether with a payload.
+    """
     from rotorfit.cli.plan import PlanOptions, run
 
     run(
@@ -402,12 +421,15 @@ def plan(
     )
 
 
-@app.command()
+@app.command(epilog="Example: rotorfit simulate single -o flights --seconds 20")
 @interruptible()
 def simulate(
     scenario: Annotated[
         Literal["paper", "single", "hexa", "payload-pair"],
-        typer.Argument(help="paper: vehicles A and B of Six et al. 2020; the others on layouts."),
+        typer.Argument(
+            help="paper: vehicles A and B of Six et al. 2020; single: a quadrotor; hexa: six "
+            "rotors; payload-pair: bare and with a known payload."
+        ),
     ],
     output: Annotated[
         Path,
@@ -430,7 +452,10 @@ def simulate(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fly a vehicle of known truth: flight logs, and an experiment ready for identify."""
+    """Fly a vehicle of known truth, to try things on.
+
+    Leaves flight logs, an experiment file ready for identify, and the truth.
+    """
     from rotorfit.cli.simulate import SimulateRequest, run
 
     run(
@@ -446,7 +471,7 @@ def simulate(
     )
 
 
-@app.command()
+@app.command(epilog="Example: rotorfit demo -o demo")
 @interruptible()
 def demo(
     output: Annotated[
@@ -462,9 +487,10 @@ def demo(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Fly the paper's experiment in simulation, identify it, and compare to the truth.
+    """Fly the paper's experiment, identify it, compare.
 
-    Six, Briot, Erskine and Chriette, ICRA 2020: two quadrotors that differ by a known payload.
+    Six, Briot, Erskine and Chriette, ICRA 2020, in simulation: two quadrotors that differ by a
+    known payload, identified by the default and by the paper's method, beside the truth.
     """
     from rotorfit.cli.demo import run
 
