@@ -1,5 +1,6 @@
 """The notebooks run from top to bottom, and are kept without their outputs."""
 
+import re
 import warnings
 from pathlib import Path
 
@@ -39,6 +40,10 @@ def test_outputs_are_not_kept(path):
 def test_tutorial():
     *_, flight, identified, picture, validated, judged, exported = executed("tutorial.ipynb")
     assert "s of it in the air" in flight
+    speeds = re.search(r"in the air \[(.*)\] rad/s", flight)
+    hover = re.search(r"hover_speed +(\d+)", identified)
+    assert speeds and hover
+    assert [float(n) for n in speeds[1].split()] == pytest.approx([float(hover[1])] * 4, rel=0.08)
     assert "single-real: 1 flight" in identified and "Izz_com" in identified
     assert "image/svg+xml" in picture
     assert validated.startswith("A2.csv {'Fz'") and "image/svg+xml" in validated
@@ -65,5 +70,13 @@ def test_real_log(monkeypatch, flight_data_dir):
     assert contents.startswith("blackbox, ") and "rotor_speed" in contents
     assert "LOG00267: 1 flight" in identified
     assert picture.count("image/svg+xml") == 2
-    low, high = (float(word) for word in bench.splitlines()[0].split("flight ")[1].split(" to "))
-    assert low <= 2.66e-7 <= high  # the thrust coefficient of the bench
+    held = dict(map(within, bench.splitlines()))
+    # As the text above these lines says.
+    assert {name for name, is_held in held.items() if not is_held} == {"Ixx_com", "kd"}
+    assert len(held) == 6
+
+
+def within(line: str) -> tuple[str, bool]:
+    """Return a name, and whether the bench's number lies in the flight's interval."""
+    name, _, bench, _, low, _, high = line.split()
+    return name, float(low) <= float(bench) <= float(high)
