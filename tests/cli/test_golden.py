@@ -65,7 +65,8 @@ def test_result_as_text(run, here, golden):
     golden("result.txt", outline(ended.out))
 
 
-def test_inspection_as_text(run, here, golden):
+def test_inspection_as_text(run, here, golden, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     ended = run("inspect", "flight.csv")
     golden("inspect.txt", re.sub(r"\d+\.\d+", "x", ended.out))
 

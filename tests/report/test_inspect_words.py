@@ -66,14 +66,20 @@ def test_two_values_of_kt_with_measured_speed_are_the_accelerometers():
 @pytest.mark.parametrize(
     ("axis", "words"),
     [
-        (YAW, "yaw: 0.7 rad/s^2, motors over the rest 137: kd / Izz can be found well; Izz, kd"),
-        (replace(YAW, rho=1e6), "over the rest over 1000: kd / Izz can be found well"),
+        (
+            YAW,
+            "yaw: 0.7 rad/s^2, motors explain 137 x the rest: kd / Izz can be found well; Izz, kd",
+        ),
+        (replace(YAW, rho=1e6), "explain over 1000 x the rest: kd / Izz can be found well"),
         (
             replace(YAW, rho=1.2, width=None),
-            "1.2: kd / Izz, Izz, kd and Jr cannot be found: the motors explain too little",
+            "1.2 x the rest: kd / Izz, Izz, kd and Jr cannot be found: the motors explain too ",
         ),
-        (ROLL, "roll: 51 rad/s^2, motors over the rest 4: Ixx roughly: disturbances are not small"),
-        (replace(ROLL, rho=40.0), "40: Ixx roughly: too little of this motion"),
+        (
+            ROLL,
+            "roll: 51 rad/s^2, motors explain 4 x the rest: Ixx roughly: disturbances are not",
+        ),
+        (replace(ROLL, rho=40.0), "40 x the rest: Ixx roughly: too little of this motion"),
     ],
 )
 def test_an_axis(axis, words):

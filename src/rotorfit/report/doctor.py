@@ -260,7 +260,7 @@ def _axis_words(axis: Excitation, thrust: Thrust) -> str:
         "roughly": f"{what} roughly{others and f', {others} less surely'}: {_reason(axis, thrust)}",
         "not": f"{what}{others and f', {others}'} cannot be found: {_reason(axis, thrust)}",
     }[axis.prospect]
-    return f"{axis.axis}: {short(axis.turning)} rad/s^2, motors over the rest {rho}: {verdict}"
+    return f"{axis.axis}: {short(axis.turning)} rad/s^2, motors explain {rho} x the rest: {verdict}"
 
 
 def _reason(axis: Excitation, thrust: Thrust) -> str:

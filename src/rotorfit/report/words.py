@@ -54,9 +54,8 @@ TITLES = {
 }
 
 VERDICT_MEANING = {
-    "identified": "half-width at most 1/4 of the value, or of a relevant size (method.md)",
-    "weak": "half-width over 1/4 of value and relevant size (inertia: at origin); "
-    "or kt mostly assumed",
+    "identified": "half the interval is at most 1/4 of value or relevant size (docs/method.md)",
+    "weak": "half the interval is over 1/4 of value and relevant size; or mostly assumed (kt_1..)",
     "ratio-only": "known only together with another parameter",
     "not-identified": "this flight does not tell",
     "given": "told to rotorfit, not estimated",
