@@ -108,6 +108,12 @@ def read_log_or_refuse(path) -> None:
         assert str(path) in str(error)
 
 
+def test_a_quaternion_too_long_for_any_number_is_no_pose(tmp_path):
+    path = tmp_path / "poses.txt"
+    path.write_text("# timestamp tx ty tz qx qy qz qw\n0 0 0 0 1e308 1e308 1e308 1e308\n")
+    read_log_or_refuse(path)
+
+
 def test_a_rotor_out_of_this_world_is_refused(tmp_path):
     path = tmp_path / "experiment.toml"
     rotors = "[[1e308, 0, 0], [-1e308, 1, 0], [0, -1e308, 0]]"

@@ -4,6 +4,7 @@ Also the same eight columns under a row of names, as CSV ``t,x,y,z,qx,qy,qz,qw``
 body to world with z up.
 """
 
+import math
 import re
 from pathlib import Path
 from typing import Final
@@ -46,7 +47,7 @@ def is_trajectory(head: bytes) -> bool:
     return (
         len(pose) == _COLUMNS
         and bool(np.isfinite(pose).all())
-        and abs(float(np.hypot.reduce(pose[4:])) - 1.0) < _OFF_LENGTH
+        and abs(math.hypot(*pose[4:]) - 1.0) < _OFF_LENGTH
     )
 
 
