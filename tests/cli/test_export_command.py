@@ -1,6 +1,7 @@
 """rotorfit export: files, refusals and usage errors as a user meets them."""
 
 import importlib
+import json
 import sys
 from pathlib import Path
 from typing import get_args, get_type_hints
@@ -173,3 +174,36 @@ def test_files_of_several_flights_have_their_names():
     assert [str(f) for f in files] == ["w_A1.csv", "w_A2.csv"]
     files = table_files(Path("w.csv"), [of("A1.csv"), of("A1.bfl"), of("B.csv")])
     assert [str(f) for f in files] == ["w_A1_1.csv", "w_A1_2.csv", "w_B.csv"]
+
+
+@pytest.mark.parametrize("target", sorted(TARGETS))
+@pytest.mark.parametrize(
+    ("name", "value"), [("kd", float("nan")), ("mass", 1e-300), ("com_x", 1e308)]
+)
+def test_a_damaged_result_is_refused_by_every_target(refused, there, target, name, value):
+    data = json.loads((there / "result.json").read_text())
+    for entry in (*data["parameters"], *data["derived"]):
+        if entry["name"] == name:
+            entry["value"] = value
+    (there / "damaged.json").write_text(json.dumps(data))
+    words = refused("export", "damaged.json", "--to", target, "-o", "out")
+    assert f"damaged.json: the result was changed since it was written ({name} is" in words
+    assert not (there / "out").exists()
+
+
+@pytest.mark.parametrize("airframe", ["x", None, 3, {"rotors": []}])
+def test_settings_that_describe_no_vehicle_are_refused(refused, there, airframe):
+    data = json.loads((there / "result.json").read_text())
+    data["settings"]["airframe"] = airframe
+    (there / "damaged.json").write_text(json.dumps(data))
+    words = refused("export", "damaged.json", "--to", "urdf", "-o", "out")
+    assert refused("fly", "damaged.json") == words
+    assert "settings do not describe its vehicle" in words
+
+
+def test_a_lag_below_zero_is_refused(refused, there):
+    changed(a_result(), motor_lag={"value": -0.01, "interval": (-0.02, 0.0)}).save(
+        there / "early.json"
+    )
+    words = refused("export", "early.json", "--to", "mujoco", "-o", "out.xml")
+    assert "motor_lag_up is -0.01 s, and no motor answers before its command" in words

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -9,9 +10,10 @@ import pytest
 
 from rotorfit.cli import fly
 from rotorfit.export import mujoco_flight
+from rotorfit.export.vehicle_model import vehicle_model
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
-from export_material import UNKNOWN, a_result, changed
+from export_material import UNKNOWN, a_result, changed, parameter
 
 needs_mujoco = pytest.mark.skipif(find_spec("mujoco") is None, reason="mujoco is not installed")
 GIVEN = ("kd=5.11e-8", "com_z=0", "Ixy_com=0", "Ixz_com=0", "Iyz_com=0")
@@ -196,3 +198,13 @@ def test_nothing_is_overwritten(refused, there):
     (there / "fly.html").write_text("mine")
     assert "fly.html exists" in refused("fly", "result.json", *KNOWN, "--report", "fly.html")
     assert "is an input" in refused("fly", "result.json", *KNOWN, "-o", "result.json", "--force")
+
+
+def test_terms_of_the_replay_are_not_said_to_be_missing_from_it():
+    term = parameter("twist", 1.2e-5, "A")
+    drag = parameter("drag_x", 0.1, "A")
+    result = replace(a_result(), parameters=(*a_result().parameters, term, drag))
+    notes = fly._notes(result, vehicle_model(result), {})
+    assert "identified, and in the replay only: twist = 1.2e-05 +- 1.2e-07 m" in notes
+    assert not any("left out here" in note for note in notes)
+    assert any("frame's drag; replay and MuJoCo leave it out" in note for note in notes)

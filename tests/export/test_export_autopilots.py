@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -106,6 +107,28 @@ def test_px4_without_a_law_says_what_is_missing():
     assert "THR_MDL_FAC" not in known
 
 
+def test_px4_leaves_ct_out_for_all_or_none():
+    """PX4 compares rotors by CT: one left at PX4's 6.5 beside 99 would be no rotor at all."""
+    # kt_1 is 2 % over the mean, and alone above 100 N.
+    speed = math.sqrt(100.0 / (1.01 * KT))
+    text = text_of(a_result(law={"linear": [0.0, speed]}), "px4")
+    assert not [name for name in params(text) if name.endswith("_CT")]
+    assert "CT is left out, and rotors stay as PX4 has them, equal: a rotor gives over 100" in text
+    without = text_of(a_result(law=None), "px4")
+    assert "CT is left out" in without
+    assert "SIM_GZ_EC_* are left out: the speed at full command" in without
+
+
+def test_px4_says_what_another_curve_gazebo_has():
+    """There the speed is linear in the output, whatever the vehicle's ESCs make of theirs."""
+    text = text_of(a_result(law=SQRT_LAW), "px4")
+    assert params(text)["THR_MDL_FAC"] == pytest.approx(0.3)
+    assert "set THR_MDL_FAC to 1 there, while the 0.3 here is of the vehicle's ESCs" in text
+    assert "set THR_MDL_FAC" not in text_of(a_result(law={"linear": [0.0, 900.0]}), "px4")
+    assert "over the 1000" in text
+    assert "over the 1000" not in text_of(a_result(law={"linear": [0.0, 900.0]}), "px4")
+
+
 def test_px4_refuses_a_hover_beyond_its_range_and_more_rotors_than_it_has():
     strong = text_of(a_result(law={"linear": [0.0, 4000.0]}), "px4")
     assert "MPC_THR_HOVER" not in params(strong)
@@ -174,6 +197,43 @@ def test_ardupilot_hovers_and_turns_as_the_vehicle():
     assert hover == pytest.approx(MASS * 9.80665 / (4 * KT * FULL**2), rel=1e-9)
 
 
+def sitl_thrust(found, output):
+    """SIM_Motor::pwm_to_command and calc_thrust: the share of full thrust at an output 0 to 1."""
+    low, high, e = found["spin_min"], found["spin_max"], found["propExpo"]
+    u = np.clip((output - low) / (high - low), 0.0, 1.0)
+    return (1 - e) * u + e * u**2
+
+
+@pytest.mark.parametrize("stands", [0.0, 0.12])
+def test_ardupilot_s_motor_gives_the_thrust_of_the_law(stands):
+    """Its spin range is not the default, 0.15 to 0.95, in which the law would be another."""
+    law = {"linear": [-stands * FULL / (1 - stands), FULL / (1 - stands)]}
+    found = ardupilot(text_of(a_result(law=law), "ardupilot-sitl"))
+    u = np.linspace(0.0, 1.0, 51)
+    speed = np.maximum(u - stands, 0.0) / (1 - stands)
+    np.testing.assert_allclose(sitl_thrust(found, u), speed**2, atol=0.005)
+    assert found["spin_min"] == pytest.approx(stands, abs=0.002)
+
+
+def test_ardupilot_s_reader_finds_no_brace_before_the_first():
+    """SIM_Frame.cpp: the JSON begins at the first brace, of a comment or not."""
+    named = replace(a_result(), name="quad {v2}")
+    text = text_of(named, "ardupilot-sitl")
+    assert "quad (v2)" in text
+    assert json.loads(text[text.index("{") :])["num_motors"] == 4
+
+
+def test_ardupilot_needs_no_speed_of_commands_without_a_law():
+    per_command = {"unit": "N per squared command", "value": 4.2}
+    kt_each = {f"kt_{i}": None for i in range(1, 5)}
+    torque = {"unit": "N m per squared command", "value": 0.05}
+    result = changed(a_result(law=None), kt=per_command, kd=torque, Jr=None, **kt_each)
+    motors = {**result.settings, "motors": {"speed": "commanded"}}
+    found = ardupilot(text_of(replace(result, settings=motors), "ardupilot-sitl"))
+    assert found["mass"] == MASS
+    assert "propExpo" not in found
+
+
 def test_ardupilot_frames_are_found_by_their_rotors():
     assert "--model x:THIS_FILE.json" in text_of(a_result(), "ardupilot-sitl")
     betaflight = tuple(ROTORS[i] for i in (3, 0, 1, 2))
@@ -189,8 +249,8 @@ def test_ardupilot_frames_are_found_by_their_rotors():
 def crazyflow_motion(p):
     """Return accelerations by the formulas of crazyflow's first_principles/dynamics.py."""
     rpm = SPEEDS / (2 * np.pi / 60)
-    curves = np.broadcast_to(np.atleast_2d(p["rpm2thrust"]), (4, 3))
-    forces = np.array([c @ [1, n, n**2] for c, n in zip(curves, rpm, strict=True)])
+    assert np.shape(p["rpm2thrust"]) == (3,)  # sim.py takes one curve from the file
+    forces = np.array([np.array(p["rpm2thrust"]) @ [1, n, n**2] for n in rpm])
     torques = np.array([np.array(p["rpm2torque"]) @ [1, n, n**2] for n in rpm])
     mixing = np.array(p["mixing_matrix"])
     torque = mixing @ (forces * p["L"]) * [1, 1, 0] + mixing @ torques * [0, 0, 1]
@@ -208,11 +268,22 @@ def test_crazyflow_moves_as_the_vehicle(equal):
     body = body_of(kt=np.full(4, KT) if equal else KT_EACH)
     alpha, expected = motion(body, vehicle())
     np.testing.assert_allclose(dw, expected, rtol=1e-8, atol=1e-8)
-    assert force == pytest.approx(com_acceleration(body, alpha, expected)[2], rel=1e-9)
+    lift = float(body.kt.mean() * (SPEEDS**2).sum())  # equal rotors: the very thrust
+    assert force == pytest.approx(lift / MASS, rel=1e-9)
+    real = com_acceleration(body, alpha, expected)[2]
+    assert force == pytest.approx(real, rel=1e-9 if equal else 0.02)
+    assert p["thrust_max"] == pytest.approx(KT * FULL**2)
     assert p["prop_inertia"] == pytest.approx(JR)
     assert p["rotor_dyn_coef"] == pytest.approx([1 / LAG, 0, 1 / LAG, 0])
     assert p["rpm2torque"][2] == pytest.approx(KD * (2 * np.pi / 60) ** 2, rel=1e-9)
     assert isinstance(p["drag_matrix"][0][0], float)
+
+
+def test_crazyflow_gets_no_integers():
+    """An integer of TOML would be an array of integers there."""
+    p = tomllib.loads(text_of(a_result(mass=1.0), "crazyflow"))["export_me"]
+    assert p["mass"] == 1.0
+    assert all(isinstance(p[name], float) for name in ("mass", "L", "thrust_max", "prop_inertia"))
 
 
 CRAZYFLOW = """
@@ -223,17 +294,36 @@ from crazyflow.dynamics.first_principles import dynamics
 given = json.load(sys.stdin)
 p = {name: np.array(v) for name, v in tomllib.loads(given["file"])["export_me"].items()}
 p = {name: v for name, v in p.items() if not name.startswith("thrust_")}
+
+import crazyflow.dynamics.core as core
+from crazyflow.dynamics import Dynamics
+from crazyflow.drones import Drone
+from crazyflow.sim.sim import rotor_vel_limits
+
+class ours:
+    # The section pasted in the place of a drone that there is.
+    def load(file):
+        found = tomllib.load(file)
+        if "first_principles" in file.name:
+            found["hb_x500"] = tomllib.loads(given["file"])["export_me"]
+        return found
+
+core.tomllib = ours
+loaded = core.load_params(Dynamics.first_principles, Drone.hb_x500)
+assert float(loaded["mass"]) == float(p["mass"])
+limits = [float(v) for v in rotor_vel_limits(Dynamics.first_principles, Drone.hb_x500)]
+
 rpm, rates = np.array(given["rpm"]), np.array(given["rates"])
 level, still = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)
 p |= {"gravity_vec": np.array([0.0, 0.0, -9.80665]), "J_inv": np.linalg.inv(p["J"])}
 found = dynamics(still, level, still, rates, rpm, rotor_vel=rpm, **p)
-print(json.dumps([np.asarray(v).tolist() for v in found[2:4]]))
+print(json.dumps([np.asarray(v).tolist() for v in (*found[2:4], limits)]))
 """
 
 
 def test_crazyflow_itself_takes_the_section():
     if importlib.util.find_spec("crazyflow") is None:
-        pytest.skip("crazyflow is not installed")
+        pytest.skip("crazyflow is not installed (pip install crazyflow)")
     given = {"file": text_of(a_result(), "crazyflow"), "rates": RATES.tolist()}
     given["rpm"] = (SPEEDS / (2 * np.pi / 60)).tolist()
     ended = subprocess.run(  # apart: it wants to be imported before scipy
@@ -244,11 +334,14 @@ def test_crazyflow_itself_takes_the_section():
         timeout=120,
     )
     assert ended.returncode == 0, ended.stderr
-    acceleration, angular = json.loads(ended.stdout.splitlines()[-1])
+    acceleration, angular, limits = json.loads(ended.stdout.splitlines()[-1])
+    assert limits == pytest.approx([0.0, FULL / (2 * np.pi / 60)], rel=1e-6)
     body = body_of()
     alpha, dw = motion(body, vehicle())
     expected = com_acceleration(body, alpha, dw) - [0, 0, 9.80665]
-    np.testing.assert_allclose(acceleration, expected, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(acceleration[:2], expected[:2], atol=1e-8)
+    lift = KT * (SPEEDS**2).sum() / MASS - 9.80665
+    assert acceleration[2] == pytest.approx(lift, rel=1e-8)
     np.testing.assert_allclose(angular, dw, rtol=1e-8, atol=1e-8)
 
 

@@ -106,6 +106,7 @@ def test_plugins_give_thrust_and_reaction(target):
     root = ET.fromstring(text if target == "gazebo" else f"<model>{text}</model>")
     plugins = plugins_of(root)
     assert [int(p["motorNumber"]) for p in plugins] == [0, 1, 2, 3]
+    assert [p["actuator_number"] for p in plugins] == [p["motorNumber"] for p in plugins]
     speeds = np.array([800.0, 850.0, 900.0, 700.0])
     for i, plugin in enumerate(plugins):
         spin = {"ccw": 1, "cw": -1}[plugin["turningDirection"]]

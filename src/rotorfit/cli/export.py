@@ -24,6 +24,7 @@ from rotorfit.export.table import (
 from rotorfit.export.target_names import AnyTargetName, TargetName
 from rotorfit.export.targets import export
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.sound_result import load_sound
 from rotorfit.logs.files import write_whole
 
 DOUBTFUL = ("weak", "removed", "assumed", "from-ratio")
@@ -50,7 +51,7 @@ def run(request: ExportRequest) -> None:
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--assume") from error
     refuse_output_file(request.output, inputs=[request.result], force=request.force)
-    result = IdentificationResult.load(request.result)
+    result = load_sound(request.result)
     if request.target == "table":
         if assumed or request.project:
             raise typer.BadParameter("table is of flights, and takes no --assume and no --project")

@@ -16,14 +16,14 @@ from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
-from rotorfit.export.vehicle_model import owner_of, vehicle_model
-from rotorfit.identification.experiment import experiment_of_settings
+from rotorfit.export.vehicle_model import described_by, owner_of, terms_left_out, vehicle_model
 from rotorfit.identification.fly_outcome import IDENTIFIED, FlyOutcome
 from rotorfit.identification.model_flight import MANOEUVRES, ModelFlight
 from rotorfit.identification.replay import WINDOW
 from rotorfit.identification.replay_flights import Timed, replay_flights
 from rotorfit.identification.replay_vehicle import replay_vehicle
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.sound_result import load_sound
 from rotorfit.identification.validate import found_response
 from rotorfit.logs.files import write_whole
 
@@ -71,7 +71,7 @@ def run(request: FlyRequest) -> None:
     _refuse_outputs(request)
     if request.log_number is not None and not request.flights:
         raise typer.BadParameter("--log is of a --flight, which names the file")
-    result = IdentificationResult.load(request.result)
+    result = load_sound(request.result)
     with threadpool_limits(limits=1, user_api="blas"):
         outcome = _outcome(request, result, assumed, bench)
     _write(request, outcome)
@@ -172,7 +172,7 @@ def _body(assumed: Mapping[str, float]) -> dict[str, float]:
 
 def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) -> None:
     """Raise if numbers per rad/s are to stand among numbers per command."""
-    motors = experiment_of_settings(result.settings).motors
+    motors = described_by(result).motors
     if motors.speed == "measured" or motors.law is not None:
         return
     wrong = [n for n in assumed if n.split("_")[0] in PER_SPEED or n == "max_speed"]
@@ -189,7 +189,7 @@ def _other(path: Path, owner: str, assumed: Mapping[str, float]) -> _Side:
 
     What it has is its own; where it lacks something, the user's numbers stand for it too.
     """
-    other = IdentificationResult.load(path)
+    other = load_sound(path)
     names = {p.configuration for p in other.parameters}
     try:
         whose = owner_of(other, owner if owner in names else None)
@@ -227,13 +227,17 @@ def _notes(
         given = ", ".join(f"{name}={value:g}" for name, value in bench.items())
         notes.append(f"bench: {given}; all else as identified, which favours it")
     notes += model.notes
+    drag = [p.name for p in result.parameters if p.name.startswith("drag_") and p.value]
+    terms = [t for t in terms_left_out(result, model.configuration) if t.split()[0] not in drag]
+    if terms:
+        notes.append(f"identified, and in the replay only: {', '.join(terms)}")
     own = [p.value is not None for p in result.parameters if p.name.startswith("kt_")]
     if any(own) and not all(own):
         notes.append(
             "only some rotors have a kt of their own: hover is out of trim, which the CoM and all "
             "rotors make together; identify again with terms that leave rotor_spread out"
         )
-    if any(p.name.startswith("drag_") and p.value for p in result.parameters):
+    if drag:
         notes.append("the result knows the frame's drag; replay and MuJoCo leave it out")
     return notes
 

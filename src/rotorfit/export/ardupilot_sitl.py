@@ -3,8 +3,10 @@
 Source: ArduPilot, libraries/SITL/SIM_Frame.cpp and .h (load_frame_params: mass, diagonal_size,
 moment_inertia [Ixx, Iyy, Izz], propExpo = MOT_THST_EXPO, hoverThrOut, num_motors, motorN_position,
 motorN_yaw; what is not in the file keeps its default) and SIM_Motor.cpp (position from the CoM in
-body FRD; torque about z = 0.05 diagonal_size yaw command thrust, positive for ccw). Comments begin
-with # as in Tools/autotest/models.
+body FRD; torque about z = 0.05 diagonal_size yaw command thrust, positive for ccw; the command is
+(output - spin_min) / (spin_max - spin_min), by default 0.15 and 0.95: the law is of the whole
+output, so that spin_min is where it begins, and spin_max 1). Comments begin with # as in
+Tools/autotest/models; the reader begins at the first brace, even of a comment: none has one.
 """
 
 import json
@@ -14,10 +16,11 @@ import numpy as np
 
 from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.motor_law import thrust_curve
+from rotorfit.export.motor_law import ThrustCurve, dead_zone, thrust_curve
 from rotorfit.export.px4 import hover_thrust
 from rotorfit.export.units import frd, text
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
+from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.model.layouts import layout_rotors
 
 NEEDS = (*BODY, *ROTORS)
@@ -48,7 +51,9 @@ def write_ardupilot_sitl(model: VehicleModel, head: Sequence[str]) -> str:
         fields[f"motor{i}_position"] = _list(frd(arm).tolist())
     fields |= _thrust(model, 2.0 * float(radius.mean()))
     body = ",\n".join(f"    {json.dumps(name)}: {value}" for name, value in fields.items())
-    return hash_comment(noted(head, *_remarks(model, frame))) + f"\n{{\n{body}\n}}\n"
+    comment = hash_comment(noted(head, *_remarks(model, frame)))
+    comment = comment.translate(str.maketrans("{}", "()"))
+    return comment + f"\n{{\n{body}\n}}\n"
 
 
 def frame_of(model: VehicleModel) -> str:
@@ -87,14 +92,20 @@ def _thrust(model: VehicleModel, diagonal: float) -> dict[str, str]:
     """Return the thrust curve, hover throttle and yaw torque, where the law is known."""
     if model.law is None:
         return {}
-    curve = thrust_curve(model.law)
+    start = dead_zone(model.law)
+    curve = _curve(model.law)
     hover = hover_thrust(model)
     scale = YAW_SCALE * diagonal * curve.command(hover)
     yaw = {
         f"motor{i}_yaw": text(rotor.spin * model.kd / rotor.kt / scale)
         for i, rotor in enumerate(model.rotors, start=1)
     }
-    return {"propExpo": text(curve.factor), "hoverThrOut": text(hover), **yaw}
+    spin = {"spin_min": text(start), "spin_max": "1"}
+    return {"propExpo": text(curve.factor), "hoverThrOut": text(hover), **spin, **yaw}
+
+
+def _curve(law: SpeedLaw) -> ThrustCurve:
+    return thrust_curve(law, start=dead_zone(law))
 
 
 def _remarks(model: VehicleModel, frame: str) -> list[str]:
@@ -109,7 +120,12 @@ def _remarks(model: VehicleModel, frame: str) -> list[str]:
             "propExpo, hoverThrOut and yaw torque are left out: no law from command to rotor speed "
             "is known (law under [motors] of the experiment)",
         ]
-    return [*remarks, "yaw torque, in proportion to command times thrust there, is right in hover"]
+    return [
+        *remarks,
+        f"propExpo is fitted to the law, within {100 * _curve(model.law).error:.2g} % of full "
+        "thrust; spin_min to spin_max is the law's range of the output (PWM 1000 to 2000)",
+        "yaw torque, in proportion to command times thrust there, is right in hover",
+    ]
 
 
 def _list(values: Sequence[float]) -> str:

@@ -4,7 +4,9 @@ Names, units and signs are those of gz-sim, src/systems/multicopter_motor_model/
 MulticopterMotorModel.cc: thrust = motorConstant w^2 along z of the rotor's link; torque on the
 parent link = -turningDirection momentConstant thrust (ccw: +1); the speed follows its command with
 timeConstantUp or timeConstantDown, whichever way it goes. The two coefficients of rotor drag, which
-are left out, have defaults other than zero there, and are written as zero.
+are left out, have defaults other than zero there, and are written as zero. The place of a rotor in
+the commands is motorNumber in gz-sim 6, and actuator_number in newer ones, which warn of the
+former: both are written.
 """
 
 from collections.abc import Sequence
@@ -47,6 +49,7 @@ def _plugin(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
         ("momentConstant", text(model.kd / rotor.kt)),
         ("commandSubTopic", "command/motor_speed"),
         ("motorNumber", str(i)),
+        ("actuator_number", str(i)),
         ("rotorDragCoefficient", "0"),
         ("rollingMomentCoefficient", "0"),
         ("rotorVelocitySlowdownSim", text(SLOWDOWN)),

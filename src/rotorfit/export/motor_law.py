@@ -46,14 +46,22 @@ def full_speed_of(law: SpeedLaw) -> float:
     return float(speeds(law, np.array([1.0]))[0])
 
 
-def thrust_curve(law: SpeedLaw) -> ThrustCurve:
+def dead_zone(law: SpeedLaw) -> float:
+    """Return the largest command at which a law's rotor stands; 0 where it turns at any."""
+    standing = np.flatnonzero(speeds(law, GRID) <= 0.0)
+    return float(GRID[standing[-1]]) if len(standing) else 0.0
+
+
+def thrust_curve(law: SpeedLaw, *, start: float = 0.0) -> ThrustCurve:
     """Return the curve nearest to a law, in the mean square of thrust over all commands.
+
+    Its command u is 0 at the command `start` of the law, and 1 at full command.
 
     Thrust goes with the speed squared; r = f u^2 + (1 - f) u is r - u = f (u^2 - u), so that f is
     one quotient, kept between 0 and 1 as both autopilots do.
     """
     u = GRID
-    speed = speeds(law, u)
+    speed = speeds(law, start + (1.0 - start) * u)
     relative = (speed / speed[-1]) ** 2
     bend = u**2 - u
     f = float(np.clip(bend @ (relative - u) / (bend @ bend), 0.0, 1.0))

@@ -54,6 +54,12 @@ def refuse_signs(model: VehicleModel) -> None:
     ]
     named += [(f"kt_{i + 1}", rotor.kt) for i, rotor in enumerate(model.rotors)]
     named += [("Jr", 1.0 if model.Jr is None else model.Jr)]
+    for name, value in (("motor_lag_up", model.lag_up), ("motor_lag_down", model.lag_down)):
+        if value < 0.0:
+            raise OutputError(
+                f"{name} is {value:.3g} s, and no motor answers before its command; pass --assume "
+                "motor_lag=VALUE"
+            )
     for name, value in named:
         if value <= 0.0:
             raise OutputError(

@@ -19,6 +19,7 @@ from rotorfit.export.motor_law import ThrustCurve, speeds, thrust_curve
 from rotorfit.export.units import frd, text
 from rotorfit.export.vehicle import COM, ROTORS, VehicleModel
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw
 
 NEEDS = ("mass", *COM, *ROTORS)
 MOST_ROTORS = 12
@@ -28,6 +29,10 @@ MOST_THRUST = 100.0
 HOVER_RANGE = (0.1, 0.8)
 """Of MPC_THR_HOVER."""
 SIM_CHANNELS = 8
+SIM_RANGE = 1000.0
+"""Largest SIM_GZ_EC_MAXn by gz_bridge/module.yaml, which PX4 itself does not hold to."""
+SAME_CURVE = 0.02
+"""Factors that differ by less are the same."""
 INTEGER, FLOAT = 6, 9
 
 Parameter = tuple[str, float, int]
@@ -46,7 +51,9 @@ def write_px4(model: VehicleModel, head: Sequence[str]) -> str:
         "positions and axes in body FRD (x forward, y right, z down), positions from the CoM [m]; "
         "rotor n here is motor n+1 of PX4, in the order of the log's motors",
         "KM = kd/kt [m], positive for ccw seen from above",
+        *_coefficient_remarks(model),
         *_thrust_remarks(model),
+        *_simulation_remarks(model),
     )
     return params_file(comment, parameters)
 
@@ -67,11 +74,26 @@ def _geometry(model: VehicleModel) -> list[Parameter]:
         out += [(f"CA_ROTOR{i}_P{axis}", value, FLOAT) for axis, value in places]
         directions = zip("XYZ", frd(rotor.axis).tolist(), strict=True)
         out += [(f"CA_ROTOR{i}_A{axis}", value, FLOAT) for axis, value in directions]
-        full = rotor.kt * model.max_speed**2
-        if full <= MOST_THRUST:
-            out.append((f"CA_ROTOR{i}_CT", full, FLOAT))
+        if _has_coefficients(model):
+            out.append((f"CA_ROTOR{i}_CT", rotor.kt * model.max_speed**2, FLOAT))
         out.append((f"CA_ROTOR{i}_KM", rotor.spin * model.kd / rotor.kt, FLOAT))
     return out
+
+
+def _has_coefficients(model: VehicleModel) -> bool:
+    """Say whether CT can be written for all rotors: PX4 compares them with each other."""
+    return max(rotor.kt for rotor in model.rotors) * model.max_speed**2 <= MOST_THRUST
+
+
+def _coefficient_remarks(model: VehicleModel) -> list[str]:
+    if _has_coefficients(model):
+        return ["CT = kt times the squared speed at full command [N]"]
+    why = (
+        f"a rotor gives over {MOST_THRUST:g} N, more than PX4 takes"
+        if np.isfinite(model.max_speed)
+        else "the speed at full command is not known (--assume max_speed=VALUE)"
+    )
+    return [f"CT is left out, and rotors stay as PX4 has them, equal: {why}"]
 
 
 def hover_thrust(model: VehicleModel) -> float:
@@ -118,10 +140,41 @@ def _simulation(model: VehicleModel) -> list[Parameter]:
     """Return the outputs of PX4 in Gazebo: rotor speed in rad/s at no and at full command."""
     if model.in_commands or not np.isfinite(model.max_speed) or len(model.rotors) > SIM_CHANNELS:
         return []
-    idle = 0.0 if model.law is None else float(speeds(model.law, np.zeros(1))[0])
+    idle = _idle(model)
     out: list[Parameter] = []
     for i in range(1, len(model.rotors) + 1):
         out.append((f"SIM_GZ_EC_FUNC{i}", 100.0 + i, INTEGER))
         out.append((f"SIM_GZ_EC_MIN{i}", float(round(idle)), INTEGER))
         out.append((f"SIM_GZ_EC_MAX{i}", float(round(model.max_speed)), INTEGER))
     return out
+
+
+def _idle(model: VehicleModel) -> float:
+    """Return the rotor speed at no command [rad/s]."""
+    return 0.0 if model.law is None else float(speeds(model.law, np.zeros(1))[0])
+
+
+def _simulation_remarks(model: VehicleModel) -> list[str]:
+    """Return what differs in Gazebo, where the rotor speed is linear in the output."""
+    if len(model.rotors) > SIM_CHANNELS:
+        return [f"SIM_GZ_EC_* are left out: PX4 has {SIM_CHANNELS} of them"]
+    if model.in_commands or not np.isfinite(model.max_speed):
+        return ["SIM_GZ_EC_* are left out: the speed at full command is not known"]
+    remarks: list[str] = []
+    if model.max_speed > SIM_RANGE:
+        remarks.append(
+            f"SIM_GZ_EC_MAX is {model.max_speed:.0f}, over the {SIM_RANGE:g} that its description "
+            "in PX4 has as the largest"
+        )
+    slope = model.max_speed - _idle(model)
+    linear = thrust_curve(SpeedLaw(curve=PolynomialLaw((_idle(model), slope))))
+    curve = _curve(model)
+    if curve is None or abs(curve.factor - linear.factor) > SAME_CURVE:
+        own = (
+            "" if curve is None else f", while the {curve.factor:.3g} here is of the vehicle's ESCs"
+        )
+        remarks.append(
+            "in Gazebo the speed is linear in the output (SIM_GZ_EC_MIN to MAX): set THR_MDL_FAC "
+            f"to {linear.factor:.3g} there{own}"
+        )
+    return remarks

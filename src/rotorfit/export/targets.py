@@ -2,7 +2,7 @@
 
 import datetime
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from rotorfit.export import (
@@ -20,7 +20,7 @@ from rotorfit.export import (
 from rotorfit.export.header import header_lines
 from rotorfit.export.target_names import TargetName
 from rotorfit.export.vehicle import Speed, VehicleModel
-from rotorfit.export.vehicle_model import vehicle_model
+from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
 from rotorfit.identification.result import IdentificationResult
 
 Writer = Callable[[VehicleModel, Sequence[str]], str]
@@ -53,7 +53,9 @@ TARGETS: Final[Mapping[TargetName, Target]] = {
     "mujoco": Target(write=mjcf.write_mujoco, needs=mjcf.NEEDS),
     "urdf": Target(write=urdf.write_urdf, needs=urdf.NEEDS),
     "rotorpy": Target(write=rotorpy.write_rotorpy, needs=rotorpy.NEEDS),
-    "ardupilot-sitl": Target(write=ardupilot_sitl.write_ardupilot_sitl, needs=ardupilot_sitl.NEEDS),
+    "ardupilot-sitl": Target(
+        write=ardupilot_sitl.write_ardupilot_sitl, needs=ardupilot_sitl.NEEDS, speed="full-command"
+    ),
     "crazyflow": Target(write=crazyflow.write_crazyflow, needs=crazyflow.NEEDS),
     "casadi": Target(write=casadi.write_casadi, needs=casadi.NEEDS),
 }
@@ -107,5 +109,9 @@ def export(
         speed=chosen.speed,
         project=project,
     )
+    terms = terms_left_out(result, model.configuration)
+    if terms:
+        words = f"identified, and left out here: {', '.join(terms)}"
+        model = replace(model, notes=(*model.notes, words))
     head = header_lines(model, result, target=target, date=date or datetime.date.today())
     return Export(text=chosen.write(model, head), model=model)

@@ -28,6 +28,7 @@ from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.identification.experiment import Experiment, experiment_of_settings, vehicle_of
 from rotorfit.identification.law_entry import speed_law_of
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.sound_result import refuse_unsound
 from rotorfit.model.parameters import inertia_matrix
 from rotorfit.model.vehicle import Vehicle
 
@@ -65,8 +66,9 @@ def vehicle_model(
         If a needed number is not known and not assumed, the inertia is not physical, or the result
         does not describe a vehicle.
     """
+    refuse_unsound(result)
     owner = owner_of(result, configuration)
-    experiment = _experiment(result)
+    experiment = described_by(result)
     law = None if experiment.motors.law is None else speed_law_of(experiment.motors.law)
     given = dict(assumed or {})
     _refuse_other_mass(result, owner, given)
@@ -104,6 +106,8 @@ def owner_of(result: IdentificationResult, configuration: str | None) -> str:
         If it is not in the result, or not said where there are several.
     """
     names = list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
+    if not names:
+        raise OutputError("the result has no configuration, and nothing to export; identify again")
     if configuration is None and len(names) == 1:
         return names[0]
     if configuration in names:
@@ -114,10 +118,17 @@ def owner_of(result: IdentificationResult, configuration: str | None) -> str:
     )
 
 
-def _experiment(result: IdentificationResult) -> Experiment:
+def described_by(result: IdentificationResult) -> Experiment:
+    """Return the experiment of a result's settings.
+
+    Raises
+    ------
+    OutputError
+        If they are not those of an experiment.
+    """
     try:
         return experiment_of_settings(result.settings)
-    except ExperimentError as error:
+    except (ExperimentError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise OutputError(
             f"the result's settings do not describe its vehicle ({error}); identify again"
         ) from error
@@ -196,7 +207,6 @@ def _assembled(
         return number.value if isinstance(number, Number) else otherwise
 
     lag, notes = value("motor_lag"), _notes(numbers, vehicle, law)
-    notes = (*notes, *_left_out(result, owner))
     com = np.array([value(name) for name in COM])
     Jr = numbers.get("Jr")
     return VehicleModel(
@@ -262,19 +272,18 @@ def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[
 
 
 _TERMS: Final = (
-    *("twist", "rotor_drag", "drag_x", "drag_y", "drag_z"),
+    *("motor_delay", "twist", "rotor_drag", "drag_x", "drag_y", "drag_z"),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
 
 
-def _left_out(result: IdentificationResult, owner: str) -> tuple[str, ...]:
-    """Return the terms of the identified model that no target is written with."""
-    found = [
+def terms_left_out(result: IdentificationResult, owner: str) -> list[str]:
+    """Return the terms of the identified model that no target is written with, in words."""
+    return [
         f"{p.name} = {p.value:.3g}{_half(p.interval)} {p.unit}"
         for p in result.parameters
         if p.name in _TERMS and p.configuration in (None, owner) and p.value
     ]
-    return (f"identified, and left out here: {', '.join(found)}",) if found else ()
 
 
 def _half(interval: tuple[float, float] | None) -> str:
