@@ -189,6 +189,8 @@ def test_a_page_is_written_once(run, refused, here):
     ended = run("inspect", "flight.csv", "--report", "page.html")
     assert (ended.code, ended.err) == (0, "rotorfit: wrote page.html\n")
     page = (here / "page.html").read_text(encoding="utf-8")
+    assert 'content="width=device-width' in page  # a telephone shows it at its own width
+    assert page.index('<div class="scroll"><table') < page.index("</table></div>")
     assert "<h1>flight.csv</h1>" in page and "What this flight could tell" in page
     assert "http" not in page.replace("http-equiv", "")
     assert "page.html exists" in refused("inspect", "flight.csv", "--report", "page.html")

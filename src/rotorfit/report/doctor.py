@@ -339,6 +339,7 @@ def page(reports: list[LogReport]) -> str:
     body = "\n".join(map(_article, reports))
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<meta http-equiv="Content-Security-Policy" '
         "content=\"default-src 'none'; style-src 'unsafe-inline'\">"
         f"<title>Flight logs</title>\n<style>\n{style}</style></head>\n<body><main>\n{body}\n"
@@ -356,9 +357,10 @@ def _article(report: LogReport) -> str:
     )
     return (
         f"<h1>{escape(Path(report.file).name)}</h1>\n<p>{escape(report.format)}, log {report.log}, "
-        f"{report.seconds:.1f} s; airborne: {_spans(report.airborne)}</p>\n<table><thead><tr>"
+        f"{report.seconds:.1f} s; airborne: {_spans(report.airborne)}</p>\n"
+        '<div class="scroll"><table class="channels"><thead><tr>'
         f"{''.join(f'<th>{cell}</th>' for cell in cells)}</tr></thead><tbody>\n{rows}\n"
-        f"</tbody></table>\n{lists}"
+        f"</tbody></table></div>\n{lists}"
     )
 
 
