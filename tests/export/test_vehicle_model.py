@@ -510,3 +510,35 @@ def test_the_misfit_of_a_thrust_curve_is_told():
             ((f * u**2 + (1 - f) * u - relative) ** 2).sum() for f in (curve.factor, other)
         )
         assert here <= there or not 0 <= other <= 1
+
+
+def half_width(value, half):
+    return {"value": value, "interval": (value - half, value + half)}
+
+
+WEAK_AT_THE_ORIGIN = {"verdict": "weak", "reason": "known only to +-50 %"}
+
+
+@pytest.mark.parametrize(
+    ("name", "interval", "twin", "origin"),
+    [
+        ("Ixz_com", half_width(6e-4, 1e-4), WEAK_AT_THE_ORIGIN, "identified"),
+        ("Ixz_com", half_width(6e-4, 4e-4), {}, "weak"),
+        ("Ixy_com", half_width(1e-6, 1e-4), {}, "identified"),  # sqrt(Ixx Iyy)/20 is 9e-4
+        ("Ixx_com", half_width(0.018, 0.002), WEAK_AT_THE_ORIGIN, "identified"),
+        ("Ixx_com", half_width(0.018, 0.006), {}, "weak"),
+        ("com_x", half_width(0.004, 0.004), {}, "identified"),
+        ("com_x", half_width(0.004, 0.001), WEAK_AT_THE_ORIGIN, "weak"),
+    ],
+)
+def test_what_is_about_the_com_is_weak_where_the_report_says_so(name, interval, twin, origin):
+    from rotorfit.report.parameters import body_verdict
+
+    at_origin = name.removesuffix("_com").replace("com_", "ms")
+    result = changed(a_result(), **{name: interval, at_origin: twin})
+    number = next(n for n in vehicle_model(result).numbers if n.name == name)
+    assert number.origin == origin
+    kin = {d.name: d for d in result.derived}
+    assert body_verdict(kin[name], result.parameter(at_origin), kin) == origin
+    if name == "Ixx_com" and origin == "weak":
+        assert number.remark == "known only to +-33 %"

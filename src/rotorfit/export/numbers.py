@@ -172,7 +172,7 @@ def _about_com(
             number = _of_derived(derived[name], why)
             if isinstance(number, Missing) and isinstance(twin, Missing):
                 number = replace(number, verdict=twin.verdict)
-            out[name] = _marked(number, twin)
+            out[name] = _marked(number, twin, derived)
         else:
             out[name] = _computed(name, parameters)
     return out
@@ -183,18 +183,41 @@ def _twin(name: str) -> str:
     return name.replace("com_", "ms") if name in COM else name.removesuffix("_com")
 
 
-def _marked(number: Number | Missing, twin: Number | Missing | None) -> Number | Missing:
-    """Return a number about the CoM, weak where its twin is, or its own interval is wide."""
-    if isinstance(number, Missing):
+def _marked(
+    number: Number | Missing, twin: Number | Missing | None, kin: Mapping[str, Derived]
+) -> Number | Missing:
+    """Return a number about the CoM, weak by its own interval, a CoM as its twin is.
+
+    Inertia about the CoM can be sharp where that at the origin is not, and the other way round: as
+    the report has it.
+    """
+    if isinstance(number, Missing) or (isinstance(twin, Number) and twin.origin == "given"):
         return number
-    if isinstance(twin, Number) and twin.origin == "weak":
-        return replace(number, origin="weak", remark=twin.remark)
-    if number.name in DIAGONAL and number.interval is not None:
-        half = 0.5 * (number.interval[1] - number.interval[0])
-        if half > WEAK * abs(number.value):
-            percent = 100.0 * half / max(abs(number.value), np.finfo(float).tiny)
-            return replace(number, origin="weak", remark=f"known only to +-{percent:.0f} %")
-    return number
+    size = _size_of(number, kin)
+    if size is None:
+        if isinstance(twin, Number) and twin.origin == "weak":
+            return replace(number, origin="weak", remark=twin.remark)
+        return number
+    low, high = number.interval or (number.value, number.value)
+    relative = 0.5 * (high - low) / size if size else 0.0
+    if relative <= WEAK:
+        return number
+    return replace(number, origin="weak", remark=f"known only to +-{100.0 * relative:.0f} %")
+
+
+def _size_of(number: Number, kin: Mapping[str, Derived]) -> float | None:
+    """Return what half an interval is measured by; None where only the twin's verdict tells.
+
+    The value; of a product of inertia at least sqrt(Iii Ijj)/20.
+    """
+    if number.name in COM or number.interval is None:
+        return None
+    if number.name in DIAGONAL:
+        return abs(number.value)
+    i, j = number.name[1:3]
+    moments = [d.value for d in (kin.get(f"I{i}{i}_com"), kin.get(f"I{j}{j}_com")) if d]
+    known = [abs(value) for value in moments if value is not None]
+    return max(abs(number.value), (known[0] * known[1]) ** 0.5 / 20.0) if len(known) == 2 else None
 
 
 def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number | Missing:
