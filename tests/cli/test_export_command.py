@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import os
 import sys
 from pathlib import Path
 from typing import get_args, get_type_hints
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 
 from rotorfit.cli.main import export
+from rotorfit.errors import OutputError
 from rotorfit.export.table import columns_of, table_files
 from rotorfit.export.targets import TARGETS
+from rotorfit.export.write import write_export
 from rotorfit.identification.comparison import WrenchComparison
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.parquet import open_parquet
@@ -207,3 +210,17 @@ def test_a_lag_below_zero_is_refused(refused, there):
     )
     words = refused("export", "early.json", "--to", "mujoco", "-o", "out.xml")
     assert "motor_lag_up is -0.01 s, and no motor answers before its command" in words
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
+def test_a_device_or_a_pipe_is_never_replaced(refused, there):
+    """As root, a file would else be moved into the place of /dev/null."""
+    os.mkfifo(there / "pipe")
+    words = refused("export", "result.json", "--to", "px4", "-o", "pipe", "--force")
+    assert "pipe is a device or a pipe, and no file" in words
+    assert (there / "pipe").is_fifo()
+    refused("fly", "result.json", "-o", "pipe", "--force")
+    refused("fly", "result.json", "--report", "pipe", "--force")
+    with pytest.raises(OutputError, match="no file"):
+        write_export(there / "pipe", a_result(), "px4", force=True)
+    assert (there / "pipe").is_fifo()
