@@ -206,6 +206,22 @@ def test_nobody_reads_on(saved):
     assert (ended.returncode, ended.stderr) == (0, "")
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_a_full_disk_under_what_is_printed_is_no_fault_of_ours(saved):
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [PROGRAM, "inspect", saved / "flight.csv"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("rotorfit: the result cannot be printed (No space left")
+    assert ended.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize("fault", [ValueError("odd\nvalue"), MemoryError(), RecursionError("deep")])
 def test_a_fault_of_ours_is_one_line(refused_fault, fault):
     line = refused_fault(fault)

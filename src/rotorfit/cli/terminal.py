@@ -9,6 +9,8 @@ from typing import NoReturn
 
 import typer
 
+from rotorfit.errors import OutputError
+
 DEBUG = "ROTORFIT_DEBUG"
 STOPPED = 130
 """The exit code of a program that Ctrl-C ended, by custom of the shells."""
@@ -17,8 +19,16 @@ STOPPED = 130
 def show(text: str) -> None:
     """Print a result on stdout."""
     # Not typer.echo: it takes an ASCII terminal for a mistake, and writes UTF-8 to it.
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+    try:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        _drop_stdout()
+        raise OutputError(
+            f"the result cannot be printed ({error.strerror}): make room, or print to another place"
+        ) from None
 
 
 def say(words: str) -> None:
@@ -67,7 +77,11 @@ def interruptible() -> Generator[None]:
         say("rotorfit: stopped")
         raise typer.Exit(STOPPED) from None
     except BrokenPipeError:
-        # Python would complain once more when it flushes stdout at the end.
-        with suppress(OSError, ValueError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_stdout()
         raise typer.Exit(0) from None
+
+
+def _drop_stdout() -> None:
+    """Let the rest go nowhere: Python would complain once more when it flushes at the end."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
