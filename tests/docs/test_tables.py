@@ -2,10 +2,13 @@
 
 import re
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 
+from rotorfit.identification.experiment import Experiment, load_experiment
 from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 
@@ -61,3 +64,34 @@ def test_every_layout_and_parameter_is_among_the_conventions():
     shown = {"Iyy", "Izz", "Ixy", "Ixz"}  # within Ixx ... Iyz
     assert [stem for stem in sorted(stems - shown) if stem not in page] == []
     assert "`Ixx_over_kt` and kin" in page
+
+
+def keys_of(kind: Any) -> set[str]:
+    """Return every key that an experiment file may hold, from what is read of it."""
+    if not (isinstance(kind, type) and issubclass(kind, BaseModel)):
+        return {key for part in get_args(kind) for key in keys_of(part)}
+    fields = kind.model_fields
+    return set(fields) | {key for f in fields.values() for key in keys_of(f.annotation)}
+
+
+COLUMN_KEYS = {"unit", "scale", "offset", "range"}  # of a map of columns: they stand in logs.md
+
+
+@pytest.mark.parametrize(
+    ("file", "keys"),
+    [
+        ("docs/experiment.md", keys_of(Experiment) - COLUMN_KEYS),
+        ("examples/experiment.toml", keys_of(Experiment) - COLUMN_KEYS),
+        ("docs/logs.md", COLUMN_KEYS),
+    ],
+)
+def test_every_key_of_an_experiment_is_told(file, keys):
+    text = (ROOT / file).read_text(encoding="utf-8")
+    assert len(keys) >= 4
+    assert [key for key in sorted(keys) if not re.search(rf"\b{key}\b", text)] == []
+
+
+def test_the_example_is_an_experiment():
+    experiment = load_experiment(ROOT / "examples" / "experiment.toml")
+    assert [entry.name for entry in experiment.configuration] == ["A", "B"]
+    assert experiment.airframe.arm_std == 0.001
