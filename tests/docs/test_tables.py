@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from rotorfit.identification.experiment import Experiment, load_experiment
+from rotorfit.identification.experiment import Experiment
 from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 
@@ -89,9 +89,3 @@ def test_every_key_of_an_experiment_is_told(file, keys):
     text = (ROOT / file).read_text(encoding="utf-8")
     assert len(keys) >= 4
     assert [key for key in sorted(keys) if not re.search(rf"\b{key}\b", text)] == []
-
-
-def test_the_example_is_an_experiment():
-    experiment = load_experiment(ROOT / "examples" / "experiment.toml")
-    assert [entry.name for entry in experiment.configuration] == ["A", "B"]
-    assert experiment.airframe.arm_std == 0.001
