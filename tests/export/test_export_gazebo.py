@@ -18,6 +18,7 @@ from export_material import (
     ROTORS,
     a_result,
     changed,
+    flat,
     not_identified,
     saved,
     steiner,
@@ -141,3 +142,10 @@ def test_rotor_inertia_larger_than_the_body_is_refused():
     heavy = changed(a_result(), Jr={"value": 4e-3, "interval": (3e-3, 5e-3)})
     with pytest.raises(OutputError, match="Jr is too large for the vehicle"):
         text_of(heavy, "gazebo")
+
+
+def test_without_jr_the_spin_inertia_is_said_to_be_none():
+    text = text_of(flat(), "gazebo")
+    assert "0.0001 of the vehicle's Izz, too small to matter, for want of Jr" in text
+    assert "spin inertia is 10 Jr" not in text
+    assert "spin inertia is 10 Jr" in text_of(a_result(), "gazebo")

@@ -52,8 +52,8 @@ def write_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
         head,
         "inertia of each link is about its own CoM; base_link and rotors together have mass, CoM "
         "and inertia of the numbers above",
-        f"joints turn {SLOWDOWN:g} times slower than the rotors (rotorVelocitySlowdownSim); their "
-        f"links' spin inertia is {SLOWDOWN:g} Jr",
+        f"joints turn {SLOWDOWN:g} times slower than the rotors (rotorVelocitySlowdownSim); "
+        + _spin_words(model),
         "rotor discs are for show: their size is not known to rotorfit",
     )
     links = [_base_link(base, model)]
@@ -69,6 +69,15 @@ def write_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
         + "".join(links)
         + motor_plugins(model)
         + "  </model>\n</sdf>\n"
+    )
+
+
+def _spin_words(model: VehicleModel) -> str:
+    if model.Jr:
+        return f"their links' spin inertia is {SLOWDOWN:g} Jr"
+    return (
+        f"Gazebo wants a spin inertia of their links: {NO_SPIN_INERTIA:g} of the vehicle's Izz, too "
+        "small to matter, for want of Jr"
     )
 
 
