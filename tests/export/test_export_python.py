@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from export_material import (
     COM,
+    IMU,
     INERTIA_COM,
     KD,
     KT,
@@ -34,6 +35,22 @@ def test_the_dictionary_has_the_vehicle(tmp_path):
     assert found["rotor_pos"]["r2"] == pytest.approx(np.array(ROTORS[1][0]) - COM, abs=1e-12)
     assert [found[f"I{a}"] for a in ("xx", "yy", "zz")] == pytest.approx(np.diag(INERTIA_COM))
     assert (found["k_eta"], found["k_m"], found["tau_m"]) == pytest.approx((KT, KD, LAG))
+
+
+def test_the_dictionary_turns_as_the_vehicle_by_rotorpy_s_formulas(tmp_path):
+    """multirotor.py: M = sum r x k_eta w^2 z + rotor_directions k_m w^2 z; + is a cw rotor."""
+    p = runpy.run_path(str(saved(tmp_path, flat(), "rotorpy", "params.py")))["quad_params"]
+    thrust = np.outer(p["k_eta"] * SPEEDS**2, [0.0, 0.0, 1.0])
+    places = np.array([p["rotor_pos"][f"r{i}"] for i in range(1, 5)])
+    torque = np.cross(places, thrust).sum(axis=0)
+    torque[2] += float(p["rotor_directions"] @ (p["k_m"] * SPEEDS**2))
+    x, y, z = (p[f"I{a}"] for a in ("xx", "yy", "zz"))
+    I = np.array([[x, p["Ixy"], p["Ixz"]], [p["Ixy"], y, p["Iyz"]], [p["Ixz"], p["Iyz"], z]])
+    _, dw = motion(body_of(kt=np.full(4, KT), Jr=0.0), vehicle())
+    np.testing.assert_allclose(
+        np.linalg.solve(I, torque - np.cross(RATES, I @ RATES)), dw, rtol=1e-9, atol=1e-8
+    )
+    np.testing.assert_allclose(p["rI"], IMU - COM, atol=1e-12)
 
 
 def test_rotorpy_flies_it(tmp_path):
