@@ -123,3 +123,10 @@ def test_a_rotor_out_of_this_world_is_refused(tmp_path):
     path.write_text(f'airframe = {{ rotors = [{entries}] }}\n[[configuration]]\nflights = ["a"]\n')
     with pytest.raises(ExperimentError, match=r"m from the centre, expected 0\.01 to 5 m"):
         load_experiment(path)
+
+
+def test_an_experiment_file_of_endless_numbers_is_refused_at_once(tmp_path):
+    path = tmp_path / "experiment.toml"
+    path.write_text("[airframe]\nrotors = [" + "1," * 250_000 + "]\n")
+    with pytest.raises(ExperimentError, match="holds 250002 values, expected at most 20000"):
+        load_experiment(path)

@@ -2,9 +2,12 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from rotorfit.errors import ExperimentError
+
+MOST_VALUES: Final = 20_000
+"""In one file; each that is wrong would be told, at a kilobyte or two."""
 
 
 def file_as_table(data: Any, key: str) -> Any:
@@ -47,7 +50,26 @@ def read_toml(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise ExperimentError(f"{path} cannot be read as text ({error}); expected TOML") from error
     try:
-        return tomllib.loads(text)
+        tables = tomllib.loads(text)
     # Besides its own errors, tomllib gives a number of 4300 digits or deep nesting to Python.
     except (ValueError, RecursionError) as error:
         raise ExperimentError(f"{path} is not valid TOML: {error}") from error
+    if (count := _values(tables)) > MOST_VALUES:
+        raise ExperimentError(
+            f"{path} holds {count} values, expected at most {MOST_VALUES}; flights, rotors and laws "
+            "are named in an experiment file, their data stay in the logs"
+        )
+    return tables
+
+
+def _values(tables: dict[str, Any]) -> int:
+    """Return how many values there are, at any depth."""
+    count, left = 0, list[Any](tables.values())
+    while left:
+        value = left.pop()
+        count += 1
+        if isinstance(value, dict):
+            left.extend(cast("dict[str, Any]", value).values())
+        elif isinstance(value, list):
+            left.extend(cast("list[Any]", value))
+    return count
