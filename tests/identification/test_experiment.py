@@ -125,6 +125,19 @@ def test_a_wrong_mass_is_refused_once(tmp_path, mass, words):
     assert message.startswith("experiment.toml: ")
 
 
+@pytest.mark.parametrize("masses", [("0.95", '"unknown"'), ('"unknown"', '"unknown"')])
+def test_an_unknown_mass_stands_alone(tmp_path, masses):
+    first, second = masses
+    flights = (
+        f'name = "A"\nmass = {first}\nflights = ["a.csv"]\n'
+        f'[[configuration]]\nname = "B"\nmass = {second}\nflights = ["b.csv"]'
+    )
+    message = refusal(written(tmp_path, flights=flights))
+    assert f"configuration '{'A' if first == second else 'B'}': mass = \"unknown\" among" in message
+    assert "weigh it, or identify each configuration by a file of its own" in message
+    assert message.count("\n") == 0
+
+
 @pytest.mark.parametrize(
     ("part", "text", "words"),
     [

@@ -198,6 +198,19 @@ class Experiment(Strict):
                 raise ValueError(f"two configurations are named {name!r}; give each its own name")
         return self
 
+    @model_validator(mode="after")
+    def _masses_comparable(self) -> "Experiment":
+        # kt is one for all: per kilogram of one body it is another number than per kilogram of the
+        # next.
+        unknown = [entry.name for entry in self.configuration if entry.mass == "unknown"]
+        if unknown and len(self.configuration) > 1:
+            raise ValueError(
+                f'configuration {unknown[0]!r}: mass = "unknown" among several configurations, '
+                "which share the rotors: weigh it, or identify each configuration by a file of its "
+                "own; flights at the same unknown mass belong into one configuration"
+            )
+        return self
+
 
 def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) -> None:
     """Raise where a payload does not explain the difference of two configurations."""
