@@ -23,7 +23,6 @@ from rotorfit.export.table import (
 )
 from rotorfit.export.target_names import AnyTargetName, TargetName
 from rotorfit.export.targets import export
-from rotorfit.export.write import refuse_special_file
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.identification.sound_result import load_sound
 from rotorfit.logs.files import write_whole
@@ -51,7 +50,6 @@ def run(request: ExportRequest) -> None:
         assumed = parse_assumptions(request.assume)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--assume") from error
-    refuse_special_file(request.output)
     refuse_output_file(request.output, inputs=[request.result], force=request.force)
     result = load_sound(request.result)
     if request.target == "table":
@@ -120,7 +118,6 @@ def _write_tables(request: ExportRequest, result: IdentificationResult) -> None:
         raise OutputError(f"no flight of configuration {request.configuration!r} in the result")
     files = table_files(request.output, comparisons)
     for file in files:
-        refuse_special_file(file)
         refuse_output_file(file, inputs=[request.result], force=request.force)
     contents: list[str | bytes] = []
     for comparison in comparisons:

@@ -17,7 +17,6 @@ from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
 from rotorfit.export.vehicle_model import described_by, owner_of, terms_left_out, vehicle_model
-from rotorfit.export.write import refuse_special_file
 from rotorfit.identification.fly_outcome import IDENTIFIED, FlyOutcome
 from rotorfit.identification.model_flight import MANOEUVRES, ModelFlight
 from rotorfit.identification.replay import WINDOW
@@ -91,7 +90,6 @@ def _refuse_outputs(request: FlyRequest) -> None:
         raise typer.BadParameter("-o and --report name the same file")
     inputs = [request.result, *request.against, *request.flights]
     for path in files:
-        refuse_special_file(path)
         refuse_output_file(path, inputs=inputs, force=request.force)
     if request.figures is not None:
         refuse_output_folder(request.figures, FIGURES, force=request.force)

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from rotorfit.errors import OutputError
+from rotorfit.logs.files import refuse_special_file
 
 
 def refuse_output_file(path: Path, *, inputs: Iterable[Path], force: bool) -> None:
@@ -11,6 +12,7 @@ def refuse_output_file(path: Path, *, inputs: Iterable[Path], force: bool) -> No
     try:
         if path.is_dir():
             raise OutputError(f"{path} is a folder; name a file in it")
+        refuse_special_file(path)
         if not path.parent.is_dir():
             raise OutputError(f"{path}: there is no folder {path.parent}; make it first")
         if any(path.exists() and source.exists() and path.samefile(source) for source in inputs):

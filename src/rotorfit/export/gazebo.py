@@ -76,8 +76,8 @@ def _spin_words(model: VehicleModel) -> str:
     if model.Jr:
         return f"their links' spin inertia is {SLOWDOWN:g} Jr"
     return (
-        f"Gazebo wants a spin inertia of their links: {NO_SPIN_INERTIA:g} of the vehicle's Izz, too "
-        "small to matter, for want of Jr"
+        f"Gazebo wants a spin inertia of their links: {NO_SPIN_INERTIA:g} of the vehicle's Izz, "
+        "too small to matter, for want of Jr"
     )
 
 

@@ -103,6 +103,23 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def refuse_special_file(path: Path) -> None:
+    """Raise if a path is a device or a pipe, in whose place a file would be moved.
+
+    Parameters
+    ----------
+    path
+        Where a file is to be made.
+
+    Raises
+    ------
+    OutputError
+        With what is there.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OutputError(f"{path} is a device or a pipe, and no file; name a file")
+
+
 def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:
     """Write a file whole or not at all: under another name first, then moved into place.
 
@@ -118,8 +135,9 @@ def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> Non
     Raises
     ------
     OutputError
-        If the file is there and may not be replaced, or it cannot be written.
+        If the file is there and may not be replaced, is a device, or cannot be written.
     """
+    refuse_special_file(path)
     if path.exists() and not force:
         raise OutputError(f"{path}: is there already: choose another name, or force")
     unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
