@@ -56,8 +56,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ExperimentError(f"{path} is not valid TOML: {error}") from error
     if (count := _values(tables)) > MOST_VALUES:
         raise ExperimentError(
-            f"{path} holds {count} values, expected at most {MOST_VALUES}; flights, rotors and laws "
-            "are named in an experiment file, their data stay in the logs"
+            f"{path} holds {count} values, expected at most {MOST_VALUES}; flights, rotors and "
+            "laws are named in an experiment file, their data stay in the logs"
         )
     return tables
 
