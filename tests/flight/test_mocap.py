@@ -68,6 +68,20 @@ def test_only_the_airborne_part_is_used(flight, sensors):
     assert result.warnings == ()
 
 
+@pytest.mark.parametrize(("end", "refused"), [(9.0, False), (99.0, True)])
+def test_a_rotor_that_stands_still_is_named(flight, end, refused):
+    log = pose_log(flight)
+    speed = log.channels["rotor_speed"]
+    values = speed.values.copy()
+    values[(speed.time >= 7.0) & (speed.time < end), 1] = 800.0
+    stuck = with_channel(log, rotor_speed=dataclasses.replace(speed, values=values))
+    if refused:
+        with pytest.raises(FlightError, match="speed of rotor 2 stays at 800 rad/s"):
+            prepared(stuck)
+    else:
+        assert "measured speed of rotor 2 stays at 800 rad/s" in prepared(stuck).warnings[0]
+
+
 def test_cameras_slower_than_the_motors(flight):
     result = prepared(pose_log(flight, pose_rate=100.0))
     assert result.data.sample_rate == pytest.approx(100)

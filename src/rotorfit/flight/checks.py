@@ -11,12 +11,18 @@ from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.flight.clocks import UniformChannels
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
+from rotorfit.flight.still_rotors import StillRotor
 
 FASTEST_TURN = 40.0
 """The gyros of multirotors end at 2000 deg/s, 35 rad/s; more is another unit [rad/s]."""
 
 SLOWEST_MOTORS = 25.0
 """Slower motor data do not show what the force follows [Hz]."""
+
+MOST_STILL = 0.25
+"""Share of a flight in which a motor channel may stand still, beyond which it is refused."""
+LEAST_STILL = 0.02
+"""Share from which it is said."""
 
 
 def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -> None:
@@ -145,6 +151,37 @@ def refuse_wrong_gravity(motion: Motion) -> None:
             f"{seen}, {size / GRAVITY:.0f} times gravity where about {GRAVITY:.1f} m/s^2 is "
             "expected; check the accelerometer's unit and scale in the columns map"
         )
+
+
+def refuse_still_rotors(
+    still: tuple[StillRotor, ...], time: Float[np.ndarray, " n"], *, measured: bool
+) -> None:
+    """Raise where a motor channel stands still in flight for too long."""
+    if any(rotor.share > MOST_STILL for rotor in still):
+        worst = max(still, key=lambda rotor: rotor.share)
+        raise FlightError(_still_words(worst, time, measured=measured))
+
+
+def still_doubts(
+    still: tuple[StillRotor, ...], time: Float[np.ndarray, " n"], *, measured: bool
+) -> tuple[str, ...]:
+    """Return a doubt for each motor channel that stands still for a moment."""
+    said = [rotor for rotor in still if rotor.share >= LEAST_STILL]
+    return tuple(_still_words(rotor, time, measured=measured) for rotor in said)
+
+
+def _still_words(rotor: StillRotor, time: Float[np.ndarray, " n"], *, measured: bool) -> str:
+    a, b = rotor.rows
+    what, unit = ("measured speed", " rad/s") if measured else ("command", "")
+    cause = "its ESC telemetry is dead or stuck" if measured else "another output drives this motor"
+    remedy = "repair it" if measured else "log or name the right column"
+    other = ' or take logged commands (speed = "commanded" under [motors])' if measured else ""
+    part = "" if rotor.share > 0.9 else "; or leave that part out with start and end"
+    return (
+        f"the {what} of rotor {rotor.rotor} stays at {rotor.value:g}{unit} for "
+        f"{100.0 * rotor.share:.0f} % of the flight while the others move (at the longest from "
+        f"{time[a] - time[0]:.1f} to {time[b - 1] - time[0]:.1f} s): {cause}; {remedy}{other}{part}"
+    )
 
 
 @contextlib.contextmanager

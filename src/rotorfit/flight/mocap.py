@@ -18,7 +18,9 @@ from rotorfit.flight.checks import (
     refuse_idle_motors,
     refuse_missing_battery,
     refuse_missing_motors,
+    refuse_still_rotors,
     speed_doubts,
+    still_doubts,
     thrust_doubts,
 )
 from rotorfit.flight.clocks import (
@@ -49,6 +51,7 @@ from rotorfit.flight.prepare import (
 from rotorfit.flight.signals import hampel, smooth, true_runs, whole_samples
 from rotorfit.flight.speed_law import law_doubts, speed_from_command
 from rotorfit.flight.splines import low_pass, spline_at
+from rotorfit.flight.still_rotors import still_rotors
 
 HIGHEST_CUTOFF = 25.0
 """Of the low-pass on every column [Hz]; differentiated twice, a pose holds nothing above."""
@@ -143,6 +146,9 @@ def prepare_mocap(
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)
     data = dataclasses.replace(data, segments=_flown(motion, motors, window))
+    flown = [(s.start, s.stop) for s in data.segments]
+    still = still_rotors(frames.motors, flown, frames.rate, measured=measured)
+    refuse_still_rotors(still, data.time, measured=measured)
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
@@ -152,7 +158,11 @@ def prepare_mocap(
         # Bands end at 0.4 of the slowest rate: here at the low-pass.
         slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
         cuts=_cuts(data, frames, window),
-        warnings=(*_doubts(data, frames, clock), *_law_doubts(log, motors, data)),
+        warnings=(
+            *_doubts(data, frames, clock),
+            *still_doubts(still, data.time, measured=measured),
+            *_law_doubts(log, motors, data),
+        ),
     )
 
 

@@ -26,8 +26,10 @@ from rotorfit.flight.checks import (
     refuse_idle_motors,
     refuse_missing_battery,
     refuse_missing_channels,
+    refuse_still_rotors,
     refuse_wrong_gravity,
     slow_motors_said,
+    still_doubts,
 )
 from rotorfit.flight.clocks import JITTER_STEPS, UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
@@ -42,6 +44,7 @@ from rotorfit.flight.motors import (
 from rotorfit.flight.signals import central_difference, hampel, whole_samples
 from rotorfit.flight.speed_law import SpeedLaw, law_doubts
 from rotorfit.flight.splines import smooth_motors
+from rotorfit.flight.still_rotors import still_rotors
 
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
 """Of motors whose commands are all that is known, for the search of the flight only [s]."""
@@ -209,6 +212,15 @@ def prepared_from(
     if window == (None, None):
         with slow_motors_said(uniform.rates["motor"]):
             flights = airborne_rows(with_likely_lag(motion, motors))
+    measured = motors.speed == "measured"
+    still = still_rotors(
+        uniform.values["motor"],
+        flights,
+        uniform.sample_rate,
+        measured=measured,
+        step=recorded.speed_step,
+    )
+    refuse_still_rotors(still, uniform.time, measured=measured)
     bias = _gyro_bias(
         uniform, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     )
@@ -226,7 +238,11 @@ def prepared_from(
         spikes=recorded.spikes,
         slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
         cuts=_cuts(data, uniform, window),
-        warnings=(*doubts_about(data, uniform, bias), *_law_doubts(data, uniform, motors)),
+        warnings=(
+            *doubts_about(data, uniform, bias),
+            *still_doubts(still, uniform.time, measured=measured),
+            *_law_doubts(data, uniform, motors),
+        ),
     )
 
 
