@@ -13,10 +13,20 @@ from rotorfit.identification.plausible import (
     STOUTEST,
     gyration,
     gyro_in_degrees,
+    hover_speed,
     implausible_size,
+    refuse_rotors_too_fast,
+    slow_rotor_doubts,
 )
 from rotorfit.model.reduce import BandPlan, band_factors
-from rotorfit.simulation import Scenario, sampled_flight_data, simulate_flight, variant
+from rotorfit.simulation import (
+    Scenario,
+    sampled_flight_data,
+    simulate_flight,
+    variant,
+    write_flight_table,
+)
+from rotorfit.simulation.tables import IMU_AND_COMMAND
 
 SECONDS = 12.0
 DEGREES = 180.0 / np.pi
@@ -153,3 +163,76 @@ def test_the_radius_of_gyration_is_that_of_the_body(name):
     assert 0.5 * ratio > SLIMMEST and 2.0 * ratio < STOUTEST
     assert gyro_in_degrees(data) is None
     assert implausible_size(ratio, vehicle.arm) is None
+
+
+RPM = 60.0 / (2.0 * np.pi)
+
+
+def turning(data, factor):
+    return replace(data, rotor_speed=factor * data.rotor_speed)
+
+
+@pytest.mark.parametrize("name", flown.VEHICLES)
+def test_rotor_speeds_in_rpm_are_refused_and_right_ones_never(name):
+    flight = flown.simulated(name, "noisy", seed=3, seconds=8.0)
+    data, arm = sampled_flight_data(flight, signals="measured"), flight.vehicle.arm
+    refuse_rotors_too_fast({"sound": turning(data, 2.0)}, arm, law=False)
+    assert slow_rotor_doubts(turning(data, 0.5), arm, law=False) == ()
+    with pytest.raises(FlightError, match="look like rpm read as rad/s"):
+        refuse_rotors_too_fast({"rpm": turning(data, RPM)}, arm, law=False)
+    (words,) = slow_rotor_doubts(turning(data, 1.0 / RPM), arm, law=False)
+    assert "look like rad/s read as rpm" in words
+
+
+# Mass [kg], number of rotors, their diameter [m], arm [m] of vehicles from nano to agricultural.
+SIZES = {
+    "65 mm whoop": (0.026, 4, 0.031, 0.0325),
+    "Crazyflie": (0.027, 4, 0.045, 0.046),
+    "5 inch": (0.65, 4, 0.127, 0.115),
+    "450 mm": (1.3, 4, 0.254, 0.225),
+    "octocopter": (8.0, 8, 0.381, 0.52),
+    "agricultural": (60.0, 6, 0.965, 1.05),
+}
+THRUST = 0.11  # of ordinary propellers, thrust / (density n^2 diameter^4)
+
+
+def usual_hover(mass, count, diameter):
+    return 2.0 * np.pi * np.sqrt(mass * 9.81 / count / (THRUST * 1.2 * diameter**4))
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_vehicles_of_every_size_pass_and_in_rpm_do_not(flight, name):
+    *rotor, arm = SIZES[name]
+    hover = usual_hover(*rotor)
+    data = sampled_flight_data(flight, signals="measured")
+    data = turning(data, hover / hover_speed(data))
+    assert hover_speed(data) == pytest.approx(hover)
+    refuse_rotors_too_fast({name: data}, arm, law=True)
+    assert slow_rotor_doubts(data, arm, law=True) == ()
+    with pytest.raises(FlightError, match=r"the law of \[motors\] gives rad/s"):
+        refuse_rotors_too_fast({name: turning(data, RPM)}, arm, law=True)
+    (words,) = slow_rotor_doubts(turning(data, 1.0 / RPM), arm, law=True)
+    assert "correct the law of [motors]" in words
+
+
+def test_identify_says_it_of_rotor_speeds(flight, tmp_path):
+    with pytest.raises(FlightError) as refused:
+        flown.identified(tmp_path, [scaled(flight, "rotor_speed_measured", RPM)])
+    words = str(refused.value)
+    assert words.startswith("flight0.csv: the rotors hover at 89")
+    assert words.endswith(
+        'set unit = "rpm" (or "erpm", with poles) in columns, or correct poles; '
+        "or correct the rotors' positions"
+    )
+    slow = flown.identified(tmp_path, [scaled(flight, "rotor_speed_measured", 1.0 / RPM)])
+    assert any("look like rad/s read as rpm" in doubt for doubt in slow.flights[0].warnings)
+
+
+def test_a_command_without_a_law_has_no_unit(flight, tmp_path):
+    log = tmp_path / "flight.csv"
+    write_flight_table(flight, log, channels=IMU_AND_COMMAND)
+    commanded = '[motors]\nspeed = "commanded"\n'
+    path = tmp_path / "experiment.toml"
+    flown.experiment_file(path, flight.vehicle, [log], mass=1.0, extra=commanded)
+    result = flown.quietly_identified(path)
+    assert not any("look like" in doubt for doubt in result.flights[0].warnings)

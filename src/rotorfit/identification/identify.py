@@ -20,6 +20,7 @@ from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.experiment import (
     Experiment,
     FlightEntry,
+    MotorsEntry,
     payload_of,
     vehicle_of,
 )
@@ -30,7 +31,11 @@ from rotorfit.identification.flights import (
     check_flights,
     load_flight,
 )
-from rotorfit.identification.plausible import refuse_gyro_in_degrees
+from rotorfit.identification.plausible import (
+    refuse_gyro_in_degrees,
+    refuse_rotors_too_fast,
+    slow_rotor_doubts,
+)
 from rotorfit.identification.result import FlightRecord, IdentificationResult
 from rotorfit.identification.tables import ORIGIN_IS_IMU, Tables, with_timing_total
 from rotorfit.identification.timing import find_timing
@@ -109,6 +114,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         if source == "imu":
             refuse_gyro_in_degrees({Path(f.entry.file).name: f.prepared.data for f in flights})
         check_flights(flights, vehicle)
+        flights = _sound_rotors(flights, vehicle.arm, experiment.motors)
         payload = payload_of(entry, experiment.airframe.axes)
         configurations.append(Configured(entry=entry, flights=flights, payload=payload))
     _refuse_copies([flight for configured in configurations for flight in configured.flights])
@@ -123,6 +129,26 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         source=source,
         velocity=velocity,
     )
+
+
+def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) -> list[UsedFlight]:
+    """Return the flights, with what is to be doubted of their rotors' speeds; refuse absurd ones.
+
+    A command without a law has no unit that could be wrong.
+    """
+    law = motors.law is not None
+    if motors.speed == "commanded" and not law:
+        return flights
+    refuse_rotors_too_fast(
+        {Path(f.entry.file).name: f.prepared.data for f in flights}, arm, law=law
+    )
+    sound: list[UsedFlight] = []
+    for flight in flights:
+        doubts = slow_rotor_doubts(flight.prepared.data, arm, law=law)
+        said = (*flight.prepared.warnings, *doubts)
+        prepared = dataclasses.replace(flight.prepared, warnings=said)
+        sound.append(dataclasses.replace(flight, prepared=prepared))
+    return sound
 
 
 def _refuse_copies(flights: list[UsedFlight]) -> None:

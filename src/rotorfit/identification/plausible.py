@@ -1,4 +1,4 @@
-r"""Whether the sizes of gyro and arms can be: units told from the flight itself.
+r"""Whether the sizes of gyro, arms and rotor speeds can be: units told from the flight itself.
 
 Two witnesses. Over some seconds of flight the specific force, turned by the gyro into axes that
 do not rotate, has the mean of gravity (see `hover`); with a gyro in deg/s that is taken for rad/s
@@ -7,6 +7,9 @@ of gyration over the arm, whatever the mass: with the thrust of a rotor :math:`k
 :math:`a_z = c \sum O_i^2` with :math:`c = k_t / m`, and the roll acceleration is
 :math:`s \sum y_i O_i^2` with :math:`s = k_t / I_{xx}`, so that :math:`I_{xx} / m = c / s`. Bodies
 are not ten times larger or smaller than their arms.
+
+The speed of hovering rotors has bounds, too: their radius is a quarter of the arm at the least and
+nine tenths at the most, and the tips of what hovers make 40 to 130 m/s.
 """
 
 import dataclasses
@@ -34,6 +37,17 @@ STOUTEST: Final = 1.6
 payloads on the arms up to 1; the gyro's unit makes a factor of 7.6, an arm in cm one of 10."""
 EXPLAINED: Final = 0.6
 """Share of an angular acceleration that the rotors must explain before its size counts."""
+
+FASTEST_HOVER: Final = 8000.0
+"""The smallest rotors that are flown, of 31 mm, hover below 5000 rad/s [rad/s]."""
+SMALLEST_ROTOR: Final = 0.25
+LARGEST_ROTOR: Final = 0.9
+"""Radii of rotors over the arm."""
+FASTEST_TIP: Final = 200.0
+"""In a hover there is as much to come as was used: beyond, full throttle is faster than sound
+[m/s]."""
+SLOWEST_TIP: Final = 30.0
+"""Slower tips hold up hardly anything [m/s]."""
 
 
 def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
@@ -146,4 +160,63 @@ def implausible_size(found: float | None, arm: float) -> str | None:
     return (
         f"the vehicle answers its rotors like a body whose radius of gyration is "
         f"{found:.3g} times its arm ({expected}): {causes}; correct the unit"
+    )
+
+
+def hover_speed(data: FlightData) -> float:
+    """Return the root mean square of the rotors' speeds, its median over the flight [rad/s]."""
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    return float(np.sqrt(np.median((data.rotor_speed[rows] ** 2).mean(axis=1))))
+
+
+def refuse_rotors_too_fast(flights: Mapping[str, FlightData], arm: float, *, law: bool) -> None:
+    """Raise where no rotor hovers at such a speed, as where rpm are taken for rad/s.
+
+    Parameters
+    ----------
+    flights
+        By the name of their file, with rotor speeds in rad/s.
+    arm
+        Of the vehicle [m].
+    law
+        Whether the speeds come from commands by a law.
+
+    Raises
+    ------
+    FlightError
+        With the unit that would explain it.
+    """
+    for name, data in flights.items():
+        speed = hover_speed(data)
+        tip = speed * SMALLEST_ROTOR * arm
+        if speed <= FASTEST_HOVER and tip <= FASTEST_TIP:
+            continue
+        remedy = (
+            "the law of [motors] gives rad/s: divide its numbers by 9.549"
+            if law
+            else 'set unit = "rpm" (or "erpm", with poles) in columns, or correct poles'
+        )
+        raise FlightError(
+            f"{name}: the rotors hover at {speed:.0f} rad/s, where {FASTEST_HOVER:.0f} is beyond "
+            f"any, and one as small as a quarter of the arm ({arm:g} m) would have tips at "
+            f"{tip:.0f} m/s (up to {FASTEST_TIP:.0f} was expected): rotor speeds look like rpm "
+            f"read as rad/s: {remedy}; or correct the rotors' positions"
+        )
+
+
+def slow_rotor_doubts(data: FlightData, arm: float, *, law: bool) -> tuple[str, ...]:
+    """Return a doubt where rotors of these arms hover too slowly, as where rad/s are taken for rpm.
+
+    Parameters are those of `refuse_rotors_too_fast`. A doubt only: a light vehicle with large
+    rotors comes near.
+    """
+    speed = hover_speed(data)
+    tip = speed * LARGEST_ROTOR * arm
+    if tip >= SLOWEST_TIP:
+        return ()
+    remedy = "correct the law of [motors]" if law else "correct their unit in columns, or poles"
+    return (
+        f"the rotors hover at {speed:.0f} rad/s: one as large as 0.9 of the arm ({arm:g} m) would "
+        f"have tips at {tip:.0f} m/s, and below {SLOWEST_TIP:.0f} hardly any holds up a vehicle: "
+        f"rotor speeds look like rad/s read as rpm; {remedy}, or the rotors' positions",
     )
