@@ -88,7 +88,9 @@ def test_names_with_blanks_and_umlauts(run, saved, tmp_path, monkeypatch):
     assert ended.code == 0
     written = json.loads((folder / "ergebnis ß.json").read_text(encoding="utf-8"))
     assert numbers(written) == numbers(stored(saved))
-    assert Path(written["flights"][0]["file"]) == folder / "flug ä.csv"
+    assert written["flights"][0]["file"] == "flug ä.csv"
+    (settings,) = written["settings"]["configuration"]
+    assert Path(settings["flights"][0]["file"]) == folder / "flug ä.csv"
 
 
 def test_force_replaces(run, saved, here):

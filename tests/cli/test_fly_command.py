@@ -119,7 +119,7 @@ def elsewhere(there, change):
     """Write the result as if its flight lay in this folder."""
     text = (there / "result.json").read_text()
     data = json.loads(text)
-    old = data["flights"][0]["file"]
+    old = data["settings"]["configuration"][0]["flights"][0]["file"]
     new = str(there / "flight.csv")
     (there / "result.json").write_text(text.replace(json.dumps(old)[1:-1], json.dumps(new)[1:-1]))
     return change(Path(old), Path(new))

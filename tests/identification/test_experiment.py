@@ -305,6 +305,7 @@ def test_flights_are_relative_to_the_file(tmp_path, monkeypatch):
         assert Path(loaded[0].file).is_absolute()
         assert Path(loaded[0].file).resolve() == (tmp_path / "logs" / "a.csv").resolve()
         assert Path(loaded[1].file) == tmp_path / "b.csv"
+        assert [flight.written for flight in loaded] == ["logs/a.csv", absolute]
 
 
 def mirrored(match):
@@ -328,7 +329,8 @@ def test_one_log_needs_a_mass_and_an_airframe_file(tmp_path, monkeypatch):
     airframe.write_text(f"[airframe]\n{LAYOUT}\n[motors]\npoles = 14\n")
     made = single_flight_experiment(Path("LOG7.BFL"), mass=0.5, airframe=airframe)
     assert made.name == "LOG7"
-    assert Path(made.configuration[0].flights[0].file) == tmp_path / "LOG7.BFL"
+    (flight,) = made.configuration[0].flights
+    assert (Path(flight.file), flight.written) == (tmp_path / "LOG7.BFL", "LOG7.BFL")
     assert made.motors.poles == 14
     for mass in (0.0, -1.0, float("nan")):
         with pytest.raises(ExperimentError, match=r"airframe.toml: configuration\[0\].mass"):

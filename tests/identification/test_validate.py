@@ -133,6 +133,61 @@ def test_the_rest_of_a_flight_of_the_fit_validates(folder, tmp_path):
             validate_file(half, tmp_path / "A1.csv", configuration="A", **window)
 
 
+@pytest.fixture(scope="module")
+def foldered(folder, tmp_path_factory) -> IdentificationResult:
+    """The same experiment with its logs in folders, under equal names."""
+    target = tmp_path_factory.mktemp("foldered")
+    text = (folder / "experiment.toml").read_text()
+    for log, place in (("A1", "a/fit"), ("A2", "a/kept"), ("B1", "b/fit"), ("B2", "b/kept")):
+        (target / place).parent.mkdir(exist_ok=True)
+        shutil.copyfile(folder / f"{log}.csv", (target / place).with_suffix(".csv"))
+        text = text.replace(f'"{log}.csv"', f'"{place}.csv"')
+    (target / "experiment.toml").write_text(text)
+    return flown.quietly_identified(target / "experiment.toml")
+
+
+def with_absolute_files(result):
+    """The result as earlier versions wrote it: each record has the path of its log."""
+    entries = [flight for c in result.settings["configuration"] for flight in c["flights"]]
+    records = tuple(
+        dataclasses.replace(record, file=entry["file"])
+        for record, entry in zip(result.flights, entries, strict=True)
+    )
+    return dataclasses.replace(result, flights=records)
+
+
+def test_flights_are_named_as_in_the_experiment_file(foldered, tmp_path, monkeypatch):
+    assert [record.file for record in foldered.flights] == ["a/fit.csv", "b/fit.csv"]
+    assert [row["flight"] for row in foldered.validation] == ["a/kept.csv", "b/kept.csv"]
+    monkeypatch.chdir(tmp_path)
+    places = [Path(f["file"]) for c in foldered.settings["configuration"] for f in c["flights"]]
+    assert all(place.is_absolute() and place.exists() for place in places)
+
+
+@pytest.mark.parametrize("written", [lambda result: result, with_absolute_files])
+def test_flights_of_a_result_are_found_from_anywhere(
+    foldered, result, tmp_path, monkeypatch, written
+):
+    monkeypatch.chdir(tmp_path)
+    written(foldered).save(tmp_path / "result.json")
+    loaded = IdentificationResult.load(tmp_path / "result.json")
+    found = fitted_comparisons(loaded)
+    assert [c.configuration for c in found] == ["A", "B"]
+    assert [c.sha256 for c in found] == [record.sha256 for record in result.flights]
+    place = Path(loaded.settings["configuration"][1]["flights"][0]["file"])
+    with pytest.raises(ExperimentError, match=r"fit\.csv was used in the fit"):
+        validate_file(loaded, place, configuration="B")
+    comparison = validate_file(loaded, place.with_name("kept.csv"), configuration="B")
+    assert max(comparison.relative_error.values()) < 2e-3
+
+
+def test_a_result_with_a_flight_cut_out_is_refused(foldered):
+    edited = dataclasses.replace(foldered, flights=foldered.flights[:1])
+    words = "made from 1 flights, but its settings name 2: it was edited"
+    with pytest.raises(ExperimentError, match=words):
+        fitted_comparisons(edited)
+
+
 def test_a_stretch_that_ends_before_it_starts_is_refused(folder, result):
     with pytest.raises(ExperimentError, match=r"end = 3\.0 is not after start = 5\.0"):
         validate_file(result, folder / "A2.csv", configuration="A", start=5.0, end=3.0)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_validator
 
 from rotorfit.errors import ExperimentError
 from rotorfit.flight.prepare import MotorModel
@@ -85,6 +85,19 @@ class FlightEntry(Strict):
     axes: Axes = "FLU"
     columns: dict[str, ColumnEntry | str] | None = None
     mocap: RecordingEntry | None = None
+    # The file as the user wrote it, where `file` was made absolute.
+    _written: str | None = PrivateAttr(default=None)
+
+    @property
+    def written(self) -> str:
+        """The file as the user wrote it: in the experiment file, or on the command line."""
+        return self.file if self._written is None else self._written
+
+    def placed(self, file: Path) -> "FlightEntry":
+        """Return the entry with the path by which its file is found from anywhere."""
+        entry = self.model_copy(update={"file": str(file.absolute())})
+        entry._written = self.written
+        return entry
 
     @model_validator(mode="before")
     @classmethod
@@ -323,8 +336,8 @@ def named_flight(
     ExperimentError
         If it would end before it starts.
     """
-    described = {"file": str(path.absolute()), "log": log_number, "start": start, "end": end}
-    return _checked(FlightEntry, described, path)
+    described = {"file": str(path), "log": log_number, "start": start, "end": end}
+    return _checked(FlightEntry, described, path).placed(path)
 
 
 def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
@@ -420,16 +433,8 @@ def _flu(vector: Vector, axes: Axes) -> Vector:
 
 
 def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationEntry:
-    def at(entry: Model, file: str) -> Model:
-        return entry.model_copy(update={"file": str((folder / file).absolute())})
-
     def moved(flights: tuple[FlightEntry, ...]) -> tuple[FlightEntry, ...]:
-        return tuple(
-            at(flight, flight.file).model_copy(
-                update={"mocap": None if (m := flight.mocap) is None else at(m, m.file)}
-            )
-            for flight in flights
-        )
+        return tuple(_found_from(flight, folder) for flight in flights)
 
     return configuration.model_copy(
         update={
@@ -437,6 +442,15 @@ def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationE
             "validation": moved(configuration.validation),
         }
     )
+
+
+def _found_from(flight: FlightEntry, folder: Path) -> FlightEntry:
+    """Return a flight with absolute paths."""
+    placed = flight.placed(folder / flight.file)
+    if flight.mocap is None:
+        return placed
+    pose = {"file": str((folder / flight.mocap.file).absolute())}
+    return placed.model_copy(update={"mocap": flight.mocap.model_copy(update=pose)})
 
 
 def _checked(kind: type[Model], data: Any, path: Path) -> Model:

@@ -96,7 +96,8 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
         return result
     tell("validating on flights kept apart")
     comparisons = validation_comparisons(result, experiment)
-    return dataclasses.replace(result, validation=validation_rows(comparisons))
+    written = [entry.written for c in experiment.configuration for entry in c.validation]
+    return dataclasses.replace(result, validation=validation_rows(comparisons, written))
 
 
 def _silent(words: str) -> None:
@@ -220,7 +221,7 @@ def _record(flight: UsedFlight, configuration: str) -> FlightRecord:
     data = flight.prepared.data
     zero = float(data.time[0])
     return FlightRecord(
-        file=flight.entry.file,
+        file=flight.entry.written,
         sha256=flight.log.sha256,
         configuration=configuration,
         seconds_used=data.seconds_used,

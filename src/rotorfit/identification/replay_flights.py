@@ -12,6 +12,7 @@ from rotorfit.identification.experiment import (
     experiment_of_settings,
     named_flight,
 )
+from rotorfit.identification.fitted import fitted_flights
 from rotorfit.identification.flights import UsedFlight, load_flight, retimed
 from rotorfit.identification.replay import WINDOW, Entrant, Replay, replay
 from rotorfit.identification.replay_vehicle import ReplayVehicle
@@ -111,8 +112,8 @@ def _unchanged(
         used = load_flight(entry, experiment)
     except LogError as error:
         raise LogError(f"{error}; or give another flight of this vehicle (--flight LOG)") from error
-    known = {record.file: record.sha256 for record in result.flights}
-    if used.log.sha256 != known.get(entry.file, used.log.sha256):
+    seen = {fitted.file: record.sha256 for _, fitted, record in fitted_flights(result)}
+    if used.log.sha256 != seen.get(entry.file, used.log.sha256):
         raise ExperimentError(
             f"{name} has changed since the fit (its SHA-256 is another); identify again, or replay "
             f"it all the same (--flight {name})"

@@ -76,7 +76,8 @@ class FlightRecord:
     Attributes
     ----------
     file, sha256
-        The log, and its fingerprint.
+        The log as the experiment file or the command line names it, and its fingerprint; where it
+        was found, the settings of the result say.
     configuration
         In which it was flown.
     seconds_used, samples_used

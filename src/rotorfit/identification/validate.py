@@ -1,7 +1,7 @@
 """Does the model predict flights it has not seen? Body wrench against rotor wrench (P16)."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from rotorfit.identification.experiment import (
     named_flight,
     vehicle_of,
 )
+from rotorfit.identification.fitted import fitted_flights
 from rotorfit.identification.flights import UsedFlight, load_flight, retimed, velocity_known
 from rotorfit.identification.result import IdentificationResult, Parameter
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
@@ -78,13 +79,10 @@ def validate_file(
 
 def refuse_fitted(used: UsedFlight, result: IdentificationResult) -> None:
     """Raise if a validation flight, or a part of it, made the parameters it is to judge."""
-    same = {record.file for record in result.flights if record.sha256 == used.log.sha256}
-    fitted = [
-        entry
-        for configuration in experiment_of_settings(result.settings).configuration
-        for entry in configuration.flights
-    ]
-    if any(entry.file in same and entry.overlaps(used.entry) for entry in fitted):
+    if any(
+        record.sha256 == used.log.sha256 and entry.overlaps(used.entry)
+        for _, entry, record in fitted_flights(result)
+    ):
         raise ExperimentError(
             f"{Path(used.entry.file).name} was used in the fit: it cannot validate it; keep "
             "another flight apart for validation, or a stretch of this one (start and end)"
@@ -105,18 +103,16 @@ def fitted_comparisons(result: IdentificationResult) -> list[WrenchComparison]:
         If a log has changed since the fit.
     """
     experiment = experiment_of_settings(result.settings)
-    hashes = {record.file: record.sha256 for record in result.flights}
     comparisons: list[WrenchComparison] = []
-    for configuration in experiment.configuration:
-        for entry in configuration.flights:
-            used = load_flight(entry, experiment)
-            if used.log.sha256 != hashes.get(entry.file):
-                raise ExperimentError(
-                    f"{Path(entry.file).name} has changed since the fit; identify again"
-                )
-            comparisons.append(
-                compare_wrenches(result, used, configuration=configuration.name, fitted=True)
+    for configuration, entry, record in fitted_flights(result):
+        used = load_flight(entry, experiment)
+        if used.log.sha256 != record.sha256:
+            raise ExperimentError(
+                f"{Path(entry.file).name} has changed since the fit; identify again"
             )
+        comparisons.append(
+            compare_wrenches(result, used, configuration=configuration.name, fitted=True)
+        )
     return comparisons
 
 
@@ -141,16 +137,27 @@ def validation_comparisons(
     return comparisons
 
 
-def validation_rows(comparisons: list[WrenchComparison]) -> tuple[dict[str, Any], ...]:
-    """Return the ``validation`` list of a result's file."""
+def validation_rows(
+    comparisons: list[WrenchComparison], files: Sequence[str] | None = None
+) -> tuple[dict[str, Any], ...]:
+    """Return the ``validation`` list of a result's file.
+
+    Parameters
+    ----------
+    comparisons
+        One a flight.
+    files
+        What each flight is called; the name of its file where not given.
+    """
+    names = [c.flight for c in comparisons] if files is None else files
     return tuple(
         {
             "configuration": c.configuration,
-            "flight": c.flight,
+            "flight": name,
             "relative_error": dict(c.relative_error),
             "whiteness": dict(c.whiteness),
         }
-        for c in comparisons
+        for c, name in zip(comparisons, names, strict=True)
     )
 
 
