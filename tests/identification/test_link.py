@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import flown
 from rotorfit.estimation.factors import time_block_factors
@@ -12,6 +14,7 @@ from rotorfit.identification.excitation import (
     SCALE_PULL,
     height_allowance,
     link_allowance,
+    product_allowance,
     scale_stretch,
 )
 from rotorfit.identification.experiment import load_experiment
@@ -23,8 +26,10 @@ from rotorfit.simulation import (
     STILL,
     TYPICAL,
     Scenario,
+    Sensors,
     Sticks,
     layout_vehicle,
+    paper_vehicle,
     simulate_flight,
     with_payload,
     write_flight_table,
@@ -161,3 +166,36 @@ def test_the_scale_of_every_number_is_stretched_alike():
     half = hanging_on_roll_and_pitch(numbers, [body]).half_width
     expected = [0.1, 0.8 / 0.36, 0.2 / 0.36, 1.0 / 0.75, 0.05]
     np.testing.assert_allclose(half, expected, rtol=1e-6)
+
+
+def test_products_are_as_unsure_as_the_yaw_equation_they_hang_on(tmp_path):
+    """Without turns the autopilot's answer to gusts pulls at kd's scale, and at Ixz with it."""
+    vehicle = paper_vehicle("A")
+    truth = replace(
+        vehicle.truth,
+        disturbance_force_std=(0.1,) * 3,
+        disturbance_torque_std=(4e-3, 4e-3, 1e-3),
+    )
+    flight = simulate_flight(
+        truth,
+        vehicle.vehicle,
+        Scenario(
+            seconds=40.0,
+            ground_seconds=2.0,
+            sticks=replace(FREE, yaw=STILL.yaw),
+            sensors=Sensors(gyro_std=0.02, accel_std=0.4, rotor_speed_std=3.0),
+        ),
+        seed=26,
+    )
+    result = flown.identified(tmp_path, [flight])
+    for name, true in (("Ixz_com", truth.com_inertia[0, 2]), ("Iyz_com", truth.com_inertia[1, 2])):
+        low, high = result.derived_value(name).interval
+        assert low < true < high
+    assert result.parameter("rotor_drag").verdict == "not-identified"
+
+
+@given(rho=st.floats(0.0, 1e4), size=st.floats(-1.0, 1.0))
+def test_what_yaw_leaves_open_of_a_product_is_a_share_of_it(rho, size):
+    allowed = product_allowance(size, rho)
+    assert abs(size) * SCALE_PULL / (rho + SCALE_PULL) == pytest.approx(allowed)
+    assert allowed <= abs(size)

@@ -7,10 +7,13 @@ import pytest
 
 import flown
 from rotorfit.errors import FlightWarning
+from rotorfit.flight.motors import MotorResponse
 from rotorfit.identification.experiment import load_experiment
 from rotorfit.identification.identify import identify
-from rotorfit.identification.validate import validate_file
+from rotorfit.identification.timing import LAG_PRIOR
+from rotorfit.identification.validate import found_response, validate_file
 from rotorfit.simulation import (
+    STILL,
     Scenario,
     Sensors,
     Sticks,
@@ -120,6 +123,54 @@ def test_a_bench_lag_is_a_prior_or_a_fact(tmp_path, flown_on_commands):
     known = with_motors("delay = 0.010")
     assert known.parameter("motor_delay").verdict == "given"
     assert known.parameter("motor_lag").value == pytest.approx(0.040, abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def hovered_in_gusts():
+    """Return a hover whose rotors do nothing but answer gusts and the noise of the gyro."""
+    (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
+    scenario = Scenario(
+        seconds=30.0, ground_seconds=2.0, sensors=sensors, sticks=STILL, steered_by_gyro=True
+    )
+    return simulate_flight(truth, vehicle, scenario, seed=12)
+
+
+def test_a_hover_on_commands_does_not_tell_lag_nor_delay(tmp_path, hovered_in_gusts):
+    """What the autopilot answers comes after the gust: it looks like motors that are late."""
+    result = commanded(tmp_path, hovered_in_gusts, "")
+    for name in ("motor_lag", "motor_delay"):
+        time = result.parameter(name)
+        assert (time.value, time.interval, time.verdict) == (None, None, "not-identified")
+        assert "20 s of quick left-right rolls" in time.advice
+    assert result.derived_value("motor_lag_total").value is None
+    kt, truth = result.parameter("kt"), hovered_in_gusts.truth
+    assert kt.interval[0] < truth.kt < kt.interval[1]
+
+
+def test_a_hover_is_validated_at_the_usual_lag(tmp_path, hovered_in_gusts):
+    result = commanded(tmp_path, hovered_in_gusts, "")
+    assert found_response(result) == MotorResponse(lag=LAG_PRIOR[0])
+
+
+def test_how_long_a_command_held_is_in_the_intervals(tmp_path):
+    """The log keeps every fifth command: at 100 Hz the delay comes out up to 5 ms small."""
+    (truth, vehicle), sensors = variant(paper_vehicle("A"), "noisy")
+    truth = replace(truth, motor_lag=0.03, motor_delay=0.005)
+    scenario = Scenario(seconds=30.0, ground_seconds=2.0, sensors=sensors)
+    flight = simulate_flight(truth, vehicle, scenario, seed=9)
+    write_flight_table(flight, tmp_path / "whole.csv", channels=("gyro", "accel", "command"))
+    names, *rows = (tmp_path / "whole.csv").read_text().splitlines()
+    (tmp_path / "flight.csv").write_text("\n".join([names, *rows[::2]]) + "\n")
+    path = flown.experiment_file(
+        tmp_path / "experiment.toml",
+        flight.vehicle,
+        [tmp_path / "flight.csv"],
+        mass=truth.mass,
+        extra=f'[motors]\nspeed = "commanded"\nlaw = {{ linear = [0, {flight.max_speed}] }}\n',
+    )
+    low, high = flown.quietly_identified(path).derived_value("motor_lag_total").interval
+    assert low < 0.035 < high
+    assert high - low < 0.016
 
 
 def test_a_gentle_flight_in_gusts_is_as_unsure_of_its_delay_as_it_is_wrong(tmp_path):

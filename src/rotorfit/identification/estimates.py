@@ -66,7 +66,10 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     weighed = None if stands else kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     found = _kt_of(numbers)
-    if weighed is not None and (weighed.contradicts(*found) or weighed.is_surer_than(*found)):
+    timed = flown.timing_told
+    if weighed is not None and (
+        weighed.contradicts(*found) or weighed.is_surer_than(*found, timed=timed)
+    ):
         fit, joint = _joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
         anchored = _joint_numbers(flown, fit, joint)
         anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)

@@ -43,6 +43,12 @@ AXIS_OF: Final[Mapping[str, str]] = {
 YAW_RATIOS: Final = ("kd_over_Izz", "Jr_over_Izz")
 SCALED: Final = ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr", "rotor_drag")
 """What is known only as well as the scale of the yaw equation."""
+YAW_PRODUCTS: Final = ("Ixz", "Ixz_com", "Iyz", "Iyz_com")
+"""Where roll and pitch are flown and yaw is not, these stand in the yaw equation alone, where
+their scale is that of k_d."""
+YAW_BANDWIDTH: Final = 9.0
+"""Of an autopilot's yaw rate [rad/s]: its answer to gusts damps the body like that, and a share of
+3 / rho of it may be taken for the rotors' drag."""
 HEIGHTS: Final = ("com_z", "msz")
 HEIGHT_PULL: Final = 0.5
 """Of the height of the centre of mass, in arms times rho."""
@@ -89,6 +95,19 @@ def link_allowance(size: float, link: float) -> float:
     if not link > NO_EXCITATION:
         return float("inf")
     return SCALE_PULL / (link + SCALE_PULL) * abs(size)
+
+
+def product_allowance(size: float, rho: float) -> float:
+    """Return the half-width that too little yaw adds to a number of `YAW_PRODUCTS`.
+
+    Parameters
+    ----------
+    size
+        Of the number as found.
+    rho
+        Of yaw.
+    """
+    return SCALE_PULL / (max(float(rho), 0.0) + SCALE_PULL) * abs(size)
 
 
 def height_allowance(arm: float, link: float) -> float:

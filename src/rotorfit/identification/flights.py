@@ -114,6 +114,11 @@ class Flown:
         """Lag and delay that were found; None leaves the flights as they were prepared."""
         return None if self.motor_timing is None else self.motor_timing.response
 
+    @property
+    def timing_told(self) -> bool:
+        """Whether lag and delay are given, or the flights tell them."""
+        return self.motor_timing is None or self.motor_timing.told
+
     def bands(self, response: MotorResponse | None = None) -> tuple[Factors, ...]:
         """Return the band factors of each configuration, at another timing of the motors."""
         return tuple(
@@ -213,16 +218,30 @@ def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightD
     return with_motors(prepared.data, prepared.motor_channel, response)
 
 
-def check_flights(flights: list[UsedFlight], vehicle: Vehicle) -> None:
+def check_flights(flights: list[UsedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:
     """Refuse the declared rotors if a flight contradicts them.
+
+    Commands are looked at behind the lag that motors usually have: without it, what an autopilot
+    answers in a hover to the noise of its gyro looks like a response with the sign reversed.
+
+    Parameters
+    ----------
+    flights
+        As they were prepared.
+    vehicle
+        As declared.
+    motors
+        Whether commanded, and whether their lag is in the flights already.
 
     Raises
     ------
     FrameError
         With the declaration that would fit.
     """
+    lagging = motors.speed == "measured" or motors.lag is not None
+    response = None if lagging else MotorResponse(lag=LAG_PRIOR[0], delay=motors.delay or 0.0)
     for flight in flights:
         try:
-            check_frame(_bands(flight.prepared, vehicle, None), vehicle)
+            check_frame(_bands(flight.prepared, vehicle, response), vehicle)
         except FrameError as error:
             raise FrameError(f"{Path(flight.entry.file).name}: {error}") from error

@@ -114,7 +114,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         tell("checking axes, units and rotors")
         if source == "imu":
             refuse_gyro_in_degrees({Path(f.entry.file).name: f.prepared.data for f in flights})
-        check_flights(flights, vehicle)
+        check_flights(flights, vehicle, experiment.motors)
         flights = _sound_rotors(flights, vehicle.arm, experiment.motors)
         payload = payload_of(entry, experiment.airframe.axes)
         configurations.append(Configured(entry=entry, flights=flights, payload=payload))

@@ -83,6 +83,8 @@ def refuse_wrong_spins(flown: Flown, joint: Sequence[JointConfiguration], number
     def bands(vehicle: Vehicle) -> list[Factors]:
         return [flight_bands(c.flights, vehicle, flown.timing) for c in flown.configurations]
 
+    if not flown.timing_told:
+        return  # nobody flies: what yaw does is the autopilot's answer to gusts and noise
     words = better_spins(flown.vehicle, bands) or negative_drag([c.name for c in joint], numbers)
     if words is not None:
         raise FrameError(words)
@@ -122,9 +124,10 @@ def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None
         low, high = _interval(f"kd_over_Izz@{name}", numbers)
         if high < 0.0:
             return _reversed_said("kd / Izz", name, low, high)
-        drags = low > 0.0
+        if low > 0.0:
+            continue
         low, high = _interval(f"Jr_over_Izz@{name}", numbers)
-        if high + 0.5 * (CERTAIN - 1.0) * (high - low) < 0.0 and not drags:
+        if high + 0.5 * (CERTAIN - 1.0) * (high - low) < 0.0:
             return _reversed_said("Jr / Izz", name, low, high)
     return None
 

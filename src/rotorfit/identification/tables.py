@@ -11,7 +11,7 @@ from rotorfit.identification.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.identification.result import Derived, Parameter
 from rotorfit.identification.row_parameters import Quantities, number_scale
 from rotorfit.identification.rows import ROWS, RowFits
-from rotorfit.identification.timing import MotorTiming
+from rotorfit.identification.timing import MotorTiming, told
 from rotorfit.identification.verdicts import ADVICE, WEAK, Judgement, judge, motion_for
 from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS, ParameterInfo
 from rotorfit.model.vehicle import Vehicle
@@ -205,15 +205,15 @@ def _given_time(name: str, value: float) -> Parameter:
 def _found_time(name: str, value: float, std: float) -> Parameter:
     """Return a time that the flights gave; sharp to a quarter of the time scale that matters."""
     half = 1.96 * std
-    sharp = half <= WEAK * max(abs(value), TIME_SCALE)
+    sharp, known = half <= WEAK * max(abs(value), TIME_SCALE), told(value, std)
     return Parameter(
         name=name,
         configuration=None,
-        value=value,
-        std=std,
-        interval=(value - half, value + half),
+        value=value if known else None,
+        std=std if known else None,
+        interval=(value - half, value + half) if known else None,
         unit="s",
-        verdict="identified" if sharp else "weak",
+        verdict=("identified" if sharp else "weak") if known else "not-identified",
         reason=None if sharp else f"known only to +-{1e3 * half:.1f} ms",
         advice=None if sharp else ADVICE["roll"],
     )
@@ -227,9 +227,9 @@ def with_timing_total(tables: Tables, timing: MotorTiming | None) -> Tables:
     total = Derived(
         name="motor_lag_total",
         configuration=None,
-        value=value,
-        std=timing.total_std,
-        interval=(value - half, value + half),
+        value=value if timing.told else None,
+        std=timing.total_std if timing.told else None,
+        interval=(value - half, value + half) if timing.told else None,
         unit="s",
     )
     others = (d for d in tables.derived if d.name != total.name)

@@ -50,9 +50,15 @@ SPLIT_FAULT: Final = 5e-3
 """Deviations that no curvature shows [s], of a delay alone, of lag plus delay and of their split:
 drag and gusts, which the model of the three turns leaves out, moved them by up to twice that on
 simulated flights (by 1.4 and 5 ms on average in the worst, drag and gusts on commands alone)."""
+HOLD_FAULT: Final = 0.25
+"""Of a sample: half of the half-sample that lies between the two ways a command may have held."""
 DELAY_PULL: Final = 0.15
 """Deviation of a delay that rests on the pilot's band alone, times explained over residual power
 [s]: the autopilot answers gusts later than they come (by 0.14 to 0.5 on simulated flights)."""
+UNTOLD_PULL: Final = 0.03
+"""From here on [s], which is where the turns are explained less than five times over their
+residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
+instead of 39 in a hover)."""
 FIRST_STEP: Final = 0.008
 STENCIL: Final = 2e-3
 SMALLEST_STEP: Final = 1e-3
@@ -80,6 +86,22 @@ class MotorTiming:
     total_std: float
     lag_std: float | None = None
     delay_std: float | None = None
+
+    @property
+    def told(self) -> bool:
+        """Whether lag plus delay is known better than by its own size, or by motors' usual lag."""
+        return told(self.response.mean_lag + self.response.delay, self.total_std)
+
+
+def told(value: float, std: float) -> bool:
+    """Return whether a time is known better than by its own size, or by motors' usual lag.
+
+    Parameters
+    ----------
+    value, std
+        [s]
+    """
+    return 1.96 * std <= max(abs(value), LAG_PRIOR[0])
 
 
 def find_timing(flown: "Flown", *, lag: bool = True) -> MotorTiming | None:
@@ -142,6 +164,18 @@ def _pull(flown: "Flown", response: MotorResponse, counted: Counted) -> float:
     return DELAY_PULL / max(float(max(ratios)), SMALLEST_RATIO)
 
 
+def _hold_fault(flown: "Flown") -> float:
+    """Return the deviation of a delay by not knowing how long a logged command held [s].
+
+    It holds until the next one of the log or, where the log keeps only some of a faster loop's
+    commands, is over sooner: up to half a sample of the log later on the whole.
+    """
+    if flown.motors.speed == "measured":
+        return 0.0
+    rates = [f.prepared.slowest_rate for c in flown.configurations for f in c.flights]
+    return HOLD_FAULT / min(rates)
+
+
 def _find_delay(flown: "Flown") -> MotorTiming | None:
     """Return the delay alone, None where the best one is at the edge of the search."""
     kind = " commanded" if flown.motors.speed == "commanded" else ""
@@ -174,7 +208,7 @@ def _find_delay(flown: "Flown") -> MotorTiming | None:
     slow = _parabola_shift(*(_cost(flown, at(delay), None) for delay in moved))
     response = replace(flown.declared, delay=place + move)
     pull = _pull(flown, response, counted)
-    std = _norm(1.0 / np.sqrt(curvature), slow - move, max(DELAY_FAULT, pull))
+    std = _norm(1.0 / np.sqrt(curvature), slow - move, max(DELAY_FAULT, pull), _hold_fault(flown))
     return MotorTiming(response=response, delay_std=std, total_std=std)
 
 
@@ -210,8 +244,25 @@ def _find_lag(flown: "Flown", *, delay_free: bool) -> MotorTiming | None:
         place = _split_again(slow, place)
     if abs(place[1]) >= LONGEST_DELAY - SMALLEST_STEP:
         return None  # at its limit: the motion does not follow these commands at all
-    found = _with_deviations(cost, slow, place, delay_free=delay_free)
+    pull = _pull(flown, _response(place), counted)
+    # Before the command no motor answers: there the autopilot answers the noise of its gyro.
+    if pull > UNTOLD_PULL or float(place[:2].sum()) <= 0.0:
+        return _untold(flown, delay_free=delay_free)
+    found = _with_deviations(
+        cost, slow, place, delay_free=delay_free, pull=pull, hold=_hold_fault(flown)
+    )
     return _no_wider(found, flown.lag_prior[1])
+
+
+def _untold(flown: "Flown", *, delay_free: bool) -> MotorTiming:
+    """Return what is known of lag and delay without the flights."""
+    lag, std = flown.lag_prior
+    return MotorTiming(
+        response=MotorResponse(lag=lag, delay=flown.declared.delay),
+        lag_std=std,
+        delay_std=UNTOLD_PULL if delay_free else None,
+        total_std=_norm(std, UNTOLD_PULL) if delay_free else std,
+    )
 
 
 def _splits(place: Float[np.ndarray, " 2"]) -> list[Float[np.ndarray, " 2"]]:
@@ -324,12 +375,19 @@ def _with_skew(
 
 
 def _with_deviations(
-    cost: Cost, slow: Cost, place: Float[np.ndarray, " t"], *, delay_free: bool
+    cost: Cost,
+    slow: Cost,
+    place: Float[np.ndarray, " t"],
+    *,
+    delay_free: bool,
+    pull: float,
+    hold: float,
 ) -> MotorTiming:
     """Return the timing at the bottom near `place`, with the deviations that its curvature gives.
 
-    Beside them what the pilot's band alone moves it by: where a motor is no first-order lag, or
-    drag and gusts look like one.
+    Beside them what the pilot's band alone moves it by, where a motor is no first-order lag, or
+    drag and gusts look like one; the pull of the autopilot's answer to gusts, and what is not
+    known of how long a command held [s].
     """
     lag, delay = (np.eye(len(place)) * STENCIL)[:2]
     free = delay if delay_free else lag
@@ -337,9 +395,10 @@ def _with_deviations(
     move = _parabola_shift(middle, plus, minus)
     apart = _parabola_shift(slow(place), slow(place + free), slow(place - free)) - move
     response = _response(place + move / STENCIL * free)
+    sum_fault, split_fault = max(SUM_FAULT, pull), max(SPLIT_FAULT, pull)
     if not delay_free:
         curvature = max((plus - 2.0 * middle + minus) / STENCIL**2, LONGEST_LAG**-2)
-        std = _norm(1.0 / np.sqrt(curvature), apart, SUM_FAULT)
+        std = _norm(1.0 / np.sqrt(curvature), apart, sum_fault, hold)
         return MotorTiming(response=response, lag_std=std, total_std=std)
     cross = cost(place + lag + delay) + cost(place - lag - delay)
     cross -= cost(place + lag - delay) + cost(place - lag + delay)
@@ -349,9 +408,9 @@ def _with_deviations(
     lag_std, delay_std = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
     return MotorTiming(
         response=response,
-        lag_std=_norm(lag_std, apart, SPLIT_FAULT),
-        delay_std=_norm(delay_std, apart, SPLIT_FAULT),
-        total_std=_norm(float(np.sqrt(max(float(covariance.sum()), 0.0))), apart, SUM_FAULT),
+        lag_std=_norm(lag_std, apart, split_fault),
+        delay_std=_norm(delay_std, apart, split_fault, hold),
+        total_std=_norm(float(np.sqrt(max(float(covariance.sum()), 0.0))), apart, sum_fault, hold),
     )
 
 

@@ -20,6 +20,7 @@ from rotorfit.identification.experiment import (
 from rotorfit.identification.fitted import fitted_flights
 from rotorfit.identification.flights import UsedFlight, load_flight, retimed, velocity_known
 from rotorfit.identification.result import IdentificationResult, Parameter
+from rotorfit.identification.timing import LAG_PRIOR
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
 from rotorfit.model.reduce import LowPass, filtered_signals
 from rotorfit.model.regressor import Regressor, regressor
@@ -242,12 +243,15 @@ def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
 
 
 def found_response(result: IdentificationResult) -> MotorResponse | None:
-    """Return the motors' timing that the fit found; a given one is in the preparation already."""
+    """Return the motors' timing of the fit; a given one is in the preparation already.
+
+    Where the flights did not tell the lag, that is the usual one, by which they were fitted.
+    """
     times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
-    if all(p.verdict == "given" or p.value is None for p in times.values()):
+    if all(p.verdict == "given" for p in times.values()):
         return None
-    at = {name: p.value or 0.0 for name, p in times.items()}
-    lag = at.get("motor_lag", 0.0)
+    at = {name: p.value for name, p in times.items() if p.value is not None}
+    lag = at.get("motor_lag", LAG_PRIOR[0] if "motor_lag" in times else 0.0)
     return MotorResponse(
         lag=at.get("motor_lag_up", lag),
         delay=at.get("motor_delay", 0.0),

@@ -40,9 +40,14 @@ class WeighedThrust:
         apart = abs(kt - self.kt)
         return apart > max(LEAST_CONFLICT * self.kt, LIKELY * float(np.hypot(std, self.std)))
 
-    def is_surer_than(self, kt: float, std: float) -> bool:
-        """Whether another estimate leaves open what the weight tells."""
-        return 1.96 * std > max(VAGUE * abs(kt), 2.0 * 1.96 * self.std)
+    def is_surer_than(self, kt: float, std: float, *, timed: bool) -> bool:
+        """Whether another estimate leaves open what the weight tells.
+
+        Where the motors' timing is not told, changes of thrust are seen at a wrong time, and the
+        mean thrust is not.
+        """
+        vague = VAGUE * abs(kt) if timed else 0.0
+        return 1.96 * std > max(vague, 2.0 * 1.96 * self.std)
 
 
 def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> WeighedThrust | None:
