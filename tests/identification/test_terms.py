@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import flown
 from rotorfit.errors import ExperimentError
+from rotorfit.export.vehicle_model import terms_left_out
 from rotorfit.identification.choice import LEAST_GAIN
 from rotorfit.identification.validate import validate_file
+from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.tables import IMU_AND_SPEED
 
@@ -17,12 +20,11 @@ SHORT = {"seconds": 30.0, "ground_seconds": 2.0, "physics_rate": 200.0}
 DELAY = "[motors]\ndelay = 0.0\n"
 
 
-def flight_of(drag, *, kind="noisy", seed=1, rotor_drag=0.0):
+def flight_of(drag, *, kind="noisy", seed=1, rotor_drag=0.0, at=(0.0, 0.0, 0.0)):
     (truth, vehicle), sensors = variant(flown.simulated_vehicle("A"), kind)
     scenario = Scenario(sensors=sensors, **SHORT)
-    return simulate_flight(
-        replace(truth, drag=drag, rotor_drag=rotor_drag), vehicle, scenario, seed=seed
-    )
+    truth = replace(truth, drag=drag, drag_position=at, rotor_drag=rotor_drag)
+    return simulate_flight(truth, vehicle, scenario, seed=seed)
 
 
 def identified(folder, flight, *, terms=None, channels=LOGGED):
@@ -43,8 +45,11 @@ def identified(folder, flight, *, terms=None, channels=LOGGED):
 
 @pytest.fixture(scope="module")
 def draggy():
-    """Return a flight with strong drag, that of a big frame sideways and less along z."""
-    return flight_of((0.6, 0.5, 0.3))
+    """Return a flight with strong drag, that of a big frame sideways and less along z.
+
+    It acts where it does in real vehicles: neither at the origin nor at the centre of mass.
+    """
+    return flight_of((0.6, 0.5, 0.3), at=(0.02, -0.015, 0.03))
 
 
 def inside(parameter, true):
@@ -52,8 +57,14 @@ def inside(parameter, true):
     return low < true < high
 
 
-def test_drag_enters_by_itself_where_the_velocity_is_known(draggy, tmp_path):
-    result = identified(tmp_path, draggy)
+@pytest.fixture(scope="module")
+def once(draggy, tmp_path_factory):
+    """Return what is identified of it."""
+    return identified(tmp_path_factory.mktemp("once"), draggy)
+
+
+def test_drag_enters_by_itself_where_the_velocity_is_known(once, draggy):
+    result = once
     used = result.settings["used"]
     assert used["terms"][-1] == "drag"
     assert used["terms_gain"]["drag"] > used["terms_least_gain"] == LEAST_GAIN
@@ -68,12 +79,63 @@ def test_drag_enters_by_itself_where_the_velocity_is_known(draggy, tmp_path):
     assert inside(result.parameter("kt"), draggy.truth.kt)
 
 
-def test_drag_is_in_the_predicted_wrench_of_flights_kept_apart(draggy, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "true"),
+    [
+        ("drag_moment_xy", 0.03 * 0.5),
+        ("drag_moment_xz", 0.015 * 0.3),
+        ("drag_moment_yx", -0.03 * 0.6),
+        ("drag_moment_yz", 0.02 * 0.3),
+        ("drag_moment_zx", -0.015 * 0.6),
+        ("drag_moment_zy", -0.02 * 0.5),
+    ],
+)
+def test_torques_of_drag_about_the_origin_are_found(once, name, true):
+    found = once.parameter(name, "A")
+    assert found.unit == "N s"
+    assert found.value == pytest.approx(true, abs=0.002)
+
+
+def test_torques_of_drag_are_in_the_file_and_not_in_the_text(once):
+    text = result_text(once)
+    assert "drag_z" in text
+    assert "drag_moment" not in text
+    left_out = [words for words in terms_left_out(once, "A") if words.startswith("drag_moment_")]
+    assert left_out[0].startswith("drag_moment_xy = 0.01")
+
+
+@pytest.mark.parametrize("name", ["com_x", "com_z", "Ixx_com", "kd_over_kt"])
+def test_drag_off_the_origin_does_not_bend_the_body(once, draggy, name):
+    true = draggy.truth.parameters()
+    true |= dict(zip(("com_x", "com_y", "com_z"), draggy.truth.center_of_mass, strict=True))
+    true["kd_over_kt"] = true["kd"] / true["kt"]
+    assert inside(once.derived_value(name, None if name == "kd_over_kt" else "A"), true[name])
+
+
+def test_drag_does_not_depend_on_where_the_origin_is(once, draggy, tmp_path):
+    up = np.array([0.0, 0.0, 0.03])
+    rotors = tuple(
+        replace(r, position=tuple((r.position - up).tolist())) for r in draggy.vehicle.rotors
+    )
+    moved = replace(draggy.vehicle, rotors=rotors, imu_position=(0.0, 0.0, -0.03))
+    attitude = Rotation.from_quat(draggy.attitude_wxyz, scalar_first=True)
+    there = draggy.velocity + attitude.apply(np.cross(draggy.angular_velocity, up))
+    result = identified(tmp_path, replace(draggy, vehicle=moved, velocity=there))
+    for axis in "xyz":
+        found, same = (r.parameter(f"drag_{axis}", "A") for r in (result, once))
+        assert found.value == pytest.approx(same.value, rel=0.02)
+
+
+def test_drag_is_in_the_predicted_wrench_of_flights_kept_apart(once, draggy, tmp_path):
     other = tmp_path / "other.csv"
-    write_flight_table(flight_of(draggy.truth.drag, seed=2), other, channels=LOGGED)
-    with_it = identified(tmp_path, draggy)
+    flight = flight_of(draggy.truth.drag, seed=2, at=draggy.truth.drag_position)
+    write_flight_table(flight, other, channels=LOGGED)
     without = identified(tmp_path, draggy, terms=["rotor_inertia", "accel_bias", "twist"])
-    after, before = (validate_file(result, other) for result in (with_it, without))
+    alone = tuple(p for p in once.parameters if not p.name.startswith("drag_moment_"))
+    after, before, bent = (
+        validate_file(result, other) for result in (once, without, replace(once, parameters=alone))
+    )
+    assert after.relative_error["My"] < 0.8 * bent.relative_error["My"]  # its torque, too
     leaves = [
         np.linalg.norm((c.body_wrench - c.rotor_wrench)[:, :2]) for c in (after, before)
     ]  # sideways forces, where nothing else acts

@@ -29,6 +29,7 @@ class Body:
     constant: np.ndarray
     twist: float = 0.0
     drag: np.ndarray | float = 0.0
+    drag_position: np.ndarray | float = 0.0
     rotor_drag: float = 0.0
 
     @property
@@ -47,6 +48,14 @@ def theta_of(body, shared_kt=0.0):
     theta |= {f"kt_rotor_center_{a}": body.kt[0] * body.rotor_shift[i] for i, a in enumerate("xyz")}
     theta |= {"kt_twist": body.kt[0] * body.twist, "rotor_drag": body.rotor_drag}
     theta |= dict(zip(("drag_x", "drag_y", "drag_z"), body.drag * np.ones(3), strict=True))
+    # Column k: the torque about the origin of the drag at unit velocity along k.
+    torque = np.cross(body.drag_position * np.ones(3), -np.diag(body.drag * np.ones(3))).T
+    theta |= {
+        f"drag_moment_{a}{b}": torque[i, k]
+        for i, a in enumerate("xyz")
+        for k, b in enumerate("xyz")
+        if a != b
+    }
     names = ("Fx_0", "Fy_0", "Fz_0", "Mx_0", "My_0", "Mz_0")
     return theta | dict(zip(names, body.constant, strict=True))
 
@@ -85,9 +94,14 @@ def rotor_wrench(body, vehicle, w, O, dO):
     return np.concatenate([force, torque], axis=1)
 
 
-def drag_wrench(body, v):
-    """Return force and torque about the origin of the air that the body moves through."""
-    return np.concatenate([-body.drag * v, np.zeros_like(v)], axis=1)
+def drag_wrench(body, v, w):
+    """Return force and torque about the origin of the air that the body moves through.
+
+    The point of the drag moves with v + w x r; of its torque, the part of the origin's velocity.
+    """
+    r = body.drag_position * np.ones(3)
+    torque = np.cross(r, -body.drag * v)
+    return np.concatenate([-body.drag * (v + np.cross(w, r)), torque], axis=1)
 
 
 def at_point(alpha, w, dw, p):

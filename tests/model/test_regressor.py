@@ -54,10 +54,15 @@ def test_drag_is_newton_eulers_where_the_velocity_is_known(seed, rotors, tilted,
     rng = np.random.default_rng(seed)
     imu = rng.normal(size=3) * 0.05 if has_imu else None
     vehicle = ne.random_vehicle(rng, rotors, tilted=tilted, imu=imu)
-    body = replace(ne.random_body(rng, rotors, equal_kt=True), drag=rng.normal(size=3), twist=0.01)
+    body = replace(
+        ne.random_body(rng, rotors, equal_kt=True),
+        drag=rng.normal(size=3),
+        drag_position=rng.normal(size=3) * 0.1,
+        twist=0.01,
+    )
     alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
     v = rng.normal(size=(SAMPLES, 3)) * 3.0
-    expected = ne.body_wrench(body, alpha, w, dw) - ne.drag_wrench(body, v)
+    expected = ne.body_wrench(body, alpha, w, dw) - ne.drag_wrench(body, v, w)
     expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
     measured = alpha if imu is None else ne.at_point(alpha, w, dw, imu)
     flight = ne.flight_of(measured, w, dw, O, dO, velocity=v)
@@ -73,7 +78,7 @@ def test_velocity_is_a_signal_only_where_it_is_asked_for():
     vehicle = ne.paper_vehicle()
     assert "vx" not in signal_layout(vehicle) and "drag_x" not in regressor(vehicle).names
     with_it, without = signal_layout(vehicle, velocity=True), signal_layout(vehicle)
-    assert len(with_it) == len(without) + 3
+    assert len(with_it) == len(without) + 6
     flight = ne.flight_of(*ne.random_motion(np.random.default_rng(2), SAMPLES, 4))
     with pytest.raises(FlightError, match="the velocity of the body is not known throughout"):
         signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)

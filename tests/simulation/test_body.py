@@ -130,6 +130,17 @@ def test_halving_the_step_divides_the_error_by_sixteen():
 def test_drag_opposes_the_velocity_along_each_axis():
     body = rigid_body(replace(B, drag=(0.1, 0.2, 0.3)))
     spinning = NOTHING._replace(spin=(0.1, 0.2, 0.3), yaw_damping=0.4)
-    slowed = with_drag(body, spinning, (1.0, -2.0, 3.0))
+    slowed = with_drag(body, spinning, (1.0, -2.0, 3.0), (0.7, -0.8, 0.9))
     np.testing.assert_allclose(slowed.force, [-0.1, 0.4, -0.9])
     assert slowed[1:] == spinning[1:]
+
+
+def test_drag_acts_at_its_point_by_the_velocity_there():
+    body = rigid_body(replace(B, drag=(0.1, 0.2, 0.3), drag_position=(0.0, 0.0, 0.5)))
+    ahead = with_drag(body, NOTHING, (2.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(ahead.force, [-0.2, 0.0, 0.0])
+    np.testing.assert_allclose(ahead.torque, [0.0, -0.1, 0.0])  # over the origin: nose up
+    # Rolling to the right at 4 rad/s about the origin, it goes to the right at 2 m/s.
+    rolling = with_drag(body, NOTHING, (0.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+    np.testing.assert_allclose(rolling.force, [0.0, 0.4, 0.0])
+    np.testing.assert_allclose(rolling.torque, [-0.2, 0.0, 0.0])

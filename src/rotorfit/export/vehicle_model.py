@@ -29,7 +29,7 @@ from rotorfit.identification.experiment import Experiment, experiment_of_setting
 from rotorfit.identification.law_entry import speed_law_of
 from rotorfit.identification.result import IdentificationResult
 from rotorfit.identification.sound_result import refuse_unsound
-from rotorfit.model.parameters import inertia_matrix
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
 
 
@@ -272,7 +272,7 @@ def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[
 
 
 _TERMS: Final = (
-    *("motor_delay", "twist", "rotor_drag", "drag_x", "drag_y", "drag_z"),
+    *("motor_delay", "twist", "rotor_drag", *DRAG, *DRAG_MOMENTS),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
 

@@ -28,6 +28,7 @@ from rotorfit.identification.rows import (
     fit_rows,
 )
 from rotorfit.identification.terms import DEFAULT_TERMS, Term
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -46,6 +47,9 @@ TWIST_STD = np.radians(2.0)
 ROTOR_DRAG_STD = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
+DRAG_STD = 0.3
+"""Known of the torque of drag before the flight: that of drag of this size over mass and velocity
+[1/s] at the end of an arm."""
 OFFSET_STD = 0.05
 """Known of a constant torque, as a share of the weight at the end of an arm."""
 CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
@@ -201,6 +205,9 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
         prior[f"twist{at}"] = TWIST_STD * arm
         offset = OFFSET_STD * configuration.mass * GRAVITY * arm
         prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
+        # A velocity that hardly changes looks like a CoM elsewhere: this much, and no more.
+        moment = DRAG_STD * configuration.mass * arm
+        prior |= {f"{name}{at}": moment for name in DRAG_MOMENTS}
         prior |= {f"{name}{at}": std for name, std, _ in tolerances(configuration.payload)}
     return prior
 
@@ -291,7 +298,7 @@ def _own_terms(
     if "twist" in terms:
         free[f"twist{at}"] = {}
     if "drag" in terms:
-        free |= {f"drag_{axis}{at}": {(c, f"drag_{axis}"): 1.0} for axis in "xyz"}
+        free |= {f"{name}{at}": {(c, name): 1.0} for name in (*DRAG, *DRAG_MOMENTS)}
     if "torque_offset" in terms:
         free |= {f"torque_offset_{axis}{at}": {(c, f"M{axis}_0"): 1.0} for axis in "xyz"}
     return free

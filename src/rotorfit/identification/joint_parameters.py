@@ -41,6 +41,8 @@ from rotorfit.identification.joint import (
 from rotorfit.identification.payload import MOMENTS
 from rotorfit.model.parameters import (
     DERIVED,
+    DRAG,
+    DRAG_MOMENTS,
     INERTIA,
     INERTIA_PLACES,
     PARAMETERS,
@@ -53,7 +55,7 @@ FEWEST_FLIGHTS = 3
 """Of one configuration, from which their scatter tells anything."""
 OWN_NUMBERS = (
     *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
-    *("rotor_center_x", "rotor_center_y", "twist", "drag_x", "drag_y", "drag_z"),
+    *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
 SHARED_NUMBERS = ("kt", "kd", "Jr", "rotor_drag", "kd_over_kt", "motor_lag_total")
@@ -334,6 +336,8 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) 
         return mass * arm / 50.0
     if base.startswith(("com_", "rotor_center_")) or base == "twist":
         return arm / 50.0  # of a twist, a degree
+    if base in DRAG_MOMENTS:
+        return 0.3 * mass * arm / 5.0  # at 3 m/s as of a CoM that is arm / 150 off
     if base.startswith("drag_"):
         return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
     if base.startswith("torque_offset_"):

@@ -13,7 +13,14 @@ from rotorfit.identification.row_parameters import Quantities, number_scale
 from rotorfit.identification.rows import ROWS, RowFits
 from rotorfit.identification.timing import MotorTiming, told
 from rotorfit.identification.verdicts import ADVICE, WEAK, Judgement, judge, motion_for
-from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS, ParameterInfo
+from rotorfit.model.parameters import (
+    DERIVED,
+    DRAG,
+    DRAG_MOMENTS,
+    MOST_ROTORS,
+    PARAMETERS,
+    ParameterInfo,
+)
 from rotorfit.model.vehicle import Vehicle
 
 MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
@@ -25,7 +32,7 @@ ROW_ORDER = (
     *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
     *(*MOTOR_TIMES, "mass"),
     *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
-    *("rotor_center_x", "rotor_center_y", "twist", "rotor_drag", "drag_x", "drag_y", "drag_z"),
+    *("rotor_center_x", "rotor_center_y", "twist", "rotor_drag", *DRAG, *DRAG_MOMENTS),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
     *("accel_bias_x", "accel_bias_y", "accel_bias_z"),
 )

@@ -21,7 +21,7 @@ from rotorfit.identification.fitted import fitted_flights
 from rotorfit.identification.flights import UsedFlight, load_flight, retimed, velocity_known
 from rotorfit.identification.result import IdentificationResult, Parameter
 from rotorfit.identification.timing import LAG_PRIOR
-from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, FIRST_MOMENTS, INERTIA
 from rotorfit.model.reduce import LowPass, filtered_signals
 from rotorfit.model.regressor import Regressor, regressor
 
@@ -175,7 +175,7 @@ def compare_wrenches(
     known = _known(result, owner)
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    velocity = any(f"drag_{axis}" in known for axis in "xyz") and velocity_known([used])
+    velocity = any(name in known for name in (*DRAG, *DRAG_MOMENTS)) and velocity_known([used])
     model = regressor(vehicle, velocity=velocity)
     data = retimed(used.prepared, found_response(result))
     lowpass = LowPass(cutoff=cutoff)
@@ -287,7 +287,7 @@ def _wrenches(
         rotors[f"kt_rotor_center_{axis}"] = kt * place
     rotors["kt_twist"] = kt * known.get("twist", 0.0)
     rotors["rotor_drag"] = known.get("rotor_drag", 0.0)
-    rotors |= {f"drag_{axis}": known.get(f"drag_{axis}", 0.0) for axis in "xyz"}
+    rotors |= {name: known.get(name, 0.0) for name in (*DRAG, *DRAG_MOMENTS)}
     rotors |= {f"M{axis}_0": known.get(f"torque_offset_{axis}", 0.0) for axis in "xyz"}
     return model.residual(Z, body), -model.residual(Z, rotors)
 

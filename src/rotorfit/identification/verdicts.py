@@ -6,6 +6,7 @@ from typing import Final
 
 from rotorfit.identification.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.identification.result import Verdict
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""
@@ -30,7 +31,7 @@ PRACTICE: Final[Mapping[str, str]] = {
     **{name: "place" for name in ("com_x", "com_y", "msx", "msy")},
     **{name: "place" for name in ("rotor_center_x", "rotor_center_y")},
     **{name: "height" for name in ("com_z", "msz")},
-    **{name: "air" for name in ("drag_x", "drag_y", "drag_z")},
+    **{name: "air" for name in (*DRAG, *DRAG_MOMENTS)},
 }
 """What helps numbers that no axis of `AXIS_OF` speaks for, as `plan` finds it by the bound; all
 others by changes of thrust."""

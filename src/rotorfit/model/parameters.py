@@ -9,6 +9,8 @@ from jaxtyping import Float
 INERTIA: Final = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 FIRST_MOMENTS: Final = ("msx", "msy", "msz")
 MOST_ROTORS: Final = 16
+DRAG: Final = ("drag_x", "drag_y", "drag_z")
+DRAG_MOMENTS: Final = tuple(f"drag_moment_{a}{b}" for a in "xyz" for b in "xyz" if a != b)
 INERTIA_PLACES: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -49,6 +51,12 @@ PARAMETERS: Final[dict[str, ParameterInfo]] = {
     "drag_x": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
     "drag_y": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
     "drag_z": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
+    **{
+        name: ParameterInfo(
+            "N s", 1, f"torque of the air about {name[-2]} over velocity {name[-1]}"
+        )
+        for name in DRAG_MOMENTS
+    },
     "torque_offset_x": ParameterInfo("N m", 1, "torque that does not change"),
     "torque_offset_y": ParameterInfo("N m", 1, "torque that does not change"),
     "torque_offset_z": ParameterInfo("N m", 1, "torque that does not change"),

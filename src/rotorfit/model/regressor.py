@@ -18,8 +18,10 @@ rotor inertia:
 
 the yaw torque :math:`-c \omega_z \sum O_i (x_i^2 + y_i^2)` of rotors that are carried sideways
 by the turn of the body (each is held back by c O_i times its velocity in its plane), and, where
-the velocity v of the body is known, the drag of the frame, -d_x v_x, -d_y v_y, -d_z v_z at the
-origin (Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018).
+the velocity v of the origin is known, the drag of the frame, -d_x v_x, -d_y v_y, -d_z v_z
+(Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018), wherever it
+acts: at a point r it has the torque :math:`Q v` too, and of the point's own velocity the force
+:math:`Q^T \omega`, with six coefficients :math:`Q_{xy} = r_z d_y, Q_{xz} = -r_y d_z` and so on.
 
 One function per effect; each returns the entries of A for its parameters. To add an effect, write
 its function and name it in `EFFECTS`.
@@ -31,6 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.model.signals import SignalLayout, signal_layout
 from rotorfit.model.vehicle import Vehicle
 
@@ -201,12 +204,24 @@ def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def frame_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Drag -d v along each body axis, at the origin; nothing where the velocity is unknown."""
+    """Drag -d v along each body axis, wherever it acts; nothing where the velocity is unknown.
+
+    ``drag_moment_xy`` is the torque about x per velocity along y, and the force along y per rate
+    about x: at r it is r_z d_y, the torque of -d_y v_y and the drag of the velocity w_x r_z there.
+    Both are sums over all that is dragged, so that one number is enough for each. The torque
+    against a rate, of second order in r, is left out.
+    """
     del vehicle
     if "vx" not in layout:
         return {}
-    rows = zip("xyz", (FX, FY, FZ), strict=True)
-    return {f"drag_{axis}": _block(layout, {(row, f"v{axis}"): 1.0}) for axis, row in rows}
+    rows = dict(zip("xyz", (FX, FY, FZ), strict=True))
+    blocks = {f"drag_{a}": _block(layout, {(rows[a], f"v{a}"): 1.0}) for a in "xyz"}
+    torques = dict(zip("xyz", (MX, MY, MZ), strict=True))
+    for name in DRAG_MOMENTS:
+        about, along = name[-2:]
+        both = {(torques[about], f"v{along}"): -1.0, (rows[along], f"w{about}"): -1.0}
+        blocks[name] = _block(layout, both)
+    return blocks
 
 
 def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:

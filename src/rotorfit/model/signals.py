@@ -1,9 +1,9 @@
 """The signals of a flight: the few columns in which every equation of the model is linear.
 
 z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
-terms, yaw rate times rotor speeds and squared arms, velocity 3 where it is asked for, 1). The spin
-terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with tilted rotors, three
-where all axes are z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
+terms, yaw rate times rotor speeds and squared arms, velocity 3 and rates 3 where the velocity is
+asked for, 1). The spin terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with
+tilted rotors, three where all axes are z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ BODY_SIGNALS = (
 )
 SPIN_SIGNALS = ("dHx", "dHy", "dHz", "wxH_x", "wxH_y", "wxH_z")
 ALIGNED_SPIN_SIGNALS = ("dHz", "wxH_x", "wxH_y")
-VELOCITY_SIGNALS = ("vx", "vy", "vz")
+VELOCITY_SIGNALS = ("vx", "vy", "vz", "wx", "wy", "wz")
 DERIVATIVES = ("dwx", "dwy", "dwz", "dHx", "dHy", "dHz")
 
 
@@ -110,6 +110,7 @@ def _raw_signals(
     if velocity:
         first = layout.index("vx")
         Z[:, first : first + 3] = _known_velocity(flight, rows)
+        Z[:, first + 3 : first + 6] = w
     Z[:, -1] = 1.0
     return Z
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from rotorfit.identification.result import Derived, Parameter
+from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.svg import drawing, tag
 from rotorfit.report.words import finite_interval, known
 
@@ -14,6 +15,8 @@ def axis_of(name: str) -> str:
     for family in ("com_", "ms", "rotor_center_", "accel_bias_", "drag_", "torque_offset_"):
         if name.startswith(family) and len(name) == len(family) + 1:
             return family
+    if name in DRAG_MOMENTS:
+        return "drag_moment_"
     if name.startswith("I") and len(name.removesuffix("_com")) == 3:
         return "I_com" if name.endswith("_com") else "I"
     return name

@@ -5,6 +5,7 @@ from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
 from rotorfit.report.words import (
     VERDICT_MEANING,
@@ -78,7 +79,7 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
     derived = {d.name: d for d in result.derived if d.configuration == configuration}
     about_com = [derived[name] for name in COM_FIRST if name in derived]
     twins = {twin_of(d.name) for d in about_com}
-    others = [p for name, p in parameters.items() if name not in {"mass", *twins}]
+    others = [p for name, p in parameters.items() if name not in {"mass", *twins, *DRAG_MOMENTS}]
     several = len(configurations(result)) > 1
     return [
         *(_of_parameter(p) for name, p in parameters.items() if name == "mass"),
@@ -104,6 +105,8 @@ def _judged(result: IdentificationResult) -> list[Entry]:
     }
     entries: list[Entry] = []
     for p in result.parameters:
+        if p.name in DRAG_MOMENTS:
+            continue  # six more lines, of numbers that only keep the others right
         shown = about_com.get((p.name, p.configuration))
         if shown is None:
             entry = Entry(number=p, verdict=p.verdict, reason=p.reason, advice=p.advice)

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.model.parameters import DRAG_MOMENTS
 
 TITLES = {
     "kt": "Thrust coefficient of a rotor",
@@ -37,6 +38,10 @@ TITLES = {
     "drag_x": "Air drag of the frame, forward",
     "drag_y": "Air drag of the frame, to the left",
     "drag_z": "Air drag of the frame, up",
+    **{
+        name: f"Torque of the air about {name[-2]} per velocity along {name[-1]}"
+        for name in DRAG_MOMENTS
+    },
     "torque_offset_x": "Constant torque about x",
     "torque_offset_y": "Constant torque about y",
     "torque_offset_z": "Constant torque about z",

@@ -45,6 +45,8 @@ class RigidBody:
         Inverse of the inertia about the centre of mass [1/(kg m^2)].
     drag
         Force per velocity along each body axis [N s/m].
+    drag_position
+        Where it acts, from the origin [m].
     """
 
     mass: float
@@ -52,6 +54,7 @@ class RigidBody:
     inertia: Matrix
     inverse_com_inertia: Matrix
     drag: Vector = (0.0, 0.0, 0.0)
+    drag_position: Vector = (0.0, 0.0, 0.0)
 
 
 def rigid_body(truth: Truth) -> RigidBody:
@@ -62,6 +65,7 @@ def rigid_body(truth: Truth) -> RigidBody:
         inertia=_rows(truth.inertia_tensor),
         inverse_com_inertia=_rows(np.linalg.inv(truth.com_inertia)),
         drag=truth.drag,
+        drag_position=truth.drag_position,
     )
 
 
@@ -96,15 +100,22 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
 
 
 @no_type_check
-def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector) -> Wrench:
-    """Return the wrench with the drag at a velocity in body axes [m/s] added."""
+def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector, w: Vector) -> Wrench:
+    """Return the wrench with the drag added.
+
+    The origin moves with `velocity` in body axes [m/s], and the body turns with `w` [rad/s].
+    """
     cx, cy, cz = body.drag
     if not (cx or cy or cz):
         return wrench
     fx, fy, fz = wrench.force
     vx, vy, vz = velocity
-    slowed = (fx - cx * vx, fy - cy * vy, fz - cz * vz)
-    return Wrench(slowed, wrench.torque, wrench.spin, wrench.yaw_damping)
+    ux, uy, uz = cross(w, body.drag_position)
+    dx, dy, dz = cx * (vx + ux), cy * (vy + uy), cz * (vz + uz)
+    tx, ty, tz = wrench.torque
+    qx, qy, qz = cross(body.drag_position, (dx, dy, dz))
+    slowed, turned = (fx - dx, fy - dy, fz - dz), (tx - qx, ty - qy, tz - qz)
+    return Wrench(slowed, turned, wrench.spin, wrench.yaw_damping)
 
 
 @no_type_check
@@ -112,7 +123,7 @@ def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
     """Return the time derivative of the state under a wrench."""
     x, y, z, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state
     w, v = (x, y, z), (vx, vy, vz)
-    (ax, ay, az), (dx, dy, dz) = accelerations(body, with_drag(body, wrench, v), w)
+    (ax, ay, az), (dx, dy, dz) = accelerations(body, with_drag(body, wrench, v, w), w)
     R = rotation((qw, qx, qy, qz))
     gx, gy, gz = R[2]  # the world's vertical in body axes
     cx, cy, cz = cross(w, v)

@@ -276,9 +276,9 @@ def _moment(
         external = _reaction(body, wrench, a)
     else:
         fx, fy, fz, tx, ty, tz = disturbance.tolist()
-        v = (state[7], state[8], state[9])
-        external = with_drag(body, Wrench((fx, fy, fz), (tx, ty, tz)), v)
-        a, dw = accelerations(body, _sum(wrench, external), (state[0], state[1], state[2]))
+        w, v = (state[0], state[1], state[2]), (state[7], state[8], state[9])
+        external = with_drag(body, Wrench((fx, fy, fz), (tx, ty, tz)), v, w)
+        a, dw = accelerations(body, _sum(wrench, external), w)
     return _Moment(state, a, dw, speeds, slopes, commands[0], external, not grounded)
 
 

@@ -37,7 +37,9 @@ class Truth:
     motor_delay
         Time that a command takes before the motor sees it [s].
     drag
-        Force per velocity along each body axis, acting at the body origin [N s/m].
+        Force per velocity along each body axis [N s/m].
+    drag_position
+        Where it acts, by the velocity there, from the body origin [m].
     rotor_drag
         Force on a rotor per speed and per velocity with which a turn about z carries it through
         the air [N s^2/(m rad)].
@@ -58,6 +60,7 @@ class Truth:
     motor_lag_down: float | None = None
     motor_delay: float = 0.0
     drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    drag_position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rotor_drag: float = 0.0
     disturbance_force_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_torque_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
