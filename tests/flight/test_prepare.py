@@ -14,7 +14,7 @@ from hand_made_logs import (
     with_channel,
 )
 
-from rotorfit.errors import FlightError, FrameError, LogError
+from rotorfit.errors import ExperimentError, FlightError, FrameError, LogError
 from rotorfit.flight.motors import MotorResponse, first_order_lag
 from rotorfit.flight.prepare import Cut, MotorModel, prepare, with_motors
 from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, TableLaw, VoltageFactor
@@ -312,6 +312,12 @@ def test_missing_motors_are_named(hover):
     commands = motion_log(hover_thrust(5), name="command")
     assert 'write speed = "commanded" under [motors]' in refusal(LogError, commands)
     assert "it has none" in refusal(LogError, flight_log())
+
+
+@pytest.mark.parametrize("arm", [-0.2, 0.0, float("nan"), float("inf")])
+def test_an_arm_that_is_no_length_is_refused(hover, arm):
+    with pytest.raises(ExperimentError, match=f"arm is {arm:g}, expected a length of more than 0"):
+        prepare(hover, rotor_count=4, arm=arm)
 
 
 def test_the_wrong_number_of_rotors_is_refused(hover):

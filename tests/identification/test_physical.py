@@ -201,6 +201,9 @@ def test_of_several_configurations_one_must_be_named():
     with pytest.raises(EstimationError, match=r"2 configurations \(A, B\): name the one"):
         project_to_physical(two)
     assert project_to_physical(two, "A").distance == 0.0
+    words = "no configuration 'Q' in this result; it has A, B: name one of them"
+    with pytest.raises(EstimationError, match=words):
+        project_to_physical(two, "Q")
 
 
 def test_the_smallest_second_moment_and_its_interval():

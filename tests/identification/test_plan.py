@@ -335,6 +335,19 @@ def test_rough_values_come_from_the_result(after_rolling):
     assert "Iyy" not in values and "kd_over_kt" not in values
 
 
+def test_of_several_configurations_the_values_of_one_are_taken(after_rolling):
+    def doubled(entries):
+        own = [e for e in entries if e.configuration is not None]
+        return (*entries, *(replace(e, configuration="B") for e in own))
+
+    two = replace(
+        after_rolling,
+        parameters=doubled(after_rolling.parameters),
+        derived=doubled(after_rolling.derived),
+    )
+    assert values_of(two, PAPER) == values_of(after_rolling, PAPER)
+
+
 def test_what_is_enough_already_is_said(after_rolling):
     planned = plan(request(after=after_rolling, wanted=wanted_accuracy("Ixx=8"), payload=0.0))
     assert planned.enough

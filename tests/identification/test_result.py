@@ -168,8 +168,29 @@ def test_other_files_are_refused(tmp_path, content, words):
         IdentificationResult.load(path)
 
 
-def test_unknown_names_are_key_errors(result):
-    with pytest.raises(KeyError, match="no parameter 'kq'"):
+def test_unknown_names_are_key_errors_that_list_what_there_is(result):
+    with pytest.raises(KeyError, match=r"no parameter 'kq' in this result; it has kt, .*, Ixx"):
         result.parameter("kq")
-    with pytest.raises(KeyError, match="no derived number 'kq'"):
+    with pytest.raises(KeyError, match="no derived number 'kq' in this result; it has com_x"):
         result.derived_value("kq")
+
+
+def test_of_several_configurations_one_must_be_named(result):
+    own = [p for p in result.parameters if p.configuration is not None]
+    shared = tuple(p for p in result.parameters if p.configuration is None)
+    named = {name: [dataclasses.replace(p, configuration=name) for p in own] for name in "AB"}
+    two = dataclasses.replace(result, parameters=(*shared, *named["A"], *named["B"]), derived=())
+    assert two.parameter("Ixx", "B").configuration == "B"
+    assert two.parameter("kt").configuration is None
+    words = r"parameter 'Ixx' is of several configurations \(A, B\): name one, as in \('Ixx', 'A'\)"
+    with pytest.raises(KeyError, match=words):
+        two.parameter("Ixx")
+    with pytest.raises(KeyError, match="no parameter 'Ixx' of 'C' in this result; it is of A, B"):
+        two.parameter("Ixx", "C")
+    with pytest.raises(KeyError, match="of all configurations together: leave the configuration"):
+        two.parameter("kt", "A")
+
+
+def test_paths_may_be_text(tmp_path, result):
+    result.save(str(tmp_path / "result.json"))
+    assert IdentificationResult.load(str(tmp_path / "result.json")).name == result.name

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.errors import FlightError
+from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.flight.airborne import (
     SHORTEST_FLIGHT,
     Motion,
@@ -173,6 +173,8 @@ def prepare(
 
     Raises
     ------
+    ExperimentError
+        If the arm is no length.
     LogError
         If a channel is missing or has the wrong number of columns.
     FlightError
@@ -180,6 +182,8 @@ def prepare(
     FrameError
         If gravity contradicts the axes.
     """
+    if not 0.0 < arm < np.inf:
+        raise ExperimentError(f"arm is {arm:g}, expected a length of more than 0 m")
     motors = motors or MotorModel()
     recorded = on_one_clock(log, rotor_count=rotor_count, motors=motors)
     return prepared_from(recorded, arm=arm, motors=motors, window=window)

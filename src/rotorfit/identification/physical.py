@@ -205,9 +205,9 @@ def project_to_physical(
     Raises
     ------
     EstimationError
-        If mass or a moment of inertia of that configuration is not known, several configurations
-        are there and none is named, or the projection needs a library that is not installed (the
-        extra ``physical``).
+        If mass or a moment of inertia of that configuration is not known, the configuration is not
+        in the result, several are there and none is named, or the projection needs a library that
+        is not installed (the extra ``physical``).
     """
     values, covariance, mass = _body(result, configuration)
     # In units of the mass and of a length of the body, so that all entries are of one size.
@@ -232,6 +232,11 @@ def _body(
     if configuration is None and len(owners) > 1:
         raise EstimationError(
             f"{len(owners)} configurations ({', '.join(map(str, owners))}): name the one to project"
+        )
+    if configuration is not None and configuration not in owners:
+        raise EstimationError(
+            f"no configuration {configuration!r} in this result; it has "
+            f"{', '.join(map(str, owners))}: name one of them"
         )
     mass = result.parameter("mass", configuration)
     at = {name: f"{name}@{mass.configuration}" for name in MOMENTS}

@@ -170,7 +170,7 @@ def values_of(result: IdentificationResult, vehicle: Vehicle) -> dict[str, float
     configuration, _ = result_mass(result, None)
     number = {name: _known(result, name, configuration) for name in _ROUGH.values()}
     values = {name: number[source] for name, source in _ROUGH.items()}
-    speed = result.derived_value("hover_speed").unit
+    speed = result.derived_value("hover_speed", configuration).unit
     if speed != "rad/s":  # of a command without a law: no speed at all
         values |= {"hover_speed": None, "Jr": None}
     return {name: value for name, value in values.items() if value is not None and value > 0}

@@ -3,10 +3,10 @@
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -67,6 +67,9 @@ class Derived:
     std: float | None
     interval: tuple[float, float] | None
     unit: str
+
+
+Entry = TypeVar("Entry", Parameter, Derived)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,24 +147,30 @@ class IdentificationResult:
     diagnostics: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def parameter(self, name: str, configuration: str | None = None) -> Parameter:
-        """Return one parameter; the configuration may be left out where there is one."""
-        for parameter in self.parameters:
-            if parameter.name == name and configuration in (None, parameter.configuration):
-                return parameter
-        raise KeyError(f"no parameter {name!r} in this result")
+        """Return one parameter; the configuration may be left out where there is one.
+
+        Raises
+        ------
+        KeyError
+            If there is none of that name, or one in each of several configurations.
+        """
+        return _one(self.parameters, name, configuration, what="parameter")
 
     def derived_value(self, name: str, configuration: str | None = None) -> Derived:
-        """Return one derived number; the configuration may be left out where there is one."""
-        for derived in self.derived:
-            if derived.name == name and configuration in (None, derived.configuration):
-                return derived
-        raise KeyError(f"no derived number {name!r} in this result")
+        """Return one derived number; the configuration may be left out where there is one.
+
+        Raises
+        ------
+        KeyError
+            If there is none of that name, or one in each of several configurations.
+        """
+        return _one(self.derived, name, configuration, what="derived number")
 
     def to_json(self) -> str:
         """Return the result as JSON text."""
         return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
 
-    def save(self, path: Path, *, force: bool = False) -> None:
+    def save(self, path: Path | str, *, force: bool = False) -> None:
         """Write the result as JSON, whole or not at all.
 
         Raises
@@ -169,10 +178,10 @@ class IdentificationResult:
         OutputError
             If the file exists and `force` is false, or cannot be written.
         """
-        write_whole(path, self.to_json(), force=force)
+        write_whole(Path(path), self.to_json(), force=force)
 
     @staticmethod
-    def load(path: Path) -> "IdentificationResult":
+    def load(path: Path | str) -> "IdentificationResult":
         """Read a saved result.
 
         Raises
@@ -180,6 +189,7 @@ class IdentificationResult:
         OutputError
             If the file is not a rotorfit result of a version that this one reads.
         """
+        path = Path(path)
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, ValueError) as error:
@@ -192,6 +202,26 @@ class IdentificationResult:
     def __str__(self) -> str:
         known = sum(p.verdict == "identified" for p in self.parameters)
         return f"{self.name}: {known} of {len(self.parameters)} parameters identified"
+
+
+def _one(entries: Sequence[Entry], name: str, configuration: str | None, *, what: str) -> Entry:
+    """Return the entry of a name and, where that is not None, of a configuration."""
+    named = [entry for entry in entries if entry.name == name]
+    if not named:
+        known = ", ".join(dict.fromkeys(entry.name for entry in entries))
+        raise KeyError(f"no {what} {name!r} in this result; it has {known}")
+    found = [entry for entry in named if configuration in (None, entry.configuration)]
+    owners = ", ".join(str(entry.configuration) for entry in named)
+    if not found:
+        shared = [entry.configuration for entry in named] == [None]
+        of = "all configurations together: leave the configuration out" if shared else owners
+        raise KeyError(f"no {what} {name!r} of {configuration!r} in this result; it is of {of}")
+    if len(found) > 1:
+        raise KeyError(
+            f"{what} {name!r} is of several configurations ({owners}): name one, "
+            f"as in ({name!r}, {found[0].configuration!r})"
+        )
+    return found[0]
 
 
 def _plain(result: IdentificationResult) -> dict[str, Any]:

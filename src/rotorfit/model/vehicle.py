@@ -1,12 +1,16 @@
 """The vehicle: where its rotors are, how they spin, and where its IMU sits."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.errors import ExperimentError
+
 Spin = Literal["ccw", "cw"]
+UNIT: Final = 1e-3
+"""By which the length of an axis may differ from 1: it was rounded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,12 +27,32 @@ class Rotor:
         Unit vector of the thrust, body axes FLU.
     group
         Rotors of equal group share one thrust coefficient where those are estimated apart.
+
+    Raises
+    ------
+    ExperimentError
+        If it is no rotor.
     """
 
     position: tuple[float, float, float]
     spin: Spin
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     group: str | None = None
+
+    def __post_init__(self) -> None:
+        for name, vector in (("position", self.position), ("axis", self.axis)):
+            if np.shape(vector) != (3,) or not np.isfinite(vector).all():
+                raise ExperimentError(
+                    f"a rotor's {name} is {vector!r}, expected three numbers (x, y, z)"
+                )
+        if self.spin not in get_args(Spin):
+            raise ExperimentError(
+                f'a rotor\'s spin is {self.spin!r}, expected "ccw" or "cw", seen from above'
+            )
+        if abs(float(np.linalg.norm(self.axis)) - 1.0) > UNIT:
+            raise ExperimentError(
+                f"a rotor's axis is {self.axis!r}, expected a unit vector: divide it by its length"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
