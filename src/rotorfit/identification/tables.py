@@ -213,12 +213,14 @@ def _found_time(name: str, value: float, std: float) -> Parameter:
     """Return a time that the flights gave; sharp to a quarter of the time scale that matters."""
     half = 1.96 * std
     sharp, known = half <= WEAK * max(abs(value), TIME_SCALE), told(value, std)
+    # No rotor follows before its command; a delay is negative where motors are recorded late.
+    low = value - half if name == "motor_delay" else max(value - half, 0.0)
     return Parameter(
         name=name,
         configuration=None,
         value=value if known else None,
         std=std if known else None,
-        interval=(value - half, value + half) if known else None,
+        interval=(low, value + half) if known else None,
         unit="s",
         verdict=("identified" if sharp else "weak") if known else "not-identified",
         reason=None if sharp else f"known only to +-{1e3 * half:.1f} ms",
