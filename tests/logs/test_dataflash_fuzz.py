@@ -199,7 +199,7 @@ def test_parameters_of_any_value(path, values):
 @pytest.mark.parametrize(
     "data",
     [
-        FMT_OF_FMT * 2000,
+        FMT_OF_FMT * 1000,
         (definition(IMU) + definition(Kind(150, "IMU", "Q", "TimeUS"))) * 1000,
         FMT_OF_FMT + HEAD * 500_000,
         FMT_OF_FMT + definition(Kind(1, "A", "", ""), length=3) + (HEAD + b"\x01") * 300_000,

@@ -71,12 +71,6 @@ def test_tilted_rotor_pushes_and_turns_along_its_axis():
     np.testing.assert_allclose(wrench, [1.2, 0.0, 1.6, 0.3, -0.36, 0.4], atol=1e-15)
 
 
-def test_rotor_axis_must_be_a_unit_vector():
-    bent = Vehicle(rotors=(Rotor(position=(0.0, 0.0, 0.0), spin="cw", axis=(0.0, 0.3, 1.0)),))
-    with pytest.raises(ExperimentError, match="not a unit vector"):
-        allocation(bent, kt=np.ones(1), kd=0.0)
-
-
 @pytest.mark.parametrize("layout", ["quad-x", "hexa-x", "octo", "x8", "hexa-tilted"])
 def test_layouts_hover_without_torque_or_spin(layout):
     truth, vehicle = layout_vehicle(layout)

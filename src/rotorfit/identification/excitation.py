@@ -46,9 +46,10 @@ SCALED: Final = ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr", "rot
 YAW_PRODUCTS: Final = ("Ixz", "Ixz_com", "Iyz", "Iyz_com")
 """Where roll and pitch are flown and yaw is not, these stand in the yaw equation alone, where
 their scale is that of k_d."""
-YAW_BANDWIDTH: Final = 9.0
-"""Of an autopilot's yaw rate [rad/s]: its answer to gusts damps the body like that, and a share of
-3 / rho of it may be taken for the rotors' drag."""
+DAMPING_PULL: Final = 15.0
+"""Of the rotors' drag, in half-widths times rho: an autopilot's answer to gusts damps the body,
+too. It was off by up to 1.8 half-widths where no turn is flown, and by less than one where some
+are."""
 HEIGHTS: Final = ("com_z", "msz")
 HEIGHT_PULL: Final = 0.5
 """Of the height of the centre of mass, in arms times rho."""
@@ -108,6 +109,21 @@ def product_allowance(size: float, rho: float) -> float:
         Of yaw.
     """
     return SCALE_PULL / (max(float(rho), 0.0) + SCALE_PULL) * abs(size)
+
+
+def damping_allowance(half_width: float, rho: float) -> float:
+    """Return the half-width that too little yaw adds to the rotors' drag.
+
+    Parameters
+    ----------
+    half_width
+        That it has.
+    rho
+        Of yaw.
+    """
+    if not rho > NO_EXCITATION:
+        return float("inf")
+    return half_width * float((1.0 + DAMPING_PULL / rho) ** 2 - 1.0) ** 0.5
 
 
 def height_allowance(arm: float, link: float) -> float:

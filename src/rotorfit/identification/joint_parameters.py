@@ -24,9 +24,9 @@ from rotorfit.identification.excitation import (
     AXIS_OF,
     HEIGHTS,
     SCALED,
-    YAW_BANDWIDTH,
     YAW_PRODUCTS,
     attenuation_allowance,
+    damping_allowance,
     height_allowance,
     link_allowance,
     product_allowance,
@@ -35,7 +35,6 @@ from rotorfit.identification.excitation import (
 from rotorfit.identification.joint import (
     JointConfiguration,
     rotor_drag_std,
-    rotor_speeds,
     spread_names,
 )
 from rotorfit.identification.payload import MOMENTS
@@ -269,8 +268,10 @@ def _with_systematic(
         rho = numbers.rho(name)
         if rho is not None:
             c = by_name[owner] if owner else configurations[0]
-            scale = _pulled_size(numbers, name, c)
+            scale = number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle)
             parts.append(attenuation_allowance(base, max(value, scale), rho, answered=True))
+        if base == "rotor_drag" and rho is not None:
+            parts.append(damping_allowance(float(numbers.half_width[i]), rho))
         if base in YAW_PRODUCTS:
             parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
         if (PARAMETERS | DERIVED)[base].mass_power:
@@ -279,17 +280,6 @@ def _with_systematic(
             parts.append(1.96 * relative * value)
         extra[i] = float(np.sqrt(sum(part**2 for part in parts)))
     return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
-
-
-def _pulled_size(numbers: Numbers, name: str, configuration: JointConfiguration) -> float:
-    """Return the size of a number by which lack of excitation pulls it where it is near zero."""
-    vehicle = configuration.vehicle
-    scale = number_scale(numbers, name, mass=configuration.mass, vehicle=vehicle)
-    if name != "rotor_drag":
-        return scale
-    Izz = abs(float(numbers.values[numbers.index(f"Izz_com@{configuration.name}")]))
-    swept = float(rotor_speeds(configuration) @ vehicle.squared_arms)
-    return max(scale, YAW_BANDWIDTH * Izz / max(swept, np.finfo(float).tiny))
 
 
 def hanging_on_roll_and_pitch(

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.errors import ExperimentError
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.body import Wrench
 from rotorfit.simulation.truth import Truth
@@ -57,8 +56,6 @@ def allocation(
     -s_i kd O^2 n_i against the spin s_i (+1 for counter-clockwise seen from above).
     """
     n, s = vehicle.axes, vehicle.spins[:, None]
-    if not np.allclose(np.linalg.norm(n, axis=1), 1.0, atol=1e-9):
-        raise ExperimentError("a rotor axis is not a unit vector: divide it by its length")
     thrust = kt[:, None] * n
     return np.vstack([thrust.T, (np.cross(vehicle.positions, thrust) - s * kd * n).T])
 
