@@ -153,19 +153,19 @@ def refuse_wrong_gravity(motion: Motion) -> None:
         )
 
 
-def refuse_still_rotors(
-    still: tuple[StillRotor, ...], time: Float[np.ndarray, " n"], *, measured: bool
-) -> None:
-    """Raise where a motor channel stands still in flight for too long."""
-    if any(rotor.share > MOST_STILL for rotor in still):
-        worst = max(still, key=lambda rotor: rotor.share)
-        raise FlightError(_still_words(worst, time, measured=measured))
-
-
 def still_doubts(
     still: tuple[StillRotor, ...], time: Float[np.ndarray, " n"], *, measured: bool
 ) -> tuple[str, ...]:
-    """Return a doubt for each motor channel that stands still for a moment."""
+    """Return a doubt for each motor channel that stands still for a moment; too long is refused.
+
+    Raises
+    ------
+    FlightError
+        Of the rotor whose channel stands still the longest.
+    """
+    if any(rotor.share > MOST_STILL for rotor in still):
+        worst = max(still, key=lambda rotor: rotor.share)
+        raise FlightError(_still_words(worst, time, measured=measured))
     said = [rotor for rotor in still if rotor.share >= LEAST_STILL]
     return tuple(_still_words(rotor, time, measured=measured) for rotor in said)
 

@@ -18,7 +18,6 @@ from rotorfit.flight.checks import (
     refuse_idle_motors,
     refuse_missing_battery,
     refuse_missing_motors,
-    refuse_still_rotors,
     speed_doubts,
     still_doubts,
     thrust_doubts,
@@ -108,8 +107,7 @@ def prepare_mocap(
 ) -> PreparedFlight:
     """Return the airborne part of a motion-capture log, as `prepare` does of an IMU's.
 
-    The motor channel is as recorded: motion capture comes later than it, by 5 ms and more, and by
-    how much is found from the flight when parameters are estimated.
+    The motor channel is as recorded: by how much motion capture is later is found in the estimate.
 
     Parameters
     ----------
@@ -146,9 +144,7 @@ def prepare_mocap(
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)
     data = dataclasses.replace(data, segments=_flown(motion, motors, window))
-    flown = [(s.start, s.stop) for s in data.segments]
-    still = still_rotors(frames.motors, flown, frames.rate, measured=measured)
-    refuse_still_rotors(still, data.time, measured=measured)
+    still = _still(data, frames, measured=measured)
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
@@ -157,13 +153,17 @@ def prepare_mocap(
         spikes={},
         # Bands end at 0.4 of the slowest rate: here at the low-pass.
         slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
+        motor_rate=frames.motor_rate,
         cuts=_cuts(data, frames, window),
-        warnings=(
-            *_doubts(data, frames, clock),
-            *still_doubts(still, data.time, measured=measured),
-            *_law_doubts(log, motors, data),
-        ),
+        warnings=(*_doubts(data, frames, clock), *still, *_law_doubts(log, motors, data)),
     )
+
+
+def _still(data: FlightData, frames: _Frames, *, measured: bool) -> tuple[str, ...]:
+    """Return the doubts about motor channels that stand still in flight."""
+    flown = [(s.start, s.stop) for s in data.segments]
+    found = still_rotors(frames.motors, flown, frames.rate, measured=measured)
+    return still_doubts(found, data.time, measured=measured)
 
 
 def _flown(motion: Motion, motors: MotorModel, window: Window) -> tuple[Segment, ...]:

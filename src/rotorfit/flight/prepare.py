@@ -26,7 +26,6 @@ from rotorfit.flight.checks import (
     refuse_idle_motors,
     refuse_missing_battery,
     refuse_missing_channels,
-    refuse_still_rotors,
     refuse_wrong_gravity,
     slow_motors_said,
     still_doubts,
@@ -110,8 +109,8 @@ class PreparedFlight:
         Taken off the rates [rad/s]; None where no rest was found and it was left in.
     spikes
         Samples replaced, by channel.
-    slowest_rate
-        Of the channels used [Hz].
+    slowest_rate, motor_rate
+        Of the channels used, and of the motor channel [Hz].
     cuts
         What is not used, in the order of time; seconds of the log's own clock.
     warnings
@@ -124,6 +123,7 @@ class PreparedFlight:
     gyro_bias: tuple[float, float, float] | None
     spikes: dict[str, int]
     slowest_rate: float
+    motor_rate: float
     cuts: tuple[Cut, ...]
     warnings: tuple[str, ...]
 
@@ -217,14 +217,14 @@ def prepared_from(
         with slow_motors_said(uniform.rates["motor"]):
             flights = airborne_rows(with_likely_lag(motion, motors))
     measured = motors.speed == "measured"
-    still = still_rotors(
+    found = still_rotors(
         uniform.values["motor"],
         flights,
         uniform.sample_rate,
         measured=measured,
         step=recorded.speed_step,
     )
-    refuse_still_rotors(still, uniform.time, measured=measured)
+    still = still_doubts(found, uniform.time, measured=measured)
     bias = _gyro_bias(
         uniform, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     )
@@ -241,10 +241,11 @@ def prepared_from(
         gyro_bias=bias,
         spikes=recorded.spikes,
         slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
+        motor_rate=uniform.rates["motor"],
         cuts=_cuts(data, uniform, window),
         warnings=(
             *doubts_about(data, uniform, bias),
-            *still_doubts(still, uniform.time, measured=measured),
+            *still,
             *_law_doubts(data, uniform, motors),
         ),
     )

@@ -173,7 +173,7 @@ def _hold_fault(flown: "Flown") -> float:
     """
     if flown.motors.speed == "measured":
         return 0.0
-    rates = [f.prepared.slowest_rate for c in flown.configurations for f in c.flights]
+    rates = [f.prepared.motor_rate for c in flown.configurations for f in c.flights]
     return HOLD_FAULT / min(rates)
 
 

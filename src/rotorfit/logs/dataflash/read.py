@@ -133,10 +133,8 @@ def _understood(path: Path) -> _Found:
     choice = imu.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
-    used = {
-        **dict.fromkeys(choice.names, imu.LABELS),
-        **dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS),
-    }
+    used = dict.fromkeys(choice.names, imu.LABELS)
+    used |= dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS)
     wanted = Wanted(names=names, instances=choice.instances, labels=used)
     messages = find_messages(_blocks(path, (0.4, 0.6)), wanted=wanted)
     frame = frame_of(settings, said)
