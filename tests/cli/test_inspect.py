@@ -9,6 +9,14 @@ import pytest
 from blackbox_file import blackbox_of
 
 from rotorfit.errors import FlightError
+from rotorfit.simulation import (
+    STILL,
+    Scenario,
+    paper_vehicle,
+    simulate_flight,
+    variant,
+    write_flight_table,
+)
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +48,20 @@ def test_json_agrees_with_the_text(run, here):
     [[start, end]] = report["airborne"]
     assert f"airborne: {start:.2f} to {end:.2f} s" in text
     assert report["trouble"] == []
+
+
+def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here):
+    """At the lag that fits best, an answer to the gyro's noise looks like a yaw response."""
+    (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
+    scenario = Scenario(
+        seconds=30.0, ground_seconds=2.0, sensors=sensors, sticks=STILL, steered_by_gyro=True
+    )
+    flight = simulate_flight(truth, vehicle, scenario, seed=12)
+    write_flight_table(flight, here / "hover.csv", channels=("gyro", "accel", "command"))
+    text = " ".join(run("inspect", "hover.csv").out.split())
+    assert "the commands follow the motion by" in text
+    for axis in ("roll", "pitch", "yaw"):
+        assert re.search(rf"- {axis}: [0-9.]+ rad/s\^2, [^-]* cannot be found", text), text
 
 
 @pytest.mark.parametrize(

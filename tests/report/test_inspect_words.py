@@ -124,3 +124,11 @@ def test_lateness(late, words):
     speed = replace(CHANNEL, name="rotor_speed", gaps=0)
     [told] = flight_words(report(channels=(speed,), motor_lateness=late))
     assert words in told
+
+
+def test_commands_that_follow_the_motion_are_an_autopilot_alone():
+    command = replace(CHANNEL, name="command", gaps=0)
+    [told] = flight_words(report(channels=(command,), motor_lateness=-0.006))
+    assert told.startswith("the commands follow the motion by 6 ms instead of leading it")
+    [told] = flight_words(report(channels=(command,), motor_lateness=-0.1))
+    assert "their clocks are apart" in told

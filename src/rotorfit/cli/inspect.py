@@ -33,7 +33,7 @@ from rotorfit.identification.timing import LAG_PRIOR
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
 from rotorfit.logs.files import read_head
-from rotorfit.report.doctor import WIDTH, LogReport, plain, report_text, write_page
+from rotorfit.report.doctor import SEARCHED, WIDTH, LogReport, plain, report_text, write_page
 from rotorfit.report.settings import settings_for
 
 if TYPE_CHECKING:
@@ -280,6 +280,8 @@ def _response(log: FlightLog, late: float | None) -> MotorResponse | None:
         return None
     if "rotor_speed" in log.channels:
         return MotorResponse(delay=late)
+    if -SEARCHED <= late <= 0.0:
+        return None  # no motor answers before its command: an autopilot answers, nobody steers
     # No motor is so slow: the clocks are apart, and that is not to be taken for a lag.
     lag = min(max(late, 0.0), LAG_PRIOR[0] if late > LATEST else LATEST)
     return MotorResponse(lag=lag, delay=late - lag)

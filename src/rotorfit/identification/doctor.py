@@ -174,7 +174,9 @@ def prospects(
     vehicle = _guessed(timed) if known is None else known[0]
     model = regressor(vehicle)
     if commanded and motors is not None:
-        motors = _best_lag(prepared, vehicle, model, motors)
+        best = _best_lag(prepared, vehicle, model, motors)
+        # At the shortest the autopilot answers its gyro's noise: an estimate keeps to the usual.
+        motors = best if best.lag > LAGS[0] else motors
         timed = replace(prepared, data=retimed(prepared, motors))
     fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
     followed = max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION

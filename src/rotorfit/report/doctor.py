@@ -174,6 +174,11 @@ def lateness_words(report: LogReport) -> list[str]:
         return [
             f"{words}: {cause}; bring motor data and IMU on one clock, or log both by one recorder"
         ]
+    if not measured and late < 0.0:
+        return [
+            f"the commands follow the motion by {-1e3 * late:.0f} ms instead of leading it: hardly "
+            "anybody steers, and the autopilot answers gusts and the noise of its gyro"
+        ]
     if measured and late > SEARCHED:
         return [
             f"{words}: write delay = {late:.3f} under [motors], as it is looked for up to 12 ms"
