@@ -9,6 +9,7 @@ from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
+from command_line import AIRFRAME
 
 from rotorfit.cli.main import export
 from rotorfit.errors import OutputError
@@ -192,6 +193,26 @@ def test_a_damaged_result_is_refused_by_every_target(refused, there, target, nam
     words = refused("export", "damaged.json", "--to", target, "-o", "out")
     assert f"damaged.json: the result was changed since it was written ({name} is" in words
     assert not (there / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("compare", "damaged.json", "damaged.json"),
+        ("validate", "damaged.json", "flight.csv"),
+        ("plan", "airframe.toml", "--after", "damaged.json"),
+        ("fly", "damaged.json"),
+    ],
+    ids=lambda command: command[0],
+)
+def test_a_damaged_result_is_refused_by_every_command(refused, there, command):
+    data = json.loads((there / "result.json").read_text())
+    next(entry for entry in data["parameters"] if entry["name"] == "kd")["value"] = float("nan")
+    (there / "damaged.json").write_text(json.dumps(data))
+    (there / "airframe.toml").write_text(AIRFRAME)
+    (there / "flight.csv").write_text("time\n")
+    words = refused(*command)
+    assert "damaged.json: the result was changed since it was written (kd is nan" in words
 
 
 @pytest.mark.parametrize("airframe", ["x", None, 3, {"rotors": []}])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rotorfit.cli.terminal import show
 from rotorfit.identification.compare import ComparedNumber, Comparison, Entry, compare_results
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.sound_result import load_sound
 from rotorfit.report.text import with_interval
 
 LABEL = 20
@@ -19,7 +19,7 @@ WIDTH = 80
 
 def run(paths: Sequence[Path], *, as_json: bool) -> None:
     """Load, compare, print."""
-    results = [IdentificationResult.load(path) for path in paths]
+    results = [load_sound(path) for path in paths]
     comparison = compare_results(results, _labels(paths))
     if as_json:
         show(json.dumps(dataclasses.asdict(comparison), indent=1, allow_nan=False))

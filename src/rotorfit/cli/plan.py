@@ -19,6 +19,7 @@ from rotorfit.identification.plan import FlightPlan, PlanRequest, plan
 from rotorfit.identification.plan_after import check_same_vehicle, result_mass
 from rotorfit.identification.plan_wanted import wanted_accuracy
 from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.sound_result import load_sound
 from rotorfit.logs.files import write_whole
 from rotorfit.report.plan_card import write_card
 from rotorfit.report.plan_text import plan_text
@@ -79,7 +80,7 @@ def _write(answer: FlightPlan, options: PlanOptions) -> None:
 
 
 def _request(options: PlanOptions) -> PlanRequest:
-    after = None if options.after is None else IdentificationResult.load(options.after)
+    after = None if options.after is None else load_sound(options.after)
     if options.mass is None and after is None:
         raise typer.BadParameter(
             "a plan needs --mass KG, weighed as it flies (or --after RESULT.json, which has it)"

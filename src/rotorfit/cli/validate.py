@@ -9,7 +9,7 @@ from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import show
 from rotorfit.errors import RotorfitWarning
 from rotorfit.identification.comparison import SHOWN, WrenchComparison
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.identification.sound_result import load_sound
 from rotorfit.identification.validate import validate_file, validation_rows
 from rotorfit.report.words import NOTHING_PREDICTED, PREDICTED_WELL
 
@@ -26,7 +26,7 @@ def run(
     as_json: bool,
 ) -> None:
     """Compare, and print the errors of every flight."""
-    result = IdentificationResult.load(result_path)
+    result = load_sound(result_path)
     comparisons: list[WrenchComparison] = []
     with warnings.catch_warnings(), steps() as tell:
         warnings.simplefilter("ignore", RotorfitWarning)

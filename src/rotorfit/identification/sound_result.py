@@ -1,7 +1,7 @@
 """Whether a saved result is whole: what a hand, a disk or another program may have done to it.
 
-Files that `rotorfit identify -o` wrote always are. What leaves rotorfit again, into other tools'
-files or into a flown model, is made of whole ones only.
+Files that `rotorfit identify -o` wrote always are. Every command that takes a result takes
+whole ones only.
 """
 
 import math
