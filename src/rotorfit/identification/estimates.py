@@ -66,9 +66,8 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     weighed = None if stands else kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     found = _kt_of(numbers)
-    timed = flown.timing_told
     if weighed is not None and (
-        weighed.contradicts(*found) or weighed.is_surer_than(*found, timed=timed)
+        weighed.contradicts(*found) or weighed.is_surer_than(*found, timed=flown.timing_told)
     ):
         fit, joint = _joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
         anchored = _joint_numbers(flown, fit, joint)
