@@ -1,5 +1,6 @@
 """What the studies on simulated flights share: truth, scales, and the way through files."""
 
+import os
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from rotorfit.errors import FlightWarning, RotorfitError
-from rotorfit.identification.experiment import load_experiment
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import (
     SimulatedFlight,
     SimulatedVehicle,
@@ -23,6 +24,12 @@ from rotorfit.simulation.tables import IMU_AND_SPEED
 from rotorfit.simulation.views import LoggedChannel
 
 PAPER = '[identification]\npreset = "paper"\n'
+
+
+def real_data_folder() -> Path:
+    """Return where the real logs are: $ROTORFIT_DATA, or ../shared/data beside the repository."""
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    return Path(os.environ.get("ROTORFIT_DATA") or beside)
 
 
 def named_vehicle(name: str) -> SimulatedVehicle:

@@ -33,11 +33,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recovery"))
 import numpy as np
 
 from rotorfit.errors import FlightWarning, RotorfitError
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.joint_numbers import Numbers
 from rotorfit.identification import estimates
-from rotorfit.identification.experiment import load_experiment
 from rotorfit.identification.identify import identify
-from rotorfit.identification.joint_parameters import Numbers
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import (
     Scenario,
     Sensors,

@@ -215,7 +215,7 @@ def add_experiments(folder: Path) -> None:
 
 
 def add_real_heads(folder: Path) -> None:
-    data = Path(os.environ.get("ROTORFIT_DATA") or ROOT.parent / "shared" / "data")
+    data = real_data_folder()
     for name, pattern in REAL.items():
         for path in sorted(p for p in data.glob(pattern) if p.is_file())[:6]:
             with path.open("rb") as file:
@@ -289,8 +289,8 @@ def wrong_words(words: str) -> str | None:
 
 def wrong_with(found: object) -> str | None:
     """Return what is wrong with what a reader gave."""
+    from rotorfit.experiment.experiment import Experiment
     from rotorfit.flight.log import CHANNELS, FlightLog
-    from rotorfit.identification.experiment import Experiment
 
     if isinstance(found, Experiment):
         return None
@@ -311,7 +311,7 @@ def wrong_with(found: object) -> str | None:
 
 def reader_of(name: str) -> Callable[[Path], object]:
     if name == "experiment":
-        from rotorfit.identification.experiment import load_experiment
+        from rotorfit.experiment.experiment import load_experiment
 
         return load_experiment
     from rotorfit.logs import read_log

@@ -131,7 +131,7 @@ def work(path: Path, what: str) -> None:
         needed = sum(8 * (c.values.size + c.time.size) for c in taken) / 1e6
         print(peak(), needed, time.process_time() - begin)
         return
-    from rotorfit.identification.experiment import load_experiment
+    from rotorfit.experiment.experiment import load_experiment
     from rotorfit.identification.identify import identify
 
     result = identify(load_experiment(path))

@@ -25,7 +25,7 @@ import mujoco_paper
 import numpy as np
 
 from rotorfit.errors import FlightWarning
-from rotorfit.identification.experiment import load_experiment
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
 
 Run = tuple[dict[str, mujoco_paper.Error], dict[str, float]]

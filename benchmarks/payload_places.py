@@ -10,8 +10,10 @@ hangs in different places, weighed to 0.5 g and measured to 2 mm. The prediction
 
 from typing import Final
 
-from rotorfit.identification.payload import PointMass
-from rotorfit.identification.plan_bound import (
+from rotorfit.experiment.payload import PointMass
+from rotorfit.model.layouts import layout_rotors
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.planning.bound import (
     BARE,
     LOADED,
     Problem,
@@ -21,10 +23,8 @@ from rotorfit.identification.plan_bound import (
     planned_problem,
     predicted,
 )
-from rotorfit.identification.plan_noise import assumptions_for
-from rotorfit.identification.plan_vehicle import rough_vehicle
-from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.vehicle import Vehicle
+from rotorfit.planning.noise import assumptions_for
+from rotorfit.planning.vehicle import rough_vehicle
 from rotorfit.simulation.manoeuvres import Manoeuvre
 
 MASS, SECONDS, TOTAL = 1.285, 40.0, 0.16

@@ -17,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from benchmarks.common import PAPER, identify_flights, named_vehicle, scales, true_values
 
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import Scenario, SimulatedFlight, simulate_flight, variant
 
 Found = dict[str, tuple[float, float]]

@@ -23,9 +23,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from rotorfit.errors import RotorfitWarning
-from rotorfit.identification.experiment import load_experiment
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
-from rotorfit.identification.replay import (
+from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.replay import (
     HOLD,
     Replay,
     band_growth,
@@ -33,10 +34,9 @@ from rotorfit.identification.replay import (
     force_errors,
     growth_time,
 )
-from rotorfit.identification.replay_flights import Timed, replay_flights
-from rotorfit.identification.replay_vehicle import ReplayVehicle, replay_vehicle
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.validate import found_response
+from rotorfit.validation.replay_flights import Timed, replay_flights
+from rotorfit.validation.replay_vehicle import ReplayVehicle, replay_vehicle
+from rotorfit.validation.validate import found_response
 
 AIRFRAME = Path(__file__).parents[1] / "examples" / "cinerat.toml"
 MASS = 0.428

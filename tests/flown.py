@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rotorfit.errors import FlightWarning
-from rotorfit.identification.experiment import load_experiment
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import (
     Scenario,
     SimulatedFlight,

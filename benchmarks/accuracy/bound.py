@@ -21,15 +21,15 @@ from scipy.signal import windows
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
-from rotorfit.identification.joint import (
+from rotorfit.fit.joint_equations import (
     NOISY,
     JointConfiguration,
     joint_map,
     joint_prior,
     rotor_drag_std,
 )
-from rotorfit.identification.joint_parameters import physical
-from rotorfit.identification.timing import LAG_PRIOR
+from rotorfit.fit.joint_numbers import physical
+from rotorfit.fit.timing_search import LAG_PRIOR
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Vehicle

@@ -11,7 +11,7 @@ from benchmarks.accuracy.rivals import rival_estimates
 from benchmarks.common import identify_flights, named_vehicle
 
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import GRAVITY, Scenario, SimulatedFlight, simulate_flight, variant
 from rotorfit.simulation.tables import IMU_AND_COMMAND, IMU_AND_SPEED
 

@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from rotorfit.errors import OutputError as OutputError
     from rotorfit.errors import RotorfitError as RotorfitError
     from rotorfit.errors import RotorfitWarning as RotorfitWarning
+    from rotorfit.experiment.experiment import Experiment as Experiment
+    from rotorfit.experiment.experiment import load_experiment as load_experiment
+    from rotorfit.experiment.experiment import motor_model_of as motor_model_of
+    from rotorfit.experiment.experiment import (
+        single_flight_experiment as single_flight_experiment,
+    )
+    from rotorfit.experiment.experiment import vehicle_of as vehicle_of
     from rotorfit.export.write import write_export as write_export
     from rotorfit.flight.data import FlightData as FlightData
     from rotorfit.flight.data import Segment as Segment
@@ -27,43 +34,36 @@ if TYPE_CHECKING:
     from rotorfit.flight.prepare import MotorModel as MotorModel
     from rotorfit.flight.prepare import PreparedFlight as PreparedFlight
     from rotorfit.flight.prepare import prepare as prepare
-    from rotorfit.identification.compare import Comparison as Comparison
-    from rotorfit.identification.compare import compare_results as compare_results
-    from rotorfit.identification.comparison import WrenchComparison as WrenchComparison
-    from rotorfit.identification.experiment import Experiment as Experiment
-    from rotorfit.identification.experiment import load_experiment as load_experiment
-    from rotorfit.identification.experiment import motor_model_of as motor_model_of
-    from rotorfit.identification.experiment import (
-        single_flight_experiment as single_flight_experiment,
-    )
-    from rotorfit.identification.experiment import vehicle_of as vehicle_of
     from rotorfit.identification.identify import identify as identify
-    from rotorfit.identification.physical import Projected as Projected
-    from rotorfit.identification.physical import project_to_physical as project_to_physical
-    from rotorfit.identification.plan import FlightPlan as FlightPlan
-    from rotorfit.identification.plan import PlanRequest as PlanRequest
-    from rotorfit.identification.plan import plan as plan
-    from rotorfit.identification.plan_wanted import Wanted as Wanted
-    from rotorfit.identification.plan_wanted import wanted_accuracy as wanted_accuracy
-    from rotorfit.identification.result import Derived as Derived
-    from rotorfit.identification.result import FlightRecord as FlightRecord
-    from rotorfit.identification.result import IdentificationResult as IdentificationResult
-    from rotorfit.identification.result import Parameter as Parameter
-    from rotorfit.identification.validate import fitted_comparisons as fitted_comparisons
-    from rotorfit.identification.validate import validate_file as validate_file
-    from rotorfit.identification.validate import validation_comparisons as validation_comparisons
     from rotorfit.logs.columns import ColumnSpec as ColumnSpec
     from rotorfit.logs.read import ReadOptions as ReadOptions
     from rotorfit.logs.read import read_log as read_log
     from rotorfit.model.layouts import layout_rotors as layout_rotors
     from rotorfit.model.vehicle import Rotor as Rotor
     from rotorfit.model.vehicle import Vehicle as Vehicle
+    from rotorfit.planning.plan import FlightPlan as FlightPlan
+    from rotorfit.planning.plan import PlanRequest as PlanRequest
+    from rotorfit.planning.plan import plan as plan
+    from rotorfit.planning.wanted import Wanted as Wanted
+    from rotorfit.planning.wanted import wanted_accuracy as wanted_accuracy
     from rotorfit.report.figures import figure_texts as figure_texts
     from rotorfit.report.html import write_report as write_report
     from rotorfit.report.plan_card import write_card as write_card
     from rotorfit.report.plan_text import plan_text as plan_text
     from rotorfit.report.text import result_text as result_text
+    from rotorfit.results.compare import Comparison as Comparison
+    from rotorfit.results.compare import compare_results as compare_results
+    from rotorfit.results.physical_inertia import Projected as Projected
+    from rotorfit.results.physical_inertia import project_to_physical as project_to_physical
+    from rotorfit.results.result import Derived as Derived
+    from rotorfit.results.result import FlightRecord as FlightRecord
+    from rotorfit.results.result import IdentificationResult as IdentificationResult
+    from rotorfit.results.result import Parameter as Parameter
     from rotorfit.simulation.folder import simulate as simulate
+    from rotorfit.validation.validate import fitted_comparisons as fitted_comparisons
+    from rotorfit.validation.validate import validate_file as validate_file
+    from rotorfit.validation.validate import validation_comparisons as validation_comparisons
+    from rotorfit.validation.wrench_comparison import WrenchComparison as WrenchComparison
 else:
     _PLACES = {
         "rotorfit.errors": (
@@ -82,9 +82,9 @@ else:
         "rotorfit.flight.data": ("FlightData", "Segment"),
         "rotorfit.flight.log": ("Channel", "FlightLog"),
         "rotorfit.flight.prepare": ("MotorModel", "PreparedFlight", "prepare"),
-        "rotorfit.identification.compare": ("Comparison", "compare_results"),
-        "rotorfit.identification.comparison": ("WrenchComparison",),
-        "rotorfit.identification.experiment": (
+        "rotorfit.results.compare": ("Comparison", "compare_results"),
+        "rotorfit.validation.wrench_comparison": ("WrenchComparison",),
+        "rotorfit.experiment.experiment": (
             "Experiment",
             "load_experiment",
             "motor_model_of",
@@ -92,16 +92,16 @@ else:
             "vehicle_of",
         ),
         "rotorfit.identification.identify": ("identify",),
-        "rotorfit.identification.physical": ("Projected", "project_to_physical"),
-        "rotorfit.identification.plan": ("FlightPlan", "PlanRequest", "plan"),
-        "rotorfit.identification.plan_wanted": ("Wanted", "wanted_accuracy"),
-        "rotorfit.identification.result": (
+        "rotorfit.results.physical_inertia": ("Projected", "project_to_physical"),
+        "rotorfit.planning.plan": ("FlightPlan", "PlanRequest", "plan"),
+        "rotorfit.planning.wanted": ("Wanted", "wanted_accuracy"),
+        "rotorfit.results.result": (
             "Derived",
             "FlightRecord",
             "IdentificationResult",
             "Parameter",
         ),
-        "rotorfit.identification.validate": (
+        "rotorfit.validation.validate": (
             "fitted_comparisons",
             "validate_file",
             "validation_comparisons",

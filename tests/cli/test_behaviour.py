@@ -19,9 +19,9 @@ from command_line import EXPERIMENT
 from rotorfit import __version__
 from rotorfit.cli import identify as identify_command
 from rotorfit.cli.progress import steps
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs import read_log
 from rotorfit.report.text import result_text
+from rotorfit.results.result import IdentificationResult
 
 PROGRAM = Path(sys.executable).with_name("rotorfit")
 LOG = ("flight.csv", "--mass", "1.285", "--airframe", "airframe.toml")

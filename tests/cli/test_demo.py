@@ -13,7 +13,7 @@ import pytest
 from command_line import called
 
 from rotorfit.cli import demo as demo_command
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"

@@ -16,9 +16,9 @@ from rotorfit.errors import OutputError
 from rotorfit.export.table import columns_of, table_files
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.write import write_export
-from rotorfit.identification.comparison import WrenchComparison
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.parquet import open_parquet
+from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.wrench_comparison import WrenchComparison
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import MASS, YAW_LOST, a_result, changed

@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from rotorfit.identification.plan import PlanRequest, plan
-from rotorfit.identification.plan_wanted import wanted_accuracy
+from rotorfit.planning.plan import PlanRequest, plan
+from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.report.plan_card import card_html, card_text
 from rotorfit.report.plan_text import plan_text, remedy_words
 from rotorfit.simulation import paper_vehicle

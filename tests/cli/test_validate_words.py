@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rotorfit.cli.validate import validation_text
-from rotorfit.identification.comparison import WrenchComparison
-from rotorfit.report.words import NOTHING_PREDICTED
+from rotorfit.report.number_words import NOTHING_PREDICTED
+from rotorfit.validation.wrench_comparison import WrenchComparison
 
 
 def flight(**errors: float) -> WrenchComparison:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from rotorfit.identification.experiment import Experiment
+from rotorfit.experiment.experiment import Experiment
 from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 

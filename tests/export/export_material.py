@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from rotorfit.export.targets import export
-from rotorfit.identification.result import (
+from rotorfit.model.parameters import DERIVED, INERTIA, PARAMETERS
+from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.results.result import (
     Derived,
     FlightRecord,
     IdentificationResult,
     Parameter,
 )
-from rotorfit.model.parameters import DERIVED, INERTIA, PARAMETERS
-from rotorfit.model.vehicle import Rotor, Vehicle
 
 sys.path.append(str(Path(__file__).parents[1] / "model"))
 from newton_euler import Body, balanced_motion

@@ -12,7 +12,7 @@ from rotorfit.export import mujoco_flight
 from rotorfit.export.mujoco_flight import STOCK_LAG, STOCK_THRUST, fly_manoeuvre, flyable
 from rotorfit.export.vehicle import BODY, ROTORS
 from rotorfit.export.vehicle_model import vehicle_model
-from rotorfit.identification.model_flight import (
+from rotorfit.validation.model_flight import (
     MANOEUVRES,
     STEP,
     STEPS,

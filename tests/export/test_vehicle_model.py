@@ -39,8 +39,8 @@ from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
-from rotorfit.identification.commanded import effective_unit
 from rotorfit.model.parameters import INERTIA
+from rotorfit.results.command_units import effective_unit
 
 EVERY = sorted(TARGETS)
 

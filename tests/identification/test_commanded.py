@@ -5,9 +5,9 @@ import pytest
 
 from flown import experiment_file, quietly_identified, simulated
 from rotorfit.errors import LogError
-from rotorfit.identification.commanded import NO_LAW, effective_unit
 from rotorfit.logs.table import write_table
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS, PARAMETERS
+from rotorfit.results.command_units import NO_LAW, effective_unit
 from rotorfit.simulation import to_flight_log
 
 JUDGED = ("kt", "kd", "Jr", "msx", "msy", "Ixx_com", "Iyy_com", "Izz_com")

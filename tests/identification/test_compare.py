@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 from rotorfit.cli.compare import comparison_text
 from rotorfit.cli.main import app
 from rotorfit.errors import ExperimentError
-from rotorfit.identification.compare import compare_results
-from rotorfit.identification.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.compare import compare_results
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
 
 def parameter(name, value, half=None, *, configuration=None, unit="kg m^2"):

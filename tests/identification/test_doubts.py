@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.checks.second_opinions import HoverThrust, hovers_differ, thrust_sags
+from rotorfit.fit.weight_balance import Held, held_up, pooled
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.identification.cross_checks import HoverThrust, hovers_differ, thrust_sags
-from rotorfit.identification.hover import Held, held_up, pooled
 from rotorfit.simulation import (
     Scenario,
     paper_vehicle,

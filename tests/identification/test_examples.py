@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rotorfit.errors import LogError
-from rotorfit.identification.experiment import (
+from rotorfit.experiment.experiment import (
     load_experiment,
     single_flight_experiment,
     vehicle_of,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rotorfit.identification.excitation import (
+from rotorfit.fit.excitation import (
     ANSWERED_PULL,
     AXIS_OF,
     INERTIA_PULL,

@@ -6,6 +6,13 @@ from pathlib import Path
 import pytest
 
 from rotorfit.errors import ExperimentError
+from rotorfit.experiment.experiment import (
+    load_experiment,
+    motor_model_of,
+    single_flight_experiment,
+    vehicle_of,
+)
+from rotorfit.experiment.read_options import read_options_of
 from rotorfit.flight.speed_law import (
     PolynomialLaw,
     SpeedLaw,
@@ -13,13 +20,6 @@ from rotorfit.flight.speed_law import (
     TableLaw,
     VoltageFactor,
 )
-from rotorfit.identification.experiment import (
-    load_experiment,
-    motor_model_of,
-    single_flight_experiment,
-    vehicle_of,
-)
-from rotorfit.identification.read_options import read_options_of
 
 LAYOUT = 'layout = "quad-x"\narm = 0.2'
 FLIGHT = 'mass = 1.2\nflights = ["a.csv"]'

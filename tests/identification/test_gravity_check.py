@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rotorfit.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.flight.prepare import prepare
-from rotorfit.identification.gravity_check import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.simulation import PERFECT, Scenario, paper_vehicle, simulate_flight, to_flight_log
 
 

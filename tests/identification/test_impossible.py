@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 import flown
+from rotorfit.checks.body_size import too_light
+from rotorfit.checks.early_motors import early_said
+from rotorfit.checks.ground_contact import ground_contact
 from rotorfit.flight.data import Segment
-from rotorfit.identification.ground_contact import ground_contact
-from rotorfit.identification.size_check import too_light
-from rotorfit.identification.timing_check import early_said
 from rotorfit.simulation import sampled_flight_data
 
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 import flown
 from rotorfit.estimation.factors import time_block_factors
-from rotorfit.identification.excitation import (
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.excitation import (
     NO_EXCITATION,
     SCALE_PULL,
     height_allowance,
@@ -17,10 +18,9 @@ from rotorfit.identification.excitation import (
     product_allowance,
     scale_stretch,
 )
-from rotorfit.identification.experiment import load_experiment
+from rotorfit.fit.joint_equations import JointConfiguration
+from rotorfit.fit.joint_numbers import Numbers, hanging_on_roll_and_pitch
 from rotorfit.identification.identify import identify
-from rotorfit.identification.joint import JointConfiguration
-from rotorfit.identification.joint_parameters import Numbers, hanging_on_roll_and_pitch
 from rotorfit.model.regressor import regressor
 from rotorfit.simulation import (
     STILL,

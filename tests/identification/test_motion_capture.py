@@ -6,7 +6,7 @@ import pytest
 
 from flown import experiment_file, quietly_identified
 from rotorfit.errors import LogError
-from rotorfit.identification.compare import compare_results
+from rotorfit.results.compare import compare_results
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation import write_flight_table as write_table
 from rotorfit.simulation.folder import simulate

@@ -2,10 +2,10 @@
 
 import pytest
 
+from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit.timing_search import MotorTiming
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.identification.experiment import MotorsEntry
-from rotorfit.identification.tables import motor_parameters
-from rotorfit.identification.timing import MotorTiming
+from rotorfit.results.parameter_tables import motor_parameters
 
 
 @pytest.mark.parametrize(("lag", "low"), [(0.010, 0.0), (0.050, 0.050 - 1.96 * 0.012)])

@@ -10,10 +10,10 @@ import pytest
 import flown
 from rotorfit.errors import ExperimentError, FlightWarning
 from rotorfit.estimation.factors import time_block_factors
-from rotorfit.identification.experiment import load_experiment
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
+from rotorfit.fit.joint_equations import JointConfiguration, joint_map
 from rotorfit.identification.identify import identify
-from rotorfit.identification.joint import JointConfiguration, joint_map
-from rotorfit.identification.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.model.regressor import regressor
 from rotorfit.simulation import paper_vehicle, with_payload, write_flight_table
 

@@ -7,9 +7,11 @@ import pytest
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
-from rotorfit.identification.joint_parameters import Numbers
-from rotorfit.identification.payload import MOMENTS
-from rotorfit.identification.physical import (
+from rotorfit.experiment.payload import MOMENTS
+from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.model.parameters import INERTIA, inertia_matrix
+from rotorfit.results.parameter_tables import Tables
+from rotorfit.results.physical_inertia import (
     IMPOSSIBLE,
     possible_sentence,
     project_to_physical,
@@ -17,9 +19,7 @@ from rotorfit.identification.physical import (
     smallest_second_moment,
     without_impossible,
 )
-from rotorfit.identification.result import Derived, IdentificationResult, Parameter
-from rotorfit.identification.tables import Tables
-from rotorfit.model.parameters import INERTIA, inertia_matrix
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
 MASS = 1.2
 

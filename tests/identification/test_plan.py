@@ -8,11 +8,15 @@ import pytest
 
 import flown
 from rotorfit.errors import ExperimentError
-from rotorfit.identification.bands import EDGES, STRETCH
-from rotorfit.identification.joint import JointConfiguration, joint_estimate
-from rotorfit.identification.plan import PlanRequest, plan
-from rotorfit.identification.plan_after import values_of
-from rotorfit.identification.plan_bound import (
+from rotorfit.fit.frequency_bands import EDGES, STRETCH
+from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.row_fits import ROTOR_SPREAD_STD, fit_rows
+from rotorfit.model.layouts import layout_rotors
+from rotorfit.model.reduce import BandPlan, band_factors
+from rotorfit.model.regressor import regressor
+from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.planning.after import values_of
+from rotorfit.planning.bound import (
     bound,
     combined,
     evidence,
@@ -20,14 +24,10 @@ from rotorfit.identification.plan_bound import (
     planned_problem,
     predicted,
 )
-from rotorfit.identification.plan_noise import Assumptions, assumptions_for, disturbance_std
-from rotorfit.identification.plan_vehicle import payload_pair, rough_vehicle
-from rotorfit.identification.plan_wanted import wanted_accuracy
-from rotorfit.identification.rows import ROTOR_SPREAD_STD, fit_rows
-from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.reduce import BandPlan, band_factors
-from rotorfit.model.regressor import regressor
-from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.planning.noise import Assumptions, assumptions_for, disturbance_std
+from rotorfit.planning.plan import PlanRequest, plan
+from rotorfit.planning.vehicle import payload_pair, rough_vehicle
+from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.simulation import (
     Scenario,
     Sensors,
@@ -82,7 +82,7 @@ def fly_once(planned, manoeuvre, configuration):
 @pytest.fixture(autouse=True, scope="module")
 def _each_manoeuvre_is_flown_once():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rotorfit.identification.plan.fly", fly_once)
+        patch.setattr("rotorfit.planning.plan.fly", fly_once)
         yield
 
 

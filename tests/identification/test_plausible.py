@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.errors import ExperimentError, FlightError, FrameError
-from rotorfit.identification.bands import EDGES
-from rotorfit.identification.plausible import (
+from rotorfit.checks.plausible_units import (
     SLIMMEST,
     STOUTEST,
     gyration,
@@ -18,6 +16,8 @@ from rotorfit.identification.plausible import (
     refuse_rotors_too_fast,
     slow_rotor_doubts,
 )
+from rotorfit.errors import ExperimentError, FlightError, FrameError
+from rotorfit.fit.frequency_bands import EDGES
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.simulation import (
     Scenario,

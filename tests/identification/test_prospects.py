@@ -7,8 +7,8 @@ import flown
 from rotorfit.flight.doctor import motor_lateness
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, prepare
-from rotorfit.identification.doctor import PROSPECT, prospects
-from rotorfit.identification.guessed_rotors import guessed_vehicles
+from rotorfit.inspection.guessed_rotors import guessed_vehicles
+from rotorfit.inspection.prospects import PROSPECT, prospects
 from rotorfit.logs import read_log
 from rotorfit.simulation import to_flight_log
 from rotorfit.simulation.experiment_files import table_text

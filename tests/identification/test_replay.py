@@ -9,7 +9,9 @@ import pytest
 
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.flight.data import Segment
-from rotorfit.identification.replay import (
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
+from rotorfit.validation.replay import (
     HOLD,
     MOST_WINDOWS,
     Entrant,
@@ -20,9 +22,7 @@ from rotorfit.identification.replay import (
     replay,
     window_starts,
 )
-from rotorfit.identification.replay_vehicle import replay_vehicle
-from rotorfit.model.vehicle import Vehicle
-from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
+from rotorfit.validation.replay_vehicle import replay_vehicle
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import (

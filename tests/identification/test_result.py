@@ -8,8 +8,8 @@ import pytest
 
 import flown
 from rotorfit.errors import OutputError
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.verdicts import ADVICE, judge, motion_for
+from rotorfit.results.result import IdentificationResult
+from rotorfit.results.verdicts import ADVICE, judge, motion_for
 
 KEYS = {
     *("schema", "name", "method", "axes", "parameters", "derived", "validation", "flights"),

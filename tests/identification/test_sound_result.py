@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import OutputError
-from rotorfit.identification.sound_result import load_sound, refuse_unsound
+from rotorfit.results.sound_result import load_sound, refuse_unsound
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
 from export_material import a_result, changed
@@ -88,7 +88,7 @@ PLAIN = """
 import json, sys
 from pathlib import Path
 from rotorfit.errors import OutputError
-from rotorfit.identification.sound_result import load_sound
+from rotorfit.results.sound_result import load_sound
 for path in sys.argv[1:]:
     try:
         load_sound(Path(path))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.checks.spins import better_spins, negative_drag
 from rotorfit.errors import FrameError
-from rotorfit.identification.bands import EDGES
-from rotorfit.identification.joint_parameters import Numbers
-from rotorfit.identification.spin_check import better_spins, negative_drag
+from rotorfit.fit.frequency_bands import EDGES
+from rotorfit.fit.joint_numbers import Numbers
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.simulation import (
     PERFECT,

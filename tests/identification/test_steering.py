@@ -5,11 +5,11 @@ import pytest
 
 import flown
 from rotorfit.estimation.factors import Factors
-from rotorfit.identification.bands import EDGES, LEAST_RATIO, counted_bands, flown_bands
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.frequency_bands import EDGES, LEAST_RATIO, counted_bands, flown_bands
+from rotorfit.fit.joint_equations import ANSWERED, NOISY
 from rotorfit.identification.estimates import _joint_fit
-from rotorfit.identification.experiment import load_experiment
 from rotorfit.identification.identify import _flown
-from rotorfit.identification.joint import ANSWERED, NOISY
 from rotorfit.simulation import Stick, Sticks, write_flight_table
 
 ROLL, PITCH, YAW = (NOISY.index(name) for name in ("dwx", "dwy", "dwz"))

@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 import flown
 from rotorfit.errors import ExperimentError
 from rotorfit.export.vehicle_model import terms_left_out
-from rotorfit.identification.choice import LEAST_GAIN
-from rotorfit.identification.validate import validate_file
+from rotorfit.fit.term_choice import LEAST_GAIN
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.tables import IMU_AND_SPEED
+from rotorfit.validation.validate import validate_file
 
 LOGGED = (*IMU_AND_SPEED, "velocity")
 SHORT = {"seconds": 30.0, "ground_seconds": 2.0, "physics_rate": 200.0}

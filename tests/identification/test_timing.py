@@ -7,11 +7,10 @@ import pytest
 
 import flown
 from rotorfit.errors import FlightWarning
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.timing_search import LAG_PRIOR
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.identification.experiment import load_experiment
 from rotorfit.identification.identify import identify
-from rotorfit.identification.timing import LAG_PRIOR
-from rotorfit.identification.validate import found_response, validate_file
 from rotorfit.simulation import (
     STILL,
     Scenario,
@@ -24,6 +23,7 @@ from rotorfit.simulation import (
 )
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
+from rotorfit.validation.validate import found_response, validate_file
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,11 @@ import pytest
 import flown
 from rotorfit.cli.validate import run as validate_command
 from rotorfit.errors import ExperimentError
-from rotorfit.identification.comparison import SHOWN
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.validate import fitted_comparisons, validate_file
+from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
+from rotorfit.validation.validate import fitted_comparisons, validate_file
+from rotorfit.validation.wrench_comparison import SHOWN
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 
 import flown
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.identification.weak_directions import (
+from rotorfit.results.weak_directions import (
     body_directions,
     condition_number,
     condition_words,

@@ -7,7 +7,7 @@ import pytest
 from dataflash_encoder import ESC, MSG, esc, log, message
 
 from rotorfit.errors import ExperimentError, LogError
-from rotorfit.identification.experiment import load_experiment
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.logs import read_log
 
 

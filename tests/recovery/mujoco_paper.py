@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mujoco_flight import LAW, experiment_text, fly, write_table
 
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import Sensors, SimulatedVehicle, Truth, paper_vehicle
 from rotorfit.simulation.experiment_files import true_parameters
 

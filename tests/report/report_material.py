@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from rotorfit.identification.comparison import COMPONENTS, WrenchComparison
-from rotorfit.identification.result import (
+from rotorfit.results.result import (
     Derived,
     FlightRecord,
     IdentificationResult,
     Parameter,
 )
+from rotorfit.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
 ROTORS = [
     {"position": [0.1, -0.2, 0.01], "spin": "ccw"},

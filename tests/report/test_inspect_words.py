@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rotorfit.flight.doctor import ChannelReport
-from rotorfit.identification.doctor import Excitation, Prospects, Thrust
+from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
 from rotorfit.report.doctor import LogReport, flight_words, prospect_words, recording_words
 
 THRUST = Thrust(

@@ -15,6 +15,7 @@ from report_material import ROTORS, a_comparison, a_result
 
 from rotorfit.errors import OutputError
 from rotorfit.report import figures
+from rotorfit.report.number_words import number_of, percent_words
 from rotorfit.report.scene import scene_of
 from rotorfit.report.series import (
     Series,
@@ -28,7 +29,6 @@ from rotorfit.report.series import (
 )
 from rotorfit.report.svg import nice_step, tick_label, ticks
 from rotorfit.report.vehicle import SIDE, TOP, whole_view
-from rotorfit.report.words import number_of, percent_words
 
 SVG = "{http://www.w3.org/2000/svg}"
 

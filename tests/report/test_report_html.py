@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
 from rotorfit.errors import OutputError
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.report.html import report_html, write_report
+from rotorfit.report.number_words import number_of
 from rotorfit.report.parameters import parameter_tables
 from rotorfit.report.summary import summary_of
-from rotorfit.report.words import number_of
+from rotorfit.results.result import IdentificationResult
 
 HOSTILE = st.one_of(
     st.text(min_size=1, max_size=60),

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from rotorfit.identification.result import (
+from rotorfit.report.text import result_text, with_interval
+from rotorfit.results.result import (
     Derived,
     FlightRecord,
     IdentificationResult,
     Parameter,
 )
-from rotorfit.report.text import result_text, with_interval
 
 SCALE = "a measured Izz would"
 ROLL = "roll briskly"

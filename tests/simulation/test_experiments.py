@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import ExperimentError, FlightWarning
-from rotorfit.identification.experiment import load_experiment
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.logs.table import read_table
 from rotorfit.simulation.experiment_files import experiment_files, file_names

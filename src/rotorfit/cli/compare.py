@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rotorfit.cli.terminal import show
-from rotorfit.identification.compare import ComparedNumber, Comparison, Entry, compare_results
-from rotorfit.identification.sound_result import load_sound
 from rotorfit.report.text import with_interval
+from rotorfit.results.compare import ComparedNumber, Comparison, Entry, compare_results
+from rotorfit.results.sound_result import load_sound
 
 LABEL = 20
 """Longer names of results are cut in front."""

@@ -10,14 +10,14 @@ from rotorfit.cli.outputs import refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.simulate import simulate_into
 from rotorfit.cli.terminal import say, show
-from rotorfit.identification.comparison import SHOWN
-from rotorfit.identification.experiment import Experiment, load_experiment
-from rotorfit.identification.result import IdentificationResult, Parameter
-from rotorfit.identification.validate import validation_comparisons
+from rotorfit.experiment.experiment import Experiment, load_experiment
 from rotorfit.report.html import write_report
 from rotorfit.report.text import with_interval
+from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.simulation.experiment_files import EXPERIMENT_FILE, configuration_truth, file_names
 from rotorfit.simulation.experiments import ExperimentPlan, Quality, plan_experiment
+from rotorfit.validation.validate import validation_comparisons
+from rotorfit.validation.wrench_comparison import SHOWN
 
 VARIANT: Final[Quality] = "noisy"
 RESULT, PAPER, REPORT = "result.json", "result-paper.json", "report.html"

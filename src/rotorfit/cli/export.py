@@ -13,7 +13,7 @@ from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import show
 from rotorfit.errors import OutputError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
-from rotorfit.export.numbers import Number
+from rotorfit.export.result_numbers import Number
 from rotorfit.export.table import (
     columns_of,
     csv_text,
@@ -23,9 +23,9 @@ from rotorfit.export.table import (
 )
 from rotorfit.export.target_names import AnyTargetName, TargetName
 from rotorfit.export.targets import export
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.sound_result import load_sound
 from rotorfit.logs.files import write_whole
+from rotorfit.results.result import IdentificationResult
+from rotorfit.results.sound_result import load_sound
 
 DOUBTFUL = ("weak", "removed", "assumed", "from-ratio")
 

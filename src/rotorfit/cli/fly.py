@@ -17,15 +17,15 @@ from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
 from rotorfit.export.vehicle_model import described_by, owner_of, terms_left_out, vehicle_model
-from rotorfit.identification.fly_outcome import IDENTIFIED, FlyOutcome
-from rotorfit.identification.model_flight import MANOEUVRES, ModelFlight
-from rotorfit.identification.replay import WINDOW
-from rotorfit.identification.replay_flights import Timed, replay_flights
-from rotorfit.identification.replay_vehicle import replay_vehicle
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.sound_result import load_sound
-from rotorfit.identification.validate import found_response
 from rotorfit.logs.files import write_whole
+from rotorfit.results.result import IdentificationResult
+from rotorfit.results.sound_result import load_sound
+from rotorfit.validation.fly_outcome import IDENTIFIED, FlyOutcome
+from rotorfit.validation.model_flight import MANOEUVRES, ModelFlight
+from rotorfit.validation.replay import WINDOW
+from rotorfit.validation.replay_flights import Timed, replay_flights
+from rotorfit.validation.replay_vehicle import replay_vehicle
+from rotorfit.validation.validate import found_response
 
 DRAWS = 40
 BENCH = "bench"

@@ -13,7 +13,7 @@ from rotorfit.cli.pictures import figure_names, write_pictures
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import say, show
 from rotorfit.errors import ExperimentError, RotorfitWarning
-from rotorfit.identification.experiment import (
+from rotorfit.experiment.experiment import (
     ConfigurationEntry,
     Experiment,
     MotorsEntry,
@@ -21,9 +21,9 @@ from rotorfit.identification.experiment import (
     single_flight_experiment,
 )
 from rotorfit.identification.identify import identify
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import read_head
 from rotorfit.report.text import result_text
+from rotorfit.results.result import IdentificationResult
 
 Window = tuple[float | None, float | None]
 

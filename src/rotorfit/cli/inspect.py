@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from rotorfit.checks.gravity import gravity_doubts, gravity_seen
+from rotorfit.checks.plausible_units import gyro_in_degrees
 from rotorfit.cli.outputs import refuse_output_file
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import one_line, say, show
@@ -20,16 +22,14 @@ from rotorfit.errors import (
     OutputError,
     RotorfitError,
 )
+from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.flight.camera import camera_clock
 from rotorfit.flight.doctor import LATEST, channel_report, lacks, motor_lateness, vibration
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
 from rotorfit.flight.telemetry import telemetry
-from rotorfit.identification.doctor import Prospects, prospects
-from rotorfit.identification.gravity_check import gravity_doubts, gravity_seen
-from rotorfit.identification.plausible import gyro_in_degrees
-from rotorfit.identification.timing import LAG_PRIOR
+from rotorfit.inspection.prospects import Prospects, prospects
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
 from rotorfit.logs.files import read_head
@@ -37,7 +37,7 @@ from rotorfit.report.doctor import SEARCHED, WIDTH, LogReport, plain, report_tex
 from rotorfit.report.settings import settings_for
 
 if TYPE_CHECKING:
-    from rotorfit.identification.experiment import FlightEntry
+    from rotorfit.experiment.experiment import FlightEntry
 
 GUESSED_ARM = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""
@@ -144,9 +144,9 @@ def _looks(paths: list[Path]) -> tuple[list[Look], list[str]]:
 
 
 def _of_experiment(path: Path) -> list[Look]:
-    from rotorfit.identification.experiment import load_experiment
-    from rotorfit.identification.read_options import read_options_of
-    from rotorfit.identification.toml_files import read_toml
+    from rotorfit.experiment.experiment import load_experiment
+    from rotorfit.experiment.read_options import read_options_of
+    from rotorfit.experiment.toml_files import read_toml
 
     if path.is_file() and "configuration" not in read_toml(path):
         raise ExperimentError(
@@ -247,7 +247,7 @@ def _with_airframe(
         return (), []
     import warnings
 
-    from rotorfit.identification.experiment import single_flight_experiment
+    from rotorfit.experiment.experiment import single_flight_experiment
     from rotorfit.identification.identify import identify
 
     number = log.log_number if log.logs_in_file > 1 else None

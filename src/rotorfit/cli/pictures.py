@@ -6,9 +6,9 @@ from pathlib import Path
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import say
 from rotorfit.errors import RotorfitWarning
-from rotorfit.identification.comparison import WrenchComparison
-from rotorfit.identification.experiment import Experiment
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.experiment.experiment import Experiment
+from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.wrench_comparison import WrenchComparison
 
 
 def write_pictures(
@@ -44,7 +44,7 @@ def figure_names() -> tuple[str, ...]:
 
 def _comparisons(result: IdentificationResult, experiment: Experiment) -> list[WrenchComparison]:
     """Return the comparisons on flights kept apart; where there is none, on those of the fit."""
-    from rotorfit.identification.validate import fitted_comparisons, validation_comparisons
+    from rotorfit.validation.validate import fitted_comparisons, validation_comparisons
 
     with warnings.catch_warnings(), steps() as tell:
         warnings.simplefilter("ignore", RotorfitWarning)

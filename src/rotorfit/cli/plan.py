@@ -14,15 +14,15 @@ from threadpoolctl import threadpool_limits
 from rotorfit.cli.outputs import refuse_output_file
 from rotorfit.cli.terminal import say, show
 from rotorfit.errors import ExperimentError
-from rotorfit.identification.experiment import single_flight_experiment, vehicle_of
-from rotorfit.identification.plan import FlightPlan, PlanRequest, plan
-from rotorfit.identification.plan_after import check_same_vehicle, result_mass
-from rotorfit.identification.plan_wanted import wanted_accuracy
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.sound_result import load_sound
+from rotorfit.experiment.experiment import single_flight_experiment, vehicle_of
 from rotorfit.logs.files import write_whole
+from rotorfit.planning.after import check_same_vehicle, result_mass
+from rotorfit.planning.plan import FlightPlan, PlanRequest, plan
+from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.report.plan_card import write_card
 from rotorfit.report.plan_text import plan_text
+from rotorfit.results.result import IdentificationResult
+from rotorfit.results.sound_result import load_sound
 
 SHORTEST, LONGEST = 10.0, 600.0
 """Flights that a plan considers [s]."""

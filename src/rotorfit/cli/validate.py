@@ -8,10 +8,10 @@ from pathlib import Path
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import show
 from rotorfit.errors import RotorfitWarning
-from rotorfit.identification.comparison import SHOWN, WrenchComparison
-from rotorfit.identification.sound_result import load_sound
-from rotorfit.identification.validate import validate_file, validation_rows
-from rotorfit.report.words import NOTHING_PREDICTED, PREDICTED_WELL
+from rotorfit.report.number_words import NOTHING_PREDICTED, PREDICTED_WELL
+from rotorfit.results.sound_result import load_sound
+from rotorfit.validation.validate import validate_file, validation_rows
+from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 WIDTH = 80
 

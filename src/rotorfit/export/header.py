@@ -4,9 +4,9 @@ import datetime
 from collections.abc import Sequence
 
 from rotorfit import version
-from rotorfit.export.numbers import Number
+from rotorfit.export.result_numbers import Number
 from rotorfit.export.vehicle import VehicleModel
-from rotorfit.identification.result import FlightRecord, IdentificationResult
+from rotorfit.results.result import FlightRecord, IdentificationResult
 
 ORIGINS = {
     "identified": "identified",

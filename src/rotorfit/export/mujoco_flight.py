@@ -15,12 +15,12 @@ from rotorfit.errors import OutputError
 from rotorfit.export.mjcf import write_mujoco
 from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_origin
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.identification.model_flight import BEFORE, STEP, Manoeuvre, ModelFlight
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.simulation.controller import Autopilot, Gains, Memory, autopilot_of, control
 from rotorfit.simulation.motors import allocation
 from rotorfit.simulation.pilot import Reference
 from rotorfit.simulation.truth import Truth, tensor_elements
+from rotorfit.validation.model_flight import BEFORE, STEP, Manoeuvre, ModelFlight
 
 STEPS_PER_COMMAND: Final = 2
 """Of the 2 ms that the file has: 250 commands a second."""

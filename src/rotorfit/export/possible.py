@@ -9,11 +9,11 @@ from jaxtyping import Float
 
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.export.assumptions import unit_of
-from rotorfit.export.numbers import COM, INERTIA_COM, Number
+from rotorfit.export.result_numbers import COM, INERTIA_COM, Number
 from rotorfit.export.vehicle import BODY, VehicleModel
-from rotorfit.identification.physical import project_to_physical
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, inertia_about, inertia_matrix
+from rotorfit.results.physical_inertia import project_to_physical
+from rotorfit.results.result import IdentificationResult
 
 
 def second_moments(inertia_com: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:

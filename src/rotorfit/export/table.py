@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.identification.comparison import COMPONENTS, WrenchComparison
-from rotorfit.identification.experiment import experiment_of_settings
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.validate import fitted_comparisons, validation_comparisons
+from rotorfit.experiment.experiment import experiment_of_settings
+from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.validate import fitted_comparisons, validation_comparisons
+from rotorfit.validation.wrench_comparison import COMPONENTS, WrenchComparison
 
 Columns = Mapping[str, Float[np.ndarray, " n"]]
 

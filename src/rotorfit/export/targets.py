@@ -21,7 +21,7 @@ from rotorfit.export.header import header_lines
 from rotorfit.export.target_names import TargetName
 from rotorfit.export.vehicle import Speed, VehicleModel
 from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult
 
 Writer = Callable[[VehicleModel, Sequence[str]], str]
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.export.numbers import COM, INERTIA_COM, Number
+from rotorfit.export.result_numbers import COM, INERTIA_COM, Number
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.model.parameters import INERTIA_PLACES, inertia_about, inertia_matrix

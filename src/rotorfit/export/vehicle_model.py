@@ -11,9 +11,12 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import ExperimentError, OutputError
+from rotorfit.experiment.experiment import Experiment, experiment_of_settings, vehicle_of
+from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.export.assumptions import unit_of
 from rotorfit.export.motor_law import full_speed_of
-from rotorfit.export.numbers import (
+from rotorfit.export.possible import impossible_words, is_possible, projected, refuse_signs
+from rotorfit.export.result_numbers import (
     COM,
     FULL_COMMAND,
     INERTIA_COM,
@@ -22,15 +25,12 @@ from rotorfit.export.numbers import (
     Number,
     numbers_of,
 )
-from rotorfit.export.possible import impossible_words, is_possible, projected, refuse_signs
 from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.identification.experiment import Experiment, experiment_of_settings, vehicle_of
-from rotorfit.identification.law_entry import speed_law_of
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.identification.sound_result import refuse_unsound
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.results.result import IdentificationResult
+from rotorfit.results.sound_result import refuse_unsound
 
 
 def vehicle_model(

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from rotorfit.export.target_names import TargetName
 from rotorfit.export.targets import export
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import write_whole
+from rotorfit.results.result import IdentificationResult
 
 
 def write_export(

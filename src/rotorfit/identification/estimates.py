@@ -8,31 +8,28 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.checks.doubts import with_doubts
+from rotorfit.checks.ground_contact import ground_sentence
+from rotorfit.checks.weight import contradiction, vagueness
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.experiment.experiment import Experiment
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.fit.flights import Flown
+from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.joint_numbers import Numbers, joint_numbers
+from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
+from rotorfit.fit.other_settings import widened
+from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
+from rotorfit.fit.row_fits import RowFits, fit_rows
+from rotorfit.fit.row_parameters import Quantities, row_quantities
+from rotorfit.fit.steering import steered
+from rotorfit.fit.term_choice import chosen
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.identification.bands import EDGES
-from rotorfit.identification.choice import chosen
-from rotorfit.identification.doubts import with_doubts
-from rotorfit.identification.experiment import Experiment
-from rotorfit.identification.flights import Flown
-from rotorfit.identification.geometry_trials import other_geometries
-from rotorfit.identification.ground_contact import ground_sentence
-from rotorfit.identification.joint import JointConfiguration, joint_estimate
-from rotorfit.identification.joint_parameters import Numbers, joint_numbers
-from rotorfit.identification.joint_tables import joint_tables
-from rotorfit.identification.paper import PaperSettings, paper_estimate, paper_tables
-from rotorfit.identification.row_parameters import Quantities, row_quantities
-from rotorfit.identification.rows import RowFits, fit_rows
-from rotorfit.identification.steering import steered
-from rotorfit.identification.tables import Tables, row_tables
-from rotorfit.identification.terms import DEFAULT_TERMS, Term
-from rotorfit.identification.weight import (
-    WeighedThrust,
-    contradiction,
-    kt_from_weight,
-    vagueness,
-)
+from rotorfit.results.joint_tables import joint_tables
+from rotorfit.results.paper_tables import paper_tables
+from rotorfit.results.parameter_tables import Tables
+from rotorfit.results.row_tables import row_tables
 
 
 def resolved_method(experiment: Experiment) -> str:
@@ -180,43 +177,7 @@ def _joint_widened(
         )
         return _joint_numbers(other, *fitted).values - numbers.values
 
-    return dataclasses.replace(numbers, half_width=_wider(numbers.half_width, flown, shift))
-
-
-def _other_settings(flown: Flown) -> list[list[tuple[MotorResponse | None, float]]]:
-    """Return timing and upper edge of the trials, in groups that are independent of each other.
-
-    Half the range; the motors off both ways, by half a sample or by a deviation of what the flights
-    tell of lag plus delay; lag taken for delay, by a deviation of the split.
-    """
-    trials: list[list[tuple[MotorResponse | None, float]]] = [[(flown.timing, 0.5 * EDGES[-1])]]
-    found = flown.motor_timing
-    if found is not None:
-        half = 0.5 / flown.configurations[0].flights[0].prepared.data.sample_rate
-        step, at = max(half, found.total_std), found.response
-        trials.append([(replace(at, delay=at.delay + move), np.inf) for move in (-step, step)])
-    if found is not None and found.lag_std is not None and found.delay_std is not None:
-        split = replace(
-            found.response,
-            lag=found.response.lag + found.lag_std,
-            delay=found.response.delay - found.lag_std,
-        )
-        trials.append([(split, np.inf)])
-    return trials
-
-
-def _wider(
-    half_width: Float[np.ndarray, " q"],
-    flown: Flown,
-    shift: Callable[[Flown, MotorResponse | None, float], Float[np.ndarray, " q"]],
-) -> Float[np.ndarray, " q"]:
-    """Return the half-width with twice the rms shift of every group of trials."""
-    squares = [
-        np.mean([shift(flown, *trial) ** 2 for trial in trials], axis=0)
-        for trials in _other_settings(flown)
-    ]
-    squares += [shift(other, flown.timing, np.inf) ** 2 for other in other_geometries(flown)]
-    return np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))
+    return dataclasses.replace(numbers, half_width=widened(numbers.half_width, flown, shift))
 
 
 def row_result(experiment: Experiment, flown: Flown) -> Tables:
@@ -230,7 +191,7 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
         return fitted.values - quantities.values
 
     return row_tables(
-        dataclasses.replace(quantities, half_width=_wider(quantities.half_width, flown, shift)),
+        dataclasses.replace(quantities, half_width=widened(quantities.half_width, flown, shift)),
         fits,
         configured.entry,
         vehicle=flown.vehicle,

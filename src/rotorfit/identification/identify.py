@@ -13,34 +13,34 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from rotorfit import version
+from rotorfit.checks.declared_rotors import check_flights
+from rotorfit.checks.plausible_units import (
+    refuse_gyro_in_degrees,
+    refuse_rotors_too_fast,
+    slow_rotor_doubts,
+)
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning, RotorfitError
-from rotorfit.identification.choice import velocity_wanted
-from rotorfit.identification.commanded import of_commanded_speed
-from rotorfit.identification.estimates import ESTIMATES, resolved_method
-from rotorfit.identification.experiment import (
+from rotorfit.experiment.experiment import (
     Experiment,
     FlightEntry,
     MotorsEntry,
     payload_of,
     vehicle_of,
 )
-from rotorfit.identification.flights import (
+from rotorfit.fit.flights import (
     Configured,
     Flown,
     UsedFlight,
-    check_flights,
     load_flight,
 )
-from rotorfit.identification.plausible import (
-    refuse_gyro_in_degrees,
-    refuse_rotors_too_fast,
-    slow_rotor_doubts,
-)
-from rotorfit.identification.result import FlightRecord, IdentificationResult
-from rotorfit.identification.tables import ORIGIN_IS_IMU, Tables, with_timing_total
-from rotorfit.identification.timing import find_timing
-from rotorfit.identification.validate import validation_comparisons, validation_rows
+from rotorfit.fit.term_choice import velocity_wanted
+from rotorfit.fit.timing_search import find_timing
+from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.model.regressor import regressor
+from rotorfit.results.command_units import of_commanded_speed
+from rotorfit.results.parameter_tables import ORIGIN_IS_IMU, Tables, with_timing_total
+from rotorfit.results.result import FlightRecord, IdentificationResult
+from rotorfit.validation.validate import validation_comparisons, validation_rows
 
 Progress = Callable[[str], None]
 

@@ -97,6 +97,10 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
 }
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
 
+MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
+SHARED = ("kt", "kd", "Jr", "rotor_drag", *MOTOR_TIMES)
+"""Of the propulsion: every configuration has the same."""
+
 
 def inertia_matrix(elements: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:
     """Return the symmetric tensor of (Ixx, Iyy, Izz, Ixy, Ixz, Iyz)."""
@@ -113,3 +117,8 @@ def inertia_about(
     steiner = mass * (com @ com * np.eye(3) - np.outer(com, com))
     moved = inertia_matrix(elements_com) + steiner
     return np.array([moved[i, j] for i, j in INERTIA_PLACES])
+
+
+def full_name(name: str, configuration: str) -> str:
+    """Return the name of a parameter in covariances, such as ``Ixx@A``."""
+    return name if name in SHARED else f"{name}@{configuration}"

@@ -6,11 +6,11 @@ from html import escape
 from pathlib import Path
 from typing import Any, Final
 
+from rotorfit.checks.gravity import GravitySeen
+from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.flight.doctor import LATEST, ChannelReport, Vibration
 from rotorfit.flight.telemetry import Telemetry
-from rotorfit.identification.doctor import Excitation, Prospects, Thrust
-from rotorfit.identification.excitation import LEAST_EXCITATION
-from rotorfit.identification.gravity_check import GravitySeen
+from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
 from rotorfit.logs.files import write_whole
 from rotorfit.report.settings import Setting, settings_file
 

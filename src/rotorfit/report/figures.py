@@ -9,16 +9,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rotorfit.errors import OutputError
-from rotorfit.identification.comparison import WrenchComparison
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
+from rotorfit.report.number_words import file_name
 from rotorfit.report.page_templates import template_text
 from rotorfit.report.series import series_of
 from rotorfit.report.svg import standalone
 from rotorfit.report.vehicle import vehicle_drawings
-from rotorfit.report.words import file_name
 from rotorfit.report.wrenches import wrench_svg
+from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.wrench_comparison import WrenchComparison
 
 ALWAYS = ("vehicle-top.svg", "vehicle-side.svg", "correlations.svg")
 """Files that nearly every report writes: where one is there, so is an earlier report."""

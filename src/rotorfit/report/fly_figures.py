@@ -7,9 +7,11 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.identification.fly_outcome import AXES, IDENTIFIED, FlyOutcome
-from rotorfit.identification.model_flight import MANOEUVRES, Manoeuvre
-from rotorfit.identification.replay import (
+from rotorfit.report.number_words import file_name
+from rotorfit.report.svg import drawing, label, tag, tick_label, ticks
+from rotorfit.validation.fly_outcome import AXES, IDENTIFIED, FlyOutcome
+from rotorfit.validation.model_flight import MANOEUVRES, Manoeuvre
+from rotorfit.validation.replay import (
     HOLD,
     NORMAL_95,
     Replay,
@@ -17,8 +19,6 @@ from rotorfit.identification.replay import (
     error_growth,
     growth_time,
 )
-from rotorfit.report.svg import drawing, label, tag, tick_label, ticks
-from rotorfit.report.words import file_name
 
 WIDTH: Final = 920.0
 LEFT, RIGHT, TITLE, BELOW = 52.0, 10.0, 24.0, 34.0

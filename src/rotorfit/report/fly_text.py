@@ -4,7 +4,8 @@ import math
 import textwrap
 from collections.abc import Sequence
 
-from rotorfit.identification.fly_outcome import (
+from rotorfit.report.number_words import file_name
+from rotorfit.validation.fly_outcome import (
     AXES,
     FlyOutcome,
     band,
@@ -13,7 +14,7 @@ from rotorfit.identification.fly_outcome import (
     ratio_to,
     told_times,
 )
-from rotorfit.identification.model_flight import (
+from rotorfit.validation.model_flight import (
     STEP,
     STEPS,
     Manoeuvre,
@@ -23,8 +24,7 @@ from rotorfit.identification.model_flight import (
     overshoot,
     settling_time,
 )
-from rotorfit.identification.replay import HOLD, force_errors
-from rotorfit.report.words import file_name
+from rotorfit.validation.replay import HOLD, force_errors
 
 WIDTH = 80
 BAND = "95 % band"

@@ -5,20 +5,20 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from rotorfit.identification.comparison import SHOWN, WrenchComparison
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
+from rotorfit.report.number_words import PREDICTED_WELL, VERDICT_MEANING, configurations
 from rotorfit.report.page_templates import page_template, template_text
 from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
 from rotorfit.report.parameters import parameter_tables
 from rotorfit.report.provenance import method_words, provenance_of
 from rotorfit.report.summary import summary_of
 from rotorfit.report.svg import clean
-from rotorfit.report.used import used_flights
+from rotorfit.report.used_flights import used_flights
 from rotorfit.report.vehicle import vehicle_drawings
-from rotorfit.report.words import PREDICTED_WELL, VERDICT_MEANING, configurations
 from rotorfit.report.wrenches import validation_rows, wrench_figures
+from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 
 def report_html(

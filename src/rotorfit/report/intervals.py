@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from rotorfit.identification.result import Derived, Parameter
 from rotorfit.model.parameters import DRAG_MOMENTS
+from rotorfit.report.number_words import finite_interval, known
 from rotorfit.report.svg import drawing, tag
-from rotorfit.report.words import finite_interval, known
+from rotorfit.results.result import Derived, Parameter
 
 WIDTH, HEIGHT, MARGIN = 132.0, 18.0, 5.0
 

@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from rotorfit.identification.comparison import SHOWN, WrenchComparison
-from rotorfit.identification.result import IdentificationResult, Parameter
+from rotorfit.report.number_words import configurations, file_name, known, title_of, unit_words
 from rotorfit.report.paper_numbers import (
     ILLEGIBLE,
     MASSES,
@@ -16,8 +15,9 @@ from rotorfit.report.paper_numbers import (
     TABLE_3,
     Entry,
 )
-from rotorfit.report.words import configurations, file_name, known, title_of, unit_words
 from rotorfit.report.wrenches import error_words
+from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 ORDER = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "kt", "kd")
 

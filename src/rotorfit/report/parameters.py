@@ -4,10 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rotorfit.identification.result import Derived, IdentificationResult, Parameter
-from rotorfit.identification.verdicts import ADVICE, WEAK, motion_for
 from rotorfit.report.intervals import axis_of, axis_range, interval_bar
-from rotorfit.report.words import (
+from rotorfit.report.number_words import (
     Number,
     configurations,
     known,
@@ -16,6 +14,8 @@ from rotorfit.report.words import (
     twin_of,
     unit_words,
 )
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.verdicts import ADVICE, WEAK, motion_for
 
 COM_FIRST = (
     *("com_x", "com_y", "com_z"),

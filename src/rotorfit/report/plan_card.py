@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.identification.plan import FlightPlan
-from rotorfit.identification.plan_wanted import WANTABLE
 from rotorfit.logs.files import write_whole
+from rotorfit.planning.plan import FlightPlan
+from rotorfit.planning.wanted import WANTABLE
 from rotorfit.report.page_templates import page_template, template_text
 from rotorfit.report.plan_words import (
     Step,

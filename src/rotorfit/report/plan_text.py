@@ -3,9 +3,9 @@
 import textwrap
 from collections.abc import Iterator
 
-from rotorfit.identification.plan import Candidate, FlightPlan
-from rotorfit.identification.plan_after import Missing
-from rotorfit.identification.plan_wanted import WANTABLE
+from rotorfit.planning.after import Missing
+from rotorfit.planning.plan import Candidate, FlightPlan
+from rotorfit.planning.wanted import WANTABLE
 from rotorfit.report.plan_words import (
     MANOEUVRE_TITLES,
     TITLES,

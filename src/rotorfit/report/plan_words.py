@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rotorfit.identification.plan import SCHEDULES, Candidate, FlightPlan, ScheduleName
-from rotorfit.identification.plan_vehicle import payload_rotors
-from rotorfit.identification.plan_wanted import IN_MM, shown_width
+from rotorfit.planning.plan import SCHEDULES, Candidate, FlightPlan, ScheduleName
+from rotorfit.planning.vehicle import payload_rotors
+from rotorfit.planning.wanted import IN_MM, shown_width
 from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre
 from rotorfit.simulation.pilot import Stick
 

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
-from rotorfit.identification.comparison import WrenchComparison
-from rotorfit.identification.result import IdentificationResult
-from rotorfit.report.words import file_name
+from rotorfit.report.number_words import file_name
+from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.wrench_comparison import WrenchComparison
 
 METHODS = {
     "ols": "equation by equation, weighted by frequency band",

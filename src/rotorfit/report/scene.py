@@ -12,11 +12,11 @@ from jaxtyping import Float
 from pydantic import ValidationError
 
 from rotorfit.errors import RotorfitError
-from rotorfit.identification.airframe_entry import AirframeEntry
-from rotorfit.identification.experiment import vehicle_of
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.experiment.airframe_table import AirframeEntry
+from rotorfit.experiment.experiment import vehicle_of
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.report.words import configurations, half_width, known
+from rotorfit.report.number_words import configurations, half_width, known
+from rotorfit.results.result import IdentificationResult
 
 Point = tuple[float, float, float]
 

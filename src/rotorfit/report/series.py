@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.identification.comparison import SHOWN, WrenchComparison
+from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 MOST_COLUMNS = 8192
 """Columns kept in a page: two numbers each, more than any screen shows at once."""

@@ -2,10 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from rotorfit.identification.result import Derived, IdentificationResult, Parameter
-from rotorfit.identification.verdicts import WEAK
-from rotorfit.report.parameters import body_verdict
-from rotorfit.report.words import (
+from rotorfit.report.number_words import (
     VERDICT_MEANING,
     configurations,
     half_width,
@@ -17,6 +14,9 @@ from rotorfit.report.words import (
     twin_of,
     unit_words,
 )
+from rotorfit.report.parameters import body_verdict
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.verdicts import WEAK
 
 SUBJECTS = {
     "kt": "thrust coefficient",

@@ -4,10 +4,8 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
-from rotorfit.identification.result import Derived, IdentificationResult, Parameter
 from rotorfit.model.parameters import DRAG_MOMENTS
-from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
-from rotorfit.report.words import (
+from rotorfit.report.number_words import (
     VERDICT_MEANING,
     configurations,
     file_name,
@@ -15,6 +13,8 @@ from rotorfit.report.words import (
     number_of,
     twin_of,
 )
+from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
 DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")

@@ -6,9 +6,9 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from rotorfit.identification.result import IdentificationResult
 from rotorfit.report.scene import Body, Point, Scene, scene_of
 from rotorfit.report.svg import drawing, label, nice_step, tag
+from rotorfit.results.result import IdentificationResult
 
 SIZE = 440.0
 MARGIN = 40.0

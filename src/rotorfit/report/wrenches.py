@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rotorfit.identification.comparison import SHOWN, WrenchComparison
-from rotorfit.identification.result import IdentificationResult
+from rotorfit.report.number_words import file_name
 from rotorfit.report.series import (
     Series,
     encoded,
@@ -16,7 +15,8 @@ from rotorfit.report.series import (
     thinned,
 )
 from rotorfit.report.svg import drawing, label, tag, tick_label, ticks
-from rotorfit.report.words import file_name
+from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 WIDTH, LEFT, RIGHT = 920.0, 58.0, 10.0
 TITLE, MAIN, GAP, ERROR, BELOW = 24.0, 104.0, 6.0, 42.0, 12.0

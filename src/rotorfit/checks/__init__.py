@@ -1,0 +1,1 @@
+"""What contradicts the declaration or the data: refusals before the fit, doubts after it."""

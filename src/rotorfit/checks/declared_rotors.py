@@ -1,0 +1,335 @@
+"""Do the declared rotors explain the sign of the vehicle's response? Refuse what they contradict.
+
+Roll and pitch must accelerate with the torque of the thrusts, yaw with that of drag and spin-up.
+The check looks at the share of each angular acceleration that the torque of the declared rotors
+explains, and compares it with other declarations: spins reversed, axes turned, motors in another
+order. Where another one explains the flight much better, or the motors explain it but no torque
+of the declared rotors does, the declaration is wrong and every number would be.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float
+
+from rotorfit.checks.plausible_units import refuse_implausible_size
+from rotorfit.errors import FrameError
+from rotorfit.estimation.factors import Factors
+from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit.flights import UsedFlight, prepared_bands
+from rotorfit.fit.motor_timing import LAG_PRIOR
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.model.signals import signal_layout
+from rotorfit.model.vehicle import Rotor, Vehicle
+
+CLEAR = 0.3
+"""A share of the angular acceleration that is explained beyond doubt."""
+BETTER = 0.6
+"""Log of how many times less another declaration leaves unexplained, summed over the axes."""
+ALIKE = 0.02
+"""Declarations whose scores differ by less explain the flight equally well."""
+NEGLIGIBLE = 0.1
+"""An unexplained share below which two declarations are not told apart."""
+BAND = (0.3, 15.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Response:
+    """Signed share of each angular acceleration that the rotors explain (1: all, -1: reversed)."""
+
+    roll: float
+    pitch: float
+    yaw: float
+
+    @property
+    def shares(self) -> Float[np.ndarray, " 3"]:
+        """Roll, pitch, yaw."""
+        return np.array([self.roll, self.pitch, self.yaw])
+
+    @property
+    def score(self) -> float:
+        """Sum over the axes: 3 is perfect."""
+        return float(self.shares.sum())
+
+    @property
+    def fits(self) -> bool:
+        """Whether at least two axes are explained: one may be so by chance in a gusty hover."""
+        return int((self.shares > CLEAR).sum()) >= 2
+
+    def gain_over(self, other: "Response") -> float:
+        """Return how much less this leaves unexplained, see `BETTER`."""
+        left = np.maximum(1.0 - np.array([other.shares, self.shares]), NEGLIGIBLE)
+        return float(np.log(left[0] / left[1]).sum())
+
+
+def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = None) -> Response:
+    """Return how rotors explain the response of each axis.
+
+    Parameters
+    ----------
+    factors
+        Of a flight.
+    vehicle
+        The rotors.
+    made_for
+        Those whose spins are in the signals; None: the same. Of other spins the spin-up of the
+        rotors is left out, and yaw has the drag alone.
+    """
+    return _response(_inside_band(factors), vehicle, declared=made_for or vehicle)
+
+
+def free_response(factors: Factors, vehicle: Vehicle) -> Response:
+    """Return what the squared speeds of the rotors explain, wherever the rotors are."""
+    R, layout = _inside_band(factors), signal_layout(vehicle)
+    squares = R[:, _square_columns(vehicle)]
+    thrust = squares @ vehicle.axes[:, 2]
+    shares = [
+        _share(_apart(R[:, [layout.index(name)]], thrust)[:, 0], _apart(squares, thrust))
+        for name in ("dwx", "dwy", "dwz")
+    ]
+    return Response(roll=shares[0], pitch=shares[1], yaw=shares[2])
+
+
+def _response(R: Float[np.ndarray, "z z"], vehicle: Vehicle, *, declared: Vehicle) -> Response:
+    """Return how rotors explain the response, from the signals made for the declared ones."""
+    layout = signal_layout(declared)
+    squares = R[:, _square_columns(declared)]
+    n, s = vehicle.axes, vehicle.spins
+    thrust = squares @ n[:, 2]
+    torque = squares @ np.cross(vehicle.positions, n)
+    yaw = [squares @ (-s * n[:, 2])]
+    agree = float(s @ declared.spins) / len(s)
+    if abs(agree) == 1.0:
+        # The signal of the rotors' spin-up holds the declared spins: it serves all or none.
+        yaw.append(-agree * R[:, layout.index("dHz")])
+    return Response(
+        roll=_signed_share(R[:, layout.index("dwx")], [torque[:, 0]], apart=thrust),
+        pitch=_signed_share(R[:, layout.index("dwy")], [torque[:, 1]], apart=thrust),
+        yaw=_signed_share(R[:, layout.index("dwz")], yaw, apart=thrust),
+    )
+
+
+def _square_columns(vehicle: Vehicle) -> list[int]:
+    layout = signal_layout(vehicle)
+    return [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]
+
+
+def _inside_band(factors: Factors) -> Float[np.ndarray, "z z"]:
+    return _inside(factors).total
+
+
+def _inside(factors: Factors) -> Factors:
+    """Return the factors of the band that a vehicle answers its rotors in."""
+    inside = (factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1])
+    return factors.select(inside) if inside.any() else factors
+
+
+def _apart(columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]) -> np.ndarray:
+    """Return columns without what is parallel to another one."""
+    size = float(from_ @ from_)
+    return columns if size == 0.0 else columns - np.outer(from_, from_ @ columns / size)
+
+
+def _share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
+    total = float(y @ y)
+    if total == 0.0:
+        return 0.0
+    lengths = np.linalg.norm(D, axis=0)
+    D = D / np.where(lengths > 0, lengths, 1.0)
+    return float(y @ D @ scipy.linalg.pinv(D, rtol=1e-6) @ y) / total
+
+
+def _signed_share(
+    target: Float[np.ndarray, " z"],
+    drives: list[Float[np.ndarray, " z"]],
+    *,
+    apart: Float[np.ndarray, " z"],
+) -> float:
+    """Return the share of a signal that drives with coefficients of one sign explain.
+
+    What varies with the total thrust is left out: it acts on a CoM that is off the centre.
+    """
+    columns = _apart(np.column_stack([target, *drives]), apart)
+    y, total = columns[:, 0], float(columns[:, 0] @ columns[:, 0])
+    shares = [0.0]
+    for chosen in ([1], [-1], list(range(1, len(drives) + 1))):
+        D = columns[:, chosen]
+        lengths = np.linalg.norm(D, axis=0)
+        if total == 0.0 or not np.all(lengths > 0):
+            continue
+        D = D / lengths
+        coefficients: Float[np.ndarray, " d"] = scipy.linalg.pinv(D) @ y
+        if (coefficients > 0).all() or (coefficients < 0).all():
+            explained = float(y @ D @ coefficients) / total
+            shares.append(explained if coefficients[0] > 0 else -explained)
+    return max(shares, key=abs)
+
+
+def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
+    """Return the response of the declared rotors, or refuse their declaration.
+
+    Raises
+    ------
+    FrameError
+        If the data contradict it; the message says which declaration would fit, or that no body
+        on these arms can answer as the gyro says.
+    """
+    R = _inside_band(factors)
+    declared = _response(R, vehicle, declared=vehicle)
+    tried = [(_tried(R, other, vehicle, declared), words) for other, words in _others(vehicle)]
+    best = max((found for found, _ in tried), key=lambda found: found.score)
+    free = free_response(factors, vehicle)
+    seen = (
+        f"with the declared rotors roll, pitch and yaw respond {_shown(declared)} "
+        "(+1: as the model says, -1: reversed)"
+    )
+    better = best.fits and best.gain_over(declared) > BETTER
+    if better and not _hidden(best, free):
+        # The simplest that fit come first; where several fit alike, two are named.
+        alike = [words for found, words in tried if found.score > best.score - ALIKE][:2]
+        raise FrameError(
+            f"{seen}; with {', or with '.join(alike)}, they would respond {_shown(best)}: "
+            "correct the rotors' order and spin, or the log's axes"
+        )
+    if better or _hidden(declared, free):
+        raise FrameError(
+            f"{seen}; with free places of the rotors their speeds explain {_shown(free)}: "
+            "check the rotors' positions, order and spin, and the log's axes"
+        )
+    refuse_implausible_size(_inside(factors), vehicle)
+    return declared
+
+
+def check_flights(flights: list[UsedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:
+    """Refuse the declared rotors if a flight contradicts them.
+
+    Commands are looked at behind the lag that motors usually have: without it, what an autopilot
+    answers in a hover to the noise of its gyro looks like a response with the sign reversed.
+
+    Parameters
+    ----------
+    flights
+        As they were prepared.
+    vehicle
+        As declared.
+    motors
+        Whether commanded, and whether their lag is in the flights already.
+
+    Raises
+    ------
+    FrameError
+        With the declaration that would fit.
+    """
+    lagging = motors.speed == "measured" or motors.lag is not None
+    response = None if lagging else MotorResponse(lag=LAG_PRIOR[0], delay=motors.delay or 0.0)
+    for flight in flights:
+        try:
+            check_frame(prepared_bands(flight.prepared, vehicle, response), vehicle)
+        except FrameError as error:
+            raise FrameError(f"{Path(flight.entry.file).name}: {error}") from error
+
+
+def _tried(
+    R: Float[np.ndarray, "z z"], other: Vehicle, vehicle: Vehicle, declared: Response
+) -> Response:
+    """Return the response of another declaration.
+
+    For another pattern of spins the spin-up cannot be tried: where drag alone explains half of
+    what is explained with it, that is not held against it.
+    """
+    found = _response(R, other, declared=vehicle)
+    same_pattern = abs(float(other.spins @ vehicle.spins)) == len(vehicle.rotors)
+    if same_pattern or found.yaw < 0.5 * declared.yaw:
+        return found
+    return replace(found, yaw=max(found.yaw, declared.yaw))
+
+
+def _hidden(found: Response, free: Response) -> bool:
+    """Whether the rotors explain an axis that a declaration does not."""
+    return bool(((free.shares > 1.0 - CLEAR) & (found.shares < CLEAR)).any())
+
+
+def _shown(found: Response) -> str:
+    return f"{found.roll:+.2f}, {found.pitch:+.2f}, {found.yaw:+.2f}"
+
+
+def _others(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
+    """Yield other declarations of the same rotors, the simplest first, in words."""
+    rotors = vehicle.rotors
+    flipped = "every spin reversed (props out instead of in)"
+    yield _with_rotors(vehicle, map(_reversed, rotors)), flipped
+    yield _mirrored(vehicle), "the gyro's y and z reversed (FRD axes where FLU is declared)"
+    yield _swapped_sides(vehicle), "the rotors' y reversed (FRD positions where FLU is declared)"
+    for quarters in (1, 2, 3):
+        words = f"the rotors turned by {90 * quarters} degrees counter-clockwise (a turned IMU)"
+        turned = [_turned(rotor, quarters) for rotor in rotors]
+        yield _with_rotors(vehicle, turned), words
+        yield _with_rotors(vehicle, map(_reversed, turned)), f"{words} and {flipped}"
+    for order in _orders(len(rotors)):
+        ordered = [rotors[i] for i in order]
+        named = ", ".join(str(i + 1) for i in order)
+        words = f"your rotors listed in the order {named}"
+        yield _with_rotors(vehicle, ordered), words
+        yield _with_rotors(vehicle, map(_reversed, ordered)), f"{words} and {flipped}"
+        moved = [replace(o, spin=r.spin) for o, r in zip(ordered, rotors, strict=True)]
+        if moved != ordered:
+            words = f"the positions alone, without the spins, listed in the order {named}"
+            yield _with_rotors(vehicle, moved), words
+
+
+def _orders(n: int) -> list[tuple[int, ...]]:
+    """Return other orders of the rotors: all of a quadrotor's, else only swaps of two."""
+    identity = tuple(range(n))
+    if n <= 4:
+        return sorted(
+            (order for order in permutations(identity) if order != identity),
+            key=lambda order: sum(i != k for i, k in enumerate(order)),
+        )
+    orders: list[tuple[int, ...]] = []
+    for i in range(n):
+        for k in range(i + 1, n):
+            swapped = list(identity)
+            swapped[i], swapped[k] = k, i
+            orders.append(tuple(swapped))
+    return orders
+
+
+def _with_rotors(vehicle: Vehicle, rotors: Iterable[Rotor]) -> Vehicle:
+    return replace(vehicle, rotors=tuple(rotors))
+
+
+def _reversed(rotor: Rotor) -> Rotor:
+    return replace(rotor, spin="cw" if rotor.spin == "ccw" else "ccw")
+
+
+def _turned(rotor: Rotor, quarters: int) -> Rotor:
+    """Return a rotor turned by quarters of a turn about z, counter-clockwise from above."""
+    (x, y, z), (nx, ny, nz) = rotor.position, rotor.axis
+    for _ in range(quarters):
+        x, y, nx, ny = -y, x, -ny, nx
+    return replace(rotor, position=(x, y, z), axis=(nx, ny, nz))
+
+
+def _mirrored(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle that answers like this one seen by a gyro with y and z reversed."""
+    return _with_rotors(vehicle, (_across(_reversed(rotor)) for rotor in vehicle.rotors))
+
+
+def _swapped_sides(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with every rotor on the other side, its spin kept: seen from above."""
+    return _with_rotors(vehicle, (_other_side(rotor) for rotor in vehicle.rotors))
+
+
+def _other_side(rotor: Rotor) -> Rotor:
+    (x, y, z), (nx, ny, nz) = rotor.position, rotor.axis
+    return replace(rotor, position=(x, -y, z), axis=(nx, -ny, nz))
+
+
+def _across(rotor: Rotor) -> Rotor:
+    """Return a rotor mirrored front to back."""
+    (x, y, z), (nx, ny, nz) = rotor.position, rotor.axis
+    return replace(rotor, position=(-x, y, z), axis=(-nx, ny, nz))

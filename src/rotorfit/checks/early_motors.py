@@ -1,0 +1,28 @@
+"""Do the motors answer before they are told? Then a lag that was given is not theirs."""
+
+from typing import Final
+
+from rotorfit.fit.flights import Flown
+
+EARLIEST: Final = -0.005
+"""Delay of commanded motors that clocks and filters of a log still make [s]."""
+
+
+def early_motors(flown: Flown) -> str | None:
+    """Return that commanded motors with a given lag would answer before the command, in words."""
+    lag, found = flown.motors.lag, flown.motor_timing
+    if flown.motors.speed != "commanded" or lag is None or found is None:
+        return None
+    return early_said(lag, found.response.delay, found.delay_std or found.total_std)
+
+
+def early_said(lag: float, delay: float, std: float) -> str | None:
+    """Return that motors are early in words; None where a delay may be over `EARLIEST` [s]."""
+    if delay + 1.96 * std > EARLIEST:
+        return None
+    return (
+        f"with the lag of {1e3 * lag:.0f} ms that is given, the motors answer "
+        f"{-1e3 * delay:.0f} ms before the command (motor_delay), which none does: the lag given "
+        "is longer than the motors'; leave it out, or give lag_std. Until then do not trust "
+        "inertia, and blame no other sensor"
+    )

@@ -1,0 +1,44 @@
+"""Where changes of thrust and the weight disagree about k_t: what that means, in words."""
+
+from collections.abc import Mapping
+
+from rotorfit.experiment.experiment import MotorsEntry, Source
+from rotorfit.fit.kt_from_weight import WeighedThrust
+from rotorfit.results.verdicts import ADVICE
+
+
+def contradiction(
+    weighed: WeighedThrust, kt: float, motors: MotorsEntry, source: Source = "imu"
+) -> str:
+    """Return what it means that changes of thrust give another k_t than the weight."""
+    ratio = kt / weighed.kt
+    seen = (
+        f"thrust changes with the squared {_SPEED[motors.speed]} as if kt were {kt:.3g}, but "
+        f"{weighed.kt:.3g} carries the weight: kt is taken from the weight, inertia with it, and "
+        "the intervals hold both"
+    )
+    if motors.speed == "measured":
+        return f"{seen}; calibrate {_SCALE_OF[source]}, or weigh again"
+    if motors.law is None:
+        return (
+            f"{seen}; thrust goes neither with the command nor with its square, but in between "
+            f"(about the power {2.0 * ratio:.1f} of it in hover): give law under [motors] as a "
+            "thrust stand shows it, or log the rotor speed"
+        )
+    return f"{seen}; the law under [motors] does not hold: measure it again, or log the rotor speed"
+
+
+def vagueness(weighed: WeighedThrust, kt: float, std: float) -> str:
+    """Return what it means that changes of thrust leave k_t open."""
+    return (
+        f"changes of thrust tell kt only to {kt:.3g} +- {1.96 * std:.2g}; {weighed.kt:.3g} carries "
+        "the weight: kt is taken from the weight, inertia with it, and the intervals hold both "
+        f"values; {ADVICE['force']}"
+    )
+
+
+_SCALE_OF: Mapping[Source, str] = {
+    "imu": "the accelerometer (its scale)",
+    "mocap": "the cameras (their scale)",
+}
+_SPEED = {"measured": "rotor speed", "commanded": "command"}

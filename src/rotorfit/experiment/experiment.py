@@ -1,0 +1,480 @@
+"""The experiment file: what was flown, with which vehicle, and what is known of it.
+
+The file is TOML (see the README); unknown keys are refused with the nearest known one, and every
+message names the place in the file. Paths of flights are relative to the file.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_validator
+
+from rotorfit.errors import ExperimentError
+from rotorfit.experiment.airframe_table import AirframeEntry, Axes, ImuEntry, RotorEntry
+from rotorfit.experiment.law_table import (
+    LawEntry,
+    SqrtEntry,
+    VoltageEntry,
+    speed_law_of,
+)
+from rotorfit.experiment.model_terms import Terms
+from rotorfit.experiment.payload import PointMass
+from rotorfit.experiment.problems import problems_in_words
+from rotorfit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
+from rotorfit.experiment.toml_files import file_as_table, files_as_tables, read_toml
+from rotorfit.flight.prepare import MotorModel
+from rotorfit.model.layouts import layout_rotors
+from rotorfit.model.vehicle import Rotor, Vehicle
+
+Model = TypeVar("Model", bound=BaseModel)
+Source = Literal["imu", "mocap"]
+
+
+class MotorsEntry(Strict):
+    """The ``[motors]`` table."""
+
+    speed: Literal["measured", "commanded"] = "measured"
+    law: LawEntry | None = None
+    lag: NotNegative | None = None
+    lag_std: NotNegative = 0.0
+    lag_down: NotNegative | None = None
+    delay: Finite | None = Field(default=None, ge=-0.1, le=0.1)
+    poles: int | None = Field(default=None, ge=2, le=60)
+
+    @model_validator(mode="after")
+    def _belongs_to_commands(self) -> "MotorsEntry":
+        if self.speed == "measured" and (self.law is not None or self.lag):
+            raise ValueError("law and lag belong to speed = 'commanded'; measured speed has both")
+        if self.lag is None and (self.lag_std or self.lag_down is not None):
+            raise ValueError("lag_std and lag_down belong to lag, the time constant [s]")
+        if self.lag_std and self.lag_down is not None:
+            raise ValueError(
+                "lag_down is for a response that is known; with lag_std the flights refine it, "
+                "rising and falling apart where they ask for it: leave lag_down out"
+            )
+        return self
+
+
+class ColumnEntry(Strict):
+    """A column of the file: its name, its unit, and a factor applied before the unit."""
+
+    name: str
+    unit: str | None = None
+    scale: Finite = 1.0
+    offset: Finite = 0.0
+    range: tuple[Finite, Finite] | None = None
+
+
+class RecordingEntry(Strict):
+    """A motion-capture file of a flight, and how it is read."""
+
+    file: str
+    axes: Axes = "FLU"
+    columns: dict[str, ColumnEntry | str] | None = None
+
+
+class FlightEntry(Strict):
+    """One flight: a file, and what is used of it; the pose from a second file where named."""
+
+    file: str
+    log: int | None = Field(default=None, ge=1)
+    start: Finite | None = None
+    end: Finite | None = None
+    axes: Axes = "FLU"
+    columns: dict[str, ColumnEntry | str] | None = None
+    mocap: RecordingEntry | None = None
+    # The file as the user wrote it, where `file` was made absolute.
+    _written: str | None = PrivateAttr(default=None)
+
+    @property
+    def written(self) -> str:
+        """The file as the user wrote it: in the experiment file, or on the command line."""
+        return self.file if self._written is None else self._written
+
+    def placed(self, file: Path) -> "FlightEntry":
+        """Return the entry with the path by which its file is found from anywhere."""
+        entry = self.model_copy(update={"file": str(file.absolute())})
+        entry._written = self.written
+        return entry
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_recording(cls, data: Any) -> Any:
+        return file_as_table(data, "mocap")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "FlightEntry":
+        if self.start is not None and self.end is not None and self.end <= self.start:
+            raise ValueError(f"end = {self.end} is not after start = {self.start}")
+        return self
+
+    def overlaps(self, other: "FlightEntry") -> bool:
+        """Return whether both use some of the same time, if their files have the same content."""
+        if (self.log or 1) != (other.log or 1):
+            return False
+        ends = [math.inf if entry.end is None else entry.end for entry in (self, other)]
+        return max(self.start or 0.0, other.start or 0.0) < min(ends)
+
+
+class PayloadEntry(Strict):
+    """One item of a known payload: mass [kg] and position of its centre from the origin [m]."""
+
+    mass: Positive
+    position: Vector
+    mass_std: NotNegative = 0.0
+    position_std: NotNegative = 0.0
+
+
+class ConfigurationEntry(Strict):
+    """One ``[[configuration]]``: a mass and the flights flown with it."""
+
+    name: str = "A"
+    mass: Positive | Literal["unknown"]
+    mass_std: NotNegative = 0.0
+    weight: Positive = 1.0
+    flights: tuple[FlightEntry, ...] = Field(min_length=1)
+    validation: tuple[FlightEntry, ...] = ()
+    payload: tuple[PayloadEntry, ...] = ()
+    payload_of: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_names(cls, data: Any) -> Any:
+        return files_as_tables(data, ("flights", "validation"))
+
+    @model_validator(mode="after")
+    def _each_flight_once(self) -> "ConfigurationEntry":
+        for number, flight in enumerate(self.flights):
+            before = self.flights[:number]
+            if any(one.file == flight.file and one.overlaps(flight) for one in before):
+                raise ValueError(
+                    f"flight {flight.file!r} is listed twice, with the same time or a part of it; "
+                    "it would count twice"
+                )
+        return self
+
+
+class IdentificationEntry(Strict):
+    """The ``[identification]`` table; what is not written has a good default."""
+
+    source: Source = "imu"
+    method: Literal["banded", "ols", "tls"] = "banded"
+    preset: Literal["paper"] | None = None
+    terms: Terms | None = None
+    cutoff: Positive | None = None
+    r_sigma: Positive | None = None
+
+
+class Experiment(Strict):
+    """The whole experiment, checked: a pydantic model of the experiment file, SI units.
+
+    Attributes
+    ----------
+    name
+        For people.
+    airframe
+        The rotors, the place of the IMU, the axes of every vector in the file.
+    motors
+        Whether rotor speed is measured, else how it comes from the command.
+    identification
+        Method and source of the motion; has good defaults.
+    configuration
+        One or several loadings of the vehicle, each with its mass and its flights.
+    """
+
+    name: str = "experiment"
+    airframe: AirframeEntry
+    motors: MotorsEntry = MotorsEntry()
+    identification: IdentificationEntry = IdentificationEntry()
+    configuration: tuple[ConfigurationEntry, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _payloads_fit(self) -> "Experiment":
+        bodies = {entry.name: entry for entry in self.configuration}
+        for entry in self.configuration:
+            if bool(entry.payload) != (entry.payload_of is not None):
+                raise ValueError(
+                    f"configuration {entry.name!r}: payload and payload_of belong together; "
+                    "payload is what it carries beyond the configuration named by payload_of"
+                )
+            if entry.payload_of is not None:
+                _refuse_payload(entry, bodies.get(entry.payload_of))
+        return self
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> "Experiment":
+        names = [entry.name for entry in self.configuration]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two configurations are named {name!r}; give each its own name")
+        return self
+
+    @model_validator(mode="after")
+    def _masses_comparable(self) -> "Experiment":
+        # kt is one for all: per kilogram of one body it is another number than per kilogram of the
+        # next.
+        unknown = [entry.name for entry in self.configuration if entry.mass == "unknown"]
+        if unknown and len(self.configuration) > 1:
+            raise ValueError(
+                f'configuration {unknown[0]!r}: mass = "unknown" among several configurations, '
+                "which share the rotors: weigh it, or identify each configuration by a file of its "
+                "own; flights at the same unknown mass belong into one configuration"
+            )
+        return self
+
+
+def _refuse_payload(entry: ConfigurationEntry, bare: ConfigurationEntry | None) -> None:
+    """Raise where a payload does not explain the difference of two configurations."""
+    if bare is None or bare is entry or bare.payload_of is not None:
+        raise ValueError(
+            f"configuration {entry.name!r}: payload_of = {entry.payload_of!r} must name another "
+            "configuration, one without a payload of its own"
+        )
+    if entry.mass == "unknown" or bare.mass == "unknown":
+        raise ValueError(f"configuration {entry.name!r}: a known payload needs weighed masses")
+    carried = sum(item.mass for item in entry.payload)
+    spread = 3.0 * (entry.mass_std + bare.mass_std + sum(i.mass_std for i in entry.payload))
+    off = entry.mass - bare.mass - carried
+    if abs(off) > 0.005 + spread:
+        raise ValueError(
+            f"configuration {entry.name!r} weighs {entry.mass - bare.mass:.3f} kg more than "
+            f"{bare.name!r}, but its payload {carried:.3f} kg; weigh again, or list all it carries"
+        )
+
+
+class AirframeFile(Strict):
+    """A file with ``[airframe]`` and ``[motors]`` only, for ``identify LOG --airframe``."""
+
+    airframe: AirframeEntry
+    motors: MotorsEntry = MotorsEntry()
+
+
+def load_experiment(path: Path) -> Experiment:
+    """Return the experiment of a TOML file, its flights' paths made absolute.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    ExperimentError
+        If the file is missing, not TOML, or not an experiment; every place that is wrong is named.
+    """
+    experiment = _checked(Experiment, read_toml(path), path)
+    return experiment.model_copy(
+        update={"configuration": tuple(_absolute(c, path.parent) for c in experiment.configuration)}
+    )
+
+
+def single_flight_experiment(
+    log: Path,
+    *,
+    mass: float | Literal["unknown"],
+    airframe: Path,
+    log_number: int | None = None,
+) -> Experiment:
+    """Return the experiment of one log, a mass and an airframe file.
+
+    Parameters
+    ----------
+    log
+        The flight.
+    mass
+        Weighed as it flew [kg], or ``"unknown"``: then everything is per kilogram.
+    airframe
+        TOML file with the tables ``[airframe]`` and ``[motors]``, or an experiment file, which has
+        them too.
+    log_number
+        Which log of a file with several, from 1.
+
+    Raises
+    ------
+    ExperimentError
+        As `load_experiment`.
+    """
+    known = _checked(AirframeFile, _without_flights(read_toml(airframe)), airframe)
+    described = {
+        "name": log.stem,
+        "airframe": known.airframe,
+        "motors": known.motors,
+        "configuration": [{"mass": mass, "flights": [named_flight(log, log_number=log_number)]}],
+    }
+    return _checked(Experiment, described, airframe)
+
+
+def _without_flights(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of an airframe file; of an experiment file those that both have."""
+    is_experiment = "configuration" in data
+    other = set(Experiment.model_fields) - set(AirframeFile.model_fields) if is_experiment else ()
+    return {key: value for key, value in data.items() if key not in other}
+
+
+def named_flight(
+    path: Path,
+    *,
+    log_number: int | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> FlightEntry:
+    """Return the entry of a flight that no experiment file names.
+
+    Parameters
+    ----------
+    path
+        Its log.
+    log_number
+        Which log of a file with several, from 1.
+    start, end
+        Of what is used of it [s since its first sample].
+
+    Raises
+    ------
+    ExperimentError
+        If it would end before it starts.
+    """
+    described = {"file": str(path), "log": log_number, "start": start, "end": end}
+    return _checked(FlightEntry, described, path).placed(path)
+
+
+def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
+    """Return the experiment that a result was made from.
+
+    Raises
+    ------
+    ExperimentError
+        If the settings are not those of an experiment.
+    """
+    described = {key: value for key, value in settings.items() if key != "used"}
+    airframe = dict(described.get("airframe", {}))
+    if "rotors" in airframe:
+        airframe.pop("order", None)  # the resolved default of a key that belongs to layouts
+        described["airframe"] = airframe
+    return _checked(Experiment, described, Path("settings of the result"))
+
+
+def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
+    """Return the vehicle of an ``[airframe]`` table, converted to FLU.
+
+    Motion capture measures at the body origin itself: where an IMU is given, its place only says
+    that the rotors' positions are known from that origin, and it counts as there.
+
+    Parameters
+    ----------
+    airframe
+        Of an `Experiment`.
+    source
+        What measures the motion, ``"imu"`` or ``"mocap"``.
+    """
+    if airframe.layout is not None:
+        rotors = layout_rotors(airframe.layout, arm=airframe.arm or 0.0, order=airframe.order)
+    else:
+        rotors = tuple(_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
+    imu = airframe.imu
+    place = None if imu is None else _flu(imu.position, airframe.axes)
+    if place is not None and source == "mocap":
+        place = (0.0, 0.0, 0.0)
+    return Vehicle(
+        rotors=rotors,
+        imu_position=place,
+        imu_position_std=0.0 if imu is None or source == "mocap" else imu.position_std,
+        arm_std=airframe.arm_std,
+    )
+
+
+def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:
+    """Return the payload of a configuration, converted to FLU."""
+    return tuple(
+        PointMass(
+            mass=item.mass,
+            position=_flu(item.position, axes),
+            mass_std=item.mass_std,
+            position_std=item.position_std,
+        )
+        for item in entry.payload
+    )
+
+
+def motor_model_of(motors: MotorsEntry) -> MotorModel:
+    """Return how the motor channel becomes rotor speed.
+
+    Parameters
+    ----------
+    motors
+        The ``[motors]`` table of an `Experiment`.
+    """
+    return MotorModel(
+        speed=motors.speed,
+        law=None if motors.law is None else speed_law_of(motors.law),
+        lag=motors.lag or 0.0,
+        lag_down=motors.lag_down,
+        delay=motors.delay,
+    )
+
+
+def _rotor(entry: RotorEntry, axes: Axes) -> Rotor:
+    """Return a rotor in FLU, its axis normalised; up by default in either convention."""
+    up = (0.0, 0.0, 1.0)
+    axis = up if entry.axis is None else _flu(entry.axis, axes)
+    length = sum(component**2 for component in axis) ** 0.5
+    if length == 0:
+        raise ExperimentError("a rotor's axis is (0, 0, 0); give the direction of its thrust")
+    unit = (axis[0] / length, axis[1] / length, axis[2] / length)
+    return Rotor(position=_flu(entry.position, axes), spin=entry.spin, axis=unit, group=entry.group)
+
+
+def _flu(vector: Vector, axes: Axes) -> Vector:
+    """Return a vector in FLU: FRD is turned by half a turn about x."""
+    x, y, z = vector
+    return (x, -y, -z) if axes == "FRD" else vector
+
+
+def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationEntry:
+    def moved(flights: tuple[FlightEntry, ...]) -> tuple[FlightEntry, ...]:
+        return tuple(_found_from(flight, folder) for flight in flights)
+
+    return configuration.model_copy(
+        update={
+            "flights": moved(configuration.flights),
+            "validation": moved(configuration.validation),
+        }
+    )
+
+
+def _found_from(flight: FlightEntry, folder: Path) -> FlightEntry:
+    """Return a flight with absolute paths."""
+    placed = flight.placed(folder / flight.file)
+    if flight.mocap is None:
+        return placed
+    pose = {"file": str((folder / flight.mocap.file).absolute())}
+    return placed.model_copy(update={"mocap": flight.mocap.model_copy(update=pose)})
+
+
+def _checked(kind: type[Model], data: Any, path: Path) -> Model:
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        known = {name for table in _TABLES for name in table.model_fields}
+        problems = problems_in_words(error.errors(), sorted(known))
+        raise ExperimentError(f"{path.name}: " + "; ".join(problems)) from None
+
+
+_TABLES: tuple[type[BaseModel], ...] = (
+    Experiment,
+    AirframeEntry,
+    RotorEntry,
+    ImuEntry,
+    MotorsEntry,
+    LawEntry,
+    SqrtEntry,
+    VoltageEntry,
+    IdentificationEntry,
+    ConfigurationEntry,
+    PayloadEntry,
+    FlightEntry,
+    RecordingEntry,
+    ColumnEntry,
+)

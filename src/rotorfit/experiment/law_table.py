@@ -1,0 +1,85 @@
+"""The law of ``[motors]`` in the experiment file: rotor speed over command."""
+
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from rotorfit.experiment.strict_tables import Finite, Positive, Strict
+from rotorfit.flight.speed_law import (
+    PolynomialLaw,
+    SpeedLaw,
+    SquareRootLaw,
+    TableLaw,
+    VoltageFactor,
+)
+
+Share = Annotated[Finite, Field(ge=0, le=1)]
+Row = tuple[Share, Annotated[Finite, Field(ge=0)]]
+
+CURVES = ("linear", "polynomial", "table", "sqrt")
+
+
+class SqrtEntry(Strict):
+    """PX4's model: relative thrust f u^2 + (1 - f) u, and the speed its square root."""
+
+    full_speed: Positive
+    thr_mdl_fac: Share
+
+
+class VoltageEntry(Strict):
+    """Factor (V / nominal)^exponent of the speed, V being the log's battery voltage [V]."""
+
+    nominal: Positive
+    exponent: Annotated[Finite, Field(gt=0, le=3)] = 1.0
+
+
+class LawEntry(Strict):
+    """Rotor speed over command [rad/s]: exactly one curve, and the battery's share."""
+
+    linear: tuple[Finite, Positive] | None = None
+    polynomial: tuple[Finite, ...] | None = Field(default=None, min_length=2, max_length=6)
+    table: tuple[Row, ...] | None = Field(default=None, min_length=2)
+    sqrt: SqrtEntry | None = None
+    voltage: VoltageEntry | None = None
+
+    @model_validator(mode="after")
+    def _one_curve(self) -> "LawEntry":
+        given = [name for name in CURVES if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = f"{' and '.join(given)} are given" if given else "none is given"
+            raise ValueError(
+                "give exactly one of linear = [offset, slope], polynomial = [c0, c1, ...], "
+                "table = [[command, speed], ...] and sqrt = { full_speed = , thr_mdl_fac = }; "
+                f"{found}"
+            )
+        if self.table is not None:
+            _refuse_falling(self.table)
+        return self
+
+
+def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:
+    for (command, speed), (next_command, next_speed) in pairwise(table):
+        if not (next_command > command and next_speed > speed):
+            raise ValueError(
+                f"table goes from [{command:g}, {speed:g}] to [{next_command:g}, {next_speed:g}]; "
+                "command and speed must both rise from row to row"
+            )
+
+
+def speed_law_of(entry: LawEntry) -> SpeedLaw:
+    """Return the law that an entry describes."""
+    voltage = entry.voltage
+    return SpeedLaw(
+        curve=_curve_of(entry),
+        voltage=None if voltage is None else VoltageFactor(voltage.nominal, voltage.exponent),
+    )
+
+
+def _curve_of(entry: LawEntry) -> PolynomialLaw | TableLaw | SquareRootLaw:
+    if entry.table is not None:
+        commands, speeds = zip(*entry.table, strict=True)
+        return TableLaw(commands, speeds)
+    if entry.sqrt is not None:
+        return SquareRootLaw(entry.sqrt.full_speed, entry.sqrt.thr_mdl_fac)
+    return PolynomialLaw(entry.linear or entry.polynomial or ())

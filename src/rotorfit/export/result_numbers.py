@@ -1,0 +1,355 @@
+"""Every number that an export may need, with where it comes from; and why another is missing.
+
+Here alone are undone: units per kilogram (mass unknown), units per command (no law from command to
+rotor speed), parameters at the origin where a result has none about the CoM, and parameters known
+only as a ratio of which the user has the other half.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from rotorfit.export.assumptions import per_kilogram, unit_of
+from rotorfit.model.parameters import (
+    DERIVED,
+    FIRST_MOMENTS,
+    INERTIA,
+    MOST_ROTORS,
+    PARAMETERS,
+    inertia_about,
+)
+from rotorfit.results.command_units import effective_unit
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.verdicts import WEAK
+
+Origin = Literal["identified", "weak", "given", "removed", "assumed", "from-ratio", "law"]
+
+FULL_COMMAND: Final = "of full command"
+COM: Final = ("com_x", "com_y", "com_z")
+INERTIA_COM: Final = tuple(f"{name}_com" for name in INERTIA)
+DIAGONAL: Final = INERTIA_COM[:3]
+ROTOR_KT: Final = tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))
+REPLACED: Final = {"kt": ROTOR_KT, "motor_lag": ("motor_lag_up", "motor_lag_down")}
+"""What an assumed number is for all of: their own are about the one it replaces."""
+RATIOS: Final = {"kd": "kd_over_Izz", "Jr": "Jr_over_Izz"}
+"""What the yaw equation gives even where the number alone is lost."""
+MAY_BE_REMOVED: Final = (*COM, *INERTIA_COM[3:], "Jr")
+"""Parameters that are zero where the paper's method took them out; of the others, zero is wrong."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Number:
+    """One number as it is exported.
+
+    Attributes
+    ----------
+    value, interval
+        SI; the interval is 95 %, None where there is none.
+    origin
+        ``identified`` or ``weak`` from the flights, ``given`` in the experiment, ``removed`` from
+        the model (zero), ``assumed`` by the user, ``from-ratio`` to an assumed number, ``law`` of
+        the motors.
+    remark
+        Why it is weak, or from what it was made.
+    """
+
+    name: str
+    value: float
+    unit: str
+    origin: Origin
+    interval: tuple[float, float] | None = None
+    remark: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missing:
+    """A number that the flights do not give.
+
+    Attributes
+    ----------
+    verdict, reason
+        Of the result.
+    cure
+        The number that would have to be assumed, where it is another: the mass for what is known
+        per kilogram.
+    """
+
+    name: str
+    verdict: str
+    reason: str
+    cure: str | None = None
+
+
+def numbers_of(
+    result: IdentificationResult,
+    configuration: str,
+    *,
+    assumed: Mapping[str, float],
+    full_speed: Number | None,
+) -> dict[str, Number | Missing]:
+    """Return every number of one configuration, SI, by name.
+
+    Parameters
+    ----------
+    result
+        The result.
+    configuration
+        One of its configurations.
+    assumed
+        Values that the user stands for, SI; they replace what the result has.
+    full_speed
+        Rotor speed at full command, from the law of the motors; None without one. Its unit is
+        rad/s, or `FULL_COMMAND` for a target in which only thrust at full command matters: numbers
+        per command then stay so.
+    """
+    found: dict[str, Number | Missing] = {
+        p.name: _of_parameter(p)
+        for p in result.parameters
+        if p.configuration in (None, configuration)
+    }
+    found |= _about_com(result, configuration, found)
+    found |= {
+        d.name: _of_derived(d, "")
+        for d in result.derived
+        if d.name in RATIOS.values() and d.configuration == configuration
+    }
+    if full_speed is not None:
+        found["max_speed"] = full_speed
+    for name, parts in REPLACED.items():
+        if name in assumed:
+            found = {key: number for key, number in found.items() if key not in parts}
+    found |= {name: _assumed(name, value) for name, value in assumed.items()}
+    found = {name: _in_si(number, found, result) for name, number in found.items()}
+    return _with_ratios(_with_assumed_origin(found, assumed))
+
+
+def _of_parameter(p: Parameter) -> Number | Missing:
+    if p.verdict == "removed" and (
+        p.name in MAY_BE_REMOVED or p.name in (*FIRST_MOMENTS, *INERTIA)
+    ):
+        return Number(
+            name=p.name, value=0.0, unit=p.unit, origin="removed", remark="unessential: left out"
+        )
+    if p.value is None or p.verdict in ("ratio-only", "not-identified", "removed"):
+        return Missing(name=p.name, verdict=p.verdict, reason=_why(p))
+    origin: Origin = p.verdict
+    return Number(
+        name=p.name,
+        value=p.value,
+        unit=p.unit,
+        origin=origin,
+        interval=p.interval,
+        remark=p.reason if origin == "weak" else None,
+    )
+
+
+def _why(p: Parameter) -> str:
+    if p.verdict == "ratio-only":
+        return f"known only together with {p.partner}"
+    if p.verdict == "removed":
+        return "the method took it out of the model"
+    return p.reason or "these flights do not tell"
+
+
+def _of_derived(d: Derived, why: str) -> Number | Missing:
+    if d.value is None:
+        return Missing(name=d.name, verdict="not-identified", reason=why)
+    return Number(name=d.name, value=d.value, unit=d.unit, origin="identified", interval=d.interval)
+
+
+def _about_com(
+    result: IdentificationResult, configuration: str, parameters: Mapping[str, Number | Missing]
+) -> dict[str, Number | Missing]:
+    """Return the CoM and the inertia about it, derived by the estimate where it did so."""
+    derived = {d.name: d for d in result.derived if d.configuration == configuration}
+    out: dict[str, Number | Missing] = {}
+    for name in (*COM, *INERTIA_COM):
+        twin = parameters.get(_twin(name))
+        if name in derived and not (isinstance(twin, Number) and twin.origin == "removed"):
+            why = twin.reason if isinstance(twin, Missing) else "these flights do not tell"
+            number = _of_derived(derived[name], why)
+            if isinstance(number, Missing) and isinstance(twin, Missing):
+                number = replace(number, verdict=twin.verdict)
+            out[name] = _marked(number, twin, derived)
+        else:
+            out[name] = _computed(name, parameters)
+    return out
+
+
+def _twin(name: str) -> str:
+    """Return the parameter at the origin whose verdict speaks for a number about the CoM."""
+    return name.replace("com_", "ms") if name in COM else name.removesuffix("_com")
+
+
+def _marked(
+    number: Number | Missing, twin: Number | Missing | None, kin: Mapping[str, Derived]
+) -> Number | Missing:
+    """Return a number about the CoM, weak by its own interval, a CoM as its twin is.
+
+    Inertia about the CoM can be sharp where that at the origin is not, and the other way round: as
+    the report has it.
+    """
+    if isinstance(number, Missing) or (isinstance(twin, Number) and twin.origin == "given"):
+        return number
+    size = _size_of(number, kin)
+    if size is None:
+        if isinstance(twin, Number) and twin.origin == "weak":
+            return replace(number, origin="weak", remark=twin.remark)
+        return number
+    low, high = number.interval or (number.value, number.value)
+    relative = 0.5 * (high - low) / size if size else 0.0
+    if relative <= WEAK:
+        return number
+    return replace(number, origin="weak", remark=f"known only to +-{100.0 * relative:.0f} %")
+
+
+def _size_of(number: Number, kin: Mapping[str, Derived]) -> float | None:
+    """Return what half an interval is measured by; None where only the twin's verdict tells.
+
+    The value; of a product of inertia at least sqrt(Iii Ijj)/20.
+    """
+    if number.name in COM or number.interval is None:
+        return None
+    if number.name in DIAGONAL:
+        return abs(number.value)
+    i, j = number.name[1:3]
+    moments = [d.value for d in (kin.get(f"I{i}{i}_com"), kin.get(f"I{j}{j}_com")) if d]
+    known = [abs(value) for value in moments if value is not None]
+    return max(abs(number.value), (known[0] * known[1]) ** 0.5 / 20.0) if len(known) == 2 else None
+
+
+def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number | Missing:
+    """Return a number about the CoM of parameters at the origin: c = ms/m, Steiner."""
+    mass = parameters.get("mass")
+    m = mass.value if isinstance(mass, Number) else 1.0
+    needed = FIRST_MOMENTS if name not in COM else (_twin(name),)
+    if name not in COM:
+        needed = (*needed, _twin(name))
+    parts = {part: parameters.get(part) for part in needed}
+    for part, value in parts.items():
+        if not isinstance(value, Number):
+            reason = value.reason if isinstance(value, Missing) else "the result does not have it"
+            verdict = value.verdict if isinstance(value, Missing) else "not-identified"
+            return Missing(name=name, verdict=verdict, reason=f"{part}: {reason}")
+    known = {part: value for part, value in parts.items() if isinstance(value, Number)}
+    twin = known[_twin(name)]
+    if name in COM:
+        value = twin.value / m
+    else:
+        ms = np.array([known[moment].value for moment in FIRST_MOMENTS])
+        steiner = inertia_about(np.zeros(6), m, ms / m)
+        value = twin.value - float(steiner[INERTIA.index(_twin(name))])
+    weak = next((part for part in known.values() if part.origin == "weak"), None)
+    return Number(
+        name=name,
+        value=value,
+        unit=per_kilogram(DERIVED[name], twin.unit),
+        origin="weak" if weak is not None and twin.origin != "removed" else twin.origin,
+        remark=weak.remark if weak is not None else f"from {_twin(name)} at the origin",
+    )
+
+
+def _assumed(name: str, value: float) -> Number:
+    return Number(name=name, value=value, unit=unit_of(name), origin="assumed")
+
+
+def _in_si(
+    number: Number | Missing, found: Mapping[str, Number | Missing], result: IdentificationResult
+) -> Number | Missing:
+    """Return a number without units per kilogram and per command, missing where that cannot be."""
+    if isinstance(number, Missing) or number.origin == "assumed":
+        return number
+    factor = 1.0
+    unit = number.unit
+    if unit.endswith(" per kg"):
+        mass = found.get("mass")
+        if not isinstance(mass, Number):
+            return Missing(
+                name=number.name,
+                verdict="not-identified",
+                reason="known only per kilogram: the mass is unknown",
+                cure="mass",
+            )
+        factor *= mass.value
+        unit = unit.removesuffix(" per kg")
+    if _in_commands(number.name, unit, result):
+        speed = found.get("max_speed")
+        if not isinstance(speed, Number):
+            return Missing(
+                name=number.name,
+                verdict="not-identified",
+                reason="known only per command: no law from command to rotor speed is given; the "
+                "speed at full command would do, if speed is in proportion to command",
+                cure="max_speed",
+            )
+        if speed.unit != FULL_COMMAND:
+            factor /= speed.value ** (1 if number.name in ("Jr", "Jr_over_Izz") else 2)
+            unit = _physical_unit(number.name)
+    if unit == number.unit:
+        return number
+    ends = number.interval
+    return replace(
+        number,
+        value=factor * number.value,
+        unit=unit,
+        interval=None if ends is None else (factor * ends[0], factor * ends[1]),
+    )
+
+
+def _physical_unit(name: str) -> str:
+    return DERIVED[name].unit if name in RATIOS.values() else unit_of(name)
+
+
+def _in_commands(name: str, unit: str, result: IdentificationResult) -> bool:
+    """Return whether a unit is per command (0 to 1) instead of per rad/s."""
+    physical = _physical_unit(name)
+    effective = effective_unit(name, physical)
+    return effective != physical and unit == effective
+
+
+def _with_assumed_origin(
+    found: Mapping[str, Number | Missing], assumed: Mapping[str, float]
+) -> dict[str, Number | Missing]:
+    """Return the numbers with inertia about the CoM from an inertia assumed at the origin."""
+    out = dict(found)
+    com, mass = [found.get(name) for name in COM], found.get("mass")
+    for i, name in enumerate(INERTIA):
+        if name not in assumed or f"{name}_com" in assumed:
+            continue
+        known = [c.value for c in com if isinstance(c, Number)]
+        if len(known) < 3 or not isinstance(mass, Number):
+            continue
+        steiner = inertia_about(np.zeros(6), mass.value, np.array(known))
+        out[f"{name}_com"] = Number(
+            name=f"{name}_com",
+            value=assumed[name] - float(steiner[i]),
+            unit=PARAMETERS[name].unit,
+            origin="assumed",
+            remark=f"from {name} at the origin",
+        )
+    return out
+
+
+def _with_ratios(found: Mapping[str, Number | Missing]) -> dict[str, Number | Missing]:
+    """Return the numbers with the other half of a known ratio to Izz, one half being assumed."""
+    out = dict(found)
+    for name, ratio in RATIOS.items():
+        number, share, Izz = (out.get(key) for key in (name, ratio, "Izz_com"))
+        if not isinstance(share, Number):
+            continue
+        if (
+            not isinstance(number, Number)
+            and isinstance(Izz, Number)
+            and Izz.origin != "identified"
+        ):
+            out[name] = _half(name, share.value * Izz.value, f"{ratio} times Izz_com, {Izz.origin}")
+        if name == "kd" and isinstance(number, Number) and not isinstance(Izz, Number):
+            remark = f"kd, {number.origin}, over {ratio}"
+            out["Izz_com"] = _half("Izz_com", number.value / share.value, remark)
+    return out
+
+
+def _half(name: str, value: float, remark: str) -> Number:
+    return Number(name=name, value=value, unit=unit_of(name), origin="from-ratio", remark=remark)

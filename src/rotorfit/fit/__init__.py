@@ -1,0 +1,1 @@
+"""From declared flights to estimated numbers with intervals: timing, equations, likelihood."""

@@ -1,0 +1,143 @@
+"""How far a number can be pulled by what the rotors do not explain, and whose motion helps.
+
+The autopilot answers disturbances, so that rotor speeds are correlated with them, and an estimate
+of what the rotors do is pulled to one side: by a share of it that goes with 1 / rho, rho being
+explained over residual power of the axis' angular acceleration where a pilot moves the vehicle.
+Measured on simulated flights (another rigid-body engine, gusts and sticks of many sizes) and on
+real ones: the roll and pitch inertia come out too large by up to 2.5 / rho, by 1.5 / rho where the
+likelihood has a term for the answer (`steering.py`); k_d / I_zz and J_r / I_zz too small by up to
+1.5 / rho; and the scale of I_zz and k_d, which hangs on small terms, is off by up to 3 / rho either
+way.
+
+The yaw equation holds I_zz, k_d and J_r only relative to one another. Their scale comes from what
+yaw does to roll and pitch (products of rates, gyroscopic torque of the rotors, known geometry).
+Where neither of the two is flown it is noise, up to seventeen times too large; a known payload
+gives it without that link. The height of the centre of mass hangs on roll and pitch, too, and is
+off by up to half an arm / rho.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+from rotorfit.fit.frequency_bands import LEAST_RATIO
+
+INERTIA_PULL: Final = 2.5
+ANSWERED_PULL: Final = 1.5
+RATIO_PULL: Final = 1.5
+SCALE_PULL: Final = 3.0
+"""Largest pulls, as shares of the true value times rho."""
+NO_EXCITATION: Final = 1.5
+"""Below this rho an axis tells of the disturbances, not of the vehicle."""
+LEAST_EXCITATION: Final = 5.0
+"""Below this, disturbances are no longer small against the pilot, and that is what limits."""
+
+AXIS_OF: Final[Mapping[str, str]] = {
+    **{name: "roll" for name in ("Ixx", "Ixx_com", "Ixx_over_kt", "Ixy", "Ixy_com")},
+    **{name: "roll" for name in ("Ixz", "Ixz_com")},
+    **{name: "pitch" for name in ("Iyy", "Iyy_com", "Iyy_over_kt", "Iyz", "Iyz_com")},
+    **{name: "yaw" for name in ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr")},
+    "rotor_drag": "yaw",
+    **{name: "yaw" for name in ("kd_over_Izz", "Jr_over_Izz")},
+}
+"""Whose excitation decides how far a number can be trusted."""
+YAW_RATIOS: Final = ("kd_over_Izz", "Jr_over_Izz")
+SCALED: Final = ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr", "rotor_drag")
+"""What is known only as well as the scale of the yaw equation."""
+YAW_PRODUCTS: Final = ("Ixz", "Ixz_com", "Iyz", "Iyz_com")
+"""Where roll and pitch are flown and yaw is not, these stand in the yaw equation alone, where
+their scale is that of k_d."""
+DAMPING_PULL: Final = 15.0
+"""Of the rotors' drag, in half-widths times rho: an autopilot's answer to gusts damps the body,
+too. It was off by up to 1.8 half-widths where no turn is flown, and by less than one where some
+are."""
+HEIGHTS: Final = ("com_z", "msz")
+HEIGHT_PULL: Final = 0.5
+"""Of the height of the centre of mass, in arms times rho."""
+
+
+def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool) -> float:
+    """Return the half-width that lack of excitation adds, infinite where it bounds nothing.
+
+    Parameters
+    ----------
+    name
+        Of the number, a key of `AXIS_OF`.
+    size
+        Of the number as found, or a size of it that matters where it is near zero.
+    rho
+        Explained over residual power of the axis' angular acceleration.
+    answered
+        Whether the likelihood has a term for the autopilot's answer in the bands that are flown.
+    """
+    size, rho = float(size), float(rho)
+    if not rho > NO_EXCITATION:
+        return float("inf")
+    too_small = RATIO_PULL / (rho - RATIO_PULL)
+    if AXIS_OF[name] != "yaw":
+        pull = ANSWERED_PULL if answered and rho > LEAST_RATIO else INERTIA_PULL
+        share = pull / (rho + pull)
+    elif name in YAW_RATIOS:
+        share = too_small
+    else:
+        share = max(SCALE_PULL / (rho + SCALE_PULL), too_small)
+    return share * abs(size)
+
+
+def link_allowance(size: float, link: float) -> float:
+    """Return the half-width that too little roll and pitch adds to a number of `SCALED`.
+
+    Parameters
+    ----------
+    size
+        Of the number as found.
+    link
+        The larger rho of roll and pitch.
+    """
+    if not link > NO_EXCITATION:
+        return float("inf")
+    return SCALE_PULL / (link + SCALE_PULL) * abs(size)
+
+
+def product_allowance(size: float, rho: float) -> float:
+    """Return the half-width that too little yaw adds to a number of `YAW_PRODUCTS`.
+
+    Parameters
+    ----------
+    size
+        Of the number as found.
+    rho
+        Of yaw.
+    """
+    return SCALE_PULL / (max(float(rho), 0.0) + SCALE_PULL) * abs(size)
+
+
+def damping_allowance(half_width: float, rho: float) -> float:
+    """Return the half-width that too little yaw adds to the rotors' drag.
+
+    Parameters
+    ----------
+    half_width
+        That it has.
+    rho
+        Of yaw.
+    """
+    if not rho > NO_EXCITATION:
+        return float("inf")
+    return half_width * float((1.0 + DAMPING_PULL / rho) ** 2 - 1.0) ** 0.5
+
+
+def height_allowance(arm: float, link: float) -> float:
+    """Return the half-width [m] that too little roll and pitch adds to the height of the CoM."""
+    return HEIGHT_PULL * arm / link if link > NO_EXCITATION else float("inf")
+
+
+def scale_stretch(value: float, half_width: float) -> float:
+    """Return by how much more a half-width must be to hold the inverse of the number, too.
+
+    Small terms fix the scale of the yaw equation where it multiplies the rotors, its inverse where
+    it divides the other torques. So +-r of the inverse is as good as +-r of the scale: from
+    1 / (1 + r) to 1 / (1 - r), which is r / (1 - r^2) to either side of its middle. The two agree
+    where they are narrow; where the interval reaches zero, the scale has no upper end.
+    """
+    relative = half_width / abs(value) if value else float("inf")
+    return 1.0 / (1.0 - relative**2) if relative < 1.0 else float("inf")

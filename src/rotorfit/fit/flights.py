@@ -1,0 +1,220 @@
+"""From the flights of an experiment to factors: read, prepare, reduce."""
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rotorfit.estimation.factors import Factors, stack_recordings
+from rotorfit.experiment.experiment import (
+    ConfigurationEntry,
+    Experiment,
+    FlightEntry,
+    MotorsEntry,
+    Source,
+    motor_model_of,
+    vehicle_of,
+)
+from rotorfit.experiment.payload import PointMass
+from rotorfit.experiment.read_options import read_options_of, recording_options_of
+from rotorfit.fit.frequency_bands import EDGES, STRETCH
+from rotorfit.fit.motor_timing import LAG_PRIOR, MotorTiming
+from rotorfit.flight.align import with_poses
+from rotorfit.flight.data import FlightData
+from rotorfit.flight.log import FlightLog
+from rotorfit.flight.mocap import prepare_mocap
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.flight.prepare import (
+    PreparedFlight,
+    on_one_clock,
+    prepared_from,
+    with_motors,
+)
+from rotorfit.logs import read_log
+from rotorfit.model.reduce import BandPlan, band_factors
+from rotorfit.model.regressor import Regressor
+from rotorfit.model.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsedFlight:
+    """A flight as it enters the estimate; of its log no channels are kept."""
+
+    entry: FlightEntry
+    log: FlightLog
+    prepared: PreparedFlight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Configured:
+    """One configuration with its flights, ready for an estimator."""
+
+    entry: ConfigurationEntry
+    flights: list[UsedFlight]
+    payload: tuple[PointMass, ...] = ()
+
+    @property
+    def mass(self) -> float:
+        """[kg]; 1 where it is unknown, and everything is then per kilogram."""
+        return 1.0 if self.entry.mass == "unknown" else self.entry.mass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """All that was flown, and with what.
+
+    Attributes
+    ----------
+    vehicle, model
+        The geometry and its tensor.
+    motors
+        As declared.
+    configurations
+        In the order of the experiment.
+    motor_timing
+        When the rotors do what the motor data say, where it was found.
+    source
+        What measured the motion.
+    velocity
+        Whether the body's velocity is among the signals.
+    """
+
+    vehicle: Vehicle
+    model: Regressor
+    motors: MotorsEntry
+    configurations: tuple[Configured, ...]
+    motor_timing: MotorTiming | None = None
+    source: Source = "imu"
+    velocity: bool = False
+
+    @property
+    def declared(self) -> MotorResponse:
+        """Lag and delay as the user gave them; none where she did not."""
+        return motor_model_of(self.motors).response
+
+    @property
+    def unknown_times(self) -> tuple[str, ...]:
+        """Which of lag and delay are to be found from the flights."""
+        unsure = self.motors.lag is None or self.motors.lag_std > 0
+        lag = ("lag",) if self.motors.speed == "commanded" and unsure else ()
+        return (*lag, "delay") if self.motors.delay is None else lag
+
+    @property
+    def lag_prior(self) -> tuple[float, float]:
+        """Mean and standard deviation of the lag before the flight [s]."""
+        if self.motors.lag is None:
+            return LAG_PRIOR
+        return self.motors.lag, self.motors.lag_std
+
+    @property
+    def timing(self) -> MotorResponse | None:
+        """Lag and delay that were found; None leaves the flights as they were prepared."""
+        return None if self.motor_timing is None else self.motor_timing.response
+
+    @property
+    def timing_told(self) -> bool:
+        """Whether lag and delay are given, or the flights tell them."""
+        return self.motor_timing is None or self.motor_timing.told
+
+    def bands(self, response: MotorResponse | None = None) -> tuple[Factors, ...]:
+        """Return the band factors of each configuration, at another timing of the motors."""
+        return tuple(
+            flight_bands(c.flights, self.vehicle, response, velocity=self.velocity)
+            for c in self.configurations
+        )
+
+
+def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
+    """Read and prepare one flight, its motion from the IMU or from motion capture.
+
+    Parameters
+    ----------
+    entry
+        The flight; it need not be one of the experiment's own.
+    experiment
+        Whose vehicle, motors and source of motion it has.
+
+    Raises
+    ------
+    LogError, FlightError, FrameError
+        If it cannot be used; the message names the file.
+    """
+    motors, source = experiment.motors, experiment.identification.source
+    vehicle, motor_model = vehicle_of(experiment.airframe, source), motor_model_of(motors)
+    log = read_log(Path(entry.file), options=read_options_of(entry, motors))
+    if entry.mocap is not None:
+        recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
+        log = with_poses(log, recording)
+    window, count = (entry.start, entry.end), len(vehicle.rotors)
+    if source == "mocap":
+        prepared = prepare_mocap(
+            log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
+        )
+        return UsedFlight(entry=entry, log=dataclasses.replace(log, channels={}), prepared=prepared)
+    recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
+    log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
+    prepared = prepared_from(recorded, arm=vehicle.arm, motors=motor_model, window=window)
+    return UsedFlight(entry=entry, log=log, prepared=prepared)
+
+
+def flight_bands(
+    flights: list[UsedFlight],
+    vehicle: Vehicle,
+    response: MotorResponse | None,
+    *,
+    velocity: bool = False,
+) -> Factors:
+    """Return the band factors of all flights, calm and lively phases apart.
+
+    Parameters
+    ----------
+    flights
+        Of one configuration.
+    vehicle
+        Its geometry.
+    response
+        Lag and delay of the motors; None leaves each flight as it was prepared.
+    velocity
+        Whether the body's velocity is among the signals.
+    """
+    return stack_recordings(
+        [
+            prepared_bands(flight.prepared, vehicle, response, velocity=velocity)
+            for flight in flights
+        ]
+    )
+
+
+def velocity_known(flights: list[UsedFlight]) -> bool:
+    """Return whether every used sample of every flight has a velocity, its neighbours too."""
+    return all(
+        flight.prepared.data.velocity is not None
+        and all(
+            np.isfinite(flight.prepared.data.velocity[max(s.start - 1, 0) : s.stop + 1]).all()
+            for s in flight.prepared.data.segments
+        )
+        for flight in flights
+    )
+
+
+def prepared_bands(
+    prepared: PreparedFlight,
+    vehicle: Vehicle,
+    response: MotorResponse | None,
+    *,
+    velocity: bool = False,
+) -> Factors:
+    """Return the band factors of one flight, see `flight_bands`."""
+    data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
+    top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
+    edges = (*(edge for edge in EDGES if edge < top), top)
+    plan = BandPlan(edges=edges, longest=STRETCH)
+    return band_factors(data, vehicle, plan=plan, velocity=velocity)
+
+
+def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:
+    """Return a flight with its motor data at another lag and delay; None leaves it."""
+    if response is None:
+        return prepared.data
+    return with_motors(prepared.data, prepared.motor_channel, response)

@@ -1,0 +1,384 @@
+"""All equations of all configurations at once: the parameter map of the default estimator.
+
+Free parameters: kt, kd, Jr, one spread per rotor or group of rotors (all shared); and per
+configuration the first moments, the inertia at the origin, the accelerometer's bias, the twist of
+the motors, drag and a constant torque where those terms are asked for, and, where the IMU's place
+is unknown and so is the origin itself, the centre of the rotors. The names of a configuration's
+parameters end in ``@`` and its name.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded, log_likelihood
+from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.feedback import Feedback
+from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
+from rotorfit.fit.row_fits import (
+    ACCEL_BIAS_STD,
+    MOUNTING_STD,
+    ROTOR_SPREAD_STD,
+    RowFits,
+    fit_rows,
+)
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS
+from rotorfit.model.regressor import Regressor
+from rotorfit.model.vehicle import Vehicle
+
+NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
+"""The signals that carry the noise: what accelerometer and gyro measure."""
+ANSWERED = ("dwx", "dwy")
+"""The errors that an autopilot answers in the whole of the pilot's band; in yaw it is slow."""
+BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
+"""Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
+IMU and rotor plane look the same."""
+GROUP_SPREAD_STD = 0.1
+"""Thrust coefficients of groups that the user tells apart differ by about this share: lower rotors
+in the wake of upper ones, other propellers."""
+TWIST_STD = np.radians(2.0)
+"""Known of the motors' mean tilt about their arms before the flight [rad]."""
+ROTOR_DRAG_STD = 0.3
+"""The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
+0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
+DRAG_STD = 0.3
+"""Known of the torque of drag before the flight: that of drag of this size over mass and velocity
+[1/s] at the end of an arm."""
+OFFSET_STD = 0.05
+"""Known of a constant torque, as a share of the weight at the end of an arm."""
+CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
+         "y": (("z", "x", 1.0), ("x", "z", -1.0)),
+         "z": (("x", "y", 1.0), ("y", "x", -1.0))}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointConfiguration:
+    """One configuration as the joint estimate sees it.
+
+    With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
+    no first moments and inertia of its own to estimate. `counted` and `answered` are those of
+    `steering.py`: which errors of each block count, and how many rows the autopilot answers.
+    """
+
+    name: str
+    mass: float
+    factors: Factors
+    model: Regressor
+    vehicle: Vehicle
+    payload: tuple[PointMass, ...] = ()
+    payload_of: str | None = None
+    counted: Bool[np.ndarray, "b 6"] | None = None
+    answered: Float[np.ndarray, "b e"] | None = None
+
+
+def joint_estimate(
+    configurations: Sequence[JointConfiguration],
+    starts: Sequence[RowFits],
+    *,
+    known_kt: tuple[float, float] | None = None,
+    terms: Collection[Term] = DEFAULT_TERMS,
+    begin: Mapping[str, float] | None = None,
+) -> BandedEstimate:
+    """Return the estimate of all configurations together.
+
+    Parameters
+    ----------
+    configurations
+        Their factors per stretch and frequency band.
+    starts
+        The row fits of each, from which the iteration begins, or from those of the liveliest
+        flight for each row where that is likelier; empty if `begin` has all values.
+    known_kt
+        Mean and standard deviation of k_t from elsewhere.
+    terms
+        Optional terms of the model.
+    begin
+        Better values to begin with, of free parameters that have them.
+    """
+    problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
+    start = np.zeros(len(problem.map.names))
+    if starts:
+        start = _likeliest_start(problem, configurations, starts)
+    return banded(problem, at_values(problem, begin or {}, start))
+
+
+def at_values(
+    problem: BandedProblem, known: Mapping[str, float], rest: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " f"]:
+    """Return the free parameters, known ones by their names and the rest as given."""
+    names = problem.map.names
+    return np.array([known.get(n, s) for n, s in zip(names, rest.tolist(), strict=True)])
+
+
+def _likeliest_start(
+    problem: BandedProblem, configurations: Sequence[JointConfiguration], starts: Sequence[RowFits]
+) -> Float[np.ndarray, " f"]:
+    """Return the better of two starts: every row from all flights, or from its liveliest one.
+
+    Flights in which an axis is calm pull its row fit towards no response at all, and an iteration
+    that begins there may end there.
+    """
+    lively = [liveliest_rows(c, rows) for c, rows in zip(configurations, starts, strict=True)]
+    options = [joint_start(problem.map, configurations, rows) for rows in (starts, lively)]
+    return max(options, key=lambda start: log_likelihood(problem, start))
+
+
+def liveliest_rows(configuration: JointConfiguration, rows: RowFits) -> RowFits:
+    """Return the row fits, each of roll, pitch and yaw from the flight that moves it most."""
+    factors, source = configuration.factors, configuration.factors.source
+    if source is None or len(np.unique(source)) < 2:
+        return rows
+    best, fits = dict(rows.excitation), dict(rows.fits)
+    for number in np.unique(source):
+        try:
+            one = fit_rows(
+                factors.select(source == number), configuration.model, mass=configuration.mass
+            )
+        except EstimationError:
+            continue  # too short or too still a flight to tell anything by itself
+        for row in best:
+            if one.excitation[row] > best[row]:
+                best[row], fits[row] = one.excitation[row], one.fits[row]
+    return replace(rows, fits=fits)
+
+
+def joint_problem(
+    configurations: Sequence[JointConfiguration],
+    *,
+    known_kt: tuple[float, float] | None = None,
+    terms: Collection[Term] = DEFAULT_TERMS,
+) -> BandedProblem:
+    """Return the problem that `joint_estimate` solves."""
+    mapped = joint_map(configurations, terms=terms)
+    layout = configurations[0].model.layout
+    prior = joint_prior(configurations)
+    return BandedProblem(
+        factors=tuple(c.factors for c in configurations),
+        tensors=tuple(c.model.tensor for c in configurations),
+        map=mapped,
+        noisy=tuple(layout.index(name) for name in NOISY),
+        prior_mean={} if known_kt is None else {"kt": known_kt[0]},
+        prior_std=prior if known_kt is None else {**prior, "kt": known_kt[1]},
+        counted=tuple(c.counted for c in configurations if c.counted is not None),
+        feedback=_feedback(configurations),
+    )
+
+
+def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
+    """Return where the autopilot answers by the rotors; None where that was not looked at."""
+    rows = tuple(c.answered for c in configurations if c.answered is not None)
+    if not rows:
+        return None
+    names = configurations[0].model.layout.names
+    return Feedback(
+        errors=tuple(NOISY.index(name) for name in ANSWERED),
+        inputs=tuple(i for i, name in enumerate(names) if name.startswith("O2_")),
+        mixer=_mixer(configurations[0].vehicle),
+        rows=rows,
+    )
+
+
+def _mixer(vehicle: Vehicle) -> Float[np.ndarray, "2 N"]:
+    """Return how an autopilot moves squared speeds to roll and to pitch: as the arms are."""
+    torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
+    return torque - torque.mean(axis=1, keepdims=True)
+
+
+def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
+    """Return the deviations of free parameters that are known before the flight, about zero."""
+    prior = {
+        f"spread_{i}": ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
+        for i, rotor in enumerate(configurations[0].vehicle.rotors, start=1)
+    }
+    first = configurations[0]
+    if len(first.factors):
+        prior["rotor_drag"] = rotor_drag_std(first.mass, float(rotor_speeds(first).sum()))
+    for configuration in configurations:
+        at, arm = f"@{configuration.name}", configuration.vehicle.arm
+        prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
+        prior[f"twist{at}"] = TWIST_STD * arm
+        offset = OFFSET_STD * configuration.mass * GRAVITY * arm
+        prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
+        # A velocity that hardly changes looks like a CoM elsewhere: this much, and no more.
+        moment = DRAG_STD * configuration.mass * arm
+        prior |= {f"{name}{at}": moment for name in DRAG_MOMENTS}
+        prior |= {f"{name}{at}": std for name, std, _ in tolerances(configuration.payload)}
+    return prior
+
+
+def rotor_drag_std(mass: float, speeds: float) -> float:
+    """Return what is known of the rotors' drag before the flight [N s^2/(m rad)].
+
+    Parameters
+    ----------
+    mass
+        [kg]
+    speeds
+        Of all rotors together [rad/s].
+    """
+    return ROTOR_DRAG_STD * mass / speeds
+
+
+def rotor_speeds(configuration: JointConfiguration) -> Float[np.ndarray, " N"]:
+    """Return about how fast each rotor turns: the root of its mean squared speed."""
+    factors, layout = configuration.factors, configuration.model.layout
+    lowest = factors.R[factors.band[:, 0] == factors.band[:, 0].min()]
+    squares = [layout.index(f"O2_{i + 1}") for i in range(len(configuration.vehicle.rotors))]
+    one = np.linalg.norm(lowest[:, :, layout.index("one")])
+    size: Float[np.ndarray, " N"] = np.linalg.norm(lowest[:, :, squares], axis=(0, 1)) / one
+    return np.sqrt(size)
+
+
+def joint_map(
+    configurations: Sequence[JointConfiguration], *, terms: Collection[Term] = DEFAULT_TERMS
+) -> ParameterMap:
+    """Return the map from the free parameters to theta of every configuration."""
+    spread = spread_names(configurations[0].vehicle) if "rotor_spread" in terms else ()
+    everywhere = range(len(configurations))
+    shared = ("kt", "kd", "Jr") if "rotor_inertia" in terms else ("kt", "kd")
+    shared = (*shared, "rotor_drag") if "rotor_drag" in terms else shared
+    free: dict[str, dict[tuple[int, str], float]] = {
+        name: {(c, name): 1.0 for c in everywhere} for name in shared
+    }
+    free |= {name: {} for name in dict.fromkeys(spread)}
+    given: dict[tuple[int, str], float] = {}
+    products: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
+    for c, configuration in enumerate(configurations):
+        given[c, "mass"] = configuration.mass
+        free |= _own_parameters(c, configuration) | _own_terms(c, configuration, terms)
+        products |= _rotor_terms(c, configuration, spread)
+        if "accel_bias" in terms:
+            products |= _bias_torque(c, configuration)
+        if "twist" in terms:
+            products[c, "kt_twist"] = [(1.0, "kt", f"twist@{configuration.name}")]
+    for c, configuration in enumerate(configurations):
+        if configuration.payload_of is not None:
+            added = added_moments(configuration.payload)
+            given |= {(c, name): value for name, value in added.items()}
+            _link_payload(c, configuration, added, free)
+    return parameter_map(
+        configurations[0].model.names,
+        free,
+        given,
+        configurations=len(configurations),
+        products=products,
+    )
+
+
+def _own_parameters(
+    c: int, configuration: JointConfiguration
+) -> dict[str, dict[tuple[int, str], float]]:
+    """Return the linear parameters of one configuration."""
+    at = f"@{configuration.name}"
+    free: dict[str, dict[tuple[int, str], float]] = {}
+    if configuration.payload_of is None:
+        free |= {f"{name}{at}": {(c, name): 1.0} for name in MOMENTS}
+    for name, _, effect in tolerances(configuration.payload):
+        free[f"{name}{at}"] = {(c, moment): factor for moment, factor in effect.items()}
+    if configuration.vehicle.imu_position is None:
+        free |= {f"rotor_center_{axis}{at}": {} for axis in "xy"}
+    return free
+
+
+def _own_terms(
+    c: int, configuration: JointConfiguration, terms: Collection[Term]
+) -> dict[str, dict[tuple[int, str], float]]:
+    """Return the parameters of the optional terms that each configuration has for itself."""
+    at = f"@{configuration.name}"
+    free: dict[str, dict[tuple[int, str], float]] = {}
+    if "accel_bias" in terms:
+        mass = configuration.mass
+        free |= {f"accel_bias_{axis}{at}": {(c, f"F{axis}_0"): mass} for axis in "xyz"}
+    if "twist" in terms:
+        free[f"twist{at}"] = {}
+    if "drag" in terms:
+        free |= {f"{name}{at}": {(c, name): 1.0} for name in (*DRAG, *DRAG_MOMENTS)}
+    if "torque_offset" in terms:
+        free |= {f"torque_offset_{axis}{at}": {(c, f"M{axis}_0"): 1.0} for axis in "xyz"}
+    return free
+
+
+def spread_names(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the spread of each rotor: its own, or that of the first rotor of its group.
+
+    None where all rotors are of one group, which has nothing to differ from.
+    """
+    groups = [rotor.group for rotor in vehicle.rotors]
+    first = [i if group is None else groups.index(group) for i, group in enumerate(groups)]
+    return () if len(set(first)) == 1 else tuple(f"spread_{i + 1}" for i in first)
+
+
+def _link_payload(
+    c: int,
+    configuration: JointConfiguration,
+    added: Mapping[str, float],
+    free: dict[str, dict[tuple[int, str], float]],
+) -> None:
+    """Let the body's parameters move a second configuration too, which is it plus a payload."""
+    for name in MOMENTS:
+        free[f"{name}@{configuration.payload_of}"][c, name] = 1.0
+    # ms x b with ms = ms of the bare body + what the payload adds: the second part is linear.
+    for axis, pairs in CROSS.items():
+        for first, second, sign in pairs:
+            bias = f"accel_bias_{second}@{configuration.name}"
+            if bias in free:
+                free[bias][c, f"M{axis}_0"] = sign * added[f"ms{first}"]
+
+
+def _bias_torque(
+    c: int, configuration: JointConfiguration
+) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
+    """Return ms x b: what the bias does in the moment rows, ms x (alpha - b)."""
+    at = f"@{configuration.name}"
+    body = f"@{configuration.payload_of or configuration.name}"
+    return {
+        (c, f"M{axis}_0"): [
+            (sign, f"ms{first}{body}", f"accel_bias_{second}{at}") for first, second, sign in pairs
+        ]
+        for axis, pairs in CROSS.items()
+    }
+
+
+def _rotor_terms(
+    c: int, configuration: JointConfiguration, spread: Sequence[str]
+) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
+    """Return k_t times the spread of each rotor (over all rotors zero) and times the centre."""
+    mean = {name: spread.count(name) / len(spread) for name in spread}
+    terms: dict[tuple[int, str], list[tuple[float, str, str]]] = {
+        (c, f"kt_{i}"): [(float(name == own) - share, "kt", name) for name, share in mean.items()]
+        for i, own in enumerate(spread, start=1)
+    }
+    if configuration.vehicle.imu_position is None:
+        at = f"@{configuration.name}"
+        for axis in "xy":
+            terms[c, f"kt_rotor_center_{axis}"] = [(1.0, "kt", f"rotor_center_{axis}{at}")]
+    return terms
+
+
+def joint_start(
+    mapped: ParameterMap,
+    configurations: Sequence[JointConfiguration],
+    starts: Sequence[RowFits],
+) -> Float[np.ndarray, " f"]:
+    """Return where the iteration begins: the row fits, yaw inertia as of a flat body."""
+    kt = float(np.mean([s.fits["force"].estimate.value("kt") for s in starts]))
+    values: dict[str, float] = {"kt": kt}
+    for configuration, rows in zip(configurations, starts, strict=True):
+        if configuration.payload_of is not None:
+            continue
+        at = f"@{configuration.name}"
+        Ixx = kt / rows.fits["roll"].estimate.value("kt")
+        Iyy = kt / rows.fits["pitch"].estimate.value("kt")
+        yaw = rows.fits["yaw"].estimate
+        values |= {f"Ixx{at}": Ixx, f"Iyy{at}": Iyy, f"Izz{at}": Ixx + Iyy}
+        values["kd"] = (Ixx + Iyy) * yaw.value("kd")
+        values["Jr"] = (Ixx + Iyy) * yaw.value("Jr")
+        if "kt_twist" in yaw.names:
+            values[f"twist{at}"] = (Ixx + Iyy) * yaw.value("kt_twist") / kt
+    return np.array([values.get(name, 0.0) for name in mapped.names])

@@ -1,0 +1,358 @@
+"""From the joint estimate to physical numbers with intervals.
+
+Half-width^2 = (larger of 1.96 formal and t scatter)^2 + attenuation^2 + tolerances^2. Formal: the
+covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Attenuation: what
+disturbances can pull an axis by (`excitation.py`). What a change of settings shifts is added by
+the recipe.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.parameter_map import ParameterMap
+from rotorfit.estimation.propagate import numerical_jacobian
+from rotorfit.estimation.reweighted import scatter_covariance
+from rotorfit.experiment.payload import MOMENTS
+from rotorfit.fit.excitation import (
+    AXIS_OF,
+    HEIGHTS,
+    SCALED,
+    YAW_PRODUCTS,
+    attenuation_allowance,
+    damping_allowance,
+    height_allowance,
+    link_allowance,
+    product_allowance,
+    scale_stretch,
+)
+from rotorfit.fit.frequency_bands import PILOT_BAND
+from rotorfit.fit.joint_equations import (
+    JointConfiguration,
+    rotor_drag_std,
+    spread_names,
+)
+from rotorfit.flight.airborne import GRAVITY
+from rotorfit.model.parameters import (
+    DERIVED,
+    DRAG,
+    DRAG_MOMENTS,
+    INERTIA,
+    INERTIA_PLACES,
+    PARAMETERS,
+    inertia_about,
+)
+from rotorfit.model.vehicle import Vehicle
+
+AXES = ("roll", "pitch", "yaw")
+FEWEST_FLIGHTS = 3
+"""Of one configuration, from which their scatter tells anything."""
+OWN_NUMBERS = (
+    *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
+    *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS),
+    *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
+)
+SHARED_NUMBERS = ("kt", "kd", "Jr", "rotor_drag", "kd_over_kt", "motor_lag_total")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Numbers:
+    """Physical numbers of all configurations, with their intervals.
+
+    Attributes
+    ----------
+    names
+        ``kt`` for what is shared, ``Ixx_com@A`` for what belongs to a configuration.
+    values, half_width
+        SI; half of the 95 % interval.
+    correlation
+        Between them, from the covariance of the fit.
+    excitation
+        rho of each configuration and axis, by ``roll@A``.
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " q"]
+    half_width: Float[np.ndarray, " q"]
+    correlation: Float[np.ndarray, "q q"]
+    excitation: Mapping[str, float]
+
+    def index(self, name: str) -> int:
+        """Return the place of one number."""
+        return self.names.index(name)
+
+    def rho(self, name: str) -> float | None:
+        """Return the excitation that a number depends on; None where it needs none."""
+        base, _, configuration = name.partition("@")
+        axis = AXIS_OF.get(base)
+        if axis is None:
+            return None
+        if configuration:
+            return self.excitation[f"{axis}@{configuration}"]
+        return max(value for key, value in self.excitation.items() if key.startswith(axis))
+
+    def link(self, configuration: str | None = None) -> float:
+        """Return the larger rho of roll and pitch, of one configuration or of any."""
+        return max(
+            value
+            for key, value in self.excitation.items()
+            if not key.startswith("yaw") and (configuration or "") in ("", key.partition("@")[2])
+        )
+
+
+def joint_numbers(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    mass_std: Mapping[str, float],
+) -> Numbers:
+    """Return the physical numbers of a joint estimate."""
+    estimate = fit.estimate
+    mapped = fit.problem.map
+    at_estimate = physical(estimate.values, mapped, configurations)
+    names, values = tuple(at_estimate), np.array(list(at_estimate.values()))
+    jacobian = numerical_jacobian(
+        lambda phi: np.array(list(physical(phi, mapped, configurations).values())),
+        estimate.values,
+        estimate.std,
+    )
+    formal = jacobian @ estimate.covariance @ jacobian.T
+    # A block holds an equation for each noisy signal: that many parameters cost one block.
+    blocks = len(fit.influence)
+    free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)
+    scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T * (blocks / free)
+    std = np.sqrt(np.diagonal(formal))
+    random = np.maximum(1.96 * std, float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(scatter)))
+    random = np.maximum(random, _between_flights(fit, jacobian))
+    safe = np.where(std > 0, std, 1.0)
+    numbers = Numbers(
+        names=names,
+        values=values,
+        half_width=random,
+        correlation=formal / np.outer(safe, safe),
+        excitation=excitation(fit, configurations),
+    )
+    return hanging_on_roll_and_pitch(
+        _with_systematic(numbers, configurations, mass_std), configurations
+    )
+
+
+def _between_flights(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width that the pull of each flight as a whole shows; zeros for one or two.
+
+    Real flights differ by more than any one of them can know. As the jackknife over blocks, with a
+    flight for a block (the cluster-robust variance, and its few degrees of freedom).
+    """
+    variance, degrees = np.zeros(len(jacobian)), np.inf
+    first = 0
+    for factors in fit.problem.factors:
+        own = fit.influence[first : first + len(factors)]
+        first += len(factors)
+        source = factors.recording
+        pulls = np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T
+        m = len(pulls)
+        if m < FEWEST_FLIGHTS:
+            continue
+        variance += m / (m - 1.0) * ((pulls - pulls.mean(axis=0)) ** 2).sum(axis=0)
+        degrees = min(degrees, m - 1)
+    if not np.isfinite(degrees):
+        return variance
+    return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
+
+
+def physical(
+    phi: Float[np.ndarray, " f"],
+    mapped: ParameterMap,
+    configurations: Sequence[JointConfiguration],
+) -> dict[str, float]:
+    """Return every physical number at the free parameters `phi`."""
+    p = dict(zip(mapped.names, phi.tolist(), strict=True))
+    out = {name: p[name] for name in ("kt", "kd", "Jr", "rotor_drag") if name in p}
+    out["kd_over_kt"] = p["kd"] / p["kt"]
+    theta = mapped.theta(phi)
+    index = configurations[0].model.names.index
+    spread = spread_names(configurations[0].vehicle)
+    for i in range(len(spread) if set(spread) <= set(p) else 0):
+        out[f"kt_{i + 1}"] = p["kt"] + float(theta[0, index(f"kt_{i + 1}")])
+    for c, configuration in enumerate(configurations):
+        own = {
+            name.removesuffix(f"@{configuration.name}"): value
+            for name, value in p.items()
+            if name.endswith(f"@{configuration.name}")
+        }
+        # From theta, not phi: a body with a known payload has no free moments of its own.
+        place = configuration.model.names.index
+        own |= {name: float(theta[c, place(name)]) for name in MOMENTS}
+        numbers = _own_numbers({**own, **out}, configuration)
+        out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
+    return out
+
+
+def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> dict[str, float]:
+    """Return the numbers of one configuration: its own parameters and what follows from them."""
+    mass = configuration.mass
+    com = np.array([p["msx"], p["msy"], p["msz"]]) / mass
+    elements = np.array([p[name] for name in INERTIA])
+    about_com = inertia_about(elements, -mass, com)
+    out = {name: p[name] for name in OWN_NUMBERS if name in p}
+    out |= {f"com_{axis}": float(c) for axis, c in zip("xyz", com, strict=True)}
+    out |= {f"{name}_com": float(v) for name, v in zip(INERTIA, about_com, strict=True)}
+    for name, v in zip(("Ixx", "Iyy", "Izz"), about_com[:3], strict=True):
+        out[f"{name}_over_kt"] = float(v) / p["kt"]
+    out["kd_over_Izz"] = p["kd"] / float(about_com[2])
+    if "Jr" in p:
+        out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
+    lift = float(configuration.vehicle.axes[:, 2].sum())
+    out["hover_speed"] = float(np.sqrt(mass * GRAVITY / (lift * max(p["kt"], 1e-300))))
+    return out
+
+
+def excitation(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, float]:
+    """Return explained over residual power of the angular accelerations, where a pilot flies.
+
+    Of several flights the mean, each for as long as it is: the fit gives every flight the weight
+    of its own noise, so that a calm one beside a lively one does no harm.
+    """
+    rho: dict[str, float] = {}
+    first = 0
+    for configuration in configurations:
+        count = len(configuration.factors)
+        signal = fit.signal_power[first : first + count, 3:]
+        residual = fit.residual_power[first : first + count, 3:]
+        first += count
+        means = _flight_ratios(configuration.factors, signal, residual)
+        rho |= {
+            f"{axis}@{configuration.name}": float(mean)
+            for axis, mean in zip(AXES, means, strict=True)
+        }
+    return rho
+
+
+def _flight_ratios(
+    factors: Factors, signal: Float[np.ndarray, "b 3"], residual: Float[np.ndarray, "b 3"]
+) -> Float[np.ndarray, " 3"]:
+    """Return the mean over flights of explained over residual power in the pilot's band."""
+    low, high = PILOT_BAND
+    inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
+    total, weight = np.zeros(3), 0.0
+    for number in np.unique(factors.recording):
+        own = inside & (factors.recording == number)
+        left = residual[own].sum(axis=0)
+        explained = np.maximum(signal[own].sum(axis=0) - left, 0.0)
+        rows = float(factors.rows[own].sum())
+        total += rows * explained / np.maximum(left, np.finfo(float).tiny)
+        weight += rows
+    return total / max(weight, 1.0)
+
+
+def _with_systematic(
+    numbers: Numbers,
+    configurations: Sequence[JointConfiguration],
+    mass_std: Mapping[str, float],
+) -> Numbers:
+    """Return the numbers with the half-width of what no scatter within the flights shows."""
+    by_name = {c.name: c for c in configurations}
+    extra = np.zeros(len(numbers.names))
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        value = abs(float(numbers.values[i]))
+        parts: list[float] = []
+        rho = numbers.rho(name)
+        if rho is not None:
+            c = by_name[owner] if owner else configurations[0]
+            scale = number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle)
+            parts.append(attenuation_allowance(base, max(value, scale), rho, answered=True))
+        if base == "rotor_drag" and rho is not None:
+            parts.append(damping_allowance(float(numbers.half_width[i]), rho))
+        if base in YAW_PRODUCTS:
+            parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
+        if (PARAMETERS | DERIVED)[base].mass_power:
+            owners = [by_name[owner]] if owner else list(configurations)
+            relative = max(mass_std[c.name] / c.mass for c in owners)
+            parts.append(1.96 * relative * value)
+        extra[i] = float(np.sqrt(sum(part**2 for part in parts)))
+    return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
+
+
+def hanging_on_roll_and_pitch(
+    numbers: Numbers, configurations: Sequence[JointConfiguration]
+) -> Numbers:
+    """Return the numbers with what too little roll and pitch leaves open.
+
+    The height of the centre of mass, and the scale of the yaw equation, which a known payload gives
+    as well.
+    """
+    weighed = any(c.payload_of is not None for c in configurations)
+    by_name = {c.name: c for c in configurations}
+    half = numbers.half_width.copy()
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        if base in SCALED and not weighed:
+            half[i] = np.hypot(half[i], link_allowance(float(numbers.values[i]), numbers.link()))
+        if base in HEIGHTS:
+            c = by_name[owner]
+            off = height_allowance(c.vehicle.arm, numbers.link(None if weighed else owner))
+            half[i] = np.hypot(half[i], off * (c.mass if base == "msz" else 1.0))
+    return replace(numbers, half_width=half * _stretches(numbers, half))
+
+
+def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndarray, " q"]:
+    """Return the factor of each half-width for the inverse of the scale, as `half` gives it."""
+    stretch = np.ones(len(half))
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        if base not in SCALED:
+            continue
+        # J_r and the rotors' drag may be near zero; their scale is that of k_d.
+        at = numbers.index(f"Izz_com@{owner}" if owner else "kd")
+        stretch[i] = scale_stretch(float(numbers.values[at]), float(half[at]))
+    return stretch
+
+
+def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) -> float:
+    """Return the size of a number below which its relative error does not matter."""
+    arm = vehicle.arm
+    base, _, owner = name.partition("@")
+    base = base.removesuffix("_com")
+    if base in ("msx", "msy", "msz"):
+        return mass * arm / 50.0
+    if base.startswith(("com_", "rotor_center_")) or base == "twist":
+        return arm / 50.0  # of a twist, a degree
+    if base in DRAG_MOMENTS:
+        return 0.3 * mass * arm / 5.0  # at 3 m/s as of a CoM that is arm / 150 off
+    if base.startswith("drag_"):
+        return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
+    if base.startswith("torque_offset_"):
+        return mass * GRAVITY * arm / 50.0
+    if base.startswith("accel_bias_"):
+        return 0.2
+    if base == "rotor_drag":
+        hover = next(n for n in numbers.names if n.startswith("hover_speed"))
+        speeds = len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])
+        return rotor_drag_std(mass, speeds)
+    if base == "Jr":
+        return _diagonal(numbers, owner)[2] / 1000.0
+    if base == "Jr_over_Izz":
+        return 1e-3
+    if base in ("Ixy", "Ixz", "Iyz"):
+        i, j = INERTIA_PLACES[INERTIA.index(base)]
+        diagonal = _diagonal(numbers, owner)
+        return float(np.sqrt(diagonal[i] * diagonal[j])) / 20.0
+    return 0.0
+
+
+def _diagonal(numbers: Numbers, owner: str) -> list[float]:
+    """Return the sizes of the diagonal inertia of a configuration (any, for shared numbers)."""
+    own = owner or next(name for name in numbers.names if "@" in name).partition("@")[2]
+    return [
+        abs(float(numbers.values[numbers.index(f"{name}_com@{own}")]))
+        for name in ("Ixx", "Iyy", "Izz")
+    ]

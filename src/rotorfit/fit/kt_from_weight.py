@@ -1,0 +1,67 @@
+"""k_t from the weight: over a whole flight the thrust carries it, whatever the sensors say.
+
+The fit takes k_t from changes of thrust against changes of specific force. Where thrust does not
+go with the square of the speed (commands without their law) or the accelerometer's scale is wrong,
+that is another number than the one that carries the weight, along the vertical that the gyro
+carries along (`hover.py`). On flights of which all is right the two agree to 3 %, where the weight
+is the less sure: propellers in motion differ from those in hover.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rotorfit.fit.flights import Configured
+from rotorfit.fit.weight_balance import Held, held_up, pooled
+from rotorfit.model.vehicle import Vehicle
+
+INFLOW_STD = 0.02
+"""Share by which a propeller in motion differs from the same in hover."""
+LEAST_CONFLICT = 0.08
+"""Share by which k_t of changes and of the weight may differ before the square law is doubted."""
+VAGUE = 0.25
+"""Share of k_t from which what changes of thrust leave open of it is taken from the weight."""
+LIKELY = 3.0
+"""Deviations of chance within which they always may."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeighedThrust:
+    """The thrust coefficient that carries the weight, value and standard deviation."""
+
+    kt: float
+    std: float
+
+    def contradicts(self, kt: float, std: float) -> bool:
+        """Whether another estimate differs by more than chance and the model's own faults."""
+        apart = abs(kt - self.kt)
+        return apart > max(LEAST_CONFLICT * self.kt, LIKELY * float(np.hypot(std, self.std)))
+
+    def is_surer_than(self, kt: float, std: float, *, timed: bool) -> bool:
+        """Whether another estimate leaves open what the weight tells.
+
+        Where the motors' timing is not told, changes of thrust are seen at a wrong time, and the
+        mean thrust is not.
+        """
+        vague = VAGUE * abs(kt) if timed else 0.0
+        return 1.96 * std > max(vague, 2.0 * 1.96 * self.std)
+
+
+def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> WeighedThrust | None:
+    """Return the thrust coefficient that carries the weight; None if no flight is long enough."""
+    found: list[Held] = []
+    for configured in configurations:
+        for flight in configured.flights:
+            data = flight.prepared.data
+            per_kt = (data.rotor_speed**2 @ vehicle.axes) / configured.mass
+            scale = float(np.abs(per_kt).mean())
+            held = held_up(data, per_kt / scale) if scale > 0 else None
+            if held is None or held.ratio <= 0:
+                continue
+            kt = 1.0 / (held.ratio * scale)
+            found.append(Held(ratio=kt, std=kt * held.std, seconds=held.seconds))
+    if not found:
+        return None
+    mean = pooled(found)
+    return WeighedThrust(kt=mean.ratio, std=float(np.hypot(mean.std, INFLOW_STD * mean.ratio)))

@@ -1,0 +1,181 @@
+"""Which optional terms are in the model: what the user says, else what the flights ask for.
+
+A term that most vehicles have little of (drag, a constant torque) enters where the log-likelihood
+rises by more than `LEAST_GAIN` with it. Whether a fit with it is worth its time is seen beforehand
+from the slope of the likelihood at the fit without (Rao's score test).
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.estimation.banded import BandedEstimate, normal_equations
+from rotorfit.estimation.estimate import Estimate
+from rotorfit.estimation.partial import parameter_scale
+from rotorfit.experiment.model_terms import ADDED_TERMS, DEFAULT_TERMS, TERM_WORDS, Term
+from rotorfit.fit.flights import Configured, velocity_known
+from rotorfit.fit.joint_equations import JointConfiguration, joint_problem
+from rotorfit.flight.airborne import GRAVITY
+
+LEAST_GAIN = 50.0
+"""Of the log-likelihood, per configuration, for which a term enters. Of chance alone the three
+parameters of a torque gain 1.5 on average, and 8 once in a thousand, the nine of drag 4.5 and 14;
+gusts, which the autopilot answers, make up to 23 on simulated flights without the term, and throws
+and pulses up to 40 on real ones, where flights of the same vehicle contradict one another. Drag
+that spoils anything gains over 100."""
+SURE = 4.0
+"""Deviations by which drag to a side must be more than none: a height controller that answers gusts
+looks like drag along z."""
+LEAST_SHARE = 1e-3
+"""Of the weight, that a term must make, at 1 m/s or at the end of an arm: flights without noise
+show what is of no account."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """The terms of the model, and why.
+
+    Attributes
+    ----------
+    terms
+        In the model.
+    gains
+        Of the log-likelihood, by each further term that was looked at.
+    least_gain
+        For which they were added; None where the user chose.
+    """
+
+    terms: tuple[Term, ...]
+    gains: dict[Term, float] = dataclasses.field(default_factory=dict[Term, float])
+    least_gain: float | None = None
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """What a result says of it."""
+        said: dict[str, object] = {"terms": list(self.terms)}
+        if self.least_gain is None:
+            return {**said, "terms_chosen": "by the experiment file"}
+        gains = {name: round(gain, 1) for name, gain in self.gains.items()}
+        return {
+            **said,
+            "terms_chosen": "by log-likelihood",
+            "terms_gain": gains,
+            "terms_least_gain": self.least_gain,
+        }
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Say of each term that was added, why."""
+        return tuple(
+            f"the flights ask for {TERM_WORDS[name]}: the log-likelihood rises by {gain:.0f} with "
+            f"it (at least {self.least_gain:.0f} was asked for), so it is in the model ({name})"
+            for name, gain in self.gains.items()
+            if name in self.terms
+        )
+
+
+Refit = Callable[[Sequence[Term], BandedEstimate], BandedEstimate]
+"""The fit with other terms, begun at a fit."""
+
+
+def velocity_wanted(terms: Sequence[Term] | None, configurations: Sequence[Configured]) -> bool:
+    """Return whether the model needs the velocity: chosen, or known and not decided yet.
+
+    Raises
+    ------
+    ExperimentError
+        If drag is asked for and a flight does not have its velocity throughout.
+    """
+    unknown = [f for c in configurations for f in c.flights if not velocity_known([f])]
+    if terms is None or not unknown or "drag" not in terms:
+        return not unknown and (terms is None or "drag" in terms)
+    names = ", ".join(Path(flight.entry.file).name for flight in unknown)
+    raise ExperimentError(
+        f'terms has "drag", but {names} has no velocity of the body throughout the flight: log it '
+        "(columns vel_x, vel_y, vel_z in body axes, or position and attitude of motion capture), "
+        'or take "drag" out'
+    )
+
+
+def chosen(
+    terms: Sequence[Term] | None,
+    fit: BandedEstimate,
+    joint: Sequence[JointConfiguration],
+    *,
+    refit: Refit,
+) -> tuple[Choice, BandedEstimate]:
+    """Return the terms of the model and the fit with them.
+
+    Parameters
+    ----------
+    terms
+        As the user chose; None for what the flights ask for.
+    fit
+        With the user's terms, or the default ones.
+    joint
+        What was fitted.
+    refit
+        Fits again.
+    """
+    if terms is not None:
+        return Choice(terms=tuple(terms)), fit
+    present: tuple[Term, ...] = DEFAULT_TERMS
+    gains: dict[Term, float] = {}
+    least = LEAST_GAIN * len(joint)
+    for name in ADDED_TERMS:
+        if name == "drag" and "vx" not in joint[0].model.layout:
+            continue
+        wider = (*present, name)
+        gains[name] = expected_gain(fit, joint, wider)
+        if gains[name] < 0.5 * least:
+            continue
+        trial = refit(wider, fit)
+        gains[name] = trial.log_likelihood - fit.log_likelihood
+        if gains[name] >= least and _matters(name, trial, joint):
+            present, fit = wider, trial
+    return Choice(terms=present, gains=gains, least_gain=least), fit
+
+
+def _matters(name: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
+    """Return whether a term is more than a trace in some configuration, and drag a drag."""
+    at = {n: i for i, n in enumerate(fit.estimate.names)}
+    for c in joint:
+        places = [at[f"{name}_{axis}@{c.name}"] for axis in "xyz"]
+        size, sure = fit.estimate.values[places], SURE * fit.estimate.std[places]
+        weight = c.mass * GRAVITY
+        if name == "drag" and (size > np.maximum(sure, LEAST_SHARE * weight))[:2].any():
+            return True
+        if name == "torque_offset" and abs(size).max() > LEAST_SHARE * weight * c.vehicle.arm:
+            return True
+    return False
+
+
+def expected_gain(
+    fit: BandedEstimate, joint: Sequence[JointConfiguration], terms: Sequence[Term]
+) -> float:
+    """Return by how much the log-likelihood would rise with these terms, to second order."""
+    problem = joint_problem(joint, terms=terms)
+    known = dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
+    names = problem.map.names
+    values = np.array([known.get(name, 0.0) for name in names])
+    at = Estimate(
+        names=names,
+        values=values,
+        covariance=np.zeros((len(names), len(names))),
+        condition_number=1.0,
+        weak_directions=np.zeros((0, len(names))),
+        weak_strengths=np.zeros(0),
+    )
+    wide = dataclasses.replace(fit, problem=problem, estimate=at)
+    every = np.ones(len(fit.influence), dtype=bool)
+    equations = normal_equations(wide, every)
+    size = 1.0 / parameter_scale(equations.information)
+    score = equations.scores.sum(axis=0) * size
+    information = equations.information * np.outer(size, size)
+    step: Float[np.ndarray, " f"] = np.linalg.pinv(information) @ score
+    return 0.5 * float(score @ step)

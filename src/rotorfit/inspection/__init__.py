@@ -1,0 +1,1 @@
+"""What one log could tell, without an airframe and before any fit."""

@@ -1,0 +1,1 @@
+"""Which flights to fly for the accuracy wanted, predicted by the bound."""

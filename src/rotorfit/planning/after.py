@@ -1,0 +1,323 @@
+"""What an earlier result knows already, and which manoeuvre would fix what it lacks."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
+from rotorfit.experiment.payload import MOMENTS
+from rotorfit.fit.joint_numbers import Numbers, number_scale
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
+from rotorfit.planning.wanted import WANTABLE
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
+from rotorfit.results.verdicts import judge
+from rotorfit.simulation.manoeuvres import Manoeuvre
+
+SAME_PLACE: Final = 1e-3
+"""Rotors nearer than this are the same [m]."""
+SAME_MASS: Final = 0.02
+"""Masses of one configuration differ by less than this share."""
+PRACTICE_SECONDS: Final = 20.0
+"""How long a manoeuvre is flown to fix a missing number [s]."""
+PRACTICE: Final[tuple[Manoeuvre, ...]] = (
+    *("climb", "roll", "pitch", "yaw"),
+    *("sticks", "doublets", "wiggles", "turns"),
+)
+"""Simple manoeuvres first: of equally good ones, the first is named."""
+AS_GOOD: Final = 1.1
+"""A manoeuvre this close to the best one is as good."""
+SHARED: Final = ("kt", "kd", "Jr")
+RATIOS: Final = {"kd_over_Izz": "kd", "Jr_over_Izz": "Jr"}
+LACKING: Final = ("weak", "ratio-only", "not-identified")
+NUISANCE: Final = ("accel_bias_x", "accel_bias_y", "accel_bias_z")
+"""Of the sensors, not of the vehicle: nobody flies for them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Knowledge:
+    """An earlier result in the terms of a plan.
+
+    Attributes
+    ----------
+    result, configuration
+        The result, and which of its configurations the plan is for.
+    information
+        About the plan's free parameters.
+    half_widths, values
+        By the names of `WANTABLE`; what the result does not have is left out.
+    by_number
+        Half-widths by the names of predicted numbers, in parts of the value or SI for the CoM.
+    """
+
+    result: IdentificationResult
+    configuration: str
+    information: Float[np.ndarray, "f f"]
+    half_widths: Mapping[str, float]
+    values: Mapping[str, float]
+
+    def narrowed(self, numbers: Numbers) -> Float[np.ndarray, " q"]:
+        """Return half-widths no wider than those that the result has already."""
+        half = numbers.half_width.copy()
+        for name, full in WANTABLE.items():
+            if name in self.half_widths:
+                i = numbers.index(full)
+                half[i] = min(half[i], self._scaled(name, float(numbers.values[i])))
+        return half
+
+    def _scaled(self, name: str, planned: float) -> float:
+        """Return a half-width for the plan's value of a number."""
+        half, value = self.half_widths[name], self.values[name]
+        return half if name.startswith("com_") or value == 0 else half * abs(planned / value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missing:
+    """A number that the earlier result lacks.
+
+    Attributes
+    ----------
+    name, verdict
+        As in the result.
+    manoeuvre
+        Which of the plan helps it most; None where none makes it better than weak.
+    relative
+        Half of the interval predicted after 20 s of it, over the value (or its scale).
+    predicted
+        The verdict then.
+    """
+
+    name: str
+    verdict: Verdict
+    manoeuvre: Manoeuvre | None
+    relative: float
+    predicted: Verdict
+
+
+def check_same_vehicle(result: IdentificationResult, vehicle: Vehicle) -> None:
+    """Raise where a result is that of other rotors.
+
+    Raises
+    ------
+    ExperimentError
+        If number, places or spins of the rotors differ.
+    """
+    flown = vehicle_of(experiment_of_settings(_settings(result)).airframe)
+    same = len(flown.rotors) == len(vehicle.rotors)
+    if not same:
+        raise ExperimentError(
+            f"the result is of {len(flown.rotors)} rotors, the airframe has "
+            f"{len(vehicle.rotors)}: give the airframe file of that vehicle"
+        )
+    apart = np.abs(flown.positions - vehicle.positions).max()
+    if apart > SAME_PLACE or (flown.spins != vehicle.spins).any():
+        raise ExperimentError(
+            f"the result is of another airframe: a rotor is {1e3 * apart:.0f} mm elsewhere or "
+            "turns the other way; give the airframe file that it was identified with"
+        )
+
+
+def result_mass(result: IdentificationResult, mass: float | None) -> tuple[str, float]:
+    """Return the configuration of a result that a plan is for, and its mass [kg].
+
+    Parameters
+    ----------
+    result
+        Of one or several configurations.
+    mass
+        Weighed by the user; None takes the first configuration.
+
+    Raises
+    ------
+    ExperimentError
+        If the result has no such mass.
+    """
+    weighed = {
+        p.configuration or "": p.value
+        for p in result.parameters
+        if p.name == "mass" and p.value is not None
+    }
+    if not weighed:
+        raise ExperimentError(
+            "the result was made without a mass, everything in it is per kilogram: identify the "
+            "flight again with the weighed mass, then plan after that"
+        )
+    if mass is None:
+        return next(iter(weighed.items()))
+    for name, value in weighed.items():
+        if abs(value - mass) <= SAME_MASS * mass:
+            return name, mass
+    listed = ", ".join(f"{value:g} kg" for value in weighed.values())
+    raise ExperimentError(
+        f"a mass of {mass:g} kg, but the result was flown with {listed}; plan for that mass, or "
+        "leave --mass out"
+    )
+
+
+def values_of(result: IdentificationResult, vehicle: Vehicle) -> dict[str, float]:
+    """Return the rough values that a result gives, by the names that a plan takes.
+
+    Raises
+    ------
+    ExperimentError
+        If it is the result of another vehicle.
+    """
+    check_same_vehicle(result, vehicle)
+    configuration, _ = result_mass(result, None)
+    number = {name: _known(result, name, configuration) for name in _ROUGH.values()}
+    values = {name: number[source] for name, source in _ROUGH.items()}
+    speed = result.derived_value("hover_speed", configuration).unit
+    if speed != "rad/s":  # of a command without a law: no speed at all
+        values |= {"hover_speed": None, "Jr": None}
+    return {name: value for name, value in values.items() if value is not None and value > 0}
+
+
+_ROUGH: Final = {
+    **{name: f"{name}_com" for name in ("Ixx", "Iyy", "Izz")},
+    **{name: name for name in ("hover_speed", "kd_over_kt", "Jr", "motor_lag")},
+}
+
+
+def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
+    """Return what a result knows, as information about a plan's free parameters."""
+    configuration, _ = result_mass(result, problem.configurations[0].mass)
+    halves: dict[str, float] = {}
+    values: dict[str, float] = {}
+    for name, full in WANTABLE.items():
+        own = _entry(result, full.partition("@")[0], configuration)
+        if own is not None and own.value is not None and own.std is not None:
+            halves[name], values[name] = 1.96 * own.std, own.value
+    return Knowledge(
+        result=result,
+        configuration=configuration,
+        information=_information(result, configuration, problem),
+        half_widths=halves,
+        values=values,
+    )
+
+
+def missing_numbers(
+    problem: Problem, pieces: Mapping[tuple[Manoeuvre, str], Evidence], known: Knowledge
+) -> tuple[Missing, ...]:
+    """Return what a result lacks, and which manoeuvre would help each most."""
+    trials: dict[Manoeuvre, Numbers] = {
+        manoeuvre: predicted(
+            problem, combined([(pieces[manoeuvre, BARE], PRACTICE_SECONDS)]), known.information
+        )
+        for manoeuvre in PRACTICE
+    }
+    return tuple(
+        _missing(parameter, problem, trials)
+        for parameter in known.result.parameters
+        if parameter.verdict in LACKING
+        and parameter.name not in NUISANCE
+        and parameter.configuration in (None, known.configuration)
+        and _number_name(parameter) in next(iter(trials.values())).names
+    )
+
+
+def _missing(
+    parameter: Parameter, problem: Problem, trials: Mapping[Manoeuvre, Numbers]
+) -> Missing:
+    name = _number_name(parameter)
+    bare = problem.configurations[0]
+    relative: dict[Manoeuvre, float] = {}
+    for manoeuvre, numbers in trials.items():
+        i = numbers.index(name)
+        scale = number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
+        size = max(abs(float(numbers.values[i])), scale)
+        relative[manoeuvre] = float(numbers.half_width[i]) / size
+    least = min(relative.values())
+    good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
+    verdict = judge(1.0, least, scale=0.0, axis="yaw").verdict
+    return Missing(
+        name=parameter.name,
+        verdict=parameter.verdict,
+        manoeuvre=None if verdict == "not-identified" else good[0],
+        relative=least,
+        predicted=verdict,
+    )
+
+
+def _information(
+    result: IdentificationResult, configuration: str, problem: Problem
+) -> Float[np.ndarray, "f f"]:
+    """Return the information of a result: its covariance inverted, and its yaw ratios."""
+    names = problem.mapped.names
+    total = np.zeros((len(names), len(names)))
+    rows: list[int] = []
+    places: list[int] = []
+    for row, name in enumerate(result.covariance_names):
+        base, _, owner = name.partition("@")
+        planned = base if base in SHARED else f"{base}@{BARE}"
+        if (base in SHARED or (base in MOMENTS and owner == configuration)) and planned in names:
+            rows.append(row)
+            places.append(names.index(planned))
+    if rows:
+        size = np.array([_planned_over_found(result, names[p], problem) for p in places])
+        covariance = result.covariance[np.ix_(rows, rows)] * np.outer(size, size)
+        total[np.ix_(places, places)] += _inverse(covariance)
+    return total + _ratio_information(result, configuration, problem)
+
+
+def _planned_over_found(result: IdentificationResult, name: str, problem: Problem) -> float:
+    """Return a factor from the result's units of what rotors do to the plan's."""
+    if name not in SHARED:
+        return 1.0
+    value = result.parameter(name).value
+    planned = float(problem.phi[problem.mapped.names.index(name)])
+    return planned / value if value else 1.0
+
+
+def _ratio_information(
+    result: IdentificationResult, configuration: str, problem: Problem
+) -> Float[np.ndarray, "f f"]:
+    """Return what is known of k_d / Izz and J_r / Izz where they are not known apart."""
+    names, phi = problem.mapped.names, problem.phi
+    total = np.zeros((len(names), len(names)))
+    Izz = names.index(f"Izz@{BARE}")
+    for ratio, numerator in RATIOS.items():
+        found = _entry(result, ratio, configuration)
+        alone = _entry(result, numerator, None)
+        if found is None or not found.value or not found.std or alone is None or alone.value:
+            continue
+        row = np.zeros(len(names))
+        row[names.index(numerator)] = 1.0 / phi[names.index(numerator)]
+        row[Izz] = -1.0 / phi[Izz]
+        total += np.outer(row, row) * (found.value / found.std) ** 2
+    return total
+
+
+def _inverse(covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
+    """Return the inverse of a covariance whose correlations may be all but singular."""
+    s = np.sqrt(np.diagonal(covariance))
+    strengths, vectors = np.linalg.eigh(covariance / np.outer(s, s))
+    strengths = np.maximum(strengths, 1e-9)
+    return (vectors / strengths) @ vectors.T / np.outer(s, s)
+
+
+def _entry(
+    result: IdentificationResult, name: str, configuration: str | None
+) -> Parameter | Derived | None:
+    """Return a parameter or derived number of a configuration, or a shared one."""
+    for entry in (*result.parameters, *result.derived):
+        if entry.name == name and entry.configuration in (None, configuration):
+            return entry
+    return None
+
+
+def _known(result: IdentificationResult, name: str, configuration: str) -> float | None:
+    entry = _entry(result, name, configuration)
+    return None if entry is None else entry.value
+
+
+def _number_name(parameter: Parameter) -> str:
+    return parameter.name if parameter.configuration is None else f"{parameter.name}@{BARE}"
+
+
+def _settings(result: IdentificationResult) -> Mapping[str, Any]:
+    return result.settings

@@ -1,0 +1,472 @@
+"""Which flights to fly for the accuracy wanted: candidates, predictions, the shortest that does.
+
+Candidates are schedules of manoeuvres, flown bare or bare and with a payload, for some seconds
+each. What each would give is predicted from simulated flights (`plan_bound.py`).
+"""
+
+import dataclasses
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from rotorfit.errors import ExperimentError
+from rotorfit.experiment.payload import PointMass
+from rotorfit.fit.joint_numbers import Numbers, number_scale
+from rotorfit.flight.data import FlightData
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.planning.after import (
+    Knowledge,
+    Missing,
+    knowledge_of,
+    missing_numbers,
+    result_mass,
+    values_of,
+)
+from rotorfit.planning.bound import (
+    BARE,
+    LOADED,
+    Evidence,
+    Problem,
+    combined,
+    evidence,
+    fly,
+    planned_problem,
+    predicted,
+)
+from rotorfit.planning.noise import Assumptions, assumptions_for
+from rotorfit.planning.vehicle import (
+    GUESSABLE,
+    RoughVehicle,
+    default_payload,
+    payload_pair,
+    rough_vehicle,
+)
+from rotorfit.planning.wanted import WANTABLE, Wanted
+from rotorfit.results.result import IdentificationResult, Verdict
+from rotorfit.results.verdicts import judge
+from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre
+
+Speed = Literal["measured", "commanded"]
+ScheduleName = Literal["hover", "axes", "sticks", "doublets", "wiggles", "turns", "mixed"]
+Progress = Callable[[int, int], None]
+Flights = Mapping[tuple[Manoeuvre, str], FlightData]
+Pieces = Mapping[tuple[Manoeuvre, str], Evidence]
+
+SCHEDULES: Final[Mapping[ScheduleName, Mapping[Manoeuvre, float]]] = {
+    "hover": {"hover": 1.0},
+    "axes": {"roll": 0.25, "pitch": 0.25, "yaw": 0.25, "climb": 0.25},
+    "sticks": {"sticks": 1.0},
+    "doublets": {"doublets": 1.0},
+    "wiggles": {"wiggles": 1.0},
+    "turns": {"turns": 1.0},
+    "mixed": {"turns": 0.5, "wiggles": 0.5},
+}
+"""The share of each manoeuvre in a schedule."""
+HEAVIEST_PAYLOAD: Final = 0.3
+"""Each of two payloads, at most, in masses of the vehicle."""
+SECONDS: Final = (20.0, 40.0, 75.0)
+LONGER: Final = (2.0, 3.0, 4.0, 6.0, 8.0)
+"""How many times the longest flight is tried, where no candidate is good enough."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanRequest:
+    """What a plan is asked for.
+
+    Attributes
+    ----------
+    name
+        Of the airframe.
+    vehicle
+        Its geometry.
+    mass
+        As it flies [kg].
+    speed
+        Whether the log has rotor speeds or only commands.
+    timed
+        Whether the motors' timing has to be found from the flight.
+    known
+        Rough values that the user knows, by the names of `GUESSABLE`.
+    wanted
+        Largest half of the 95 % interval.
+    seconds
+        Lengths of flight to consider, of each flight between take-off and landing [s].
+    payload
+        Mass of each of two payloads [kg]; None: a handy one; 0: none at all.
+    log_rate
+        Samples per second of the log [Hz].
+    after
+        What is known already.
+    """
+
+    name: str
+    vehicle: Vehicle
+    mass: float
+    speed: Speed = "measured"
+    timed: bool = True
+    known: Mapping[str, float] = field(default_factory=dict[str, float])
+    wanted: Wanted
+    seconds: tuple[float, ...] = SECONDS
+    payload: float | None = None
+    log_rate: float = 200.0
+    after: IdentificationResult | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictedNumber:
+    """One number as `identify` would give it: half of its 95 % interval, SI, and its verdict."""
+
+    name: str
+    value: float
+    half_width: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One way to fly, and what it would give.
+
+    Attributes
+    ----------
+    schedule
+        What is flown.
+    seconds
+        Of each flight [s].
+    payload
+        Whether it is flown bare and again with the payload.
+    numbers
+        By the names of `WANTABLE`.
+    meets
+        Whether all that is wanted is reached.
+    """
+
+    schedule: ScheduleName
+    seconds: float
+    payload: bool
+    numbers: Mapping[str, PredictedNumber]
+    meets: bool
+
+    @property
+    def total_seconds(self) -> float:
+        """Of all its flights together [s]."""
+        return self.seconds * (2.0 if self.payload else 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Remedy:
+    """What would reach what is wanted, where no candidate does.
+
+    Attributes
+    ----------
+    kind
+        ``measured-speed``: log the rotor speed; ``longer``: fly longer.
+    candidate
+        What to fly then.
+    """
+
+    kind: Literal["measured-speed", "longer"]
+    candidate: Candidate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPlan:
+    """The answer: candidates, the one to fly, or what would help where none is good enough.
+
+    Attributes
+    ----------
+    request
+        What was asked.
+    rough
+        The vehicle as it was taken to be.
+    payload
+        Two masses; none where none was to be considered.
+    assumed
+        Noise and disturbances.
+    candidates
+        All that were considered.
+    recommended
+        The shortest that reaches what is wanted.
+    enough
+        Whether the earlier result reaches it already.
+    best
+        The candidate that comes nearest, where none reaches it.
+    remedies
+        What would then.
+    missing
+        What the earlier result lacks, and what would fix each.
+    """
+
+    request: PlanRequest
+    rough: RoughVehicle
+    payload: tuple[PointMass, ...]
+    assumed: Assumptions
+    candidates: tuple[Candidate, ...]
+    recommended: Candidate | None
+    enough: bool
+    best: Candidate
+    remedies: tuple[Remedy, ...]
+    missing: tuple[Missing, ...]
+
+    @property
+    def chosen(self) -> Candidate:
+        """What to fly: the recommended candidate, else the one that comes nearest."""
+        return self.recommended or self.best
+
+    def candidate(self, schedule: ScheduleName, seconds: float, *, payload: bool) -> Candidate:
+        """Return one of the candidates."""
+        found = (c for c in self.candidates if c.schedule == schedule)
+        return next(c for c in found if (c.seconds, c.payload) == (seconds, payload))
+
+    def to_json(self) -> str:
+        """Return the plan as JSON text."""
+        return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
+
+
+def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPlan:
+    """Return which flights to fly.
+
+    Parameters
+    ----------
+    request
+        The vehicle, and what is wanted.
+    progress
+        Told how many of how many flights have been simulated.
+
+    Raises
+    ------
+    ExperimentError
+        If the vehicle cannot be right, or the earlier result belongs to another.
+    """
+    assumed = assumptions_for(request.mass, log_rate=request.log_rate)
+    rough = rough_vehicle(request.vehicle, mass=request.mass, known=_known(request))
+    each = _payload_mass(request)
+    # Without one the loaded vehicle is never flown; it only has to exist.
+    pair = payload_pair(
+        request.vehicle,
+        each or default_payload(request.mass),
+        mass_std=0.5 * assumed.mass_step,
+    )
+    problem = planned_problem(
+        rough,
+        pair,
+        assumed=assumed,
+        commanded=request.speed == "commanded",
+        timed=request.timed,
+    )
+    flights = _flown(problem, (BARE, LOADED) if each > 0 else (BARE,), progress)
+    known = None if request.after is None else knowledge_of(request.after, problem)
+    used = pair if each > 0 else ()
+    return _answer(request, rough, (problem, flights, known), pair=used, assumed=assumed)
+
+
+def _payload_mass(request: PlanRequest) -> float:
+    """Return the mass of each of the two payloads; 0: none [kg]."""
+    if request.payload is None:
+        return default_payload(request.mass)
+    if not 0.0 <= request.payload <= HEAVIEST_PAYLOAD * request.mass:
+        raise ExperimentError(
+            f"two payloads of {request.payload:g} kg on a vehicle of {request.mass:g} kg; expected "
+            f"each at most {HEAVIEST_PAYLOAD * request.mass:.2g} kg: a payload is in kilograms"
+        )
+    return request.payload
+
+
+def _known(request: PlanRequest) -> dict[str, float]:
+    """Return rough values: those of an earlier result, the user's before them."""
+    earlier: dict[str, float] = {}
+    if request.after is not None:
+        result_mass(request.after, request.mass)  # refused before anything is flown
+        earlier = values_of(request.after, request.vehicle)
+    return {**{k: v for k, v in earlier.items() if k in GUESSABLE}, **request.known}
+
+
+def _answer(
+    request: PlanRequest,
+    rough: RoughVehicle,
+    flown: tuple[Problem, Flights, Knowledge | None],
+    *,
+    pair: tuple[PointMass, ...],
+    assumed: Assumptions,
+) -> FlightPlan:
+    problem, flights, known = flown
+    pieces = _pieces(problem, flights)
+    candidates = _candidates(request, problem, pieces, known, request.seconds)
+    good = [c for c in candidates if c.meets]
+    shortest = min(good, key=lambda c: (*_effort(c), _worst(c, request.wanted)), default=None)
+    best = min(candidates, key=lambda c: (_worst(c, request.wanted), *_effort(c)))
+    enough = known is not None and request.wanted.met_by(known.half_widths, known.values)
+    return FlightPlan(
+        request=request,
+        rough=rough,
+        payload=pair,
+        assumed=assumed,
+        candidates=tuple(candidates),
+        recommended=shortest,
+        enough=enough,
+        best=best,
+        remedies=() if shortest or enough else tuple(_remedies(request, flown, pieces)),
+        missing=() if known is None else missing_numbers(problem, pieces, known),
+    )
+
+
+def _effort(candidate: Candidate) -> tuple[float, bool]:
+    return candidate.total_seconds, candidate.payload
+
+
+def _flown(
+    problem: Problem, configurations: tuple[str, ...], progress: Progress | None
+) -> dict[tuple[Manoeuvre, str], FlightData]:
+    """Return every manoeuvre of every schedule, flown once."""
+    wanted: list[tuple[Manoeuvre, str]] = [
+        (manoeuvre, configuration)
+        for manoeuvre in MANOEUVRES
+        for configuration in configurations
+        if (manoeuvre, configuration) != ("hover", LOADED)
+    ]
+    flights: dict[tuple[Manoeuvre, str], FlightData] = {}
+    for number, (manoeuvre, configuration) in enumerate(wanted, start=1):
+        flights[manoeuvre, configuration] = fly(problem, manoeuvre, configuration)
+        if progress is not None:
+            progress(number, len(wanted))
+    return flights
+
+
+def _pieces(problem: Problem, flights: Flights) -> dict[tuple[Manoeuvre, str], Evidence]:
+    return {key: evidence(problem, data, key[1]) for key, data in flights.items()}
+
+
+def _candidates(
+    request: PlanRequest,
+    problem: Problem,
+    pieces: Pieces,
+    known: Knowledge | None,
+    lengths: tuple[float, ...],
+) -> list[Candidate]:
+    """Return every schedule for every length, bare and with a payload."""
+    payloads = (False, True) if any(c == LOADED for _, c in pieces) else (False,)
+    return [
+        _candidate(request, problem, pieces, known, plan_of=(schedule, seconds, payload))
+        for payload in payloads
+        for schedule in SCHEDULES
+        for seconds in lengths
+        if not (payload and schedule == "hover")  # there is nothing in it that a payload changes
+    ]
+
+
+def _candidate(
+    request: PlanRequest,
+    problem: Problem,
+    pieces: Pieces,
+    known: Knowledge | None,
+    *,
+    plan_of: tuple[ScheduleName, float, bool],
+) -> Candidate:
+    schedule, seconds, payload = plan_of
+    flown = combined(
+        [
+            (pieces[manoeuvre, configuration], share * seconds)
+            for manoeuvre, share in SCHEDULES[schedule].items()
+            for configuration in ((BARE, LOADED) if payload else (BARE,))
+        ]
+    )
+    numbers = predicted(problem, flown, None if known is None else known.information)
+    half = numbers.half_width if known is None else known.narrowed(numbers)
+    shown = _shown(problem, dataclasses.replace(numbers, half_width=half))
+    half_widths = {name: number.half_width for name, number in shown.items()}
+    values = {name: number.value for name, number in shown.items()}
+    return Candidate(
+        schedule=schedule,
+        seconds=seconds,
+        payload=payload,
+        numbers=shown,
+        meets=request.wanted.met_by(half_widths, values),
+    )
+
+
+def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
+    """Return the numbers that a plan shows, each with its verdict."""
+    bare = problem.configurations[0]
+    shown: dict[str, PredictedNumber] = {}
+    for name, full in WANTABLE.items():
+        i = numbers.index(full)
+        value, half = float(numbers.values[i]), float(numbers.half_width[i])
+        scale = number_scale(numbers, full, mass=bare.mass, vehicle=bare.vehicle)
+        verdict = judge(value, half, scale=scale, axis="yaw").verdict
+        shown[name] = PredictedNumber(name=name, value=value, half_width=half, verdict=verdict)
+    return shown
+
+
+def _worst(candidate: Candidate, wanted: Wanted) -> float:
+    """Return the largest half-width in parts of what is wanted."""
+    numbers = candidate.numbers.values()
+    return wanted.worst({n.name: n.half_width for n in numbers}, {n.name: n.value for n in numbers})
+
+
+def _remedies(
+    request: PlanRequest, flown: tuple[Problem, Flights, Knowledge | None], pieces: Pieces
+) -> list[Remedy]:
+    """Return what would reach what is wanted: measured rotor speed, or longer flights."""
+    problem, flights, known = flown
+    longest = max(request.seconds)
+    found: list[Remedy] = []
+    if problem.commanded:
+        measured = dataclasses.replace(problem, commanded=False)
+        better = _pieces(measured, flights)
+        candidates = _candidates(request, measured, better, known, request.seconds)
+        found += _first(candidates, "measured-speed")
+    for times in LONGER:
+        candidates = _candidates(request, problem, pieces, known, (times * longest,))
+        if longer := _first(candidates, "longer"):
+            return [*found, *longer]
+    return found
+
+
+def _first(candidates: list[Candidate], kind: Literal["measured-speed", "longer"]) -> list[Remedy]:
+    good = [c for c in candidates if c.meets]
+    return [Remedy(kind=kind, candidate=min(good, key=_effort))] if good else []
+
+
+def _plain(plan: FlightPlan) -> dict[str, Any]:
+    """Return the plan in the words of its file."""
+    truth = plan.rough.truth.parameters()
+    return {
+        "schema": 1,
+        "name": plan.request.name,
+        "speed": plan.request.speed,
+        "wanted": dict(plan.request.wanted.limits),
+        "vehicle": {
+            **{name: truth[name] for name in ("mass", "kt", "kd", "Jr", "motor_lag")},
+            **{name: truth[f"{name}_com"] for name in ("Ixx", "Iyy", "Izz")},
+            "guessed": list(plan.rough.guessed),
+        },
+        "assumed": dataclasses.asdict(plan.assumed),
+        "payload": [dataclasses.asdict(item) for item in plan.payload],
+        "candidates": [_plain_candidate(c) for c in plan.candidates],
+        "recommended": plan.recommended and _plain_candidate(plan.recommended),
+        "enough_already": plan.enough,
+        "remedies": [
+            {"kind": r.kind, "candidate": _plain_candidate(r.candidate)} for r in plan.remedies
+        ],
+        "missing": [_finite(dataclasses.asdict(m)) for m in plan.missing],
+    }
+
+
+def _plain_candidate(candidate: Candidate) -> dict[str, Any]:
+    return {
+        "schedule": candidate.schedule,
+        "seconds": candidate.seconds,
+        "payload": candidate.payload,
+        "meets": candidate.meets,
+        "numbers": [_finite(dataclasses.asdict(n)) for n in candidate.numbers.values()],
+    }
+
+
+def _finite(entry: dict[str, Any]) -> dict[str, Any]:
+    """Return a row in which a half-width that bounds nothing is null."""
+    return {
+        key: None if isinstance(value, float) and not np.isfinite(value) else value
+        for key, value in entry.items()
+    }

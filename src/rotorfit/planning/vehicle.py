@@ -1,0 +1,248 @@
+"""A vehicle to plan for: what the user knows of it, and a guess of the rest from its geometry.
+
+The guesses, and what they come from:
+
+- propellers of 0.75 times the distance between neighbouring rotors;
+- k_t = C_T rho D^4 / (4 pi^2) with C_T = 0.1, if no hover speed is given;
+- k_d / k_t = 0.07 D (a torque coefficient of 0.045 over that C_T);
+- inertia about the CoM of 0.28, 0.30 and 0.50 times mass and squared arm: frame and motors at the
+  arms' ends, battery in the middle (small quadrotors have 0.25 to 0.5, 0.25 to 0.5, 0.45 to 0.8);
+- J_r = Izz / 1000, a motor lag of 35 ms, and a CoM a little off and under the rotors' centre.
+
+A factor of two in any of them moves the predictions in percent by much less than that.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.experiment.payload import PointMass
+from rotorfit.model.parameters import inertia_about
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation import GRAVITY, Truth, with_payload
+
+LIGHTEST: Final = 0.01
+HEAVIEST: Final = 200.0
+"""Masses that are believed [kg]."""
+SHORTEST: Final = 0.02
+LONGEST: Final = 3.0
+"""Arms that are believed [m]."""
+PROPELLER: Final = 0.75
+THRUST_COEFFICIENT: Final = 0.1
+AIR_DENSITY: Final = 1.2
+TORQUE_PER_THRUST: Final = 0.07
+"""k_d over k_t, in propeller diameters."""
+RADII_SQUARED: Final = {"Ixx": 0.28, "Iyy": 0.30, "Izz": 0.50}
+"""Inertia about the CoM, in masses times squared arm."""
+LAG: Final = 0.035
+OFF_CENTER: Final = (0.01, -0.01, -0.05)
+"""The CoM from the rotors' centre, in arms."""
+COAXIAL: Final = 0.1
+"""Rotors nearer than this to each other, in arms, work in each other's wash."""
+WEAKEST_CONTROL: Final = 1e-3
+"""Smallest singular value of the mixer, relative to the largest."""
+PAYLOAD_SHARE: Final = 0.05
+"""Each of two payload masses, as a share of the vehicle's."""
+PLACE_STD: Final = (2e-3, 0.02)
+"""How well the place of a payload is known: 2 mm, on short arms two hundredths of them."""
+
+GUESSABLE: Final = ("Ixx", "Iyy", "Izz", "hover_speed", "kd_over_kt", "Jr", "motor_lag")
+"""What a user may know better than the guess; inertia about the CoM, SI."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoughVehicle:
+    """A vehicle as far as it is known before it is identified.
+
+    Attributes
+    ----------
+    truth
+        What it is taken to be.
+    vehicle
+        Its geometry.
+    guessed
+        The names of `GUESSABLE` that the geometry had to give.
+    """
+
+    truth: Truth
+    vehicle: Vehicle
+    guessed: tuple[str, ...]
+
+
+def rough_vehicle(
+    vehicle: Vehicle, *, mass: float, known: Mapping[str, float] | None = None
+) -> RoughVehicle:
+    """Return the vehicle with everything unknown guessed.
+
+    Parameters
+    ----------
+    vehicle
+        Where the rotors are.
+    mass
+        As it flies [kg].
+    known
+        By the names of `GUESSABLE`, SI.
+
+    Raises
+    ------
+    ExperimentError
+        If mass or arm cannot be right, or the rotors cannot steer the vehicle.
+    """
+    known = known or {}
+    _check_size(vehicle, mass)
+    _check_known(known)
+    check_rotors(vehicle)
+    arm = vehicle.arm
+    diameter = PROPELLER * _nearest(vehicle)
+    body = _inertia(mass, arm, known) | dict(known)
+    _check_inertia(body)
+    kt = _thrust_coefficient(vehicle, mass, diameter, body.get("hover_speed"))
+    center = np.mean(vehicle.positions, axis=0) + arm * np.array(OFF_CENTER)
+    about_com = np.array([body["Ixx"], body["Iyy"], body["Izz"], 0.0, 0.0, 0.0])
+    x, y, z = (mass * center).tolist()
+    xx, yy, zz, xy, xz, yz = inertia_about(about_com, mass, center).tolist()
+    truth = Truth(
+        mass=mass,
+        first_moments=(x, y, z),
+        inertia=(xx, yy, zz, xy, xz, yz),
+        kt=kt,
+        kd=kt * body.get("kd_over_kt", TORQUE_PER_THRUST * diameter),
+        Jr=body.get("Jr", body["Izz"] / 1000.0),
+        motor_lag=body.get("motor_lag", LAG),
+    )
+    guessed = tuple(name for name in GUESSABLE if name not in known)
+    return RoughVehicle(truth=truth, vehicle=vehicle, guessed=guessed)
+
+
+def check_rotors(vehicle: Vehicle) -> None:
+    """Raise where the rotors are none that a plan can be made for."""
+    arm = max(vehicle.arm, 1e-9)
+    if _nearest(vehicle) < COAXIAL * arm:
+        raise ExperimentError(
+            "two rotors sit over each other: a coaxial pair shares its wash, which the simulated "
+            "flights of a plan do not have; fly the manoeuvres of docs/plan.md and look at the "
+            "intervals of  rotorfit identify"
+        )
+    thrust = np.cross(vehicle.positions / arm, vehicle.axes)
+    drag = 0.05 * vehicle.spins[:, None] * vehicle.axes
+    reach = np.linalg.svd(np.hstack([vehicle.axes[:, 2:], thrust - drag]), compute_uv=False)
+    if len(reach) < 4 or reach[3] < WEAKEST_CONTROL * reach[0]:
+        raise ExperimentError(
+            f"these {len(vehicle.rotors)} rotors cannot roll, pitch, yaw and climb "
+            "apart: check positions and spins (a tricopter's servo is not simulated)"
+        )
+
+
+def payload_pair(vehicle: Vehicle, mass: float, *, mass_std: float) -> tuple[PointMass, PointMass]:
+    """Return two equal masses at opposite ends of one arm, with the tolerances of a careful hand.
+
+    Under the rotors that are furthest from each other: that keeps the CoM where it is and changes
+    the inertia most.
+
+    Parameters
+    ----------
+    vehicle
+        The geometry.
+    mass, mass_std
+        Of each, and how well it is weighed [kg].
+    """
+    places = vehicle.positions
+    distances: Float[np.ndarray, "N N"] = np.hypot(
+        places[:, None, 0] - places[None, :, 0], places[:, None, 1] - places[None, :, 1]
+    )
+    first, second = divmod(int(np.argmax(np.round(distances, 9))), len(places))
+    one, other = (
+        PointMass(
+            mass=mass,
+            position=vehicle.rotors[int(i)].position,
+            mass_std=mass_std,
+            position_std=min(PLACE_STD[0], PLACE_STD[1] * vehicle.arm),
+        )
+        for i in (first, second)
+    )
+    return one, other
+
+
+def payload_rotors(vehicle: Vehicle, payload: tuple[PointMass, ...]) -> tuple[int, ...]:
+    """Return the numbers of the rotors, from 1, under which a payload sits."""
+    places = [rotor.position for rotor in vehicle.rotors]
+    return tuple(places.index(item.position) + 1 for item in payload)
+
+
+def default_payload(mass: float) -> float:
+    """Return a handy mass for each of the two [kg]: a twentieth of the vehicle, two digits."""
+    wanted = PAYLOAD_SHARE * mass
+    step = 10.0 ** math.floor(math.log10(wanted)) / 2.0
+    return round(round(wanted / step) * step, 6)
+
+
+def loaded(truth: Truth, payload: tuple[PointMass, ...]) -> Truth:
+    """Return the vehicle with its payload."""
+    for item in payload:
+        truth = with_payload(truth, mass=item.mass, position=item.position)
+    return truth
+
+
+def _check_size(vehicle: Vehicle, mass: float) -> None:
+    if not (math.isfinite(mass) and LIGHTEST <= mass <= HEAVIEST):
+        raise ExperimentError(
+            f"a mass of {mass:g} kg, expected {LIGHTEST:g} to {HEAVIEST:g} kg; weigh the vehicle "
+            "as it flies, battery included, and give kilograms"
+        )
+    if not SHORTEST <= vehicle.arm <= LONGEST:
+        raise ExperimentError(
+            f"the rotors are {vehicle.arm:g} m from their centre, expected {SHORTEST:g} to "
+            f"{LONGEST:g} m; lengths in the airframe file are metres"
+        )
+    load = mass / (math.pi * vehicle.arm**2)
+    if not 0.3 <= load <= 300.0:
+        raise ExperimentError(
+            f"{mass:g} kg on arms of {vehicle.arm:g} m is {load:.3g} kg per square metre of rotor "
+            "circle, expected 0.3 to 300; check that the mass is in kilograms and the arm in metres"
+        )
+
+
+def _check_known(known: Mapping[str, float]) -> None:
+    for name, value in known.items():
+        if name not in GUESSABLE:
+            raise ExperimentError(f"no {name!r} to set; known: {', '.join(GUESSABLE)}")
+        if not (math.isfinite(value) and value > 0):
+            raise ExperimentError(f"{name} = {value:g}, expected more than 0, in SI units")
+
+
+def _inertia(mass: float, arm: float, known: Mapping[str, float]) -> dict[str, float]:
+    """Return the guessed inertia about the CoM, in proportion to what of it is known [kg m^2]."""
+    guess = {name: share * mass * arm**2 for name, share in RADII_SQUARED.items()}
+    found = [known[name] / guess[name] for name in guess if name in known]
+    factor = float(np.mean(found)) if found else 1.0
+    return {name: factor * value for name, value in guess.items()}
+
+
+def _check_inertia(body: Mapping[str, float]) -> None:
+    diagonal = [body[name] for name in RADII_SQUARED]
+    if 2.0 * max(diagonal) > sum(diagonal):
+        shown = ", ".join(f"{name} = {body[name]:.3g}" for name in RADII_SQUARED)
+        raise ExperimentError(
+            f"no body has the inertia {shown}: the largest is more than the two others together; "
+            "give all three in kg m^2 about the centre of mass"
+        )
+
+
+def _nearest(vehicle: Vehicle) -> float:
+    """Return the smallest distance between two rotors, seen from above [m]."""
+    places: Float[np.ndarray, "N 2"] = vehicle.positions[:, :2]
+    distances = np.linalg.norm(places[:, None] - places[None, :], axis=2)
+    return float(distances[~np.eye(len(places), dtype=bool)].min())
+
+
+def _thrust_coefficient(
+    vehicle: Vehicle, mass: float, diameter: float, hover_speed: float | None
+) -> float:
+    if hover_speed is None:
+        return THRUST_COEFFICIENT * AIR_DENSITY * diameter**4 / (4.0 * math.pi**2)
+    return mass * GRAVITY / (float(vehicle.axes[:, 2].sum()) * hover_speed**2)

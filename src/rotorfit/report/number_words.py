@@ -1,0 +1,213 @@
+"""Parameters in words, verdicts in words, numbers with their intervals."""
+
+import math
+from dataclasses import dataclass
+
+from rotorfit.model.parameters import DRAG_MOMENTS
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
+
+TITLES = {
+    "kt": "Thrust coefficient of a rotor",
+    "kd": "Drag torque coefficient of a rotor",
+    "Jr": "Spin inertia of a rotor",
+    "motor_lag": "Motor lag (time constant)",
+    "motor_delay": "Motor delay",
+    "mass": "Mass",
+    "com_x": "Centre of mass, forward",
+    "com_y": "Centre of mass, to the left",
+    "com_z": "Centre of mass, up",
+    "Ixx_com": "Roll inertia about the CoM",
+    "Iyy_com": "Pitch inertia about the CoM",
+    "Izz_com": "Yaw inertia about the CoM",
+    "Ixy_com": "Product of inertia xy about the CoM",
+    "Ixz_com": "Product of inertia xz about the CoM",
+    "Iyz_com": "Product of inertia yz about the CoM",
+    "msx": "First moment x (mass times CoM x)",
+    "msy": "First moment y (mass times CoM y)",
+    "msz": "First moment z (mass times CoM z)",
+    "Ixx": "Roll inertia at the origin",
+    "Iyy": "Pitch inertia at the origin",
+    "Izz": "Yaw inertia at the origin",
+    "Ixy": "Product of inertia xy at the origin",
+    "Ixz": "Product of inertia xz at the origin",
+    "Iyz": "Product of inertia yz at the origin",
+    "rotor_center_x": "Rotor centre from the IMU, forward",
+    "rotor_center_y": "Rotor centre from the IMU, to the left",
+    "twist": "Yaw torque over thrust (motors tilted about their arms)",
+    "rotor_drag": "In-plane drag of a rotor over its two speeds",
+    "drag_x": "Air drag of the frame, forward",
+    "drag_y": "Air drag of the frame, to the left",
+    "drag_z": "Air drag of the frame, up",
+    **{
+        name: f"Torque of the air about {name[-2]} per velocity along {name[-1]}"
+        for name in DRAG_MOMENTS
+    },
+    "torque_offset_x": "Constant torque about x",
+    "torque_offset_y": "Constant torque about y",
+    "torque_offset_z": "Constant torque about z",
+    "accel_bias_x": "Accelerometer bias x",
+    "accel_bias_y": "Accelerometer bias y",
+    "accel_bias_z": "Accelerometer bias z",
+    "kd_over_kt": "Drag torque over thrust",
+    "kd_over_Izz": "Yaw acceleration per rotor speed squared",
+    "Jr_over_Izz": "Yaw acceleration per rotor acceleration",
+    "Ixx_over_kt": "Roll inertia over thrust coefficient",
+    "Iyy_over_kt": "Pitch inertia over thrust coefficient",
+    "Izz_over_kt": "Yaw inertia over thrust coefficient",
+    "hover_speed": "Rotor speed in hover",
+    "motor_lag_total": "Motor lag and delay together",
+}
+
+VERDICT_MEANING = {
+    "identified": "half the interval is at most 1/4 of value or relevant size (docs/method.md)",
+    "weak": "half the interval is over 1/4 of value and relevant size; or mostly assumed (kt_1..)",
+    "ratio-only": "known only together with another parameter",
+    "not-identified": "this flight does not tell",
+    "given": "told to rotorfit, not estimated",
+    "removed": "taken out of the model as unessential",
+}
+
+PREDICTED_WELL = (
+    "Good: Fz up to 5 % (the weight is in it), moments up to 30 % (a tenth of their power is left)."
+)
+"""What relative errors on flights kept apart are worth."""
+NOTHING_PREDICTED = (
+    "At 100 % and over the model predicts nothing of that component: the rotors hardly moved it "
+    "in this flight (validate on one that does), or the parameters do not hold for it (vehicle "
+    "changed since, wrong configuration; identify from both flights)."
+)
+
+_POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Number:
+    """A number as it is printed: digits cut to two of the interval's half-width.
+
+    Attributes
+    ----------
+    value, half
+        Digits, before the power of ten; `half` is empty where there is no interval.
+    low, high
+        The interval in words where it is not even about the value, else empty.
+    exponent
+        Power of ten; 0: none.
+    """
+
+    value: str
+    half: str = ""
+    low: str = ""
+    high: str = ""
+    exponent: int = 0
+
+    def __str__(self) -> str:
+        if self.low:
+            body = f"{self.value} ({self.low} to {self.high})"
+        else:
+            body = f"{self.value} ± {self.half}" if self.half else self.value
+        if not self.exponent:
+            return body
+        tail = f" × 10{str(self.exponent).translate(_POWERS)}"
+        return (f"({body})" if self.half else body) + tail
+
+
+def title_of(name: str) -> str:
+    """Return a parameter's name in words."""
+    base, _, number = name.rpartition("_")
+    if name in TITLES:
+        return TITLES[name]
+    if base in TITLES and number.isdigit():
+        return TITLES[base].replace("a rotor", f"rotor {number}")
+    return name
+
+
+def unit_words(unit: str) -> str:
+    """Return a unit with raised powers; nothing for a plain number."""
+    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
+
+
+def known(number: float | None) -> float | None:
+    """Return a number, None where there is none."""
+    return number if number is not None and math.isfinite(number) else None
+
+
+def finite_interval(interval: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Return an interval, None where there is none."""
+    if interval is None or not all(math.isfinite(end) for end in interval):
+        return None
+    return interval
+
+
+def number_of(value: float | None, interval: tuple[float, float] | None) -> Number | None:
+    """Return a value as it is printed, None where there is none."""
+    value, interval = known(value), finite_interval(interval)
+    if value is None:
+        return None
+    if interval is None or interval[1] <= interval[0]:
+        return _plain(value)
+    half = 0.5 * (interval[1] - interval[0])
+    exponent = _exponent(max(abs(value), half))
+    scale = 10.0**exponent
+    decimals = min(max(1 - math.floor(math.log10(half / scale)), 0), 12)
+
+    def digits(number: float) -> str:
+        text = f"{number / scale:.{decimals}f}"
+        return (text if float(text) else text.lstrip("-")).replace("-", "−")
+
+    uneven = abs(0.5 * (interval[0] + interval[1]) - value) > 0.1 * half
+    return Number(
+        value=digits(value),
+        half=digits(half),
+        low=digits(interval[0]) if uneven else "",
+        high=digits(interval[1]) if uneven else "",
+        exponent=exponent,
+    )
+
+
+def _plain(value: float) -> Number:
+    exponent = _exponent(abs(value))
+    text = f"{value / 10.0**exponent:.6g}".replace("-", "−")
+    return Number(value=text, exponent=exponent)
+
+
+def _exponent(size: float) -> int:
+    """Return the power of ten to write apart; none for sizes that read well without."""
+    exponent = math.floor(math.log10(size)) if size > 0 else 0
+    return 0 if -3 <= exponent <= 4 else exponent
+
+
+def half_width(number: Parameter | Derived) -> float | None:
+    """Return half of the interval."""
+    interval = finite_interval(number.interval)
+    return None if interval is None else 0.5 * (interval[1] - interval[0])
+
+
+def percent(number: Parameter | Derived) -> float | None:
+    """Return the half-width relative to the value [%]; silly where the value is near zero."""
+    half, value = half_width(number), known(number.value)
+    return None if half is None or not value else 100.0 * half / abs(value)
+
+
+def percent_words(value: float) -> str:
+    """Return a percentage with two digits, or whole above 10."""
+    if value >= 9.5:
+        return f"{value:.0f} %"
+    if value < 0.001:
+        return "0.001 %"
+    return f"{float(f'{value:.1g}' if value < 1 else f'{value:.2g}'):g} %"
+
+
+def file_name(path: str) -> str:
+    """Return the last part of a path of any system; folders are nobody else's business."""
+    return path.replace("\\", "/").rstrip("/").rsplit("/", maxsplit=1)[-1] or path
+
+
+def configurations(result: IdentificationResult) -> list[str]:
+    """Return the names of the configurations in their order."""
+    names = [p.configuration for p in (*result.parameters, *result.derived)]
+    return list(dict.fromkeys(name for name in names if name is not None))
+
+
+def twin_of(derived: str) -> str:
+    """Return the parameter whose verdict speaks for a derived number of the body."""
+    return derived.replace("com_", "ms") if derived.startswith("com_") else derived[:-4]

@@ -1,0 +1,158 @@
+"""Results side by side, parameter by parameter: IMU against motion capture (Six et al. 2020, IV-C).
+
+The first result is the one the others are compared with; differences are relative to its value,
+as in Table II.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rotorfit.errors import ExperimentError
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """What one result says of a number.
+
+    Attributes
+    ----------
+    value, interval
+        SI; None where the result has none. The interval is 95 %.
+    verdict
+        Of a parameter; None for derived numbers and for what is not in the result.
+    difference
+        From the first result, as a fraction of its value; None for the first, where either has no
+        value, and where the first is zero.
+    overlap
+        Whether the interval meets that of the first; None where either has none.
+    """
+
+    value: float | None
+    interval: tuple[float, float] | None
+    verdict: str | None
+    difference: float | None
+    overlap: bool | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparedNumber:
+    """One number in every result, in their order."""
+
+    name: str
+    configuration: str | None
+    unit: str
+    entries: tuple[Entry, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """Results side by side.
+
+    Attributes
+    ----------
+    labels
+        Of the results, in order; the first is compared with.
+    numbers
+        Parameters, then derived numbers, that at least one result gives.
+    """
+
+    labels: tuple[str, ...]
+    numbers: tuple[ComparedNumber, ...]
+
+
+def compare_results(results: Sequence[IdentificationResult], labels: Sequence[str]) -> Comparison:
+    """Return results side by side.
+
+    Configurations are matched by name; where each result has a single one, whatever its name.
+
+    Parameters
+    ----------
+    results
+        Two at least; the first is compared with.
+    labels
+        What to call each of them.
+
+    Raises
+    ------
+    ExperimentError
+        If there are fewer than two, or their units differ.
+    """
+    if len(results) < 2:
+        raise ExperimentError("one result cannot be compared; give two or more result files")
+    tables = [_numbers(result) for result in results]
+    if all(len(_configurations(result)) == 1 for result in results):
+        first = _configurations(results[0])[0]
+        tables = [_renamed(table, first) for table in tables]
+    keys = list(dict.fromkeys(key for table in tables for key in table))
+    keys.sort(key=lambda key: key[0] == "derived")
+    return Comparison(
+        labels=tuple(labels),
+        numbers=tuple(
+            _compared(key, [table.get(key) for table in tables], labels)
+            for key in keys
+            if any(key in table and table[key].value is not None for table in tables)
+        ),
+    )
+
+
+_Key = tuple[str, str, str | None]
+_Table = dict[_Key, Parameter | Derived]
+
+
+def _numbers(result: IdentificationResult) -> _Table:
+    """Return every number of a result by kind, name and configuration."""
+    table: _Table = {("parameter", p.name, p.configuration): p for p in result.parameters}
+    return table | {("derived", d.name, d.configuration): d for d in result.derived}
+
+
+def _configurations(result: IdentificationResult) -> list[str]:
+    names = [p.configuration for p in result.parameters if p.configuration is not None]
+    return list(dict.fromkeys(names))
+
+
+def _renamed(table: _Table, configuration: str) -> _Table:
+    """Return a table of one configuration under another name for it."""
+    return {
+        (kind, name, None if owner is None else configuration): number
+        for (kind, name, owner), number in table.items()
+    }
+
+
+def _compared(
+    key: _Key, numbers: Sequence[Parameter | Derived | None], labels: Sequence[str]
+) -> ComparedNumber:
+    """Return one number of all results."""
+    units = {n.unit: label for n, label in zip(numbers, labels, strict=True) if n is not None}
+    if len(units) > 1:
+        (one, here), (other, there), *_ = units.items()
+        raise ExperimentError(
+            f"{key[1]} is in {one} in {here} but in {other} in {there}: results per kilogram "
+            "(mass unknown) compare only with each other; identify again with the mass"
+        )
+    reference = numbers[0]
+    return ComparedNumber(
+        name=key[1],
+        configuration=key[2],
+        unit=next(iter(units)),
+        entries=tuple(_entry(n, None if n is reference else reference) for n in numbers),
+    )
+
+
+def _entry(number: Parameter | Derived | None, reference: Parameter | Derived | None) -> Entry:
+    """Return what a result says of a number, and how far that is from the reference."""
+    if number is None:
+        return Entry(value=None, interval=None, verdict=None, difference=None, overlap=None)
+    difference = overlap = None
+    if reference is not None and number.value is not None and reference.value:
+        difference = (number.value - reference.value) / abs(reference.value)
+    if reference is not None and number.interval is not None and reference.interval is not None:
+        low = max(number.interval[0], reference.interval[0])
+        overlap = low <= min(number.interval[1], reference.interval[1])
+    return Entry(
+        value=number.value,
+        interval=number.interval,
+        verdict=number.verdict if isinstance(number, Parameter) else None,
+        difference=difference,
+        overlap=overlap,
+    )

@@ -1,0 +1,152 @@
+"""The parameters and derived numbers of a result, with verdicts, from what an estimator gave."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
+from rotorfit.fit.motor_timing import MotorTiming, told
+from rotorfit.model.parameters import (
+    DRAG,
+    DRAG_MOMENTS,
+    MOST_ROTORS,
+    MOTOR_TIMES,
+    PARAMETERS,
+    ParameterInfo,
+)
+from rotorfit.results.result import Derived, Parameter
+from rotorfit.results.verdicts import ADVICE, WEAK
+
+SHARED_DERIVED = ("kd_over_kt", "motor_lag_total")
+TIME_SCALE = 0.008
+"""A motor delay of this size matters [s]: known to a quarter of it, it is identified."""
+ROW_ORDER = (
+    *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
+    *(*MOTOR_TIMES, "mass"),
+    *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
+    *("rotor_center_x", "rotor_center_y", "twist", "rotor_drag", *DRAG, *DRAG_MOMENTS),
+    *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
+    *("accel_bias_x", "accel_bias_y", "accel_bias_z"),
+)
+ORIGIN_IS_IMU = (
+    "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured from it, "
+    "and com_z is the height of the CoM over it; inertia about the CoM is free of that choice"
+)
+RATIOS = {
+    "kd": ("kd_over_Izz", "Izz"),
+    "Jr": ("Jr_over_Izz", "Izz"),
+    "Izz": ("kd_over_Izz", "kd"),
+}
+"""The ratio that the yaw equation gives even where the number alone is lost, and with whom."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tables:
+    """What an estimator contributes to a result."""
+
+    parameters: tuple[Parameter, ...]
+    derived: tuple[Derived, ...]
+    covariance_names: tuple[str, ...]
+    covariance: Float[np.ndarray, "p p"]
+    settings: Mapping[str, object]
+    warnings: tuple[str, ...] = ()
+    diagnostics: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+def unit_of(info: ParameterInfo, entry: ConfigurationEntry) -> str:
+    """Return the unit, per kilogram where the mass is unknown."""
+    return f"{info.unit} per kg" if entry.mass == "unknown" and info.mass_power else info.unit
+
+
+def motor_parameters(motors: MotorsEntry, timing: MotorTiming | None) -> list[Parameter]:
+    """Return lag and delay, given or found; rising and falling apart where they differ."""
+    found: dict[str, tuple[float, float]] = {}
+    if timing is not None:
+        response = timing.response
+        if timing.lag_std is not None:
+            found["motor_lag"] = (response.mean_lag, timing.lag_std)
+        if timing.lag_std is not None and response.lag_down is not None:
+            found["motor_lag_up"] = (response.lag, timing.lag_std)
+            found["motor_lag_down"] = (response.lag_down, timing.lag_std)
+        if timing.delay_std is not None:
+            found["motor_delay"] = (response.delay, timing.delay_std)
+    declared = {
+        "motor_lag": motors.lag if motors.lag_down is None else None,
+        "motor_lag_up": None if motors.lag_down is None else motors.lag,
+        "motor_lag_down": motors.lag_down,
+        "motor_delay": motors.delay,
+    }
+    given = [
+        _given_time(name, value)
+        for name, value in declared.items()
+        if value is not None and name not in found
+    ]
+    return [*given, *(_found_time(name, *number) for name, number in found.items())]
+
+
+def _given_time(name: str, value: float) -> Parameter:
+    return Parameter(
+        name=name,
+        configuration=None,
+        value=value,
+        std=None,
+        interval=None,
+        unit="s",
+        verdict="given",
+    )
+
+
+def _found_time(name: str, value: float, std: float) -> Parameter:
+    """Return a time that the flights gave; sharp to a quarter of the time scale that matters."""
+    half = 1.96 * std
+    sharp, known = half <= WEAK * max(abs(value), TIME_SCALE), told(value, std)
+    # No rotor follows before its command; a delay is negative where motors are recorded late.
+    low = value - half if name == "motor_delay" else max(value - half, 0.0)
+    return Parameter(
+        name=name,
+        configuration=None,
+        value=value if known else None,
+        std=std if known else None,
+        interval=(low, value + half) if known else None,
+        unit="s",
+        verdict=("identified" if sharp else "weak") if known else "not-identified",
+        reason=None if sharp else f"known only to +-{1e3 * half:.1f} ms",
+        advice=None if sharp else ADVICE["roll"],
+    )
+
+
+def with_timing_total(tables: Tables, timing: MotorTiming | None) -> Tables:
+    """Return the tables with lag plus delay of commands, which is sharper than either alone."""
+    if timing is None or timing.response.mean_lag == 0.0:
+        return tables
+    value, half = timing.response.mean_lag + timing.response.delay, 1.96 * timing.total_std
+    total = Derived(
+        name="motor_lag_total",
+        configuration=None,
+        value=value if timing.told else None,
+        std=timing.total_std if timing.told else None,
+        interval=(value - half, value + half) if timing.told else None,
+        unit="s",
+    )
+    others = (d for d in tables.derived if d.name != total.name)
+    return replace(tables, derived=(total, *others))
+
+
+def given_parameter(
+    name: str, value: float | str, std: float, entry: ConfigurationEntry
+) -> Parameter:
+    """Return a parameter that the user gave, or left unknown."""
+    known = isinstance(value, float)
+    return Parameter(
+        name=name,
+        configuration=entry.name,
+        value=value if known else None,
+        std=std if known and std > 0 else None,
+        interval=(value - 1.96 * std, value + 1.96 * std) if known and std > 0 else None,
+        unit=PARAMETERS[name].unit,
+        verdict="given" if known else "not-identified",
+        reason=None if known else "everything scales with the mass",
+        advice=None if known else "weigh the vehicle as it flies, battery included",
+    )

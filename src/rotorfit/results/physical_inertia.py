@@ -1,0 +1,285 @@
+r"""Whether a body with that inertia can exist, and the nearest one that can.
+
+A body of positive mass everywhere has a positive semidefinite pseudo-inertia (Wensing, Kim and
+Slotine 2017, arXiv 1701.04395)
+
+.. math:: \begin{pmatrix} \tfrac12 tr(I) 1 - I & ms \\ ms^T & m \end{pmatrix} \succeq 0 ,
+
+the second moments of its mass. About the centre of mass that is :math:`\tfrac12 tr(I_C) 1 - I_C
+\succeq 0`: no principal moment is over the sum of the two others.
+"""
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.consistent import nearest_consistent
+from rotorfit.experiment.payload import MOMENTS
+from rotorfit.fit.excitation import SCALED
+from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_matrix
+from rotorfit.results.parameter_tables import RATIOS, Tables
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
+
+IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the two others"
+ESTIMATE = "impossible_"
+"""Before the diagnostics that keep the estimates which were taken back."""
+FLY = "fly longer and livelier about all three axes, 20 s each, then identify all flights together"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondMoment:
+    """The smallest second moment of the mass about the CoM; negative for an impossible body.
+
+    Attributes
+    ----------
+    value, half_width
+        With half of its 95 % interval [kg m^2].
+    share
+        The value over half the trace of the inertia, which no second moment can exceed.
+    """
+
+    value: float
+    half_width: float
+    share: float
+
+    @property
+    def impossible(self) -> bool:
+        """Whether the whole interval is negative."""
+        return self.value + self.half_width < 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Projected:
+    """The nearest body that can exist.
+
+    Attributes
+    ----------
+    values
+        First moments and inertia at the origin, by their names; SI.
+    distance
+        From the estimate, in standard deviations of its covariance; 0 if it could exist already.
+    """
+
+    values: Mapping[str, float]
+    distance: float
+
+
+def second_moments(inertia: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:
+    """Return the second moments of the mass, 1/2 tr(I) 1 - I, about the same point [kg m^2]."""
+    matrix = inertia_matrix(inertia)
+    return 0.5 * np.trace(matrix) * np.eye(3) - matrix
+
+
+def smallest_second_moment(numbers: Numbers, configuration: str) -> SecondMoment:
+    """Return the smallest second moment of a configuration's mass with its interval."""
+    places = [numbers.index(f"{name}_com@{configuration}") for name in INERTIA]
+    values = numbers.values[places]
+    moments, axes = np.linalg.eigh(second_moments(values))
+    slope = np.array([axes[:, 0] @ matrix @ axes[:, 0] for matrix in _slopes()])
+    half = numbers.half_width[places]
+    variance = np.inf
+    if np.isfinite(half).all():
+        spread = slope * half
+        variance = float(spread @ numbers.correlation[np.ix_(places, places)] @ spread)
+    return SecondMoment(
+        value=float(moments[0]),
+        half_width=float(np.sqrt(max(variance, 0.0))),
+        share=_share(float(moments[0]), 0.5 * float(values[:3].sum())),
+    )
+
+
+def _share(moment: float, total: float) -> float:
+    """Return a second moment over their sum; infinitely impossible where no sum is positive."""
+    return moment / total if total > 1e-9 * abs(moment) else float("-inf")
+
+
+def _slopes() -> list[Float[np.ndarray, "3 3"]]:
+    """Return the derivative of the second moments by each element of the inertia."""
+    return [second_moments(unit) for unit in np.eye(len(INERTIA))]
+
+
+def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
+    """Return what is wrong with a body in words; None where it can exist."""
+    if moment.value >= 0.0:
+        return None
+    percent = 100.0 * abs(moment.share)
+    if moment.impossible:
+        return f"{configuration}: {IMPOSSIBLE} (by {percent:.0f} %); {FLY}"
+    return (
+        f"{configuration}: {IMPOSSIBLE} (by {percent:.1f} %), though their intervals allow a body "
+        "that can exist"
+    )
+
+
+def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
+    """Return the tables without the inertia of these configurations, and without the scale of yaw.
+
+    What the yaw equation gives, k_d / I_zz and J_r / I_zz, is sound whatever the other moments are,
+    and stays; I_zz, k_d and J_r hang on one scale, which the impossible body disproves for all
+    configurations.
+    """
+    if not configurations:
+        return tables
+    ratios = {(d.name, d.configuration) for d in tables.derived if d.value is not None}
+    parameters = tuple(
+        _taken_back(p, ratios) if _disproved(p.name, p.configuration, configurations) else p
+        for p in tables.parameters
+    )
+    derived = tuple(
+        _emptied(d) if _disproved(d.name, d.configuration, configurations) else d
+        for d in tables.derived
+    )
+    known = {
+        f"{p.name}@{p.configuration}" if p.configuration else p.name
+        for p in parameters
+        if p.value is not None
+    }
+    keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
+    # What `project_to_physical` begins at.
+    estimates = {
+        f"{ESTIMATE}{what}_{p.name}@{p.configuration}": float(number)
+        for p in tables.parameters
+        if p.name in INERTIA and f"{p.name}@{p.configuration}" not in known
+        for what, number in (("value", p.value), ("std", p.std))
+        if number is not None
+    }
+    return dataclasses.replace(
+        tables,
+        parameters=parameters,
+        derived=derived,
+        covariance_names=tuple(tables.covariance_names[i] for i in keep),
+        covariance=tables.covariance[np.ix_(keep, keep)],
+        diagnostics={**tables.diagnostics, **estimates},
+    )
+
+
+def _disproved(name: str, configuration: str | None, impossible: Sequence[str]) -> bool:
+    """Return whether an impossible body disproves a number."""
+    return name in SCALED or (configuration in impossible and name.startswith(INERTIA))
+
+
+def _taken_back(parameter: Parameter, ratios: Collection[tuple[str, str | None]]) -> Parameter:
+    """Return a parameter without its value, as a ratio where (name, configuration) is known."""
+    if parameter.value is None:
+        return parameter
+    ratio, partner = RATIOS.get(parameter.name, ("", None))
+    owners = {owner for name, owner in ratios if name == ratio}
+    own = owners if parameter.configuration is None else owners & {parameter.configuration}
+    return dataclasses.replace(
+        parameter,
+        value=None,
+        std=None,
+        interval=None,
+        verdict="ratio-only" if own else "not-identified",
+        partner=partner if own else None,
+        reason=IMPOSSIBLE,
+        advice=FLY,
+    )
+
+
+def _emptied(derived: Derived) -> Derived:
+    return dataclasses.replace(derived, value=None, std=None, interval=None)
+
+
+def project_to_physical(
+    result: IdentificationResult, configuration: str | None = None
+) -> Projected:
+    """Return the body nearest to an estimate, in its own covariance, that can exist.
+
+    An inertia that was taken back because no body has it stands as it was estimated. A first moment
+    or product that is not known stands as zero, give or take what a body of these moments of
+    inertia can have.
+
+    Parameters
+    ----------
+    result
+        With mass and moments of inertia of the configuration.
+    configuration
+        Its name; may be left out where there is one.
+
+    Raises
+    ------
+    EstimationError
+        If mass or a moment of inertia of that configuration is not known, the configuration is not
+        in the result, several are there and none is named, or the projection needs a library that
+        is not installed (the extra ``physical``).
+    """
+    values, covariance, mass = _body(result, configuration)
+    # In units of the mass and of a length of the body, so that all entries are of one size.
+    length = float(np.sqrt(abs(values[3:6]).max() / mass))
+    units = mass * np.array([length] * 3 + [length**2] * 6)
+    constant = np.zeros((4, 4))
+    constant[3, 3] = 1.0
+    nearest = nearest_consistent(
+        values / units, covariance / np.outer(units, units), (constant, _pseudo_slopes())
+    )
+    return Projected(
+        values=dict(zip(MOMENTS, (nearest.values * units).tolist(), strict=True)),
+        distance=nearest.distance,
+    )
+
+
+def _body(
+    result: IdentificationResult, configuration: str | None
+) -> tuple[Float[np.ndarray, " 9"], Float[np.ndarray, "9 9"], float]:
+    """Return the nine moments of a configuration with their covariance, and its mass."""
+    owners = [p.configuration for p in result.parameters if p.name == "mass"]
+    if configuration is None and len(owners) > 1:
+        raise EstimationError(
+            f"{len(owners)} configurations ({', '.join(map(str, owners))}): name the one to project"
+        )
+    if configuration is not None and configuration not in owners:
+        raise EstimationError(
+            f"no configuration {configuration!r} in this result; it has "
+            f"{', '.join(map(str, owners))}: name one of them"
+        )
+    mass = result.parameter("mass", configuration)
+    at = {name: f"{name}@{mass.configuration}" for name in MOMENTS}
+    found = {name: _estimate(result, name, at[name]) for name in MOMENTS}
+    unknown = [name for name in ("Ixx", "Iyy", "Izz") if found[name] is None]
+    if unknown or mass.value is None:
+        names = ", ".join([*(["mass"] if mass.value is None else []), *unknown])
+        raise EstimationError(
+            f"{mass.configuration}: {names} not known, and without it no nearest "
+            "body; fly what the result advises, then identify again"
+        )
+    diagonal = [known[0] for name in ("Ixx", "Iyy", "Izz") if (known := found[name]) is not None]
+    filled = [found[name] or (0.0, _widest(name, diagonal, mass.value)) for name in MOMENTS]
+    covariance = np.diag([std**2 for _, std in filled])
+    names = list(result.covariance_names)
+    own = [i for i, name in enumerate(MOMENTS) if at[name] in names]
+    places = [names.index(at[MOMENTS[i]]) for i in own]
+    covariance[np.ix_(own, own)] = result.covariance[np.ix_(places, places)]
+    return np.array([value for value, _ in filled]), covariance, mass.value
+
+
+def _estimate(result: IdentificationResult, name: str, full: str) -> tuple[float, float] | None:
+    """Return value and deviation of a moment, also of one taken back; None if it is not known."""
+    parameter = result.parameter(name, full.partition("@")[2])
+    if parameter.value is not None:
+        return parameter.value, parameter.std or 0.0
+    value, std = (result.diagnostics.get(f"{ESTIMATE}{k}_{full}") for k in ("value", "std"))
+    return None if value is None or std is None else (value, std)
+
+
+def _widest(name: str, diagonal: Sequence[float], mass: float) -> float:
+    """Return a deviation that no body of these moments of inertia exceeds by much."""
+    if name in INERTIA:
+        i, j = INERTIA_PLACES[INERTIA.index(name)]
+        return 0.5 * float(np.sqrt(abs(diagonal[i] * diagonal[j])))
+    return 0.5 * float(np.sqrt(mass * max(map(abs, diagonal))))
+
+
+def _pseudo_slopes() -> Float[np.ndarray, "9 4 4"]:
+    """Return the derivative of the pseudo-inertia by each of `MOMENTS`."""
+    slopes = np.zeros((len(MOMENTS), 4, 4))
+    for axis in range(3):
+        slopes[axis, axis, 3] = slopes[axis, 3, axis] = 1.0
+    for number, matrix in enumerate(_slopes(), start=3):
+        slopes[number, :3, :3] = matrix
+    return slopes

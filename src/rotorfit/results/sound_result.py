@@ -1,0 +1,137 @@
+"""Whether a saved result is whole: what a hand, a disk or another program may have done to it.
+
+Files that `rotorfit identify -o` wrote always are. Every command that takes a result takes
+whole ones only.
+"""
+
+import math
+from collections import Counter
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import numpy as np
+
+from rotorfit.errors import OutputError
+from rotorfit.model.parameters import DERIVED, PARAMETERS
+from rotorfit.results.command_units import effective_unit
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
+
+LARGEST: Final = 1e9
+"""No SI number of a vehicle comes near it, and sums and squares of such ones stay finite."""
+SMALLEST: Final = 1e-18
+"""No mass, inertia or coefficient of a vehicle is under it."""
+ABOVE_ZERO: Final = ("mass", "kt", "kd")
+
+
+def load_sound(path: Path) -> IdentificationResult:
+    """Return a saved result, refused where it is not whole.
+
+    Raises
+    ------
+    OutputError
+        If the file is no rotorfit result, or was damaged since.
+    """
+    try:
+        result = IdentificationResult.load(path)
+    except (AttributeError, RecursionError) as error:  # a list or text where a table was
+        raise OutputError(
+            f"{path} is not a rotorfit result ({error}); give the JSON file that rotorfit "
+            "identify -o wrote"
+        ) from error
+    try:
+        refuse_unsound(result)
+    except OutputError as error:
+        raise OutputError(f"{path}: {error}") from error
+    return result
+
+
+def refuse_unsound(result: IdentificationResult) -> None:
+    """Raise if a result holds what no identification gives.
+
+    Raises
+    ------
+    OutputError
+        Naming the number, and what is wrong with it.
+    """
+    found = _structure(result)
+    if found is None:
+        entries = (*result.parameters, *result.derived)
+        found = next((words for e in entries if (words := _entry(e))), None) or _doubled(result)
+    if found is not None:
+        raise OutputError(f"the result was changed since it was written ({found}); identify again")
+
+
+def _structure(result: IdentificationResult) -> str | None:
+    """Return what is wrong with the tables of a result."""
+    tables: tuple[tuple[str, Any], ...] = (
+        ("settings", result.settings),
+        ("versions", result.versions),
+    )
+    for name, table in tables:
+        if not isinstance(table, dict):
+            return f"{name} is no table"
+    covariance = result.covariance
+    if not (np.abs(covariance) <= LARGEST**2).all():
+        return "the covariance holds what is no number"
+    names: tuple[Any, ...] = result.covariance_names
+    if not all(isinstance(name, str) for name in names):
+        return "the covariance has names that are no text"
+    if result.axes != "FLU":
+        return f"axes are {result.axes!r}, and FLU in every result"
+    return None
+
+
+def _doubled(result: IdentificationResult) -> str | None:
+    """Return which number is there twice."""
+    for entries in (result.parameters, result.derived):
+        counted = Counter((e.name, e.configuration) for e in entries)
+        twice = next((name for (name, _), count in counted.items() if count > 1), None)
+        if twice is not None:
+            return f"{twice} is there twice"
+    return None
+
+
+def _entry(entry: Parameter | Derived) -> str | None:
+    """Return what is wrong with one number."""
+    name: Any = entry.name
+    known = PARAMETERS if isinstance(entry, Parameter) else DERIVED
+    if not isinstance(name, str) or name not in known:
+        return f"there is no number {name!r}"
+    texts: list[tuple[str, Any]] = [("unit", entry.unit), ("configuration", entry.configuration)]
+    if isinstance(entry, Parameter):
+        texts += [("reason", entry.reason), ("with", entry.partner)]
+        if entry.verdict not in get_args(Verdict):
+            return f"{name} has the verdict {entry.verdict!r}, which there is not"
+    for field, text in texts:
+        if not isinstance(text, str) and (text is not None or field == "unit"):
+            return f"{field} of {name} is {text!r}, and no text"
+    unit = known[name].unit
+    if entry.unit.removesuffix(" per kg") not in (unit, effective_unit(name, unit)):
+        return f"{name} is in {entry.unit!r}, and {unit} is its unit"
+    return _number(name, entry.value) or _interval(name, entry)
+
+
+def _number(name: str, value: Any) -> str | None:
+    """Return what is wrong with a value: none is fine, NaN is not."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return f"{name} is {value!r}, and no number"
+    small = name in ABOVE_ZERO and 0.0 < value < SMALLEST
+    if abs(value) > LARGEST or small:
+        return f"{name} is {value:.3g}, and nothing that flies has such"
+    return None
+
+
+def _interval(name: str, entry: Parameter | Derived) -> str | None:
+    """Return what is wrong with an interval: two ends in order, the value between them."""
+    ends: Any = entry.interval
+    if ends is None:
+        return None
+    right = len(ends) == 2 and all(
+        isinstance(end, int | float) and not isinstance(end, bool) and math.isfinite(end)
+        for end in ends
+    )
+    if not right or ends[0] > ends[1]:
+        return f"the interval of {name} is {list(ends)!r}"
+    return None

@@ -1,0 +1,95 @@
+"""From an estimate to words: how well is it known, why not better, and what to fly next."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from rotorfit.fit.excitation import AXIS_OF, LEAST_EXCITATION
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS
+from rotorfit.results.result import Verdict
+
+WEAK = 0.25
+"""Half-width of the interval, relative to value or scale, over which a parameter is weak."""
+HOPELESS = 1.0
+"""The same, over which it is not identified."""
+HOPELESS_YAW = 0.5
+"""The same where little but disturbances moves yaw: their pull is one-sided."""
+
+ADVICE = {
+    "roll": "roll briskly: 20 s of quick left-right rolls, one or two a second",
+    "pitch": "pitch briskly: 20 s of quick nods forward and back, one or two a second",
+    "yaw": "yaw while rolling: fly 20 s of alternating turns",
+    "force": "climb and sink: 20 s of gentle thrust steps",
+    "place": "yaw while rolling and nodding: fly 20 s of alternating turns",
+    "height": "wiggle roll and pitch quickly, once or twice a second, for 20 s",
+    "air": "fly fast to and fro along every axis, 20 s",
+    "scale": "nothing in the yaw equation fixes the scale; a measured Izz, or an estimate from "
+    "all equations at once, would",
+}
+
+PRACTICE: Final[Mapping[str, str]] = {
+    **{name: "place" for name in ("com_x", "com_y", "msx", "msy")},
+    **{name: "place" for name in ("rotor_center_x", "rotor_center_y")},
+    **{name: "height" for name in ("com_z", "msz")},
+    **{name: "air" for name in (*DRAG, *DRAG_MOMENTS)},
+}
+"""What helps numbers that no axis of `AXIS_OF` speaks for, as `plan` finds it by the bound; all
+others by changes of thrust."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """A verdict with its reason and advice."""
+
+    verdict: Verdict
+    reason: str | None = None
+    advice: str | None = None
+
+
+def motion_for(name: str) -> str:
+    """Return which motion determines a number: a key of `ADVICE`."""
+    return AXIS_OF.get(name) or PRACTICE.get(name, "force")
+
+
+def judge(
+    value: float,
+    half_width: float,
+    *,
+    scale: float,
+    axis: str,
+    excitation: float | None = None,
+) -> Judgement:
+    """Return the verdict on one number.
+
+    One of yaw is refused sooner below `LEAST_EXCITATION`: yaw is what the rotors move least, and
+    there the disturbances that the autopilot answers pull its ratios to zero.
+
+    Parameters
+    ----------
+    value, half_width
+        The estimate and half of its 95 % interval, in one unit.
+    scale
+        A size of the number that matters even where the number itself is near zero.
+    axis
+        Which motion determines it: a key of `ADVICE`.
+    excitation
+        rho of that axis; None where it does not apply.
+    """
+    relative = half_width / max(abs(value), scale)
+    if relative <= WEAK:
+        return Judgement(verdict="identified")
+    little = excitation is not None and excitation < LEAST_EXCITATION
+    hopeless = not relative <= (HOPELESS_YAW if little and axis == "yaw" else HOPELESS)
+    reason = f"known only to +-{100 * relative:.0f} %"
+    if abs(value) < scale:
+        reason += " of a size that matters for it"
+    if hopeless:
+        reason = "the interval is wider than the value itself"
+    if little:
+        reason = (
+            f"the {axis} response to the rotors is only {excitation:.1f} times what they do not "
+            f"explain (at least {LEAST_EXCITATION:.0f} is needed)"
+        )
+    return Judgement(
+        verdict="not-identified" if hopeless else "weak", reason=reason, advice=ADVICE[axis]
+    )

@@ -1,0 +1,1 @@
+"""Whether a result holds on other flights: wrenches predicted, rates replayed."""

@@ -1,0 +1,166 @@
+"""What `rotorfit fly` found: replayed flights and flown manoeuvres, for text, page and JSON."""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.validation.model_flight import (
+    STEPS,
+    Manoeuvre,
+    ModelFlight,
+    departure,
+    is_lost,
+    overshoot,
+    settling_time,
+)
+from rotorfit.validation.replay import (
+    HOLD,
+    Replay,
+    band_growth,
+    error_growth,
+    force_errors,
+    growth_time,
+)
+
+IDENTIFIED: Final = "identified"
+AXES: Final = ("roll", "pitch", "yaw")
+EARLY: Final = 0.1
+"""Beside the end of a window, the time at which errors are told [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlyOutcome:
+    """Everything that was flown with one configuration.
+
+    Attributes
+    ----------
+    name, configuration
+        Of the result.
+    seconds
+        Length of a window [s].
+    draws
+        From the covariance of the result, which make the band.
+    labels
+        Whose parameters: ``identified``, then those that stand beside.
+    replays
+        One for each flight.
+    manoeuvres
+        By label: the identified model, flown by an autopilot tuned to those parameters; empty
+        where there is no MuJoCo.
+    notes
+        What was assumed, and what to know.
+    """
+
+    name: str
+    configuration: str
+    seconds: float
+    draws: int
+    labels: tuple[str, ...]
+    replays: tuple[Replay, ...]
+    manoeuvres: Mapping[str, tuple[ModelFlight, ...]]
+    notes: tuple[str, ...]
+
+    @property
+    def windows(self) -> int:
+        """Of all flights."""
+        return sum(len(replay.time) for replay in self.replays)
+
+    def to_json(self) -> str:
+        """Return the numbers as JSON text."""
+        return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
+
+
+def told_times(outcome: FlyOutcome) -> tuple[float, ...]:
+    """Return the times after the start of a window at which errors are told [s]."""
+    end = float(growth_time(outcome.replays)[-1])
+    return (EARLY, end) if end > 2.0 * EARLY else (end,)
+
+
+def rate_errors(outcome: FlyOutcome, label: str, time: float) -> Float[np.ndarray, " 3"]:
+    """Return the rms error of the rates so long after the start of a window [rad/s]."""
+    return _at(outcome, error_growth(outcome.replays, label), time)
+
+
+def band(outcome: FlyOutcome, time: float) -> Float[np.ndarray, " 3"]:
+    """Return the half-width that the intervals of the parameters give the rates [rad/s]."""
+    return _at(outcome, band_growth(outcome.replays, IDENTIFIED), time)
+
+
+def _at(
+    outcome: FlyOutcome, growth: Float[np.ndarray, "S 3"], time: float
+) -> Float[np.ndarray, " 3"]:
+    return growth[int(np.argmin(np.abs(growth_time(outcome.replays) - time)))]
+
+
+def ratio_to(outcome: FlyOutcome, label: str, time: float) -> Float[np.ndarray, " 3"]:
+    """Return the error of the identified parameters over that of others, per axis."""
+    other = np.maximum(rate_errors(outcome, label, time), np.finfo(float).tiny)
+    return rate_errors(outcome, IDENTIFIED, time) / other
+
+
+def manoeuvre_of(outcome: FlyOutcome, label: str, name: Manoeuvre) -> ModelFlight:
+    """Return one of the manoeuvres flown."""
+    return next(flight for flight in outcome.manoeuvres[label] if flight.manoeuvre == name)
+
+
+def _plain(outcome: FlyOutcome) -> dict[str, Any]:
+    compared = (*outcome.labels, HOLD)
+    return {
+        "name": outcome.name,
+        "configuration": outcome.configuration,
+        "window_seconds": outcome.seconds,
+        "windows": outcome.windows,
+        "draws": outcome.draws,
+        "flights": [
+            {"flight": r.flight, "sha256": r.sha256, "windows": len(r.time)}
+            for r in outcome.replays
+        ],
+        "rate_errors": [
+            {
+                "seconds": time,
+                "unit": "rad/s",
+                "rms": {label: _by_axis(rate_errors(outcome, label, time)) for label in compared},
+                "band": _by_axis(band(outcome, time)),
+                "identified_over": {
+                    label: _by_axis(ratio_to(outcome, label, time)) for label in compared[1:]
+                },
+            }
+            for time in told_times(outcome)
+        ],
+        "force_errors": {
+            "unit": "m/s^2",
+            "rms": {
+                label: dict(zip("xyz", force_errors(outcome.replays, label).tolist(), strict=True))
+                for label in compared
+            },
+        },
+        "manoeuvres": {
+            label: {flight.manoeuvre: _flown(flight) for flight in flights}
+            for label, flights in outcome.manoeuvres.items()
+        },
+        "notes": list(outcome.notes),
+    }
+
+
+def _by_axis(values: Float[np.ndarray, " 3"]) -> dict[str, float | None]:
+    return {
+        axis: value if math.isfinite(value) else None
+        for axis, value in zip(AXES, values.tolist(), strict=True)
+    }
+
+
+def _flown(flight: ModelFlight) -> dict[str, Any]:
+    if is_lost(flight):
+        return {"lost": True}
+    if flight.manoeuvre not in STEPS:
+        return {"lost": False, "height_off_m": departure(flight)}
+    return {
+        "lost": False,
+        "overshoot": overshoot(flight),
+        "settling_time_s": settling_time(flight),
+    }

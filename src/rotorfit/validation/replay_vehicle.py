@@ -1,0 +1,249 @@
+"""From a result to the vehicle that a replay flies, and to draws of it within its intervals."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import ExperimentError
+from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
+from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, INERTIA_PLACES, PARAMETERS
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.results.result import IdentificationResult
+
+Values = dict[str, Float[np.ndarray, " D"]]
+INERTIA_COM: Final = tuple(f"{name}_com" for name in INERTIA)
+COM: Final = ("com_x", "com_y", "com_z")
+NEEDED: Final = ("kt", "kd", *COM, *INERTIA_COM)
+ROTOR_CENTER: Final = ("rotor_center_x", "rotor_center_y")
+SPARE: Final = 4
+"""Draws made for each one wanted: where an interval is wide, some are no body."""
+_ROTOR_KT: Final = re.compile(r"kt_[0-9]+")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayVehicle:
+    """D vehicles of one geometry, the nominal one first, body axes FLU.
+
+    Attributes
+    ----------
+    mass
+        [kg]
+    com
+        From the origin [m].
+    inertia
+        About the CoM [kg m^2].
+    thrust
+        Force of each rotor per squared speed [N s^2/rad^2].
+    torque
+        Torque of each rotor about the CoM per squared speed [N m s^2/rad^2].
+    spin
+        Angular momentum of each rotor per speed [kg m^2].
+    damping
+        Torque of each rotor against a turn about z, per rate and speed [N m s^2/rad^2].
+    offset
+        Torque that does not change [N m].
+    accel_bias
+        [m/s^2]
+    imu
+        Place of the accelerometer from the origin [m].
+    """
+
+    mass: Float[np.ndarray, " D"]
+    com: Float[np.ndarray, "D 3"]
+    inertia: Float[np.ndarray, "D 3 3"]
+    thrust: Float[np.ndarray, "D N 3"]
+    torque: Float[np.ndarray, "D N 3"]
+    spin: Float[np.ndarray, "D N 3"]
+    damping: Float[np.ndarray, "D N"]
+    offset: Float[np.ndarray, "D 3"]
+    accel_bias: Float[np.ndarray, "D 3"]
+    imu: Float[np.ndarray, " 3"]
+
+
+def replay_vehicle(
+    result: IdentificationResult,
+    owner: str,
+    *,
+    assumed: Mapping[str, float] | None = None,
+    draws: int = 0,
+    seed: int = 0,
+) -> ReplayVehicle:
+    """Return the vehicle of a configuration, and draws of it from the result's covariance.
+
+    Parameters
+    ----------
+    result
+        The result; numbers that it does not have, and that a flight cannot do without, must be
+        among the assumed ones.
+    owner
+        One of its configurations.
+    assumed
+        Numbers by name, SI, in place of the result's; inertia and CoM as ``Ixx_com``, ``com_x``,
+        or at the origin as ``Ixx``. A ``kt`` is that of all rotors.
+    draws
+        How many beside the nominal one. Those that are no body (inertia that is not positive,
+        thrust that pulls down) are left out.
+    seed
+        Of the draws.
+
+    Raises
+    ------
+    ExperimentError
+        If a needed number is neither known nor assumed, or no body has such inertia.
+    """
+    given = dict(assumed or {})
+    vehicle = _geometry(result)
+    values = _about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))
+    # About the CoM the result may know what at the origin it does not: then without draws.
+    scale = given.get("mass", 1.0) if result.parameter("mass", owner).value is None else 1.0
+    for d in result.derived:
+        if d.configuration == owner and d.name in (*COM, *INERTIA_COM) and d.value is not None:
+            factor = scale if d.name in INERTIA_COM else 1.0
+            values.setdefault(d.name, np.full_like(values["mass"], factor * d.value))
+    values |= {name: np.full_like(values["mass"], given[name]) for name in given}
+    listed = [p.name for p in result.parameters if p.configuration == owner]
+    needed = (*NEEDED, *(name for name in ROTOR_CENTER if name in listed))
+    missing = [name for name in needed if name not in values]
+    if missing:
+        raise ExperimentError(
+            f"{', '.join(missing)} of configuration {owner}: not known from these flights: "
+            "nothing is flown without; give your own (--assume NAME=VALUE)"
+        )
+    stack = _stack(values, vehicle)
+    good = _possible(stack)
+    if not good[0]:
+        raise ExperimentError(
+            "no body has the inertia about the CoM that these numbers give (or thrust is not "
+            "positive): identify again, or put your own in its place (--assume Ixx_com=VALUE)"
+        )
+    return _chosen(stack, np.flatnonzero(good)[: draws + 1])
+
+
+def _geometry(result: IdentificationResult) -> Vehicle:
+    experiment = experiment_of_settings(result.settings)
+    return vehicle_of(experiment.airframe, experiment.identification.source)
+
+
+def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> Values:
+    """Return the known parameters of a configuration, each 1 + draws times."""
+    shift = np.zeros((1 + draws, len(result.covariance_names)))
+    if draws and result.covariance_names:
+        powers, axes = np.linalg.eigh(result.covariance)
+        root = axes * np.sqrt(np.maximum(powers, 0.0))
+        normal = np.random.default_rng(seed).standard_normal((draws, len(powers)))
+        shift[1:] = normal @ root.T
+    columns = {name: i for i, name in enumerate(result.covariance_names)}
+    values: Values = {"mass": np.ones(1 + draws)}
+    for p in result.parameters:
+        if p.configuration not in (None, owner):
+            continue
+        if p.verdict == "removed":
+            values[p.name] = np.zeros(1 + draws)
+        elif p.value is not None:
+            key = p.name if p.configuration is None else f"{p.name}@{p.configuration}"
+            moved = shift[:, columns[key]] if key in columns else 0.0
+            values[p.name] = p.value + moved + np.zeros(1 + draws)
+    return values
+
+
+def _with(
+    values: Values, given: Mapping[str, float], result: IdentificationResult, owner: str
+) -> Values:
+    """Return the values with what is per kilogram made absolute, where the mass is assumed.
+
+    And without what an assumed number stands for: each rotor's own coefficient.
+    """
+    unknown = result.parameter("mass", owner).value is None
+    out = dict(values)
+    if unknown and "mass" in given:
+        for name in values:
+            if PARAMETERS[name].mass_power:
+                out[name] = values[name] * given["mass"]
+    if "kt" in given:
+        out = {name: value for name, value in out.items() if not _ROTOR_KT.fullmatch(name)}
+    return out | {name: np.full_like(out["mass"], given[name]) for name in given if name in out}
+
+
+def _about_com(values: Values) -> Values:
+    """Return the values with the CoM and the inertia about it, of those at the origin."""
+    m, out = values["mass"], dict(values)
+    out |= {
+        name: values[moment] / m
+        for name, moment in zip(COM, FIRST_MOMENTS, strict=True)
+        if moment in values
+    }
+    if not all(name in out for name in COM):
+        return out
+    com = np.stack([out[name] for name in COM], axis=1)
+    square = np.einsum("di,di->d", com, com)
+    for name, (i, j) in zip(INERTIA, INERTIA_PLACES, strict=True):
+        if name in values:
+            moved = m * ((square if i == j else 0.0) - com[:, i] * com[:, j])
+            out[f"{name}_com"] = values[name] - moved
+    return out
+
+
+def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
+    """Return the values as arrays that a step of the motion reads."""
+    zero = np.zeros_like(values["mass"])
+
+    def columns(*names: str) -> Float[np.ndarray, "D k"]:
+        return np.stack([values.get(name, zero) for name in names], axis=1)
+
+    n, s = vehicle.axes, vehicle.spins
+    com = columns(*COM)
+    kt = np.stack([values.get(f"kt_{i + 1}", values["kt"]) for i in range(len(n))], axis=1)
+    arms = vehicle.positions - com[:, None]
+    if vehicle.imu_position is None:  # rotors are declared about their centre, which was found
+        arms = arms + columns(*ROTOR_CENTER, "rotor_center_z")[:, None]
+    thrust = kt[:, :, None] * n
+    spin = s[:, None] * n
+    torque = np.cross(arms, thrust) - values["kd"][:, None, None] * spin
+    torque[:, :, 2] += (values["kt"] * values.get("twist", zero))[:, None]
+    return ReplayVehicle(
+        mass=values["mass"],
+        com=com,
+        inertia=_tensors(columns(*INERTIA_COM)),
+        thrust=thrust,
+        torque=torque,
+        spin=values.get("Jr", zero)[:, None, None] * spin,
+        damping=values.get("rotor_drag", zero)[:, None] * vehicle.squared_arms,
+        offset=columns("torque_offset_x", "torque_offset_y", "torque_offset_z"),
+        accel_bias=columns("accel_bias_x", "accel_bias_y", "accel_bias_z"),
+        imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
+    )
+
+
+def _tensors(elements: Float[np.ndarray, "D 6"]) -> Float[np.ndarray, "D 3 3"]:
+    tensors = np.empty((len(elements), 3, 3))
+    for k, (i, j) in enumerate(INERTIA_PLACES):
+        tensors[:, i, j] = tensors[:, j, i] = elements[:, k]
+    return tensors
+
+
+def _possible(stack: ReplayVehicle) -> Bool[np.ndarray, " D"]:
+    """Return which can fly: finite, inertia positive, thrust upwards."""
+    whole = np.concatenate([stack.inertia, stack.torque, stack.thrust], axis=1)
+    finite: Bool[np.ndarray, " D"] = np.all(np.isfinite(whole), axis=(1, 2))
+    least = np.full(finite.shape, -1.0)
+    least[finite] = np.linalg.eigvalsh(stack.inertia[finite])[:, 0]
+    return finite & (least > 0.0) & (stack.thrust[:, :, 2] > 0.0).all(axis=1)
+
+
+def _chosen(stack: ReplayVehicle, rows: np.ndarray) -> ReplayVehicle:
+    return ReplayVehicle(
+        mass=stack.mass[rows],
+        com=stack.com[rows],
+        inertia=stack.inertia[rows],
+        thrust=stack.thrust[rows],
+        torque=stack.torque[rows],
+        spin=stack.spin[rows],
+        damping=stack.damping[rows],
+        offset=stack.offset[rows],
+        accel_bias=stack.accel_bias[rows],
+        imu=stack.imu,
+    )

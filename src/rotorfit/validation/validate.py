@@ -1,0 +1,310 @@
+"""Does the model predict flights it has not seen? Body wrench against rotor wrench (P16)."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.experiment.experiment import (
+    Experiment,
+    experiment_of_settings,
+    named_flight,
+    vehicle_of,
+)
+from rotorfit.fit.flights import UsedFlight, load_flight, retimed, velocity_known
+from rotorfit.fit.motor_timing import LAG_PRIOR
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, FIRST_MOMENTS, INERTIA
+from rotorfit.model.reduce import LowPass, filtered_signals
+from rotorfit.model.regressor import Regressor, regressor
+from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.validation.fitted_flights import fitted_flights
+from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
+
+CUTOFF = 3.0
+"""Low-pass of both sides [Hz], the paper's."""
+BODY = ("mass", *FIRST_MOMENTS, *INERTIA)
+NEEDS = {
+    "Fz": ("kt", "mass"),
+    "Mx": ("kt", "Ixx"),
+    "My": ("kt", "Iyy"),
+    "Mz": ("kd", "Izz"),
+}
+"""Without these a component cannot be predicted, and no error is given for it."""
+WHITENESS_LAGS = 10
+ROTOR_KT = re.compile(r"kt_[0-9]+")
+
+
+def validate_file(
+    result: IdentificationResult,
+    path: Path,
+    *,
+    configuration: str | None = None,
+    cutoff: float = CUTOFF,
+    log_number: int | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> WrenchComparison:
+    """Return how a result predicts a flight that its fit has not seen.
+
+    Parameters
+    ----------
+    result
+        With the settings of its experiment, by which the flight is read and prepared.
+    path
+        The flight's log.
+    configuration
+        In which it was flown; may be left out where the result has one.
+    cutoff
+        Low-pass of both sides [Hz].
+    log_number
+        Which log of a file with several, from 1.
+    start, end
+        Of what is used of it [s since its first sample].
+
+    Raises
+    ------
+    ExperimentError
+        If the flight was used in the fit, or the configuration is not in the result.
+    """
+    experiment = experiment_of_settings(result.settings)
+    entry = named_flight(path, log_number=log_number, start=start, end=end)
+    used = load_flight(entry, experiment)
+    refuse_fitted(used, result)
+    return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
+
+
+def refuse_fitted(used: UsedFlight, result: IdentificationResult) -> None:
+    """Raise if a validation flight, or a part of it, made the parameters it is to judge."""
+    if any(
+        record.sha256 == used.log.sha256 and entry.overlaps(used.entry)
+        for _, entry, record in fitted_flights(result)
+    ):
+        raise ExperimentError(
+            f"{Path(used.entry.file).name} was used in the fit: it cannot validate it; keep "
+            "another flight apart for validation, or a stretch of this one (start and end)"
+        )
+
+
+def fitted_comparisons(result: IdentificationResult) -> list[WrenchComparison]:
+    """Return the comparisons on the flights of the fit itself, read again, for figures.
+
+    Parameters
+    ----------
+    result
+        With the settings of its experiment, by which the flights are found.
+
+    Raises
+    ------
+    ExperimentError
+        If a log has changed since the fit.
+    """
+    experiment = experiment_of_settings(result.settings)
+    comparisons: list[WrenchComparison] = []
+    for configuration, entry, record in fitted_flights(result):
+        used = load_flight(entry, experiment)
+        if used.log.sha256 != record.sha256:
+            raise ExperimentError(
+                f"{Path(entry.file).name} has changed since the fit; identify again"
+            )
+        comparisons.append(
+            compare_wrenches(result, used, configuration=configuration.name, fitted=True)
+        )
+    return comparisons
+
+
+def validation_comparisons(
+    result: IdentificationResult, experiment: Experiment
+) -> list[WrenchComparison]:
+    """Return the comparisons on the flights that the experiment keeps for validation.
+
+    Parameters
+    ----------
+    result
+        What `identify` made of the experiment.
+    experiment
+        With flights under ``validation``.
+    """
+    comparisons: list[WrenchComparison] = []
+    for configuration in experiment.configuration:
+        for entry in configuration.validation:
+            used = load_flight(entry, experiment)
+            refuse_fitted(used, result)
+            comparisons.append(compare_wrenches(result, used, configuration=configuration.name))
+    return comparisons
+
+
+def validation_rows(
+    comparisons: list[WrenchComparison], files: Sequence[str] | None = None
+) -> tuple[dict[str, Any], ...]:
+    """Return the ``validation`` list of a result's file.
+
+    Parameters
+    ----------
+    comparisons
+        One a flight.
+    files
+        What each flight is called; the name of its file where not given.
+    """
+    names = [c.flight for c in comparisons] if files is None else files
+    return tuple(
+        {
+            "configuration": c.configuration,
+            "flight": name,
+            "relative_error": dict(c.relative_error),
+            "whiteness": dict(c.whiteness),
+        }
+        for c, name in zip(comparisons, names, strict=True)
+    )
+
+
+def compare_wrenches(
+    result: IdentificationResult,
+    used: UsedFlight,
+    *,
+    configuration: str | None = None,
+    cutoff: float = CUTOFF,
+    fitted: bool = False,
+) -> WrenchComparison:
+    """Return both sides of the equations of motion on one prepared flight."""
+    owner = _owner(result, configuration)
+    known = _known(result, owner)
+    experiment = experiment_of_settings(result.settings)
+    vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
+    velocity = any(name in known for name in (*DRAG, *DRAG_MOMENTS)) and velocity_known([used])
+    model = regressor(vehicle, velocity=velocity)
+    data = retimed(used.prepared, found_response(result))
+    lowpass = LowPass(cutoff=cutoff)
+    # What the filter makes of a segment's two ends is its own, not the flight's.
+    end = round(0.5 * data.sample_rate / cutoff)
+    inner = [s for s in data.segments if len(s) > 4 * end]
+    if not inner:
+        raise FlightError(
+            f"{Path(used.entry.file).name}: no airborne stretch is longer than "
+            f"{4 * end / data.sample_rate:.1f} s; a longer flight is needed to compare wrenches"
+        )
+    parts = [
+        filtered_signals(data, vehicle, s, lowpass, velocity=velocity)[end:-end] for s in inner
+    ]
+    Z = np.concatenate(parts)
+    body, rotors = _wrenches(_without_bias(Z, known), model, known)
+    time = np.concatenate([data.time[s.start + end : s.stop - end] for s in inner])
+    time = time - data.time[0]
+    predicted = [
+        c
+        for c in SHOWN
+        # Where the coefficient was removed, the rotors give nothing to compare with.
+        if all(name in known for name in NEEDS[c]) and known[NEEDS[c][0]] != 0.0
+    ]
+    error = {c: _relative_error(body, rotors, c) for c in predicted}
+    step = max(round(data.sample_rate / cutoff), 1)
+    return WrenchComparison(
+        configuration=owner,
+        flight=Path(used.entry.file).name,
+        sha256=used.log.sha256,
+        used_in_fit=fitted,
+        time=time,
+        body_wrench=body,
+        rotor_wrench=rotors,
+        relative_error=error,
+        whiteness={c: _whiteness((body - rotors)[::step, COMPONENTS.index(c)]) for c in predicted},
+    )
+
+
+def _owner(result: IdentificationResult, configuration: str | None) -> str:
+    """Return the configuration to take the body from."""
+    names = list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
+    if configuration is None and len(names) == 1:
+        return names[0]
+    if configuration in names:
+        return str(configuration)
+    raise ExperimentError(
+        f"the result has the configurations {', '.join(names)}; say in which of them the flight "
+        "was flown (--configuration NAME)"
+    )
+
+
+def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
+    """Return the values of a configuration; what was removed as unessential counts as zero."""
+    known: dict[str, float] = {}
+    for p in result.parameters:
+        if p.configuration not in (None, owner):
+            continue
+        value = _value(p)
+        if value is not None:
+            known[p.name] = value
+    if "mass" not in known:
+        known["mass"] = 1.0
+    return known
+
+
+def found_response(result: IdentificationResult) -> MotorResponse | None:
+    """Return the motors' timing of the fit; a given one is in the preparation already.
+
+    Where the flights did not tell the lag, that is the usual one, by which they were fitted.
+    """
+    times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
+    if all(p.verdict == "given" for p in times.values()):
+        return None
+    at = {name: p.value for name, p in times.items() if p.value is not None}
+    lag = at.get("motor_lag", LAG_PRIOR[0] if "motor_lag" in times else 0.0)
+    return MotorResponse(
+        lag=at.get("motor_lag_up", lag),
+        delay=at.get("motor_delay", 0.0),
+        lag_down=at.get("motor_lag_down"),
+    )
+
+
+def _value(parameter: Parameter) -> float | None:
+    return 0.0 if parameter.verdict == "removed" else parameter.value
+
+
+def _without_bias(
+    Z: Float[np.ndarray, "n z"], known: Mapping[str, float]
+) -> Float[np.ndarray, "n z"]:
+    """Return the signals with the accelerometer's bias taken off the specific force."""
+    bias = np.array([known.get(f"accel_bias_{axis}", 0.0) for axis in "xyz"])
+    clean = Z.copy()
+    clean[:, :3] -= bias
+    return clean
+
+
+def _wrenches(
+    Z: Float[np.ndarray, "n z"], model: Regressor, known: Mapping[str, float]
+) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "n 6"]]:
+    """Return the body wrench and the rotor wrench, drag and constant torque with the rotors."""
+    body = {name: known.get(name, 0.0) for name in BODY}
+    kt = known.get("kt", 0.0)
+    # A rotor whose own coefficient is not known has the mean one.
+    rotors = {name: known.get(name, kt) for name in model.names if ROTOR_KT.fullmatch(name)}
+    rotors |= {name: known.get(name, 0.0) for name in ("kd", "Jr")}
+    for axis in "xy":
+        place = known.get(f"rotor_center_{axis}", 0.0)
+        rotors[f"kt_rotor_center_{axis}"] = kt * place
+    rotors["kt_twist"] = kt * known.get("twist", 0.0)
+    rotors["rotor_drag"] = known.get("rotor_drag", 0.0)
+    rotors |= {name: known.get(name, 0.0) for name in (*DRAG, *DRAG_MOMENTS)}
+    rotors |= {f"M{axis}_0": known.get(f"torque_offset_{axis}", 0.0) for axis in "xyz"}
+    return model.residual(Z, body), -model.residual(Z, rotors)
+
+
+def _relative_error(
+    body: Float[np.ndarray, "n 6"], rotors: Float[np.ndarray, "n 6"], component: str
+) -> float:
+    """Return the norm of the difference over that of the rotor wrench (Table III)."""
+    i = COMPONENTS.index(component)
+    size = float(np.linalg.norm(rotors[:, i]))
+    return float(np.linalg.norm(body[:, i] - rotors[:, i])) / max(size, np.finfo(float).tiny)
+
+
+def _whiteness(residual: Float[np.ndarray, " n"]) -> float:
+    """Return the largest autocorrelation of a residual sampled once per cut-off period."""
+    x = residual - residual.mean()
+    power = float(x @ x)
+    if len(x) <= WHITENESS_LAGS or power == 0.0:
+        return 0.0
+    return max(abs(float(x[lag:] @ x[:-lag])) for lag in range(1, WHITENESS_LAGS + 1)) / power
