@@ -1,6 +1,6 @@
 """Do the propellers turn as declared? Yaw tells, where a pilot flies it, whatever else it tells.
 
-Before the fit `frame_check` looks at one flight with the timing that was declared, and at all axes
+Before the fit `declared_rotors` looks at one flight with the timing that was declared, and at all axes
 together: one wrong spin changes little there. At the timing that was found, and only in the bands
 where the rotors explain yaw, one wrong spin shows: the torque of the declared rotors leaves several
 times what another pattern leaves, which then looks like tilted motors. And what drags a rotor can

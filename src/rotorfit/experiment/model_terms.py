@@ -1,7 +1,7 @@
 """The optional terms of the model, in the words of the experiment file.
 
 Mass, thrust, drag torque, first moments and inertia are always there; what else is in the model is
-a choice of these terms: by the user, or by what the flights say (`choice.py`).
+a choice of these terms: by the user, or by what the flights say (`term_choice.py`).
 """
 
 import difflib

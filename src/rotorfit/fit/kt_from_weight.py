@@ -3,7 +3,7 @@
 The fit takes k_t from changes of thrust against changes of specific force. Where thrust does not
 go with the square of the speed (commands without their law) or the accelerometer's scale is wrong,
 that is another number than the one that carries the weight, along the vertical that the gyro
-carries along (`hover.py`). On flights of which all is right the two agree to 3 %, where the weight
+carries along (`weight_balance.py`). On flights of which all is right the two agree to 3 %, where the weight
 is the less sure: propellers in motion differ from those in hover.
 """
 

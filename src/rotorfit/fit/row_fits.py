@@ -1,7 +1,7 @@
 r"""The estimate row by row: each group of equations solved for its own noisy signal.
 
 Four linear regressions, for ``method = "ols"`` and as the start of the fit of all rows at once
-(`joint.py`), give what one flight tells:
+(`joint_equations.py`), give what one flight tells:
 
 - the force rows, solved for m alpha: k_t, the first moments, the accelerometer's bias;
 - the roll and pitch rows about the CoM, solved for the angular acceleration: k_t / Ixx, k_t / Iyy,

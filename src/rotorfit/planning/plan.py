@@ -1,7 +1,7 @@
 """Which flights to fly for the accuracy wanted: candidates, predictions, the shortest that does.
 
 Candidates are schedules of manoeuvres, flown bare or bare and with a payload, for some seconds
-each. What each would give is predicted from simulated flights (`plan_bound.py`).
+each. What each would give is predicted from simulated flights (`bound.py`).
 """
 
 import dataclasses
