@@ -29,7 +29,7 @@ from rotorfit.fit.joint_equations import (
     rotor_drag_std,
 )
 from rotorfit.fit.joint_numbers import physical
-from rotorfit.fit.timing_search import LAG_PRIOR
+from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Vehicle

@@ -8,7 +8,7 @@ import pytest
 import flown
 from rotorfit.errors import FlightWarning
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.timing_search import LAG_PRIOR
+from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.identification.identify import identify
 from rotorfit.simulation import (

@@ -1,7 +1,7 @@
 """Can a body of the found inertia and weighed mass stand on the declared arms? After the fit.
 
-`plausible_units.py` asks the same of one flight before the fit, where the rotors explain most of its
-motion. Where they explain little, the interval of the inertia says how little is known, and all
+`plausible_units.py` asks the same of one flight before the fit, where the rotors explain most of
+its motion. Where they explain little, the interval of the inertia says how little is known, and all
 of it must be outside. And whatever was flown: with an arm in centimetres a vehicle is lighter than
 air.
 """

@@ -1,12 +1,12 @@
 r"""Whether the sizes of gyro, arms and rotor speeds can be: units told from the flight itself.
 
-Two witnesses. Over some seconds of flight the specific force, turned by the gyro into axes that
-do not rotate, has the mean of gravity (see `weight_balance`); with a gyro in deg/s that is taken for rad/s
-it averages out. And the angular acceleration that a difference of thrusts makes gives the radius
-of gyration over the arm, whatever the mass: with the thrust of a rotor :math:`k_t O^2`,
-:math:`a_z = c \sum O_i^2` with :math:`c = k_t / m`, and the roll acceleration is
-:math:`s \sum y_i O_i^2` with :math:`s = k_t / I_{xx}`, so that :math:`I_{xx} / m = c / s`. Bodies
-are not ten times larger or smaller than their arms.
+Two witnesses. Over some seconds of flight the specific force, turned by the gyro into axes that do
+not rotate, has the mean of gravity (see `weight_balance`); with a gyro in deg/s that is taken for
+rad/s it averages out. And the angular acceleration that a difference of thrusts makes gives the
+radius of gyration over the arm, whatever the mass: with the thrust of a rotor :math:`k_t O^2`,
+:math:`a_z = c \sum O_i^2` with :math:`c = k_t / m`, and the roll acceleration is :math:`s \sum y_i
+O_i^2` with :math:`s = k_t / I_{xx}`, so that :math:`I_{xx} / m = c / s`. Bodies are not ten times
+larger or smaller than their arms.
 
 The speed of hovering rotors has bounds, too: their radius is a quarter of the arm at the least and
 nine tenths at the most, and the tips of what hovers make 40 to 130 m/s.

@@ -1,10 +1,11 @@
 """Do the propellers turn as declared? Yaw tells, where a pilot flies it, whatever else it tells.
 
-Before the fit `declared_rotors` looks at one flight with the timing that was declared, and at all axes
-together: one wrong spin changes little there. At the timing that was found, and only in the bands
-where the rotors explain yaw, one wrong spin shows: the torque of the declared rotors leaves several
-times what another pattern leaves, which then looks like tilted motors. And what drags a rotor can
-only turn the body against it: k_d, and J_r where k_d does not speak against it, are positive.
+Before the fit `declared_rotors` looks at one flight with the timing that was declared, and at all
+axes together: one wrong spin changes little there. At the timing that was found, and only in the
+bands where the rotors explain yaw, one wrong spin shows: the torque of the declared rotors leaves
+several times what another pattern leaves, which then looks like tilted motors. And what drags a
+rotor can only turn the body against it: k_d, and J_r where k_d does not speak against it, are
+positive.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,10 +1,10 @@
 """k_t from the weight: over a whole flight the thrust carries it, whatever the sensors say.
 
-The fit takes k_t from changes of thrust against changes of specific force. Where thrust does not
-go with the square of the speed (commands without their law) or the accelerometer's scale is wrong,
+The fit takes k_t from changes of thrust against changes of specific force. Where thrust does not go
+with the square of the speed (commands without their law) or the accelerometer's scale is wrong,
 that is another number than the one that carries the weight, along the vertical that the gyro
-carries along (`weight_balance.py`). On flights of which all is right the two agree to 3 %, where the weight
-is the less sure: propellers in motion differ from those in hover.
+carries along (`weight_balance.py`). On flights of which all is right the two agree to 3 %, where
+the weight is the less sure: propellers in motion differ from those in hover.
 """
 
 from collections.abc import Sequence

@@ -1,10 +1,10 @@
 """Which errors tell of the vehicle, and in which the autopilot answers.
 
-Bands in which no pilot moves an axis do not count for it (`frequency_bands.py`). In the others the autopilot
-still answers disturbances, and by how much is known well enough: wholly, up to the frequencies
-that a pilot uses (`rotorfit.estimation.feedback`). Where rotor speeds are commands, bands in which
-the thrust does not follow them do not count for it: motors are no first-order lag further up, and
-many quiet lines of no thrust at all would outvote those that tell of k_t.
+Bands in which no pilot moves an axis do not count for it (`frequency_bands.py`). In the others the
+autopilot still answers disturbances, and by how much is known well enough: wholly, up to the
+frequencies that a pilot uses (`rotorfit.estimation.feedback`). Where rotor speeds are commands,
+bands in which the thrust does not follow them do not count for it: motors are no first-order lag
+further up, and many quiet lines of no thrust at all would outvote those that tell of k_t.
 """
 
 from collections.abc import Collection, Mapping, Sequence
