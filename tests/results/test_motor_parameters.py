@@ -3,7 +3,7 @@
 import pytest
 
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit.timing_search import MotorTiming
+from rotorfit.fit.motor_timing import MotorTiming
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.results.parameter_tables import motor_parameters
 
