@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.flight.doctor import motor_lateness
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, prepare
 from rotorfit.inspection.guessed_rotors import guessed_vehicles
+from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.prospects import PROSPECT, prospects
 from rotorfit.logs import read_log
 from rotorfit.simulation import to_flight_log

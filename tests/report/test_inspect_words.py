@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from rotorfit.flight.doctor import ChannelReport
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
-from rotorfit.report.doctor import LogReport, flight_words, prospect_words, recording_words
+from rotorfit.inspection.recording import ChannelReport
+from rotorfit.report.log_report import LogReport, flight_words, prospect_words, recording_words
 
 THRUST = Thrust(
     change=0.13, from_changes=6.6, from_weight=7.4, agree=True, width=0.02, followed=True

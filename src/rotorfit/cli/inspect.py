@@ -9,52 +9,26 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from rotorfit.checks.gravity import gravity_doubts, gravity_seen
-from rotorfit.checks.plausible_units import gyro_in_degrees
 from rotorfit.cli.outputs import refuse_output_file
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import one_line, say, show
 from rotorfit.errors import (
-    EstimationError,
     ExperimentError,
-    FlightError,
-    LogError,
     OutputError,
     RotorfitError,
 )
-from rotorfit.fit.motor_timing import LAG_PRIOR
-from rotorfit.flight.camera import camera_clock
-from rotorfit.flight.doctor import LATEST, channel_report, lacks, motor_lateness, vibration
-from rotorfit.flight.log import CHANNELS, FlightLog
-from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
-from rotorfit.flight.telemetry import telemetry
-from rotorfit.inspection.prospects import Prospects, prospects
+from rotorfit.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
 from rotorfit.logs.files import read_head
-from rotorfit.report.doctor import SEARCHED, WIDTH, LogReport, plain, report_text, write_page
-from rotorfit.report.settings import settings_for
+from rotorfit.report.log_report import WIDTH, plain, report_text, write_page
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import FlightEntry
 
-GUESSED_ARM = 0.15
-"""Only a scale for telling flight from ground, where no airframe is given [m]."""
-NEEDED = ("gyro", "accel")
 HEAD_BYTES = 65_536
 NARROWEST = 60
 """Of a line on a narrow terminal [characters]."""
-WITH_AIRFRAME = (
-    "only with --airframe FILE is it judged whether motor order, spins and arm are right, and each "
-    "number gets its verdict"
-)
-CUTOFFS = {
-    "acc_lpf_hz": ("the accelerometer's low-pass", 100.0),
-    "gyro_lpf1_static_hz": ("the gyro's low-pass", 1.0),
-    "gyro_lowpass_hz": ("the gyro's low-pass", 1.0),
-}
-"""Filters in the header of a Blackbox log, and what their number is divided by for Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,184 +151,6 @@ def _report(look: Look, options: InspectOptions) -> LogReport | SeveralLogs:
         tell(f"reading {path.name}")
         log = read_log(path, options=replace(look.read, log_number=number))
     return inspect_log(log, airframe=options.airframe, entry=look.entry)
-
-
-def inspect_log(
-    log: FlightLog, *, airframe: Path | None = None, entry: "FlightEntry | None" = None
-) -> LogReport:
-    """Return what a log holds and lacks, which part of it is flight, and what that could tell."""
-    channels = {
-        name: channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
-    }
-    trouble: list[str] = []
-    prepared: PreparedFlight | None = None
-    if all(name in log.channels for name in NEEDED) and not {"rotor_speed", "command"}.isdisjoint(
-        log.channels
-    ):
-        try:
-            prepared = _prepared(log)
-            trouble += [*prepared.warnings, *filter(None, [gyro_in_degrees(prepared.data)])]
-        except (LogError, FlightError) as error:
-            trouble.append(str(error))
-    trouble = [*log.warnings, *_missing(log, usable=prepared is not None), *trouble]
-    late = None if prepared is None else motor_lateness(prepared.data)
-    foreseen: Prospects | None = None
-    if prepared is not None:
-        try:
-            foreseen = prospects(
-                prepared,
-                _response(log, late),
-                commanded="rotor_speed" not in log.channels,
-            )
-        except (FlightError, EstimationError) as error:
-            trouble.append(str(error))
-    speeds = telemetry(log)
-    trouble += [] if speeds is None else speeds.doubts
-    verdicts, refused = _with_airframe(log, airframe, entry)
-    gravity = None if prepared is None else gravity_seen(prepared.data)
-    if gravity is not None:
-        # With an airframe the identification has looked at the flight itself.
-        trouble += gravity_doubts(replace(gravity, in_flight=None) if verdicts else gravity)
-    cutoffs = _cutoffs(log)
-    lacking = lacks(channels, accel_cutoff=cutoffs.get("acc_lpf_hz"))
-    return LogReport(
-        file=str(log.path),
-        format=log.format,
-        log=f"{log.log_number} of {log.logs_in_file}",
-        seconds=log.seconds,
-        channels=tuple(channels.values()),
-        airborne=_airborne(prepared),
-        vibration=() if prepared is None else vibration(prepared.data),
-        motor_lateness=late,
-        telemetry=speeds,
-        gravity=gravity,
-        prospects=foreseen,
-        verdicts=verdicts,
-        not_judged=(WITH_AIRFRAME,) if prepared is not None and airframe is None else (),
-        filters=tuple(f"{CUTOFFS[k][0]} is at {hz:g} Hz ({k})" for k, hz in cutoffs.items()),
-        trouble=tuple(dict.fromkeys([*trouble, *refused])),
-        settings=settings_for(log.format, lacking, log.metadata),
-        notes=log.notes,
-        metadata=dict(log.metadata),
-    )
-
-
-def _with_airframe(
-    log: FlightLog, airframe: Path | None, entry: "FlightEntry | None"
-) -> tuple[tuple[str, ...], list[str]]:
-    """Return the verdicts of an identification with an airframe, and why there are none."""
-    if airframe is None:
-        return (), []
-    import warnings
-
-    from rotorfit.experiment.experiment import single_flight_experiment
-    from rotorfit.identification.identify import identify
-
-    number = log.log_number if log.logs_in_file > 1 else None
-    experiment = single_flight_experiment(
-        log.path, mass="unknown", airframe=airframe, log_number=number
-    )
-    if entry is not None:
-        [configuration] = experiment.configuration
-        flown = configuration.model_copy(update={"flights": (entry,)})
-        experiment = experiment.model_copy(update={"configuration": (flown,)})
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            result = identify(experiment)
-    except (LogError, FlightError) as error:
-        return (), [str(error)]
-    by_verdict: dict[str, list[str]] = {}
-    for parameter in result.parameters:
-        by_verdict.setdefault(parameter.verdict, []).append(parameter.name)
-    words = tuple(
-        f"with {airframe.name}: {verdict}: {', '.join(names)}"
-        for verdict, names in by_verdict.items()
-    )
-    return words, list(result.warnings)
-
-
-def _response(log: FlightLog, late: float | None) -> MotorResponse | None:
-    """Return when the motors do what their data say: commands are followed with a lag."""
-    if late is None:
-        return None
-    if "rotor_speed" in log.channels:
-        return MotorResponse(delay=late)
-    if -SEARCHED <= late <= 0.0:
-        return None  # no motor answers before its command: an autopilot answers, nobody steers
-    # No motor is so slow: the clocks are apart, and that is not to be taken for a lag.
-    lag = min(max(late, 0.0), LAG_PRIOR[0] if late > LATEST else LATEST)
-    return MotorResponse(lag=lag, delay=late - lag)
-
-
-def _cutoffs(log: FlightLog) -> dict[str, float]:
-    """Return the low-pass filters that the header of a Blackbox log names [Hz]."""
-    if log.format != "blackbox":
-        return {}
-    found = {
-        key: float(log.metadata[key]) / scale
-        for key, (_, scale) in CUTOFFS.items()
-        if log.metadata.get(key, "").isdecimal()
-    }
-    raw = "Unfiltered" in (log.channels["accel"].source if "accel" in log.channels else "")
-    return {
-        key: cutoff
-        for key, cutoff in found.items()
-        if cutoff > 0 and not (raw and key == "acc_lpf_hz")
-    }
-
-
-def _missing(log: FlightLog, *, usable: bool) -> list[str]:
-    """Return what the log lacks for an identification, and what to do where it is usable at all."""
-    if set(log.channels) and set(log.channels) <= {"position", "attitude", "velocity"}:
-        return [_of_a_pose_alone(log)]
-    words: list[str] = []
-    for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
-        if name not in log.channels:
-            words.append(f"no {name} channel ({what}): nothing can be identified from this log")
-    if "rotor_speed" not in log.channels:
-        if "command" in log.channels:
-            words.append(
-                'no measured rotor speed, only commands: identify with speed = "commanded"; '
-                "better, log measured rotor speed"
-                if usable
-                else "no measured rotor speed, only commands: log measured rotor speed"
-            )
-        else:
-            words.append("no motor data: log ESC telemetry or motor outputs")
-    return words
-
-
-def _of_a_pose_alone(log: FlightLog) -> str:
-    """Return what a file of motion capture lacks, and what it is good for."""
-    words = "only the pose is in this file, no motors"
-    try:
-        camera_clock(log.channels["position"].time)
-    except (FlightError, KeyError) as error:
-        return f"{words}, and not as a recording beside a log: {error}"
-    beside = 'name it beside the log of the autopilot (flights = [{ file = "LOG", mocap = '
-    return f'{words}: {beside}"THIS FILE" }}])'
-
-
-def _prepared(log: FlightLog) -> PreparedFlight:
-    """Return the log prepared with whatever motors it has."""
-    measured = "rotor_speed" in log.channels
-    motors = log.channels["rotor_speed" if measured else "command"]
-    return prepare(
-        log,
-        rotor_count=motors.values.shape[1],
-        arm=GUESSED_ARM,
-        motors=MotorModel(speed="measured" if measured else "commanded"),
-    )
-
-
-def _airborne(prepared: PreparedFlight | None) -> tuple[tuple[float, float], ...]:
-    if prepared is None:
-        return ()
-    t = prepared.data.time
-    return tuple(
-        (float(t[s.start] - t[0]), float(t[s.stop - 1] - t[0])) for s in prepared.data.segments
-    )
 
 
 def _plain(report: LogReport | SeveralLogs) -> dict[str, Any]:

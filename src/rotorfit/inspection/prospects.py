@@ -18,11 +18,11 @@ from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
 from rotorfit.fit.weight_balance import held_up
 from rotorfit.flight.data import FlightData
-from rotorfit.flight.doctor import LOOK
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.signals import smooth
 from rotorfit.inspection.guessed_rotors import guessed_vehicles
+from rotorfit.inspection.motor_lateness import LOOK
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import Regressor, regressor

@@ -1,18 +1,20 @@
 """What inspect says of one log: one screen of text, JSON, or a page."""
 
 import textwrap
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from html import escape
 from pathlib import Path
 from typing import Any, Final
 
 from rotorfit.checks.gravity import GravitySeen
+from rotorfit.checks.rotor_telemetry import Telemetry
 from rotorfit.fit.excitation import LEAST_EXCITATION
-from rotorfit.flight.doctor import LATEST, ChannelReport, Vibration
-from rotorfit.flight.telemetry import Telemetry
+from rotorfit.inspection.inspect_log import LogReport
+from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
+from rotorfit.inspection.recording import ChannelReport
+from rotorfit.inspection.settings import settings_file
 from rotorfit.logs.files import write_whole
-from rotorfit.report.settings import Setting, settings_file
 
 MOST_SPANS: Final = 6
 SLOWED: Final = 0.8
@@ -20,9 +22,6 @@ SLOWED: Final = 0.8
 LEAST_LIMITED: Final = 1e-4
 USED: Final = ("gyro", "accel", "rotor_speed", "command")
 LEAST_LATE: Final = 0.002
-SEARCHED: Final = 0.012
-"""How far an estimate looks for the delay of measured speeds, and of motor data that come late
-[s]."""
 MUCH_JITTER: Final = 0.3
 SHAKES: Final = ((10.0, "strong: balance the propellers"), (3.0, "moderate"), (0.0, "low"))
 """Levels of vibration [m/s^2] and their words."""
@@ -34,35 +33,6 @@ WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "I
 """What an axis tells, and what it tells with all the others."""
 WIDTH: Final = 100
 """Of a line where nothing is known of the terminal."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LogReport:
-    """What inspect says of one log; seconds are since its first sample."""
-
-    file: str
-    format: str
-    log: str
-    seconds: float
-    channels: tuple[ChannelReport, ...]
-    airborne: tuple[tuple[float, float], ...] = ()
-    vibration: tuple[Vibration, ...] = ()
-    motor_lateness: float | None = None
-    telemetry: Telemetry | None = None
-    gravity: GravitySeen | None = None
-    prospects: Prospects | None = None
-    verdicts: tuple[str, ...] = ()
-    not_judged: tuple[str, ...] = ()
-    filters: tuple[str, ...] = ()
-    trouble: tuple[str, ...] = ()
-    settings: tuple[Setting, ...] = ()
-    notes: tuple[str, ...] = ()
-    metadata: dict[str, str] = field(default_factory=dict[str, str])
-
-    @property
-    def usable(self) -> bool:
-        """Whether any channel has samples left."""
-        return any(channel.samples > 1 for channel in self.channels)
 
 
 def plain(report: LogReport) -> dict[str, Any]:

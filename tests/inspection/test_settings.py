@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rotorfit.report.settings import FILES, TABLES, settings_file, settings_for
+from rotorfit.inspection.settings import FILES, TABLES, settings_file, settings_for
 
 DOCS = Path(__file__).parents[2] / "docs"
 SLOW = frozenset({"slow gyro", "slow accel", "slow motors"})

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from rotorfit.flight.doctor import Lack
+from rotorfit.inspection.recording import Lack
 from rotorfit.logs.bitmask import bits_set
 from rotorfit.logs.dataflash.advice import log_bitmask
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hand_made_logs import channel, hover_thrust, motion_log
 
-from rotorfit.flight.doctor import (
+from rotorfit.flight.prepare import prepare
+from rotorfit.inspection.motor_lateness import motor_lateness
+from rotorfit.inspection.recording import (
     channel_report,
     lacks,
-    motor_lateness,
     new_share,
     share_at_limit,
     vibration,
 )
-from rotorfit.flight.prepare import prepare
 from rotorfit.simulation import PERFECT, Scenario, paper_vehicle, simulate_flight, to_flight_log
 
 RNG = np.random.default_rng(7)
