@@ -304,7 +304,7 @@ def test_a_flight_too_short_for_prospects_is_told_and_done(run, changed, monkeyp
     def too_short(*arguments, commanded):
         raise FlightError("the airborne part is too short to use")
 
-    monkeypatch.setattr("rotorfit.cli.inspect.prospects", too_short)
+    monkeypatch.setattr("rotorfit.inspection.inspect_log.prospects", too_short)
     ended = run("inspect", "flight.csv", "--json")
     assert (ended.code, ended.err) == (0, "")
     assert ended.json[0]["trouble"] == ["the airborne part is too short to use"]

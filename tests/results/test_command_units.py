@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from flown import experiment_file, quietly_identified, simulated
-from rotorfit.errors import LogError
+from rotorfit.errors import ExperimentError, FlightError, LogError
 from rotorfit.logs.table import write_table
 from rotorfit.model.parameters import DERIVED, EFFECTIVE_UNITS, PARAMETERS
-from rotorfit.results.command_units import NO_LAW, effective_unit
+from rotorfit.results.command_units import NO_LAW, effective_unit, is_per_command
 from rotorfit.simulation import to_flight_log
 
 JUDGED = ("kt", "kd", "Jr", "msx", "msy", "Ixx_com", "Iyy_com", "Izz_com")
@@ -19,7 +19,7 @@ def flight():
     return simulated("quad-x", "noisy", seed=4, seconds=40.0)
 
 
-def identified(folder, flight, *, motors, mass=None, recorded=None, battery=None):
+def identified(folder, flight, *, motors, mass=None, recorded=None, battery=None, column="command"):
     """Identify from gyro, accelerometer and commands, recorded as a function of theirs."""
     log = to_flight_log(flight, channels=("gyro", "accel", "command"))
     columns = {"time": flight.time}
@@ -29,7 +29,7 @@ def identified(folder, flight, *, motors, mass=None, recorded=None, battery=None
     command = log.channels["command"].values
     command = command if recorded is None else recorded(command)
     for k in range(command.shape[1]):
-        columns[f"command_{k + 1}"] = command[:, k]
+        columns[f"{column}_{k + 1}"] = command[:, k]
     if battery is not None:
         columns["battery"] = battery
     write_table(folder / "flight.csv", columns, force=True)
@@ -104,6 +104,38 @@ def test_the_battery_is_part_of_the_law(tmp_path, flight):
     assert numbers(other)["kt"].std > 3.0 * (high - low) / 3.92
     with pytest.raises(LogError, match=r"flight.csv: .* the log has no battery voltage"):
         identified(tmp_path, flight, motors=motors, **sagged)
+
+
+def speeds(flight):
+    w = float(flight.max_speed)
+    return {"recorded": lambda command: w * command, "column": "rotor"}
+
+
+def test_commanded_speeds_are_taken_as_they_are(tmp_path, flight):
+    """Simulators command rad/s: no law is needed, and every unit is per rad/s."""
+    result = identified(tmp_path, flight, motors="", **speeds(flight))
+    found, truth = numbers(result), flight.truth.parameters()
+    for name in JUDGED:
+        low, high = found[name].interval
+        assert low <= truth[name] <= high, name
+    assert found["kt"].unit == PARAMETERS["kt"].unit
+    assert NO_LAW not in result.warnings
+    assert not is_per_command(result)
+    kt = identified(tmp_path, flight, motors="").parameter("kt")
+    w = float(flight.max_speed)
+    assert found["kt"].value * w**2 == pytest.approx(kt.value, rel=1e-6)
+
+
+def test_commanded_speeds_need_no_law(tmp_path, flight):
+    law = f"law = {{ linear = [0, {float(flight.max_speed)}] }}"
+    with pytest.raises(ExperimentError, match=r"commands rotor speeds .*: leave law out"):
+        identified(tmp_path, flight, motors=law, **speeds(flight))
+
+
+def test_rpm_among_commanded_speeds_is_refused(tmp_path, flight):
+    rpm = {"recorded": lambda c: 9.549 * float(flight.max_speed) * c, "column": "rotor"}
+    with pytest.raises(FlightError, match="rpm"):
+        identified(tmp_path, flight, motors="", **rpm)
 
 
 @pytest.mark.parametrize("mass", [None, "unknown"])

@@ -16,8 +16,9 @@ from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
-from rotorfit.export.vehicle_model import described_by, owner_of, terms_left_out, vehicle_model
+from rotorfit.export.vehicle_model import owner_of, terms_left_out, vehicle_model
 from rotorfit.logs.files import write_whole
+from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import load_sound
 from rotorfit.validation.fly_outcome import IDENTIFIED, FlyOutcome
@@ -172,8 +173,7 @@ def _body(assumed: Mapping[str, float]) -> dict[str, float]:
 
 def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) -> None:
     """Raise if numbers per rad/s are to stand among numbers per command."""
-    motors = described_by(result).motors
-    if motors.speed == "measured" or motors.law is not None:
+    if not is_per_command(result):
         return
     wrong = [n for n in assumed if n.split("_")[0] in PER_SPEED or n == "max_speed"]
     if wrong:

@@ -29,6 +29,7 @@ from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleM
 from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import refuse_unsound
 
@@ -72,7 +73,7 @@ def vehicle_model(
     law = None if experiment.motors.law is None else speed_law_of(experiment.motors.law)
     given = dict(assumed or {})
     _refuse_other_mass(result, owner, given)
-    full = _full_speed(experiment, law, speed)
+    full = _full_speed(result, law, speed)
     numbers = numbers_of(result, owner, assumed=given, full_speed=full)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     _refuse_missing(numbers, _needed(needs, numbers, vehicle))
@@ -85,11 +86,11 @@ def vehicle_model(
     return projected(model, result)
 
 
-def _full_speed(experiment: Experiment, law: SpeedLaw | None, speed: Speed) -> Number | None:
+def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed) -> Number | None:
     """Return the speed at full command, as far as the motors' law gives it."""
     if law is not None:
         value, unit, remark = full_speed_of(law), "rad/s", "the law of [motors] at full command"
-    elif speed == "full-command" and experiment.motors.speed == "commanded":
+    elif speed == "full-command" and is_per_command(result):
         value, unit = 1.0, FULL_COMMAND
         remark = "taken in proportion to the command, no law being known"
     else:

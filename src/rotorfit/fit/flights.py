@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors, stack_recordings
 from rotorfit.experiment.experiment import (
     ConfigurationEntry,
@@ -39,11 +40,15 @@ from rotorfit.model.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsedFlight:
-    """A flight as it enters the estimate; of its log no channels are kept."""
+    """A flight as it enters the estimate; of its log no channels are kept.
+
+    `speeds_commanded`: its commands are rotor speeds [rad/s], not shares of full output.
+    """
 
     entry: FlightEntry
     log: FlightLog
     prepared: PreparedFlight
+    speeds_commanded: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +106,11 @@ class Flown:
         return (*lag, "delay") if self.motors.delay is None else lag
 
     @property
+    def speeds_commanded(self) -> bool:
+        """Whether the commands are rotor speeds [rad/s]."""
+        return any(f.speeds_commanded for c in self.configurations for f in c.flights)
+
+    @property
     def lag_prior(self) -> tuple[float, float]:
         """Mean and standard deviation of the lag before the flight [s]."""
         if self.motors.lag is None:
@@ -143,6 +153,7 @@ def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
     motors, source = experiment.motors, experiment.identification.source
     vehicle, motor_model = vehicle_of(experiment.airframe, source), motor_model_of(motors)
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
+    log, speeds_commanded = with_commanded_speeds(log, motors)
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
@@ -151,11 +162,48 @@ def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         prepared = prepare_mocap(
             log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
         )
-        return UsedFlight(entry=entry, log=dataclasses.replace(log, channels={}), prepared=prepared)
+        return UsedFlight(
+            entry=entry,
+            log=dataclasses.replace(log, channels={}),
+            prepared=prepared,
+            speeds_commanded=speeds_commanded,
+        )
     recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
     log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
     prepared = prepared_from(recorded, arm=vehicle.arm, motors=motor_model, window=window)
-    return UsedFlight(entry=entry, log=log, prepared=prepared)
+    return UsedFlight(entry=entry, log=log, prepared=prepared, speeds_commanded=speeds_commanded)
+
+
+def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLog, bool]:
+    """Return the log with commanded rotor speeds as its commands, and whether it has them.
+
+    Simulators command speeds in rad/s, and so did the paper: the motors follow them with a lag,
+    as they follow any command, but no law is needed.
+
+    Parameters
+    ----------
+    log
+        As read.
+    motors
+        As declared: only of ``speed = "commanded"`` is a rotor speed a command.
+
+    Raises
+    ------
+    ExperimentError
+        If a law from command to speed is given for commands that are speeds.
+    """
+    if motors.speed != "commanded" or "command" in log.channels:
+        return log, False
+    if "rotor_speed" not in log.channels:
+        return log, False
+    if motors.law is not None:
+        raise ExperimentError(
+            f"the log commands rotor speeds ({log.channels['rotor_speed'].source}), and [motors] "
+            "has a law from command to speed: leave law out"
+        )
+    channels = dict(log.channels)
+    channels["command"] = channels.pop("rotor_speed")
+    return dataclasses.replace(log, channels=channels), True
 
 
 def flight_bands(

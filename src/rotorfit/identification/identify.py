@@ -89,7 +89,7 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
         tell("timing the motors against the motion")
         flown = dataclasses.replace(flown, motor_timing=find_timing(flown, lag=method != "tls"))
     tell("fitting")
-    tables = of_commanded_speed(ESTIMATES[method](experiment, flown), experiment.motors)
+    tables = of_commanded_speed(ESTIMATES[method](experiment, flown), flown)
     tables = with_timing_total(tables, flown.motor_timing)
     result = _result(experiment, flown, tables)
     if not any(entry.validation for entry in experiment.configuration):
@@ -118,7 +118,9 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         flights = _sound_rotors(flights, vehicle.arm, experiment.motors)
         payload = payload_of(entry, experiment.airframe.axes)
         configurations.append(Configured(entry=entry, flights=flights, payload=payload))
-    _refuse_copies([flight for configured in configurations for flight in configured.flights])
+    every = [flight for configured in configurations for flight in configured.flights]
+    _refuse_copies(every)
+    _refuse_mixed_commands(every)
     velocity = resolved_method(experiment) == "banded" and velocity_wanted(
         experiment.identification.terms, configurations
     )
@@ -138,7 +140,7 @@ def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) ->
     A command without a law has no unit that could be wrong.
     """
     law = motors.law is not None
-    if motors.speed == "commanded" and not law:
+    if motors.speed == "commanded" and not law and not any(f.speeds_commanded for f in flights):
         return flights
     refuse_rotors_too_fast(
         {Path(f.entry.file).name: f.prepared.data for f in flights}, arm, law=law
@@ -161,6 +163,20 @@ def _refuse_copies(flights: list[UsedFlight]) -> None:
             raise ExperimentError(
                 f"{two} {same}; it would count twice: list it once, with the mass that it flew with"
             )
+
+
+def _refuse_mixed_commands(flights: list[UsedFlight]) -> None:
+    """Raise if some flights command rotor speeds and others shares of full output."""
+    speeds = {flight.speeds_commanded for flight in flights}
+    if len(speeds) > 1:
+        one, two = (
+            next(Path(f.entry.file).name for f in flights if f.speeds_commanded is kind)
+            for kind in (True, False)
+        )
+        raise ExperimentError(
+            f"{one} commands rotor speeds in rad/s, {two} commands from 0 to 1: identify them in "
+            "experiments of their own"
+        )
 
 
 def _loaded(experiment: Experiment, flight: FlightEntry, tell: Progress) -> UsedFlight:

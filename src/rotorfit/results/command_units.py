@@ -3,9 +3,10 @@
 import dataclasses
 from typing import Final
 
-from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit.flights import Flown
 from rotorfit.model.parameters import EFFECTIVE_UNITS
 from rotorfit.results.parameter_tables import Tables
+from rotorfit.results.result import IdentificationResult
 
 _PER_MASS: Final = " per kg"
 
@@ -17,11 +18,10 @@ NO_LAW: Final = (
 )
 
 
-def of_commanded_speed(tables: Tables, motors: MotorsEntry) -> Tables:
+def of_commanded_speed(tables: Tables, flown: Flown) -> Tables:
     """Return the tables with the units and the doubts that commands instead of speeds bring."""
-    if motors.speed == "measured":
-        return tables
-    if motors.law is not None:
+    motors = flown.motors
+    if motors.speed == "measured" or motors.law is not None or flown.speeds_commanded:
         return tables
     return dataclasses.replace(
         tables,
@@ -41,3 +41,9 @@ def effective_unit(name: str, unit: str) -> str:
     if base not in EFFECTIVE_UNITS:
         return unit
     return EFFECTIVE_UNITS[base] + (_PER_MASS if unit.endswith(_PER_MASS) else "")
+
+
+def is_per_command(result: IdentificationResult) -> bool:
+    """Return whether the coefficients of a result are per squared command, not per rad/s."""
+    kt = result.parameter("kt").unit.removesuffix(_PER_MASS)
+    return kt == EFFECTIVE_UNITS["kt"]
