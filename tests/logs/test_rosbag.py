@@ -224,9 +224,7 @@ def px4(tmp_path, *, defined):
     write_messages_ros2(messages, path)
     if not defined:
         with sqlite3.connect(path / "bag.db3") as database:
-            # As before Iron.
             database.execute("DROP TABLE message_definitions")
-            database.execute("UPDATE schema SET schema_version = 3")
     return read_log(path)
 
 
@@ -246,6 +244,23 @@ def test_messages_of_px4_are_turned_to_flu(tmp_path, defined):
         np.testing.assert_allclose(log.channels[name].time, 0.01 * np.arange(40), atol=1e-6)
     assert "a clock that began elsewhere" in " ".join(log.notes)
     assert log.warnings == ()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE message_definitions SET encoding = 'unknown', encoded_message_definition = ''",
+        f"UPDATE topics SET offered_qos_profiles = '{'[' * 300_000}'",
+        "UPDATE topics SET offered_qos_profiles = '- history: 3'",
+        "DROP TABLE schema",
+    ],
+)
+def test_what_rosbags_fails_on_in_a_database_is_not_needed(tmp_path, change):
+    write_messages_ros2(imu(), tmp_path / "bag")
+    with sqlite3.connect(tmp_path / "bag" / "bag.db3") as database:
+        database.execute(change)
+    gyro = read_log(tmp_path / "bag").channels["gyro"]
+    np.testing.assert_array_equal(gyro.values[:, 0], 0.1 * np.arange(COUNT))
 
 
 def test_messages_of_mavros(tmp_path):

@@ -45,6 +45,7 @@ def ends_well(path):
 
 def peak_of(path):
     """Return how a file ends, and how much memory it took [bytes]."""
+    ends_well(path)  # what is imported does not count
     tracemalloc.start()
     try:
         return ends_well(path), tracemalloc.get_traced_memory()[1]
@@ -227,8 +228,13 @@ def test_huge_declared_lengths_take_no_memory(tmp_path, content):
     assert peak < 1 << 23
 
 
-def mcap_of(definition: str, data: bytes, kind: str = "sensor_msgs/msg/Imu", count: int = 20):
+def mcap_of(definition: str | bytes, data: bytes, count: int = 20, *, coding: str = "cdr"):
     """An MCAP file with one topic and the same message over and over."""
+    kind, language = {
+        "cdr": ("sensor_msgs/msg/Imu", b"ros2msg"),
+        "ros1": ("sensor_msgs/Imu", b"ros1msg"),
+    }[coding]
+    described = definition if isinstance(definition, bytes) else definition.encode()
 
     def text(words: bytes) -> bytes:
         return struct.pack("<I", len(words)) + words
@@ -236,10 +242,8 @@ def mcap_of(definition: str, data: bytes, kind: str = "sensor_msgs/msg/Imu", cou
     def record(opcode: int, content: bytes) -> bytes:
         return bytes([opcode]) + struct.pack("<Q", len(content)) + content
 
-    schema = (
-        struct.pack("<H", 1) + text(kind.encode()) + text(b"ros2msg") + text(definition.encode())
-    )
-    channel = struct.pack("<HH", 0, 1) + text(b"/imu") + text(b"cdr") + text(b"")
+    schema = struct.pack("<H", 1) + text(kind.encode()) + text(language) + text(described)
+    channel = struct.pack("<HH", 0, 1) + text(b"/imu") + text(coding.encode()) + text(b"")
     body = b"".join(
         record(5, struct.pack("<HIQQ", 0, k, EPOCH + k, EPOCH + k) + data) for k in range(count)
     )
@@ -247,6 +251,10 @@ def mcap_of(definition: str, data: bytes, kind: str = "sensor_msgs/msg/Imu", cou
 
 
 DEEP = "A0 a\n" + "".join(f"MSG: sensor_msgs/A{k}\nA{k + 1} a\n" for k in range(500))
+HOLLOW = "A0 a\n" + "".join(
+    f"MSG: sensor_msgs/A{k}\n" + "".join(f"A{k + 1} a{n}\n" for n in range(100)) for k in range(11)
+)
+HOLLOW += "MSG: sensor_msgs/A11\n"  # a hundred to the eleventh times nothing
 WIDE = "A[60000] a\nMSG: sensor_msgs/A\nB[60000] b\nMSG: sensor_msgs/B\n"
 
 
@@ -257,6 +265,7 @@ WIDE = "A[60000] a\nMSG: sensor_msgs/A\nB[60000] b\nMSG: sensor_msgs/B\n"
         ("Other other", "is not defined in the file"),
         (DEEP, "goes too deep"),
         (WIDE, "more than 1024 fields"),
+        (HOLLOW, "more than 1024 fields"),
         ("float64[999999999] data", "has an array of 999999999: damaged"),
         ("float64[60000] data", "a message does not fit its definition (ValueError: buffer is"),
         ("float64[-1] data", "has an array of -1: damaged"),
@@ -274,6 +283,20 @@ def test_definitions_that_never_end_are_refused(tmp_path, definition, message):
     said, peak = peak_of(path)
     assert message in said
     assert peak < 1 << 25
+
+
+VECTORS = "Vector3 {}\n===========\nMSG: sensor_msgs/Vector3\nfloat64 x\r\nfloat64 y\nfloat64 z"
+
+
+@pytest.mark.parametrize("coding", ["cdr", "ros1"])
+def test_messages_of_both_ros_in_mcap(tmp_path, coding):
+    """Also with a constant and a comment that rosbags would stop at."""
+    head = b"" if coding == "ros1" else b"\x00\x01\x00\x00"
+    path = tmp_path / "bag.mcap"
+    fields = VECTORS.format("angular_velocity").encode()
+    definition = b"uint8 maximum = 3  # \xb0/s\n" + fields
+    path.write_bytes(mcap_of(definition, head + struct.pack("<3d", 1, 2, 3), coding=coding))
+    np.testing.assert_array_equal(ends_well(path).channels["gyro"].values, 20 * [[1, 2, 3]])
 
 
 def test_messages_each_of_its_own_length_are_read(tmp_path):

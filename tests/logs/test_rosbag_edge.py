@@ -102,7 +102,7 @@ def test_a_database_that_ends_early(bags, monkeypatch, stray):
 @strays
 def test_a_record_of_a_ros1_bag(bags, monkeypatch, stray):
     monkeypatch.setattr(Header, "get_time", raising(stray))
-    assert "a chunk is damaged (1 times)" in refused(bags / "bag", stray)
+    assert "a message is damaged (3 times)" in refused(bags / "bag", stray)
 
 
 @strays

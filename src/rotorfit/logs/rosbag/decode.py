@@ -32,7 +32,7 @@ class _Form:
         """Return what is taken from a message, and the place where the message ends."""
         if len(data) > _LARGEST_MESSAGE:
             raise DamageError(f"a message has {len(data)} bytes: no sensor's")
-        message, end = self._message(data, encoding)
+        message, end = decoded(self._message, data, encoding)
         numbers = [taken(message) for taken in self.taken]
         if max(map(len, numbers)) > _MOST_COLUMNS:
             raise DamageError(f"a message has more than {_MOST_COLUMNS} numbers of one kind")
@@ -110,6 +110,7 @@ class Decoder:
         self._received = array("q")
         self._stamps = _Rows()
         self._values = {name: _Rows() for name in quantities}
+        self._rows = (self._stamps, *self._values.values())
         self._forms: tuple[_Form, ...] = ()
         self._unreadable = 0
         self._why = ""
@@ -125,7 +126,7 @@ class Decoder:
             self._unreadable += 1
             return
         self._received.append(min(received, _LARGEST_TIME))
-        for rows, row in zip((self._stamps, *self._values.values()), numbers, strict=True):
+        for rows, row in zip(self._rows, numbers, strict=True):
             rows.add(row)
 
     def finish(self) -> Recorded:
@@ -143,7 +144,7 @@ class Decoder:
         best: list[Numbers] | None = None
         for form in self._forms:
             try:
-                numbers, end = decoded(form.numbers, data, self._encoding)
+                numbers, end = form.numbers(data, self._encoding)
             except DamageError as error:
                 self._note(error, _misfit(error))
                 continue

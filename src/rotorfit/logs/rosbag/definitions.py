@@ -53,10 +53,10 @@ class Definition:
 
 @dataclass(slots=True)
 class Definitions:
-    """Those of one recording, each made once; has a state, which is what was made."""
+    """Those of one recording, each made once or refused once; has a state, which is these."""
 
-    made: dict[tuple[str, str, Encoding], Definition] = field(
-        default_factory=dict[tuple[str, str, Encoding], Definition]
+    made: dict[tuple[str, str, Encoding], Definition | DamageError] = field(
+        default_factory=dict[tuple[str, str, Encoding], Definition | DamageError]
     )
     fields: int = 0
 
@@ -75,8 +75,14 @@ class Definitions:
     def _made(self, kind: str, text: str, encoding: Encoding) -> Definition:
         key = (kind, text, encoding)
         if key not in self.made:
-            self.made[key] = self._make(normalize_msgtype(kind), text, encoding)
-        return self.made[key]
+            try:
+                self.made[key] = self._make(normalize_msgtype(kind), text, encoding)
+            except DamageError as error:
+                self.made[key] = error
+        made = self.made[key]
+        if isinstance(made, DamageError):
+            raise made
+        return made
 
     def _make(self, kind: str, text: str, encoding: Encoding) -> Definition:
         if text:
@@ -163,7 +169,8 @@ def needed(types: Typesdict, kind: str) -> tuple[Typesdict, int]:
         if desc[0] == Nodetype.BASE:
             return 1, True
         if desc[0] == Nodetype.NAME:
-            return walk(desc[1], depth + 1)
+            fields, fills = walk(desc[1], depth + 1)
+            return 1 + fields, fills
         item, size = desc[1]
         if not 0 <= size <= _LARGEST_ARRAY:
             raise DamageError(
@@ -172,7 +179,7 @@ def needed(types: Typesdict, kind: str) -> tuple[Typesdict, int]:
         fields, fills = one(item, owner, depth)
         if desc[0] == Nodetype.ARRAY:
             is_numbers = item[0] == Nodetype.BASE and item[1][0] != "string"
-            return (1 if is_numbers else size * max(fields, 1)), fills and size > 0
+            return 1 if is_numbers else 1 + size * fields, fills and size > 0
         if not fills:  # any number of them would fit into any message
             raise DamageError(
                 f"the definition of {kind_of(owner)[:80]} has an array of nothing: damaged"

@@ -51,13 +51,11 @@ class _Declared:
 
     def add(self, opcode: int, content: BytesIO) -> None:
         """Take in a schema or a channel."""
-        (number,) = deserialize_uint16(content.read(2))
         if opcode == _SCHEMA:
-            name, encoding, text = (_text(content) for _ in range(3))
+            number, name, encoding, text = decoded(_schema, content)
             self._schemas[number] = (kind_of(name), text if encoding in _TEXT_SCHEMAS else "")
             return
-        (schema,) = deserialize_uint16(content.read(2))
-        name, encoding = _text(content), _text(content)
+        number, schema, name, encoding = decoded(_channel, content)
         kind, definition = self._schemas.get(schema, ("", ""))
         if len(self._tally.topics) >= _MOST_NAMES:
             raise LogError(f"more than {_MOST_NAMES} topics: damaged or no flight log")
@@ -108,9 +106,9 @@ def _records(file: Source, end: int) -> Iterator[tuple[int, int]]:
         If the last record ends before its length.
     """
     while (start := file.tell()) < end:
-        (opcode,) = file.read(1)
-        (length,) = deserialize_uint64(decoded(read_exact, file, 8))
-        yield opcode, length
+        head = decoded(read_exact, file, 9)
+        length = int.from_bytes(head[1:], "little")
+        yield head[0], length
         file.seek(min(start + 9 + length, end))
 
 
@@ -151,7 +149,7 @@ def _unfolded(file: Source, length: int, tally: Tally) -> bytes:
 def _one(opcode: int, file: Source, length: int, declared: _Declared, tally: Tally) -> Messages:
     """Take in a schema or channel, or yield a message that is wanted."""
     if opcode == _MESSAGE and length >= _MESSAGE_HEAD:
-        number, _, received, _ = deserialize_hiqq(decoded(read_exact, file, _MESSAGE_HEAD))
+        number, _, received, _ = deserialize_hiqq(file.read(_MESSAGE_HEAD))
         topic = declared.wanted(number)
         if topic is None:
             return
@@ -163,9 +161,21 @@ def _one(opcode: int, file: Source, length: int, declared: _Declared, tally: Tal
         yield topic, received, data
     elif opcode in (_SCHEMA, _CHANNEL):
         try:
-            decoded(declared.add, opcode, BytesIO(file.read(length)))
+            declared.add(opcode, BytesIO(file.read(length)))
         except DamageError as error:
             tally.passed_over("the description of a topic is damaged", error)
+
+
+def _schema(content: BytesIO) -> tuple[int, str, str, str]:
+    """Return number, name, encoding and text of a schema."""
+    (number,) = deserialize_uint16(content.read(2))
+    return number, _text(content), _text(content), _text(content)
+
+
+def _channel(content: BytesIO) -> tuple[int, int, str, str]:
+    """Return number, schema, topic and encoding of a channel."""
+    (number,), (schema,) = (deserialize_uint16(content.read(2)) for _ in range(2))
+    return number, schema, _text(content), _text(content)
 
 
 def _text(content: BytesIO) -> str:

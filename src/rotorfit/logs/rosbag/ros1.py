@@ -18,6 +18,7 @@ from rotorfit.logs.rosbag.unfold import unfolded
 
 _VERSION: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
+_LARGEST_HEADER: Final = 1 << 20
 _LARGEST_RECORD: Final = 1 << 30
 _MOST_TOPICS: Final = 65_536
 
@@ -43,11 +44,12 @@ def scan_ros1(file: Source, wanted: Wanted, tally: Tally) -> Messages:
     try:
         for header, length in _records(file, tally.file_size):
             is_chunk = _opcode(header) == _CHUNK
-            if length > tally.file_size - file.tell():
+            if length > min(tally.file_size - file.tell(), _LARGEST_RECORD):
                 tally.passed_over("the end is cut off")
-                if not is_chunk or header.get("compression") != b"none":
+                is_plain = is_chunk and header.get("compression") == b"none"
+                if not is_plain or length > _LARGEST_RECORD:
                     return
-            if is_chunk and length <= _LARGEST_RECORD:
+            if is_chunk:
                 yield from _chunk(header, file.read(length), topics, wanted, tally)
             else:
                 yield from _one(header, file, length, topics, wanted, tally)
@@ -66,7 +68,10 @@ def _records(file: Source, end: int) -> Iterator[tuple[Header, int]]:
         If the lengths of a record lead out of the file.
     """
     while (start := file.tell()) < end:
-        file.seek(start + 4 + decoded(read_uint32, file))
+        size = decoded(read_uint32, file)
+        if size > _LARGEST_HEADER:
+            raise DamageError(f"a header of {size} bytes")
+        file.seek(start + 4 + size)
         length = decoded(read_uint32, file)
         data = file.tell()
         file.seek(start)
@@ -106,8 +111,14 @@ def _one(
     number, opcode = header.get("conn", b""), _opcode(header)
     if opcode == _MESSAGE:
         topic, is_wanted = topics.get(number, (None, False))
-        if topic is not None and is_wanted:
-            yield topic, decoded(header.get_time, "time"), file.read(length)
+        if topic is None or not is_wanted:
+            return
+        try:
+            received = decoded(header.get_time, "time")
+        except DamageError as error:
+            tally.passed_over("a message is damaged", error)
+            return
+        yield topic, received, file.read(length)
     elif opcode == _CONNECTION and number not in topics:
         if len(topics) >= _MOST_TOPICS:
             raise LogError(f"more than {_MOST_TOPICS} topics: damaged or no flight log")
@@ -117,6 +128,8 @@ def _one(
             tally.passed_over("the description of a topic is damaged", error)
             return
         topics[number] = (topic, wanted(topic))
+    elif not header:
+        tally.passed_over("a record is damaged")
 
 
 def _topic(header: Header, data: bytes) -> Topic:

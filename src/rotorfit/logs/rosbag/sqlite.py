@@ -1,5 +1,6 @@
 """ROS 2 bags in an SQLite database (.db3), read by rosbags within bounds of time and memory."""
 
+import itertools
 from collections.abc import Generator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -20,8 +21,25 @@ _STEPS_AT_ONCE: Final = 100_000
 _STEPS_PER_BYTE: Final = 20
 """Of SQLite's machine: a sound bag takes less than one."""
 _MOST_TOPICS: Final = 65_536
-_LONGEST_PROFILES: Final = 1 << 18
-"""Letters of all profiles of quality of service, which rosbags reads as YAML: 20 kB a second."""
+_TOPICS: Final = """
+CREATE TEMP VIEW topics AS
+    SELECT id, name, type, serialization_format,
+        '' AS offered_qos_profiles, '' AS type_description_hash
+    FROM main.topics
+"""
+"""In place of the table, without the profiles of quality of service: rosbags reads them as YAML,
+20 kB a second, and a word missing in one is an error."""
+_DEFINITIONS: Final = """
+CREATE TEMP VIEW message_definitions AS
+    SELECT * FROM main.message_definitions WHERE encoding = 'ros2msg'
+"""
+"""In place of the table: other encodings, such as ``unknown`` where the recorder found none,
+are an error of rosbags."""
+_NO_DEFINITIONS: Final = """
+CREATE TEMP TABLE message_definitions (
+    id, topic_type, encoding, encoded_message_definition, type_description_hash
+)
+"""
 
 
 def scan_sqlite(path: Path, wanted: Wanted, tally: Tally) -> Messages:
@@ -56,7 +74,7 @@ def scan_sqlite(path: Path, wanted: Wanted, tally: Tally) -> Messages:
 
 @contextmanager
 def _bounded(file_size: int) -> Generator[None]:
-    """Bound the memory and time of the databases that are opened meanwhile."""
+    """Bound the memory and time of the databases that are opened meanwhile, and what they show."""
     left = 1 + 100 + _STEPS_PER_BYTE * file_size // _STEPS_AT_ONCE
 
     def too_long() -> bool:
@@ -64,10 +82,13 @@ def _bounded(file_size: int) -> Generator[None]:
         left -= 1
         return left < 0
 
-    def bound(database: apsw.Connection) -> None:
+    def bound(database: Any) -> None:  # whose types are half known
         database.limit(apsw.SQLITE_LIMIT_LENGTH, _LARGEST_VALUE)
         database.config(apsw.SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0)
         database.set_progress_handler(too_long, _STEPS_AT_ONCE)
+        database.execute(_TOPICS)
+        tables = "SELECT count(*) FROM main.sqlite_master WHERE name = 'message_definitions'"
+        database.execute(_DEFINITIONS if database.execute(tables).get else _NO_DEFINITIONS)
 
     apsw.connection_hooks.append(bound)
     try:
@@ -77,9 +98,9 @@ def _bounded(file_size: int) -> Generator[None]:
 
 
 def _check(path: Path) -> None:
-    """Raise where the database is no bag, or one that rosbags would take too long to open."""
+    """Raise where the database is no bag."""
     flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
-    opened: Any = apsw.Connection(f"file:{path}?immutable=1", flags=flags)  # types half known
+    opened: Any = apsw.Connection(f"file:{path}?immutable=1", flags=flags)
     with closing(opened) as database:
         # A view or a virtual table may compute for ever.
         tables = database.execute(
@@ -91,18 +112,8 @@ def _check(path: Path) -> None:
                 "an SQLite database without the tables topics and messages: not a ROS 2 bag; give "
                 "the .db3 file that ros2 bag record wrote"
             )
-        count = database.execute("SELECT count(*) FROM topics").get
-        if count > _MOST_TOPICS:
+        if database.execute("SELECT count(*) FROM topics").get > _MOST_TOPICS:
             raise LogError(f"more than {_MOST_TOPICS} topics: damaged or no flight log")
-        columns = [row[1] for row in database.execute("PRAGMA table_info(topics)")]
-        if "offered_qos_profiles" not in columns:
-            return
-        letters = database.execute("SELECT total(length(offered_qos_profiles)) FROM topics").get
-        if letters > _LONGEST_PROFILES:
-            raise LogError(
-                f"its topics have {letters:.0f} letters of profiles of quality of service, "
-                f"expected at most {_LONGEST_PROFILES}: damaged, or record fewer topics"
-            )
 
 
 def _topic(connection: Connection) -> Topic:
@@ -124,7 +135,7 @@ def _messages(
         return
     rows = reader.messages(chosen)
     count = max(sum(one.msgcount for one in chosen), 1)
-    for seen in range(1, count + 1):
+    for seen in itertools.count(1):
         try:
             row = decoded(next, rows, None)
         except DamageError as error:
