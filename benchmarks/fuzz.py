@@ -33,6 +33,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.common import real_data_folder
 from benchmarks.fuzz_forgeries import FORGERIES, TEXT, Forgery
 from benchmarks.fuzz_made import strange
 

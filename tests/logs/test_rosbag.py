@@ -1,6 +1,8 @@
 """ROS bags: written by the library rosbags from a simulated flight, read back; topics, clocks."""
 
 import sqlite3
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -117,22 +119,44 @@ def test_a_bag_compressed_as_a_whole_is_to_be_unpacked(tmp_path):
     assert "looks like a zstd archive" in words and "unpack it first" in words
 
 
-def test_what_compression_needs_is_said(tmp_path, monkeypatch):
-    from rotorfit.logs.rosbag import stream
+def told_by(code, *arguments):
+    """What a new process prints."""
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
-    def missing(name):
-        raise ImportError(name)
 
-    path = tmp_path / "flight.bag"
-    write_messages_ros1(imu(), path, compression="lz4")
-    monkeypatch.setattr(stream, "import_module", missing)
-    stream._imported.cache_clear()
+READ = """
+import sys
+from pathlib import Path
+from rotorfit.errors import LogError
+from rotorfit.logs import read_log
+for name in sys.argv[1:]:
     try:
-        assert error_of(path) == (
-            "reading this compressed recording needs lz4: pip install 'rotorfit[ros]'"
-        )
-    finally:
-        stream._imported.cache_clear()
+        print(sorted(read_log(Path(name)).channels))
+    except LogError as error:
+        print(str(error).removeprefix(f"{name}: "), type(error.__cause__).__name__)
+"""
+
+
+def test_without_rosbags_the_command_to_install_it_is_said(tmp_path, flight):
+    for name, write in WRITERS.items():
+        write(flight, tmp_path / name)
+    without = "import sys; sys.modules['rosbags'] = None\n"
+    told = told_by(without + READ, *(tmp_path / name for name in WRITERS)).splitlines()
+    needed = "reading ROS bags needs rosbags: pip install 'rotorfit[ros]' ModuleNotFoundError"
+    assert told == 3 * [needed]
+
+
+def test_rosbags_is_imported_for_bags_only(tmp_path):
+    path = tmp_path / "flight.csv"
+    path.write_text("time,battery\n0,15\n0.1,15\n0.2,14\n")
+    code = READ + "print([name for name in sys.modules if name.startswith('rosbags')])"
+    assert told_by(code, path) == "['battery']\n[]\n"
+    for arguments in (["-c", "import rotorfit"], ["-m", "rotorfit", "--help"]):
+        command = [sys.executable, "-X", "importtime", *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert " rotorfit\n" in done.stderr
+        assert "rosbags" not in done.stderr
 
 
 def test_a_bag_in_several_files_is_one_log(tmp_path):
@@ -220,6 +244,23 @@ def test_messages_of_px4_are_turned_to_flu(tmp_path, defined):
         np.testing.assert_allclose(log.channels[name].time, 0.01 * np.arange(40), atol=1e-6)
     assert "a clock that began elsewhere" in " ".join(log.notes)
     assert log.warnings == ()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE message_definitions SET encoding = 'unknown', encoded_message_definition = ''",
+        f"UPDATE topics SET offered_qos_profiles = '{'[' * 300_000}'",
+        "UPDATE topics SET offered_qos_profiles = '- history: 3'",
+        "DROP TABLE schema",
+    ],
+)
+def test_what_rosbags_fails_on_in_a_database_is_not_needed(tmp_path, change):
+    write_messages_ros2(imu(), tmp_path / "bag")
+    with sqlite3.connect(tmp_path / "bag" / "bag.db3") as database:
+        database.execute(change)
+    gyro = read_log(tmp_path / "bag").channels["gyro"]
+    np.testing.assert_array_equal(gyro.values[:, 0], 0.1 * np.arange(COUNT))
 
 
 def test_messages_of_mavros(tmp_path):

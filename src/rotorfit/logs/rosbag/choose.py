@@ -11,8 +11,8 @@ from rotorfit.errors import LogError
 from rotorfit.flight.log import Channel
 from rotorfit.logs.axes import Axes, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.rosbag.clocks import Timing
-from rotorfit.logs.rosbag.decode import Recorded
 from rotorfit.logs.rosbag.messages import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
+from rotorfit.logs.rosbag.stream import Recorded
 
 _RPM: Final = 2.0 * np.pi / 60.0
 _PULSE: Final = (1000.0, 2000.0)

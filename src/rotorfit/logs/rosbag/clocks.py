@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.logs.rosbag.decode import Recorded
+from rotorfit.logs.rosbag.stream import Recorded
 
 _SAME_CLOCK: Final = 1.0
 """Median delay up to which stamps count as the recorder's own clock [s]."""

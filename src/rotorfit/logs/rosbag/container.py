@@ -1,20 +1,20 @@
-"""Which files a ROS recording consists of, and how each is read."""
+"""What tells a ROS recording, and which files it consists of; without rosbags."""
 
 from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
-from rotorfit.logs.files import read_head
-from rotorfit.logs.rosbag import mcap, ros1, sqlite
-from rotorfit.logs.rosbag.stream import ZSTD_MAGIC, Messages, Tally, Wanted
 
+ROS1_BEGINS: Final = b"#ROSBAG V"
+MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
+SQLITE_MAGIC: Final = b"SQLite format 3\x00"
 _ENDINGS: Final = (".db3", ".mcap", ".bag")
 _PACKED: Final = tuple(f"{ending}.zstd" for ending in _ENDINGS)
 
 
 def is_rosbag(head: bytes) -> bool:
     """Return whether bytes from the beginning of a file are a ROS recording, perhaps one."""
-    return head.startswith((ros1.BEGINS, mcap.MAGIC, sqlite.MAGIC))
+    return head.startswith((ROS1_BEGINS, MCAP_MAGIC, SQLITE_MAGIC))
 
 
 def is_rosbag_folder(path: Path) -> bool:
@@ -38,30 +38,6 @@ def files_of(path: Path) -> tuple[Path, ...]:
             f"{packed[0].name} is compressed as a whole: unpack it with  unzstd {packed[0].name}"
         )
     return files
-
-
-def scan(path: Path, wanted: Wanted, tally: Tally) -> Messages:
-    """Yield the messages of one file of a recording.
-
-    Raises
-    ------
-    LogError
-        If it is none, or cannot be read.
-    """
-    head = read_head(path, 16)
-    if head.startswith(sqlite.MAGIC):
-        yield from sqlite.scan_sqlite(path, wanted, tally)
-        return
-    readers = {ros1.BEGINS: ros1.scan_ros1, mcap.MAGIC: mcap.scan_mcap}
-    for begin, reader in readers.items():
-        if head.startswith(begin):
-            with path.open("rb") as file:
-                for message in reader(file, wanted, tally):
-                    yield message
-                    tally.reached(file.tell())
-            return
-    packed = ", compressed as a whole: unpack it with unzstd" if head[:4] == ZSTD_MAGIC else ""
-    raise LogError(f"{path.name} is no ROS bag (begins with {head[:8].hex(' ')}){packed}")
 
 
 def _in_folder(path: Path, endings: tuple[str, ...]) -> tuple[Path, ...]:

@@ -1,48 +1,78 @@
-"""The numbers of one topic, taken from its messages some thousand at a time."""
+"""The numbers of one topic, taken from its messages as rosbags decodes them."""
 
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int
 
-from rotorfit.errors import LogError
-from rotorfit.logs.rosbag.definitions import KNOWN, Types, types_of
-from rotorfit.logs.rosbag.layout import Layout, columns_of, layout_of
-from rotorfit.logs.rosbag.stream import Encoding, Topic
+from rotorfit.logs.rosbag.definitions import Definition, Definitions
+from rotorfit.logs.rosbag.edge import DamageError, decoded
+from rotorfit.logs.rosbag.paths import Numbers, Taken, are_numbers, taken_by
+from rotorfit.logs.rosbag.stream import Encoding, Recorded, Topic
 
-_AT_ONCE: Final = 4096
-_BYTES_AT_ONCE: Final = 1 << 24
 _LARGEST_TIME: Final = 2**63 - 1
-_MOST_LAYOUTS: Final = 1000
-_MOST_UNREADABLE: Final = 10
-"""Of messages that are tried one by one, before those of their size are given up together."""
+_LARGEST_MESSAGE: Final = 1 << 18
+_MOST_COLUMNS: Final = 64
+"""Numbers of one quantity in a message: one long message would widen the rows of all."""
+_LATEST: Final = (9e9, 9e15)
+"""Seconds, and micro- or nanoseconds, that still count nanoseconds in 64 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recorded:
-    """What one topic recorded.
+class _Form:
+    """What is taken from messages of one definition: the stamp, then the quantities."""
 
-    Attributes
-    ----------
-    topic
-        Its name and type.
-    received
-        When each message was received [ns].
-    stamps
-        When its data were taken, by the message itself [ns]; empty where it does not say.
-    values
-        Numbers by quantity, one row a message; NaN for elements that a message does not have.
-    unreadable
-        How many messages did not fit their definition, and why the first did not.
-    """
+    definition: Definition
+    taken: tuple[Taken, ...]
 
-    topic: Topic
-    received: Int[np.ndarray, " n"]
-    stamps: Int[np.ndarray, " m"]
-    values: Mapping[str, Float[np.ndarray, "n k"]]
-    unreadable: tuple[int, str]
+    def numbers(self, data: bytes, encoding: Encoding) -> tuple[list[Numbers], int]:
+        """Return what is taken from a message, and the place where the message ends."""
+        if len(data) > _LARGEST_MESSAGE:
+            raise DamageError(f"a message has {len(data)} bytes: no sensor's")
+        message, end = decoded(self._message, data, encoding)
+        numbers = [taken(message) for taken in self.taken]
+        if max(map(len, numbers)) > _MOST_COLUMNS:
+            raise DamageError(f"a message has more than {_MOST_COLUMNS} numbers of one kind")
+        return numbers, end
+
+    def _message(self, data: bytes, encoding: Encoding) -> tuple[object, int]:
+        """Return a message; `Typestore.deserialize_cdr` would refuse a longer one."""
+        made, store = self.definition.made, self.definition.store
+        if encoding == "ros1":
+            return made.deserialize_ros1(data, 0, made.cls, store)
+        if data[:2] not in (b"\x00\x00", b"\x00\x01"):
+            raise DamageError("a message is not plain CDR")
+        call = made.deserialize_cdr_le if data[1] else made.deserialize_cdr_be
+        message, end = call(data[4:], 0, made.cls, store)
+        return message, 4 + end
+
+
+class _Rows:
+    """Rows of numbers, some perhaps shorter than others; has a state, which is the rows."""
+
+    __slots__ = ("_lengths", "_numbers")
+
+    def __init__(self) -> None:
+        self._lengths = array("B")
+        self._numbers = array("d")
+
+    def add(self, row: Numbers) -> None:
+        self._lengths.append(len(row))
+        self._numbers.extend(row)
+
+    def table(self) -> Float[np.ndarray, "n k"]:
+        """Return all rows, with NaN where one is shorter."""
+        lengths = np.asarray(self._lengths)
+        numbers = np.asarray(self._numbers)
+        width = int(lengths.max(initial=0))
+        if (lengths == width).all():
+            return numbers.reshape(len(lengths), width)
+        table = np.full((len(lengths), width), np.nan)
+        table[np.arange(width) < lengths[:, None]] = numbers
+        return table
 
 
 class Decoder:
@@ -54,162 +84,105 @@ class Decoder:
         Whose messages come.
     quantities
         Paths of numbers by quantity.
-    stamp
+    stamps
         Paths of the stamp: seconds and nanoseconds, or microseconds; the first that is there.
+    definitions
+        Of the recording.
+
+    Attributes
+    ----------
+    topic
+        As given.
+    cause
+        What was raised for the first message that did not fit its definition.
     """
 
     def __init__(
         self,
         topic: Topic,
         quantities: Mapping[str, Sequence[str]],
-        stamp: Sequence[Sequence[str]],
+        stamps: Sequence[Sequence[str]],
+        definitions: Definitions,
     ) -> None:
         self.topic = topic
-        self._quantities = quantities
-        self._stamp = stamp
+        self.cause: BaseException | None = None
         self._encoding: Encoding = topic.encoding or "cdr"
-        self._types = _variants(topic, self._encoding)
-        self._waiting: list[tuple[int, bytes]] = []
-        self._bytes = 0
-        self._received: list[Int[np.ndarray, " n"]] = []
-        self._stamps: list[Int[np.ndarray, " n"]] = []
-        self._values: dict[str, list[Float[np.ndarray, "n k"]]] = {name: [] for name in quantities}
-        self._layouts = 0
+        self._received = array("q")
+        self._stamps = _Rows()
+        self._values = {name: _Rows() for name in quantities}
+        self._rows = (self._stamps, *self._values.values())
+        self._forms: tuple[_Form, ...] = ()
         self._unreadable = 0
         self._why = ""
+        try:
+            self._forms = tuple(_form(one, quantities, stamps) for one in definitions.of(topic))
+        except DamageError as error:
+            self._note(error, str(error))
 
     def add(self, received: int, data: bytes) -> None:
         """Take in a message."""
-        self._waiting.append((min(received, _LARGEST_TIME), data))
-        self._bytes += len(data)
-        if len(self._waiting) >= _AT_ONCE or self._bytes > _BYTES_AT_ONCE:
-            self._decode()
+        numbers = self._numbers(data)
+        if numbers is None:
+            self._unreadable += 1
+            return
+        self._received.append(min(received, _LARGEST_TIME))
+        for rows, row in zip(self._rows, numbers, strict=True):
+            rows.add(row)
 
     def finish(self) -> Recorded:
         """Return everything, in the order in which it came."""
-        self._decode()
-        received = _joined(self._received)
         return Recorded(
             topic=self.topic,
-            received=received,
-            stamps=_joined(self._stamps),
-            values={name: _padded(parts) for name, parts in self._values.items()},
+            received=np.asarray(self._received).view(np.int64),
+            stamps=_nanoseconds(self._stamps.table()),
+            values={name: rows.table() for name, rows in self._values.items()},
             unreadable=(self._unreadable, self._why),
         )
 
-    def _decode(self) -> None:
-        waiting, self._waiting, self._bytes = self._waiting, [], 0
-        sizes = np.array([len(data) for _, data in waiting], dtype=np.int64)
-        done: list[tuple[Int[np.ndarray, " r"], dict[str, Float[np.ndarray, "r k"]]]] = []
-        stamps = np.full(len(waiting), -1, dtype=np.int64)
-        for size in np.unique(sizes).tolist():
-            rows = np.flatnonzero(sizes == size)
-            block = np.frombuffer(b"".join(waiting[i][1] for i in rows), np.uint8)
-            block = block.reshape(len(rows), size)
-            while len(rows):
-                layout = self._layout(block[0].tobytes())
-                if layout is None:
-                    lost = len(rows) if self._unreadable > _MOST_UNREADABLE else 1
-                    self._unreadable += lost
-                    rows, block = rows[lost:], block[lost:]
-                    continue
-                alike = _alike(block, layout, self._encoding)
-                done.append((rows[alike], self._columns(layout, block[alike])))
-                stamps[rows[alike]] = self._stamped(layout, block[alike])
-                rows, block = rows[~alike], block[~alike]
-        self._keep([received for received, _ in waiting], done, stamps)
-
-    def _keep(
-        self,
-        received: list[int],
-        done: list[tuple[Int[np.ndarray, " _"], dict[str, Float[np.ndarray, "_ _"]]]],
-        stamps: Int[np.ndarray, " n"],
-    ) -> None:
-        """Put what was decoded back into the order in which it came."""
-        if not done:
-            return
-        rows = np.concatenate([rows for rows, _ in done])
-        order = np.argsort(rows, kind="stable")
-        self._received.append(np.array(received, dtype=np.int64)[rows[order]])
-        self._stamps.append(stamps[rows[order]])
-        for name, parts in self._values.items():
-            parts.append(_padded([columns[name] for _, columns in done])[order])
-
-    def _layout(self, data: bytes) -> Layout | None:
-        """Return the layout of a message by the first definition that it fits."""
-        self._layouts += 1
-        if self._layouts > _MOST_LAYOUTS:
-            raise LogError(
-                f"the messages of {self.topic.name} differ in shape more than {_MOST_LAYOUTS} "
-                "times: damaged or no flight log"
-            )
-        best: Layout | None = None
-        for types in self._types:
+    def _numbers(self, data: bytes) -> list[Numbers] | None:
+        """Return what is taken from a message by the first definition that it fits."""
+        best: list[Numbers] | None = None
+        for form in self._forms:
             try:
-                layout = layout_of(data, self.topic.kind, types, self._encoding)
-            except LogError as error:
-                self._why = self._why or str(error)
+                numbers, end = form.numbers(data, self._encoding)
+            except DamageError as error:
+                self._note(error, _misfit(error))
                 continue
             # CDR may be followed by three bytes that fill a word.
-            if layout.end <= len(data) <= layout.end + 3:
-                return layout
-            best = best or layout
+            if len(data) <= end + 3:
+                return numbers
+            best = best or numbers
         return best
 
-    def _columns(
-        self, layout: Layout, block: UInt8[np.ndarray, "n size"]
-    ) -> dict[str, Float[np.ndarray, "n k"]]:
-        return {
-            name: columns_of(layout, block, patterns) for name, patterns in self._quantities.items()
-        }
-
-    def _stamped(self, layout: Layout, block: UInt8[np.ndarray, "n size"]) -> Int[np.ndarray, " n"]:
-        """Return the stamps [ns]; -1 where a message has none."""
-        for paths in self._stamp:
-            parts = [columns_of(layout, block, [path]) for path in paths]
-            if not all(part.shape[1] == 1 for part in parts):
-                continue
-            # Below 2^53 the numbers are exact; nanoseconds are put together as integers.
-            scales = (1_000_000_000, 1) if len(paths) == 2 else (1_000,)
-            whole = [
-                np.clip(np.nan_to_num(part[:, 0]), -1, 9e9 if scale > 1000 else 9e15).astype(
-                    np.int64
-                )
-                * scale
-                for part, scale in zip(parts, scales, strict=True)
-            ]
-            return np.sum(whole, axis=0)
-        return np.full(len(block), -1, dtype=np.int64)
+    def _note(self, error: DamageError, why: str) -> None:
+        """Keep the first reason why messages cannot be read, without the trace that holds them."""
+        if not self._why:
+            self._why = why
+            self.cause = (error.__cause__ or error).with_traceback(None)
 
 
-def _variants(topic: Topic, encoding: Encoding) -> tuple[Types, ...]:
-    """Return the definitions of a topic's messages: the file's, else those that are known."""
-    if topic.definition:
-        return (types_of(topic.kind, topic.definition, encoding),)
-    return tuple(types_of(topic.kind, text, encoding) for text in KNOWN.get(topic.kind, ()))
+def _form(
+    definition: Definition, quantities: Mapping[str, Sequence[str]], stamps: Sequence[Sequence[str]]
+) -> _Form:
+    types, kind = definition.store.fielddefs, definition.kind
+    stamp = next((paths for paths in stamps if are_numbers(types, kind, paths)), ())
+    taken = [taken_by(types, kind, paths) for paths in (stamp, *quantities.values())]
+    return _Form(definition=definition, taken=tuple(taken))
 
 
-def _alike(
-    block: UInt8[np.ndarray, "n size"], layout: Layout, encoding: Encoding
-) -> Bool[np.ndarray, " n"]:
-    """Return which messages have the lengths of the first, and so its layout."""
-    places = [place + byte for place in layout.lengths for byte in range(4)]
-    if encoding == "cdr":
-        places += [0, 1]  # the byte order
-    return (block[:, places] == block[0, places]).all(axis=1)
+def _misfit(error: DamageError) -> str:
+    """Return why a message could not be decoded; what rosbags says of it is in its own terms."""
+    if error.__cause__ is None:
+        return str(error)
+    return f"a message does not fit its definition ({error})"
 
 
-def _joined(parts: list[Int[np.ndarray, " _"]]) -> Int[np.ndarray, " n"]:
-    return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
-
-
-def _padded(parts: list[Float[np.ndarray, "_ _"]]) -> Float[np.ndarray, "n k"]:
-    """Return blocks below each other, with NaN where one has fewer columns."""
-    width = max((part.shape[1] for part in parts), default=0)
-    return np.concatenate(
-        [
-            np.pad(part, ((0, 0), (0, width - part.shape[1])), constant_values=np.nan)
-            for part in parts
-        ]
-        or [np.zeros((0, width))]
-    )
+def _nanoseconds(stamps: Float[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
+    """Return stamps, of seconds and nanoseconds or of microseconds [ns]; -1 where there is none."""
+    if stamps.shape[1] == 0:
+        return np.full(len(stamps), -1, dtype=np.int64)
+    # Below 2^53 the numbers are exact; they are put together as integers.
+    scales = (1_000_000_000, 1) if stamps.shape[1] == 2 else (1_000,)
+    latest = _LATEST if stamps.shape[1] == 2 else _LATEST[1:]
+    limited = np.clip(np.nan_to_num(stamps), -1, latest).astype(np.int64)
+    return (limited * np.array(scales)).sum(axis=1)

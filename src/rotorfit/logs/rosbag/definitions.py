@@ -1,153 +1,204 @@
-"""Message definitions: fields in their order, from the text that a recording holds.
+"""Definitions of messages: those of the file or those that are known, checked, made to stores.
 
-The text is that of .msg files (wiki.ros.org/msg), those of the messages inside below it, after a
-line of equals signs and ``MSG: package/Name``.
+rosbags parses them and makes code of them. It sets no bounds: an array of a milliard of messages
+becomes as many lines of code. So what is damaged or made to hurt is kept from it here.
 """
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Final
 
-from rotorfit.errors import LogError
-from rotorfit.logs.rosbag.stream import Encoding, kind_of
+from rosbags.interfaces import Msgdef, Nodetype
+from rosbags.interfaces.typing import FieldDesc, Typesdict
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.msg import normalize_msgtype
+from rosbags.typesys.store import Typestore
 
-PRIMITIVES: Final[Mapping[str, str]] = {
-    "bool": "u1",
-    "byte": "i1",
-    "char": "u1",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "int64": "i8",
-    "uint64": "u8",
-    "float32": "f4",
-    "float64": "f8",
-}
-"""Kind and size of each number, as in NumPy."""
-STRING: Final = "string"
-SEQUENCE: Final = -1
+from rotorfit.logs.rosbag.edge import DamageError, decoded
+from rotorfit.logs.rosbag.stream import Encoding, Topic, kind_of
 
 _LARGEST_TEXT: Final = 1 << 20
+_LONGEST_LINES: Final = 1 << 16
+_MOST_LINES: Final = 2048
+_DEEPEST: Final = 12
+_MOST_FIELDS: Final = 1024
+"""Fields, or elements of arrays that are no numbers, in one message that is read."""
+_MOST_FIELDS_OF_ALL: Final = 4096
 _LARGEST_ARRAY: Final = 1 << 16
 _SEPARATOR: Final = re.compile(r"^={10,}$")
-_FIELD: Final = re.compile(
-    r"^(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<array>\[(?:<=\d+|\d*)\])?\s+(?P<name>[A-Za-z]\w*)\s*(?P<constant>=)?"
-)
-_TIMES: Final = ("time", "duration")
+_CONSTANT: Final = re.compile(r"^\S+\s+\w+\s*=")
+_SEPARATING: Final = "=" * 80 + "\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Field:
-    """One field of a message.
+class Definition:
+    """The messages of a type, ready to be decoded.
 
     Attributes
     ----------
-    name
-        Of the field.
     kind
-        A primitive, ``string``, or a message as ``package/Name``.
-    count
-        None: one; `SEQUENCE`: as many as the message says; else so many.
+        The type, as ``package/msg/Name``.
+    store
+        Of rosbags, with this type and those inside it.
+    made
+        The functions that rosbags made of the type.
     """
 
-    name: str
     kind: str
-    count: int | None
+    store: Typestore
+    made: Msgdef[object]
 
 
-Types = Mapping[str, tuple[Field, ...]]
+@dataclass(slots=True)
+class Definitions:
+    """Those of one recording, each made once or refused once; has a state, which is these."""
+
+    made: dict[tuple[str, str, Encoding], Definition | DamageError] = field(
+        default_factory=dict[tuple[str, str, Encoding], Definition | DamageError]
+    )
+    fields: int = 0
+
+    def of(self, topic: Topic) -> tuple[Definition, ...]:
+        """Return the definition of a topic's messages, or several that may be it.
+
+        Raises
+        ------
+        DamageError
+            If it cannot be read or is too large to be meant.
+        """
+        encoding: Encoding = topic.encoding or "cdr"
+        texts = (topic.definition,) if topic.definition else KNOWN.get(topic.kind, ("",))
+        return tuple(self._made(topic.kind, text, encoding) for text in texts)
+
+    def _made(self, kind: str, text: str, encoding: Encoding) -> Definition:
+        key = (kind, text, encoding)
+        if key not in self.made:
+            try:
+                self.made[key] = self._make(normalize_msgtype(kind), text, encoding)
+            except DamageError as error:
+                self.made[key] = error
+        made = self.made[key]
+        if isinstance(made, DamageError):
+            raise made
+        return made
+
+    def _make(self, kind: str, text: str, encoding: Encoding) -> Definition:
+        if text:
+            types = {**_built_in(encoding), **parsed(kind, text)}
+        else:
+            standard = Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST
+            types = get_typestore(standard).fielddefs
+        inside, count = needed(types, kind)
+        self.fields += count
+        if self.fields > _MOST_FIELDS_OF_ALL:
+            raise DamageError(f"the topics have more than {_MOST_FIELDS_OF_ALL} fields together")
+        store = Typestore(max_sequence_length=_LARGEST_ARRAY)
+        decoded(store.register, inside)
+        made = decoded(store.get_msgdef, kind)
+        return Definition(kind=kind, store=store, made=made)
 
 
-def types_of(kind: str, text: str, encoding: Encoding) -> dict[str, tuple[Field, ...]]:
-    """Return the messages that a definition describes, by name.
+def parsed(kind: str, text: str) -> Typesdict:
+    """Return the types that a definition describes, by name.
 
     Parameters
     ----------
     kind
         Name of the first one.
     text
-        The definition.
-    encoding
-        ROS 1 and ROS 2 differ in the header.
+        That of its .msg file, those of the messages inside below it, after a line of equals signs
+        and ``MSG: package/Name``.
 
     Raises
     ------
-    LogError
+    DamageError
         If a line is no field, or the text is far longer than a definition is.
     """
     if len(text) > _LARGEST_TEXT:
-        raise LogError(f"the definition of {kind} has {len(text)} characters: damaged")
-    types = dict(_BUILT_IN[encoding])
-    name, fields = kind, list[Field]()
-    for line in text.splitlines():
-        bare = line.partition("#")[0].strip()
-        if not bare or _SEPARATOR.match(bare) or bare.startswith("@"):
-            continue
-        if bare.startswith("MSG:"):
-            types[name] = tuple(fields)
-            name, fields = kind_of(bare.removeprefix("MSG:").strip()), []
-        elif (field := _field(bare, name)) is not None:
-            fields.append(field)
-    types[name] = tuple(fields)
-    return types
+        raise DamageError(
+            f"the definition of {kind_of(kind)[:80]} has {len(text)} characters: damaged"
+        )
+    lines = [line for raw in text.splitlines() if (line := _plain(raw))]
+    plain = "".join(f"{line}\n" for line in lines)
+    if len(lines) > _MOST_LINES or len(plain) > _LONGEST_LINES:
+        raise DamageError(f"the definition of {kind_of(kind)[:80]} has {len(lines)} lines: damaged")
+    try:
+        return decoded(get_types_from_msg, plain, kind)
+    except DamageError as error:  # which quotes all of the text
+        raise DamageError(
+            f"the definition of {kind_of(kind)[:80]} is no definition of a message: damaged"
+        ) from error.__cause__
 
 
-def _field(line: str, owner: str) -> Field | None:
-    """Return the field of a line; None for a constant."""
-    found = _FIELD.match(line)
-    if found is None:
-        raise LogError(f"the definition of {owner[:80]} has the line {line[:80]!r}, no field")
-    if found["constant"]:
-        return None
-    array = found["array"]
-    count = None
-    if array is not None:
-        size = array[1:-1]
-        count = int(size) if size.isdigit() else SEQUENCE
-        if count > _LARGEST_ARRAY:
-            raise LogError(f"the definition of {owner[:80]} has an array of {count}: damaged")
-    return Field(name=found["name"], kind=_full_kind(found["type"], owner), count=count)
+def _plain(line: str) -> str:
+    """Return a line with what tells of fields; rosbags is strict about the rest."""
+    bare = line.partition("#")[0].strip()
+    if bare.startswith("@") or _SEPARATOR.match(bare) or _CONSTANT.match(bare):
+        return ""
+    return f"{_SEPARATING}{bare}" if bare.startswith("MSG:") else bare
 
 
-def _full_kind(kind: str, owner: str) -> str:
-    if kind in PRIMITIVES or kind == STRING:
-        return kind
-    if kind in _TIMES:
-        return "builtin_interfaces/Time"
-    if kind == "Header":
-        return "std_msgs/Header"
-    return kind_of(kind) if "/" in kind else f"{owner.partition('/')[0]}/{kind}"
+def needed(types: Typesdict, kind: str) -> tuple[Typesdict, int]:
+    """Return a type with those inside it, and how many fields all of it has.
+
+    Raises
+    ------
+    DamageError
+        If a type is not defined, or it is deeper or larger than can be meant.
+    """
+    found: Typesdict = {}
+
+    def walk(name: str, depth: int) -> tuple[int, bool]:
+        """Return the fields of a type, and whether a message of it takes any room."""
+        if name not in types or depth > _DEEPEST:
+            why = "is not defined in the file" if name not in types else "goes too deep"
+            raise DamageError(f"the message {kind_of(name)[:80]} {why}")
+        found[name] = ([], types[name][1])
+        count, takes_room = 0, False
+        for _, desc in types[name][1]:
+            fields, fills = one(desc, name, depth)
+            count, takes_room = count + fields, takes_room or fills
+            if count > _MOST_FIELDS:
+                raise DamageError(f"a message has more than {_MOST_FIELDS} fields")
+        return count, takes_room
+
+    def one(desc: FieldDesc, owner: str, depth: int) -> tuple[int, bool]:
+        """Return the same of a field."""
+        if desc[0] == Nodetype.BASE:
+            return 1, True
+        if desc[0] == Nodetype.NAME:
+            fields, fills = walk(desc[1], depth + 1)
+            return 1 + fields, fills
+        item, size = desc[1]
+        if not 0 <= size <= _LARGEST_ARRAY:
+            raise DamageError(
+                f"the definition of {kind_of(owner)[:80]} has an array of {size}: damaged"
+            )
+        fields, fills = one(item, owner, depth)
+        if desc[0] == Nodetype.ARRAY:
+            is_numbers = item[0] == Nodetype.BASE and item[1][0] != "string"
+            return 1 if is_numbers else 1 + size * fields, fills and size > 0
+        if not fills:  # any number of them would fit into any message
+            raise DamageError(
+                f"the definition of {kind_of(owner)[:80]} has an array of nothing: damaged"
+            )
+        return 1 + fields, True
+
+    count, _ = walk(kind, 0)
+    return found, count
 
 
-def _fields(text: str) -> tuple[Field, ...]:
-    """Return fields written as ``type name, type name``."""
-    found = (_field(line.strip(), "std_msgs/Header") for line in text.split(","))
-    return tuple(field for field in found if field is not None)
+@cache
+def _built_in(encoding: Encoding) -> Typesdict:
+    """Return the types that a file may leave out."""
+    header = "time stamp\nstring frame_id\n"
+    text = f"uint32 seq\n{header}" if encoding == "ros1" else header
+    times = get_typestore(Stores.EMPTY).fielddefs
+    return {**times, **get_types_from_msg(text, "std_msgs/msg/Header")}
 
 
-_TIME: Final = _fields("int32 sec, uint32 nanosec")
-_BUILT_IN: Final[Mapping[Encoding, Types]] = {
-    "ros1": {
-        "builtin_interfaces/Time": _TIME,
-        "std_msgs/Header": _fields("uint32 seq, time stamp, string frame_id"),
-    },
-    "cdr": {
-        "builtin_interfaces/Time": _TIME,
-        "builtin_interfaces/Duration": _TIME,
-        "std_msgs/Header": _fields("builtin_interfaces/Time stamp, string frame_id"),
-    },
-}
-
-_POSE: Final = (
-    "\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n"
-    "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n"
-    "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
-    "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
-)
 _ESC_REPORT: Final = (
     "uint64 timestamp\nuint32 esc_errorcount\nint32 esc_rpm\nfloat32 esc_voltage\n"
     "float32 esc_current\n"
@@ -164,30 +215,6 @@ _SENSORS: Final = (
 )
 
 KNOWN: Final[Mapping[str, tuple[str, ...]]] = {
-    "sensor_msgs/Imu": (
-        "Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
-        "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
-        "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance"
-        + _POSE,
-    ),
-    "geometry_msgs/PoseStamped": ("Header header\nPose pose" + _POSE,),
-    "geometry_msgs/PoseWithCovarianceStamped": (
-        "Header header\nPoseWithCovariance pose\n"
-        "MSG: geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance" + _POSE,
-    ),
-    "geometry_msgs/TransformStamped": (
-        "Header header\nstring child_frame_id\nTransform transform\n"
-        "MSG: geometry_msgs/Transform\nVector3 translation\nQuaternion rotation" + _POSE,
-    ),
-    "nav_msgs/Odometry": (
-        "Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
-        "geometry_msgs/TwistWithCovariance twist\n"
-        "MSG: geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance\n"
-        "MSG: geometry_msgs/TwistWithCovariance\nTwist twist\nfloat64[36] covariance\n"
-        "MSG: geometry_msgs/Twist\nVector3 linear\nVector3 angular" + _POSE,
-    ),
-    # What follows the voltage differs between distributions and is not needed.
-    "sensor_msgs/BatteryState": ("Header header\nfloat32 voltage",),
     "mavros_msgs/RCOut": ("Header header\nuint16[] channels",),
     "mavros_msgs/ESCStatus": (
         "Header header\nESCStatusItem[] esc_status\n"
@@ -225,7 +252,8 @@ KNOWN: Final[Mapping[str, tuple[str, ...]]] = {
         "float32[3] velocity_variance\nuint8 reset_counter\nint8 quality",
     ),
 }
-"""Messages that are read without a definition in the file, as in most ROS 2 bags before Jazzy.
+"""Messages that are read without a definition in the file, as in most ROS 2 bags before Iron, and
+are no standard ones, which rosbags knows.
 
 Where a message changed, the variants; the one whose size is that of the messages is taken.
 """

@@ -25,7 +25,7 @@ class Quantity:
     Attributes
     ----------
     paths
-        As of `Layout.find`.
+        As of `paths.taken_by`.
     form
         What they are.
     """

@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -13,23 +12,13 @@ from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim
 from rotorfit.logs.rosbag.clocks import Timing, timings
-from rotorfit.logs.rosbag.container import files_of, scan
-from rotorfit.logs.rosbag.decode import Decoder, Recorded
-from rotorfit.logs.rosbag.mapped import mapped_channels, mapped_paths
-from rotorfit.logs.rosbag.messages import MESSAGES, NOT_MOTORS, STAMPS
-from rotorfit.logs.rosbag.stream import Tally, Topic
+from rotorfit.logs.rosbag.container import files_of
+from rotorfit.logs.rosbag.edge import require_rosbags
+from rotorfit.logs.rosbag.mapped import mapped_channels
+from rotorfit.logs.rosbag.messages import NOT_MOTORS
+from rotorfit.logs.rosbag.stream import Contents, Recorded
 
 _SHOWN: Final = 20
-_MOST_TOPICS_READ: Final = 256
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Contents:
-    """What the files of a recording hold."""
-
-    topics: list[Recorded]
-    others: list[Topic]
-    damage: dict[str, int] = field(default_factory=dict[str, int])
 
 
 def read_rosbag(
@@ -57,7 +46,8 @@ def read_rosbag(
     Raises
     ------
     LogError
-        If it cannot be read, has no message that is known, or lacks what the map names.
+        If it cannot be read, has no message that is known, or lacks what the map names; or if
+        rosbags is not installed.
     """
     specs = dict(columns or {})
     # The battery is a channel and a column of that name: a path to a number has a dot.
@@ -65,7 +55,10 @@ def read_rosbag(
     asked = {name: spec.name for name, spec in specs.items() if name not in mapped}
     try:
         files = files_of(path)
-        contents = _contents(files, mapped)
+        require_rosbags()
+        from rotorfit.logs.rosbag.contents import contents_of
+
+        contents = contents_of(files, mapped)
         log = _log(path, files, contents, asked, mapped, axes, motor_poles)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
@@ -79,45 +72,10 @@ def read_rosbag(
     return log
 
 
-def _contents(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> _Contents:
-    """Return the numbers of the topics that are known or named, one pass through every file."""
-    decoders: dict[tuple[str, str], Decoder] = {}
-    others: dict[tuple[str, str], Topic] = {}
-    damage: dict[str, int] = {}
-
-    def wanted(topic: Topic) -> bool:
-        key = (topic.name, topic.kind)
-        if key in decoders:
-            return True
-        quantities = _quantities(topic, mapped)
-        if not quantities or topic.encoding is None or len(decoders) >= _MOST_TOPICS_READ:
-            others[key] = topic
-            return False
-        decoders[key] = Decoder(topic, quantities, STAMPS)
-        return True
-
-    sizes = [file.stat().st_size for file in files]
-    for k, file in enumerate(files):
-        tally = Tally(file_size=sizes[k], before=sum(sizes[:k]), recording_size=sum(sizes))
-        for topic, received, data in scan(file, wanted, tally):
-            decoders[(topic.name, topic.kind)].add(received, data)
-        for what, count in tally.damage.items():
-            damage[what] = damage.get(what, 0) + count
-    recorded = [decoder.finish() for decoder in decoders.values()]
-    return _Contents(topics=recorded, others=list(others.values()), damage=damage)
-
-
-def _quantities(topic: Topic, mapped: Mapping[str, ColumnSpec]) -> dict[str, tuple[str, ...]]:
-    """Return what is wanted of a topic's messages."""
-    kind = MESSAGES.get(topic.kind)
-    known = {} if kind is None else {name: q.paths for name, q in kind.channels.items()}
-    return {**known, **mapped_paths(topic.name, mapped)}
-
-
 def _log(
     path: Path,
     files: Sequence[Path],
-    contents: _Contents,
+    contents: Contents,
     asked: Mapping[str, str],
     mapped: Mapping[str, ColumnSpec],
     axes: Axes,
@@ -131,7 +89,7 @@ def _log(
     channels = {name: one.channel for name, one in taken.items()}
     channels |= mapped_channels(topics, clocks, mapped, axes=axes, motor_poles=motor_poles)
     if not channels:
-        raise LogError(_nothing(contents))
+        raise LogError(_nothing(contents)) from contents.cause
     used = {one.topic for one in taken.values()}
     return FlightLog(
         path=path,
@@ -150,7 +108,7 @@ def _seconds(channels: Iterable[Channel]) -> float:
     return float(max(t[-1] for t in times) - min(t[0] for t in times))
 
 
-def _nothing(contents: _Contents) -> str:
+def _nothing(contents: Contents) -> str:
     """Return the message for a recording without anything that is known."""
     names = [f"{t.name} ({t.kind})" for t in contents.others]
     empty = [f"{r.topic.name} ({_state(r)})" for r in contents.topics]
@@ -170,7 +128,7 @@ def _state(recorded: Recorded) -> str:
     return f"{count} messages unreadable: {why}" if count else f"{len(recorded.received)} messages"
 
 
-def _metadata(contents: _Contents, start: int) -> dict[str, str]:
+def _metadata(contents: Contents, start: int) -> dict[str, str]:
     known = [f"{r.topic.name} ({r.topic.kind}) {len(r.received)}" for r in contents.topics]
     begin = start if start < 2**62 else 0
     return {
@@ -189,7 +147,7 @@ def _clock_notes(topics: Sequence[Recorded], clocks: Sequence[Timing], used: set
     return [f"Time of {', '.join(names)}: {why}." for why, names in words.items()]
 
 
-def _left_out(contents: _Contents) -> list[str]:
+def _left_out(contents: Contents) -> list[str]:
     notes = [
         f"Left out {topic.name} ({topic.kind}): {why}."
         for topic in contents.others
@@ -201,7 +159,7 @@ def _left_out(contents: _Contents) -> list[str]:
     return notes[:_SHOWN]
 
 
-def _damage(contents: _Contents) -> list[str]:
+def _damage(contents: Contents) -> list[str]:
     words = [f"{what} ({count} times)" for what, count in contents.damage.items()]
     for recorded in contents.topics:
         count, why = recorded.unreadable

@@ -1,23 +1,49 @@
-"""ROS 2 bags in an SQLite database (.db3): its tables topics, messages, message_definitions."""
+"""ROS 2 bags in an SQLite database (.db3), read by rosbags within bounds of time and memory."""
 
-import sqlite3
-from contextlib import closing
+import itertools
+from collections.abc import Generator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import quote
+
+import apsw
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rotorfit.errors import LogError
-from rotorfit.logs.rosbag.stream import Messages, Tally, Topic, Wanted, kind_of, unfolded_message
+from rotorfit.logs.rosbag.edge import DamageError, decoded
+from rotorfit.logs.rosbag.stream import Messages, Tally, Topic, Wanted, kind_of
+from rotorfit.logs.rosbag.unfold import unfolded_message
 
-MAGIC: Final = b"SQLite format 3\x00"
 _LARGEST_VALUE: Final = 64 * 2**20
 _STEPS_AT_ONCE: Final = 100_000
 _STEPS_PER_BYTE: Final = 20
 """Of SQLite's machine: a sound bag takes less than one."""
 _MOST_TOPICS: Final = 65_536
+_TOPICS: Final = """
+CREATE TEMP VIEW topics AS
+    SELECT id, name, type, serialization_format,
+        '' AS offered_qos_profiles, '' AS type_description_hash
+    FROM main.topics
+"""
+"""In place of the table, without the profiles of quality of service: rosbags reads them as YAML,
+20 kB a second, and a word missing in one is an error."""
+_DEFINITIONS: Final = """
+CREATE TEMP VIEW message_definitions AS
+    SELECT * FROM main.message_definitions WHERE encoding = 'ros2msg'
+"""
+"""In place of the table: other encodings, such as ``unknown`` where the recorder found none,
+are an error of rosbags."""
+_NO_DEFINITIONS: Final = """
+CREATE TEMP TABLE message_definitions (
+    id, topic_type, encoding, encoded_message_definition, type_description_hash
+)
+"""
 
 
 def scan_sqlite(path: Path, wanted: Wanted, tally: Tally) -> Messages:
-    """Yield the messages of the topics that are wanted, in the order of the database.
+    """Yield the messages of the topics that are wanted, by the time of receipt.
 
     Raises
     ------
@@ -26,92 +52,106 @@ def scan_sqlite(path: Path, wanted: Wanted, tally: Tally) -> Messages:
     """
     if path.with_name(path.name + "-wal").exists():
         tally.passed_over("a write-ahead log beside it was not merged (the recorder crashed)")
+    # rosbags puts the path into a URI as it is.
+    quoted = Path(quote(str(path.absolute())))
+    reader = Sqlite3Reader(quoted)
+    with _bounded(tally.file_size):
+        try:
+            decoded(_check, quoted)
+            decoded(reader.open)
+        except DamageError as error:
+            raise LogError(
+                f"damaged SQLite database ({error}): copy it again, or repair it with "
+                "sqlite3 .recover"
+            ) from error.__cause__
     try:
-        with closing(_opened(path, tally)) as database:
-            topics = _topics(database, tally)
-            chosen = {number: topic for number, topic in topics.items() if wanted(topic)}
-            yield from _messages(database, chosen, tally)
-    # A damaged schema may come to light in an error message that is no text.
-    except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
-        raise LogError(
-            f"damaged SQLite database ({str(error)[:200]}): copy it again, or repair it with "
-            "sqlite3 .recover"
-        ) from error
+        topics = {one.id: tally.declare(_topic(one)) for one in reader.connections}
+        chosen = [one for one in reader.connections if wanted(topics[one.id])]
+        yield from _messages(reader, chosen, topics, tally)
+    finally:
+        reader.close()
 
 
-def _opened(path: Path, tally: Tally) -> sqlite3.Connection:
-    """Return the database, opened for reading only, with bounds on memory and time."""
-    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
-    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_VALUE)
-    database.text_factory = lambda value: value.decode("utf-8", "replace")  # pyright: ignore[reportUnknownMemberType, reportUnknownLambdaType]
-    database.execute("PRAGMA trusted_schema = OFF")
-    database.execute("PRAGMA mmap_size = 0")
-    left = 1 + 100 + _STEPS_PER_BYTE * tally.file_size // _STEPS_AT_ONCE
+@contextmanager
+def _bounded(file_size: int) -> Generator[None]:
+    """Bound the memory and time of the databases that are opened meanwhile, and what they show."""
+    left = 1 + 100 + _STEPS_PER_BYTE * file_size // _STEPS_AT_ONCE
 
     def too_long() -> bool:
         nonlocal left
         left -= 1
         return left < 0
 
-    database.set_progress_handler(too_long, _STEPS_AT_ONCE)
-    return database
+    def bound(database: Any) -> None:  # whose types are half known
+        database.limit(apsw.SQLITE_LIMIT_LENGTH, _LARGEST_VALUE)
+        database.config(apsw.SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0)
+        database.set_progress_handler(too_long, _STEPS_AT_ONCE)
+        database.execute(_TOPICS)
+        tables = "SELECT count(*) FROM main.sqlite_master WHERE name = 'message_definitions'"
+        database.execute(_DEFINITIONS if database.execute(tables).get else _NO_DEFINITIONS)
+
+    apsw.connection_hooks.append(bound)
+    try:
+        yield
+    finally:
+        apsw.connection_hooks.remove(bound)
 
 
-def _topics(database: sqlite3.Connection, tally: Tally) -> dict[int, Topic]:
-    plain = {
-        str(name)
-        for name, sql in database.execute("SELECT name, sql FROM sqlite_master WHERE type='table'")
-        if str(sql).lstrip().upper().startswith("CREATE TABLE")
-    }
-    if not {"topics", "messages"} <= plain:
-        raise LogError(
-            "an SQLite database without the tables topics and messages: not a ROS 2 bag; give the "
-            ".db3 file that ros2 bag record wrote"
-        )
-    definitions: dict[str, str] = {}
-    if "message_definitions" in plain:
-        rows = database.execute(
-            "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-        )
-        definitions = {str(kind): str(text) for kind, code, text in rows if code == "ros2msg"}
-    topics: dict[int, Topic] = {}
-    for number, name, kind, code in database.execute(
-        "SELECT id, name, type, serialization_format FROM topics"
-    ):
-        if len(topics) >= _MOST_TOPICS:
-            raise LogError(f"more than {_MOST_TOPICS} topics: damaged or no flight log")
-        topics[number] = tally.declare(
-            Topic(
-                name=str(name),
-                kind=kind_of(str(kind)),
-                encoding="cdr" if code == "cdr" else None,
-                definition=definitions.get(str(kind), ""),
+def _check(path: Path) -> None:
+    """Raise where the database is no bag."""
+    flags = apsw.SQLITE_OPEN_READONLY | apsw.SQLITE_OPEN_URI
+    opened: Any = apsw.Connection(f"file:{path}?immutable=1", flags=flags)
+    with closing(opened) as database:
+        # A view or a virtual table may compute for ever.
+        tables = database.execute(
+            "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN "
+            "('topics', 'messages') AND ltrim(sql) LIKE 'CREATE TABLE%'"
+        ).get
+        if tables != 2:
+            raise LogError(
+                "an SQLite database without the tables topics and messages: not a ROS 2 bag; give "
+                "the .db3 file that ros2 bag record wrote"
             )
-        )
-    return topics
+        if database.execute("SELECT count(*) FROM topics").get > _MOST_TOPICS:
+            raise LogError(f"more than {_MOST_TOPICS} topics: damaged or no flight log")
 
 
-def _messages(database: sqlite3.Connection, topics: dict[int, Topic], tally: Tally) -> Messages:
-    query = "SELECT topic_id, timestamp, data FROM messages"
-    rows: Any = database.execute(query)
-    seen = 0
-    while True:
+def _topic(connection: Connection) -> Topic:
+    about, definition = connection.ext, connection.msgdef
+    is_cdr = isinstance(about, ConnectionExtRosbag2) and about.serialization_format == "cdr"
+    is_text = definition.format == MessageDefinitionFormat.MSG
+    return Topic(
+        name=str(connection.topic),
+        kind=kind_of(str(connection.msgtype)),
+        encoding="cdr" if is_cdr else None,
+        definition=str(definition.data) if is_text else "",
+    )
+
+
+def _messages(
+    reader: Sqlite3Reader, chosen: list[Connection], topics: dict[int, Topic], tally: Tally
+) -> Messages:
+    if not chosen:
+        return
+    rows = reader.messages(chosen)
+    count = max(sum(one.msgcount for one in chosen), 1)
+    for seen in itertools.count(1):
         try:
-            row = next(rows, None)
-        except (sqlite3.Error, OverflowError, UnicodeDecodeError):
-            tally.passed_over("the database is damaged from some message on")
+            row = decoded(next, rows, None)
+        except DamageError as error:
+            tally.passed_over("the database is damaged from some message on", error)
             return
         if row is None:
             return
-        seen += len(row[2]) if isinstance(row[2], bytes) else 0
-        tally.reached(seen)
-        topic = topics.get(row[0])
-        if topic is None or topic.encoding is None:
-            continue
-        if not isinstance(row[1], int) or not isinstance(row[2], bytes):
+        tally.reached(tally.file_size * seen // count)
+        connection, received, data = row
+        # SQLite keeps what it is given, whatever the type of the column.
+        if type(received) is not int or type(data) is not bytes:
             tally.passed_over("a message is damaged")
             continue
         try:
-            yield topic, row[1], unfolded_message(row[2], tally)
-        except ValueError:
-            tally.passed_over("a message is damaged")
+            message = unfolded_message(data, tally)
+        except DamageError as error:
+            tally.passed_over("a message is damaged", error)
+            continue
+        yield topics[connection.id], received, message
