@@ -22,7 +22,7 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.fit.flights import Flown, flight_bands
 from rotorfit.fit.frequency_bands import EDGES, flown_bands
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.numbers import Numbers
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Rotor, Vehicle
 
@@ -122,12 +122,12 @@ def better_spins(declared: Vehicle, bands: Bands) -> str | None:
 def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None:
     """Return that the propellers turn the other way, where a drag below zero says so."""
     for name in configurations:
-        low, high = _interval(f"kd_over_Izz@{name}", numbers)
+        low, high = numbers.interval(f"kd_over_Izz@{name}")
         if high < 0.0:
             return _reversed_said("kd / Izz", name, low, high)
         if low > 0.0:
             continue
-        low, high = _interval(f"Jr_over_Izz@{name}", numbers)
+        low, high = numbers.interval(f"Jr_over_Izz@{name}")
         if high + 0.5 * (CERTAIN - 1.0) * (high - low) < 0.0:
             return _reversed_said("Jr / Izz", name, low, high)
     return None
@@ -138,15 +138,6 @@ def _reversed_said(name: str, configuration: str, low: float, high: float) -> st
         f"{name} of {configuration} comes out below zero ({low:.3g} to {high:.3g}), which no rotor "
         f"has: the propellers turn the other way than declared: {REVERSED}"
     )
-
-
-def _interval(name: str, numbers: Numbers) -> tuple[float, float]:
-    """Return the interval of a number; without end where there is none."""
-    if name not in numbers.names:
-        return -np.inf, np.inf
-    i = numbers.index(name)
-    value, half = float(numbers.values[i]), float(numbers.half_width[i])
-    return (value - half, value + half) if np.isfinite(half) else (-np.inf, np.inf)
 
 
 def _other_spins(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:

@@ -20,7 +20,7 @@ from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.excitation import SCALED
-from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_matrix
 from rotorfit.results.parameter_tables import RATIOS, Tables
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
@@ -134,17 +134,13 @@ def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
         _emptied(d) if _disproved(d.name, d.configuration, configurations) else d
         for d in tables.derived
     )
-    known = {
-        f"{p.name}@{p.configuration}" if p.configuration else p.name
-        for p in parameters
-        if p.value is not None
-    }
+    known = {p.full_name for p in parameters if p.value is not None}
     keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
     # What `project_to_physical` begins at.
     estimates = {
-        f"{ESTIMATE}{what}_{p.name}@{p.configuration}": float(number)
+        f"{ESTIMATE}{what}_{p.full_name}": float(number)
         for p in tables.parameters
-        if p.name in INERTIA and f"{p.name}@{p.configuration}" not in known
+        if p.name in INERTIA and p.full_name not in known
         for what, number in (("value", p.value), ("std", p.std))
         if number is not None
     }
