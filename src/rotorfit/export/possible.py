@@ -9,9 +9,16 @@ from jaxtyping import Float
 
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.export.assumptions import unit_of
-from rotorfit.export.result_numbers import COM, INERTIA_COM, Number
+from rotorfit.export.result_numbers import Number
 from rotorfit.export.vehicle import BODY, VehicleModel
-from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, inertia_about, inertia_matrix
+from rotorfit.model.parameters import (
+    COM,
+    FIRST_MOMENTS,
+    INERTIA,
+    INERTIA_COM,
+    inertia_about,
+    inertia_matrix,
+)
 from rotorfit.results.physical_inertia import project_to_physical
 from rotorfit.results.result import IdentificationResult
 

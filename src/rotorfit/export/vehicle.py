@@ -7,10 +7,16 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.export.result_numbers import COM, INERTIA_COM, Number
+from rotorfit.export.result_numbers import Number
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.model.parameters import INERTIA_PLACES, inertia_about, inertia_matrix
+from rotorfit.model.parameters import (
+    COM,
+    INERTIA_COM,
+    INERTIA_PLACES,
+    inertia_about,
+    inertia_matrix,
+)
 
 BODY: Final = ("mass", *COM, *INERTIA_COM)
 ROTORS: Final = ("kt", "kd", "Izz_com")

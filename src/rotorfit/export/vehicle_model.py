@@ -17,9 +17,7 @@ from rotorfit.export.assumptions import unit_of
 from rotorfit.export.motor_law import full_speed_of
 from rotorfit.export.possible import impossible_words, is_possible, projected, refuse_signs
 from rotorfit.export.result_numbers import (
-    COM,
     FULL_COMMAND,
-    INERTIA_COM,
     ROTOR_KT,
     Missing,
     Number,
@@ -27,7 +25,7 @@ from rotorfit.export.result_numbers import (
 )
 from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, inertia_matrix
+from rotorfit.model.parameters import COM, DRAG, DRAG_MOMENTS, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import refuse_unsound

@@ -206,8 +206,3 @@ def configurations(result: IdentificationResult) -> list[str]:
     """Return the names of the configurations in their order."""
     names = [p.configuration for p in (*result.parameters, *result.derived)]
     return list(dict.fromkeys(name for name in names if name is not None))
-
-
-def twin_of(derived: str) -> str:
-    """Return the parameter whose verdict speaks for a derived number of the body."""
-    return derived.replace("com_", "ms") if derived.startswith("com_") else derived[:-4]

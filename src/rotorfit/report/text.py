@@ -11,9 +11,9 @@ from rotorfit.report.number_words import (
     file_name,
     known,
     number_of,
-    twin_of,
 )
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
+from rotorfit.results.about_com import twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
