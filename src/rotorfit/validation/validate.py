@@ -11,6 +11,7 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.experiment.experiment import (
     Experiment,
+    FlightEntry,
     experiment_of_settings,
     named_flight,
     vehicle_of,
@@ -73,9 +74,15 @@ def validate_file(
     """
     experiment = experiment_of_settings(result.settings)
     entry = named_flight(path, log_number=log_number, start=start, end=end)
+    used = _unseen(entry, experiment, result)
+    return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
+
+
+def _unseen(entry: FlightEntry, experiment: Experiment, result: IdentificationResult) -> UsedFlight:
+    """Return a flight, refused where the fit has seen it."""
     used = load_flight(entry, experiment)
     refuse_fitted(used, result)
-    return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
+    return used
 
 
 def refuse_fitted(used: UsedFlight, result: IdentificationResult) -> None:
@@ -132,8 +139,7 @@ def validation_comparisons(
     comparisons: list[WrenchComparison] = []
     for configuration in experiment.configuration:
         for entry in configuration.validation:
-            used = load_flight(entry, experiment)
-            refuse_fitted(used, result)
+            used = _unseen(entry, experiment, result)
             comparisons.append(compare_wrenches(result, used, configuration=configuration.name))
     return comparisons
 
