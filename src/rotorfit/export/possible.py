@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.export.assumptions import unit_of
@@ -19,17 +18,8 @@ from rotorfit.model.parameters import (
     inertia_about,
     inertia_matrix,
 )
-from rotorfit.results.physical_inertia import project_to_physical
+from rotorfit.results.physical_inertia import project_to_physical, second_moments
 from rotorfit.results.result import IdentificationResult
-
-
-def second_moments(inertia_com: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
-    r"""Return the integral of r r^T over the mass: tr(I)/2 - I.
-
-    A body with that inertia exists if and only if it has no negative eigenvalue, which holds the
-    triangle inequality of the principal moments (Wensing, Kim and Slotine, RA-L 3(1), 2018).
-    """
-    return 0.5 * float(np.trace(inertia_com)) * np.eye(3) - inertia_com
 
 
 def is_possible(model: VehicleModel) -> bool:

@@ -129,6 +129,15 @@ def inertia_at_origin(model: VehicleModel) -> Float[np.ndarray, "3 3"]:
     return inertia_matrix(inertia_about(elements, model.mass, model.com))
 
 
+def refuse_no_upright_quad(model: VehicleModel, target: str) -> None:
+    """Raise if a target that flies four upright rotors is given others."""
+    if len(model.rotors) != 4 or not model.vertical:
+        raise OutputError(
+            f"{target} flies four rotors with upright thrust; these are others: export to mujoco "
+            "or gazebo instead"
+        )
+
+
 def refuse_no_lag(model: VehicleModel, target: str) -> None:
     """Raise if the motors have no lag in a target that divides by it."""
     if model.lag_up <= 0.0 or model.lag_down <= 0.0:

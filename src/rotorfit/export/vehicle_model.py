@@ -27,6 +27,7 @@ from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleM
 from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.model.parameters import COM, DRAG, DRAG_MOMENTS, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.results.configurations import configuration_names, meant_configuration
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import refuse_unsound
 
@@ -103,13 +104,12 @@ def owner_of(result: IdentificationResult, configuration: str | None) -> str:
     OutputError
         If it is not in the result, or not said where there are several.
     """
-    names = list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
+    names = configuration_names(result)
     if not names:
         raise OutputError("the result has no configuration, and nothing to export; identify again")
-    if configuration is None and len(names) == 1:
-        return names[0]
-    if configuration in names:
-        return str(configuration)
+    owner = meant_configuration(names, configuration)
+    if owner is not None:
+        return owner
     raise OutputError(
         f"the result has the configurations {', '.join(names)}; say which to export "
         "(--configuration NAME)"

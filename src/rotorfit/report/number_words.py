@@ -197,11 +197,6 @@ def percent_words(value: float) -> str:
     return f"{float(f'{value:.1g}' if value < 1 else f'{value:.2g}'):g} %"
 
 
-def file_name(path: str) -> str:
-    """Return the last part of a path of any system; folders are nobody else's business."""
-    return path.replace("\\", "/").rstrip("/").rsplit("/", maxsplit=1)[-1] or path
-
-
 def configurations(result: IdentificationResult) -> list[str]:
     """Return the names of the configurations in their order."""
     names = [p.configuration for p in (*result.parameters, *result.derived)]

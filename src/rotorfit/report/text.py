@@ -4,11 +4,11 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
+from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.number_words import (
     VERDICT_MEANING,
     configurations,
-    file_name,
     known,
     number_of,
 )

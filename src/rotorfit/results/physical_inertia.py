@@ -69,17 +69,16 @@ class Projected:
     distance: float
 
 
-def second_moments(inertia: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:
+def second_moments(inertia: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
     """Return the second moments of the mass, 1/2 tr(I) 1 - I, about the same point [kg m^2]."""
-    matrix = inertia_matrix(inertia)
-    return 0.5 * np.trace(matrix) * np.eye(3) - matrix
+    return 0.5 * np.trace(inertia) * np.eye(3) - inertia
 
 
 def smallest_second_moment(numbers: Numbers, configuration: str) -> SecondMoment:
     """Return the smallest second moment of a configuration's mass with its interval."""
     places = [numbers.index(f"{name}_com@{configuration}") for name in INERTIA]
     values = numbers.values[places]
-    moments, axes = np.linalg.eigh(second_moments(values))
+    moments, axes = np.linalg.eigh(second_moments(inertia_matrix(values)))
     slope = np.array([axes[:, 0] @ matrix @ axes[:, 0] for matrix in _slopes()])
     half = numbers.half_width[places]
     variance = np.inf
@@ -100,7 +99,7 @@ def _share(moment: float, total: float) -> float:
 
 def _slopes() -> list[Float[np.ndarray, "3 3"]]:
     """Return the derivative of the second moments by each element of the inertia."""
-    return [second_moments(unit) for unit in np.eye(len(INERTIA))]
+    return [second_moments(inertia_matrix(unit)) for unit in np.eye(len(INERTIA))]
 
 
 def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:

@@ -22,6 +22,7 @@ from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, FIRST_MOMENTS, INERTIA
 from rotorfit.model.reduce import LowPass, filtered_signals
 from rotorfit.model.regressor import Regressor, regressor
+from rotorfit.results.configurations import configuration_names, meant_configuration
 from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.validation.fitted_flights import fitted_flights
 from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
@@ -223,11 +224,10 @@ def compare_wrenches(
 
 def _owner(result: IdentificationResult, configuration: str | None) -> str:
     """Return the configuration to take the body from."""
-    names = list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
-    if configuration is None and len(names) == 1:
-        return names[0]
-    if configuration in names:
-        return str(configuration)
+    names = configuration_names(result)
+    owner = meant_configuration(names, configuration)
+    if owner is not None:
+        return owner
     raise ExperimentError(
         f"the result has the configurations {', '.join(names)}; say in which of them the flight "
         "was flown (--configuration NAME)"
