@@ -16,7 +16,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.checks.declared_rotors import BAND
+from rotorfit.checks.declared_rotors import BAND, reversed_rotor
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.flights import Flown, flight_bands
@@ -24,7 +24,7 @@ from rotorfit.fit.frequency_bands import EDGES, flown_bands
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.numbers import Numbers
 from rotorfit.model.signals import signal_layout
-from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.model.vehicle import Vehicle
 
 BETTER: Final = 0.75
 """Log of how many times less of yaw another pattern of spins leaves, from which it is taken for
@@ -143,15 +143,11 @@ def _reversed_said(name: str, configuration: str, low: float, high: float) -> st
 def _other_spins(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
     """Yield all spins reversed, then each alone."""
     rotors = vehicle.rotors
-    turned = [_reversed(rotor) for rotor in rotors]
+    turned = [reversed_rotor(rotor) for rotor in rotors]
     yield replace(vehicle, rotors=tuple(turned)), "every spin reversed (props out instead of in)"
     for i, rotor in enumerate(turned):
         others = (*rotors[:i], rotor, *rotors[i + 1 :])
         yield replace(vehicle, rotors=others), f"rotor {i + 1} {rotor.spin}"
-
-
-def _reversed(rotor: Rotor) -> Rotor:
-    return replace(rotor, spin="cw" if rotor.spin == "ccw" else "ccw")
 
 
 def _fits(vehicle: Vehicle, bands: Bands) -> list[_Fit]:
