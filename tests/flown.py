@@ -1,7 +1,7 @@
 """Experiments on simulated and real flights: written as files, read back, identified."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rotorfit.errors import FlightWarning
@@ -78,6 +78,14 @@ def identified(
         extra=extra,
     )
     return quietly_identified(path)
+
+
+def runs(
+    folder: Path, kind: str, *, seeds: Iterable[int], extra: str = "", **scenario: object
+) -> list[tuple[SimulatedFlight, IdentificationResult]]:
+    """Return a flight of vehicle A for each seed, with its result."""
+    flights = [simulated("A", kind, seed=seed, **scenario) for seed in seeds]
+    return [(flight, identified(folder, [flight], extra=extra)) for flight in flights]
 
 
 def quietly_identified(path: Path) -> IdentificationResult:

@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.flight.prepare import MotorModel, prepare
 
 G = 9.80665
 HOVER = 400.0  # rad/s
+COMMANDED = MotorModel(speed="commanded")
 
 
 def channel(time, values, source="made by hand", resolution=None) -> Channel:
@@ -60,3 +62,7 @@ def spans(prepared) -> list[tuple[float, float]]:
     """Start and end of each segment, seconds since the first sample."""
     t = prepared.data.time
     return [(float(t[s.start] - t[0]), float(t[s.stop - 1] - t[0])) for s in prepared.data.segments]
+
+
+def prepared(log, *, rotors=4, **options):
+    return prepare(log, rotor_count=rotors, arm=0.2, **options)

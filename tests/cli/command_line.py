@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,3 +48,8 @@ def called(*arguments: object) -> int:
         main()
     code = ended.value.code
     return code if isinstance(code, int) else 0
+
+
+def without(*beginnings: str) -> Callable[[Columns], Columns]:
+    """Return what leaves the columns out that begin so."""
+    return lambda c: {n: v for n, v in c.items() if not n.startswith(beginnings)}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import without
 
 LOG = ("flight.csv", "--mass", "1.285", "--airframe", "airframe.toml")
 
@@ -119,10 +120,6 @@ def test_one_sample(message, changed):
 def test_names_without_rows(message, changed):
     changed(lambda c: {name: values[:0] for name, values in c.items()})
     assert "nothing was recorded" in message("identify", *LOG)
-
-
-def without(*beginnings: str):
-    return lambda c: {n: v for n, v in c.items() if not n.startswith(beginnings)}
 
 
 def test_no_motors(message, changed):

@@ -192,18 +192,22 @@ def test_ctrl_c(tmp_path):
     assert (running.returncode, out, err) == (130, "", "rotorfit: stopped\n")
 
 
-def test_nobody_reads_on(saved):
-    """As in  rotorfit inspect ... | head -1, with a reader that is gone at once."""
-    reader, writer = os.pipe()
-    os.close(reader)
-    ended = subprocess.run(
+def inspected_into(stdout, saved):
+    return subprocess.run(
         [PROGRAM, "inspect", saved / "flight.csv"],
-        stdout=writer,
+        stdout=stdout,
         stderr=subprocess.PIPE,
         text=True,
         timeout=60,
         check=False,
     )
+
+
+def test_nobody_reads_on(saved):
+    """As in  rotorfit inspect ... | head -1, with a reader that is gone at once."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    ended = inspected_into(writer, saved)
     os.close(writer)
     assert (ended.returncode, ended.stderr) == (0, "")
 
@@ -211,14 +215,7 @@ def test_nobody_reads_on(saved):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
 def test_a_full_disk_under_what_is_printed_is_no_fault_of_ours(saved):
     with Path("/dev/full").open("w") as full:
-        ended = subprocess.run(
-            [PROGRAM, "inspect", saved / "flight.csv"],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        ended = inspected_into(full, saved)
     assert ended.returncode == 1
     assert ended.stderr.startswith("rotorfit: the result cannot be printed (No space left")
     assert ended.stderr.count("\n") == 1

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blackbox_file import blackbox_of
+from command_line import without
 
 from rotorfit.errors import FlightError
 from rotorfit.simulation import (
@@ -22,10 +23,6 @@ from rotorfit.simulation import (
 @pytest.fixture(scope="module")
 def blackbox(columns) -> bytes:
     return blackbox_of({name: values[::4] for name, values in columns.items()})
-
-
-def without(*beginnings: str):
-    return lambda c: {n: v for n, v in c.items() if not n.startswith(beginnings)}
 
 
 def test_a_good_log(run, here):

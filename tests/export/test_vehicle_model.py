@@ -35,11 +35,13 @@ from scipy.spatial.transform import Rotation
 from rotorfit.errors import OutputError
 from rotorfit.export import units
 from rotorfit.export.motor_law import thrust_curve
+from rotorfit.export.result_numbers import numbers_of
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import INERTIA
+from rotorfit.results.about_com import body_verdict
 from rotorfit.results.command_units import effective_unit
 
 EVERY = sorted(TARGETS)
@@ -532,8 +534,6 @@ WEAK_AT_THE_ORIGIN = {"verdict": "weak", "reason": "known only to +-50 %"}
     ],
 )
 def test_what_is_about_the_com_is_weak_where_the_report_says_so(name, interval, twin, origin):
-    from rotorfit.report.parameters import body_verdict
-
     at_origin = name.removesuffix("_com").replace("com_", "ms")
     result = changed(a_result(), **{name: interval, at_origin: twin})
     number = next(n for n in vehicle_model(result).numbers if n.name == name)
@@ -542,3 +542,20 @@ def test_what_is_about_the_com_is_weak_where_the_report_says_so(name, interval, 
     assert body_verdict(kin[name], result.parameter(at_origin), kin) == origin
     if name == "Ixx_com" and origin == "weak":
         assert number.remark == "known only to +-33 %"
+
+
+@pytest.mark.parametrize(
+    ("half", "twin", "origin"),
+    [
+        (1e-4, WEAK_AT_THE_ORIGIN, "identified"),
+        (4e-4, WEAK_AT_THE_ORIGIN, "weak"),
+        (4e-4, {}, "identified"),  # the estimate knew the moment, and found it sharp
+        (4e-4, not_identified(), "weak"),
+    ],
+)
+def test_a_product_whose_moment_is_lost_is_weak_where_the_report_says_so(half, twin, origin):
+    result = changed(a_result(), Izz_com=UNKNOWN, Ixz_com=half_width(6e-4, half), Ixz=twin)
+    found = numbers_of(result, "A", assumed={}, full_speed=None)["Ixz_com"]
+    assert found.origin == origin
+    kin = {d.name: d for d in result.derived}
+    assert body_verdict(kin["Ixz_com"], result.parameter("Ixz"), kin) == origin

@@ -19,7 +19,8 @@ from rotorfit.fit.excitation import (
     scale_stretch,
 )
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_numbers import Numbers, hanging_on_roll_and_pitch
+from rotorfit.fit.joint_numbers import hanging_on_roll_and_pitch
+from rotorfit.fit.numbers import Numbers
 from rotorfit.identification.identify import identify
 from rotorfit.model.regressor import regressor
 from rotorfit.simulation import (

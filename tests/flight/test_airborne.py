@@ -3,8 +3,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hand_made_logs import HOVER, G, channel, flight_log, hover_thrust, motion_log, spans
 
+from hand_made_logs import (
+    COMMANDED,
+    HOVER,
+    G,
+    channel,
+    flight_log,
+    hover_thrust,
+    motion_log,
+    prepared,
+    spans,
+)
 from rotorfit.errors import FlightError
 from rotorfit.flight.airborne import phase_edges
 from rotorfit.flight.prepare import MotorModel, prepare
@@ -18,12 +28,6 @@ from rotorfit.simulation import (
     to_flight_log,
     variant,
 )
-
-COMMANDED = MotorModel(speed="commanded")
-
-
-def prepared(log, *, rotors=4, **options):
-    return prepare(log, rotor_count=rotors, arm=0.2, **options)
 
 
 def airborne(log, **options):

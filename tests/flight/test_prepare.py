@@ -3,17 +3,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from hand_made_logs import (
+    COMMANDED,
     HOVER,
     G,
     channel,
     flight_log,
     hover_thrust,
     motion_log,
+    prepared,
     spans,
     with_channel,
 )
-
 from rotorfit.errors import ExperimentError, FlightError, FrameError, LogError
 from rotorfit.flight.motors import MotorResponse, first_order_lag
 from rotorfit.flight.prepare import Cut, MotorModel, prepare, with_motors
@@ -29,12 +31,7 @@ from rotorfit.simulation import (
     variant,
 )
 
-COMMANDED = MotorModel(speed="commanded")
 LAW = SpeedLaw(curve=PolynomialLaw((20.0, 950.0)))
-
-
-def prepared(log, *, rotors=4, **options):
-    return prepare(log, rotor_count=rotors, arm=0.2, **options)
 
 
 def refusal(error, log, **options) -> str:

@@ -22,10 +22,20 @@ def residual_of(vehicle, theta, motion):
     """Return the regressor's residual wrench and the size of its largest terms."""
     flight = ne.flight_of(*motion)
     Z = signal_matrix(flight, vehicle, 0, len(flight.time))
-    A = regressor(vehicle)
+    return residual_and_size(regressor(vehicle), Z, theta)
+
+
+def residual_and_size(A, Z, theta):
     values = np.array([theta.get(name, 0.0) for name in A.names])
     size = np.abs(Z) @ np.einsum("p,pjz->jz", np.abs(values), np.abs(A.tensor)).T
     return A.residual(Z, theta), size
+
+
+def drawn(rng, rotors, *, tilted, has_imu):
+    """Return a vehicle, and what its accelerometer measures of a motion."""
+    imu = rng.normal(size=3) * 0.05 if has_imu else None
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted, imu=imu)
+    return vehicle, lambda a, w, dw: a if imu is None else ne.at_point(a, w, dw, imu)
 
 
 def assert_wrench(actual, expected, size):
@@ -37,13 +47,12 @@ def assert_wrench(actual, expected, size):
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans(), has_imu=st.booleans())
 def test_regressor_times_parameters_is_newton_euler(seed, rotors, tilted, has_imu):
     rng = np.random.default_rng(seed)
-    imu = rng.normal(size=3) * 0.05 if has_imu else None
-    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted, imu=imu)
+    vehicle, at_imu = drawn(rng, rotors, tilted=tilted, has_imu=has_imu)
     body = replace(ne.random_body(rng, rotors), constant=rng.normal(size=6))
     alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
     expected = ne.body_wrench(body, alpha, w, dw) - body.constant
     expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
-    measured = alpha if imu is None else ne.at_point(alpha, w, dw, imu)
+    measured = at_imu(alpha, w, dw)
     actual, size = residual_of(vehicle, ne.theta_of(body, 3e-6), (measured, w, dw, O, dO))
     assert_wrench(actual, expected, size)
 
@@ -52,8 +61,7 @@ def test_regressor_times_parameters_is_newton_euler(seed, rotors, tilted, has_im
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans(), has_imu=st.booleans())
 def test_drag_is_newton_eulers_where_the_velocity_is_known(seed, rotors, tilted, has_imu):
     rng = np.random.default_rng(seed)
-    imu = rng.normal(size=3) * 0.05 if has_imu else None
-    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted, imu=imu)
+    vehicle, at_imu = drawn(rng, rotors, tilted=tilted, has_imu=has_imu)
     body = replace(
         ne.random_body(rng, rotors, equal_kt=True),
         drag=rng.normal(size=3),
@@ -64,14 +72,12 @@ def test_drag_is_newton_eulers_where_the_velocity_is_known(seed, rotors, tilted,
     v = rng.normal(size=(SAMPLES, 3)) * 3.0
     expected = ne.body_wrench(body, alpha, w, dw) - ne.drag_wrench(body, v, w)
     expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
-    measured = alpha if imu is None else ne.at_point(alpha, w, dw, imu)
+    measured = at_imu(alpha, w, dw)
     flight = ne.flight_of(measured, w, dw, O, dO, velocity=v)
     Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)
     A = regressor(vehicle, velocity=True)
-    theta = ne.theta_of(body, 3e-6)
-    values = np.array([theta.get(name, 0.0) for name in A.names])
-    size = np.abs(Z) @ np.einsum("p,pjz->jz", np.abs(values), np.abs(A.tensor)).T
-    assert_wrench(A.residual(Z, theta), expected, size)
+    actual, size = residual_and_size(A, Z, ne.theta_of(body, 3e-6))
+    assert_wrench(actual, expected, size)
 
 
 def test_velocity_is_a_signal_only_where_it_is_asked_for():

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import flown
 from rotorfit.flight.motors import first_order_lag
 from rotorfit.logs import read_log
 from rotorfit.model.vehicle import Rotor, Vehicle
@@ -23,14 +22,8 @@ CRAZYFLIE = Vehicle(
 
 
 @pytest.fixture(scope="module")
-def result(flight_data_dir, tmp_path_factory):
-    log = flight_data_dir / "arplab-crazyflie" / "log15"
-    if not log.is_file():
-        pytest.skip(f"no {log}")
-    path = tmp_path_factory.mktemp("arplab") / "experiment.toml"
-    commands = '[motors]\nspeed = "commanded"\n'
-    flown.experiment_file(path, CRAZYFLIE, [log], mass=0.027, extra=commands)
-    return flown.quietly_identified(path)
+def result(on_commands):
+    return on_commands("arplab-crazyflie/log15", CRAZYFLIE, mass=0.027)
 
 
 def test_the_lag_is_found_and_rising_is_faster_than_falling(result):

@@ -2,7 +2,6 @@
 
 import pytest
 
-import flown
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 pytestmark = pytest.mark.flights
@@ -19,14 +18,8 @@ PROPS_OUT = Vehicle(
 
 
 @pytest.fixture(scope="module")
-def result(flight_data_dir, tmp_path_factory):
-    log = flight_data_dir / "betaflight" / "LOG00037.BFL"
-    if not log.is_file():
-        pytest.skip(f"no {log}")
-    path = tmp_path_factory.mktemp("betaflight") / "experiment.toml"
-    commands = '[motors]\nspeed = "commanded"\n'
-    flown.experiment_file(path, PROPS_OUT, [log], mass="unknown", extra=commands)
-    return flown.quietly_identified(path)
+def result(on_commands):
+    return on_commands("betaflight/LOG00037.BFL", PROPS_OUT, mass="unknown")
 
 
 def test_thrust_per_mass_is_what_carries_the_weight(result):

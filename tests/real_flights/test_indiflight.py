@@ -23,20 +23,12 @@ LIVELY, SHORT, CALM = "LOG00267.BFL", "LOG00271.BFL", "LOG00340.BFL"
 
 
 @pytest.fixture(scope="module")
-def logs(flight_data_dir):
-    folder = flight_data_dir / "tudelft-indiflight"
-    if not folder.is_dir():
-        pytest.skip(f"no {folder}")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def identified(logs, tmp_path_factory):
+def identified(indiflight_logs, tmp_path_factory):
     """Return the result of each log, and of all three together."""
     path = tmp_path_factory.mktemp("real") / "experiment.toml"
 
     def result(*names):
-        flights = [logs / name for name in names]
+        flights = [indiflight_logs / name for name in names]
         flown.experiment_file(path, CINERAT, flights, mass=0.428, extra=BY_ROWS)
         return flown.quietly_identified(path)
 
@@ -101,12 +93,12 @@ def test_three_flights_agree_on_the_thrust(identified):
 
 
 @pytest.fixture(scope="module")
-def joint(logs, tmp_path_factory):
+def joint(indiflight_logs, tmp_path_factory):
     """Return what the default makes of each log, and of all three together."""
     path = tmp_path_factory.mktemp("joint") / "experiment.toml"
 
     def result(*names):
-        flights = [logs / name for name in names]
+        flights = [indiflight_logs / name for name in names]
         flown.experiment_file(path, CINERAT, flights, mass=0.428)
         return flown.quietly_identified(path)
 
@@ -176,27 +168,27 @@ def test_a_calm_log_says_that_roll_and_pitch_are_weak_and_refuses_yaw(joint):
         assert result.derived_value(name).value is None
 
 
-def refusal(logs, tmp_path, vehicle):
+def refusal(indiflight_logs, tmp_path, vehicle):
     path = flown.experiment_file(
-        tmp_path / "wrong.toml", vehicle, [logs / LIVELY], mass=0.428, extra=BY_ROWS
+        tmp_path / "wrong.toml", vehicle, [indiflight_logs / LIVELY], mass=0.428, extra=BY_ROWS
     )
     with pytest.raises(FrameError) as caught:
         flown.quietly_identified(path)
     return str(caught.value)
 
 
-def test_reversed_spins_are_refused(logs, tmp_path):
+def test_reversed_spins_are_refused(indiflight_logs, tmp_path):
     other = {"cw": "ccw", "ccw": "cw"}
     wrong = replace(CINERAT, rotors=tuple(replace(r, spin=other[r.spin]) for r in CINERAT.rotors))
     assert "with every spin reversed (props out instead of in), they would respond +0.9" in (
-        refusal(logs, tmp_path, wrong)
+        refusal(indiflight_logs, tmp_path, wrong)
     )
 
 
 @pytest.mark.parametrize(("i", "k"), [(0, 1), (0, 2), (0, 3), (1, 2)])
-def test_two_swapped_motors_are_refused(logs, tmp_path, i, k):
+def test_two_swapped_motors_are_refused(indiflight_logs, tmp_path, i, k):
     order = [0, 1, 2, 3]
     order[i], order[k] = order[k], order[i]
     wrong = replace(CINERAT, rotors=tuple(CINERAT.rotors[n] for n in order))
     named = ", ".join(str(n + 1) for n in order)
-    assert f"your rotors listed in the order {named}" in refusal(logs, tmp_path, wrong)
+    assert f"your rotors listed in the order {named}" in refusal(indiflight_logs, tmp_path, wrong)

@@ -10,17 +10,9 @@ LIVELY = LOGS_SHOWN[0]
 
 
 @pytest.fixture(scope="module")
-def logs(flight_data_dir):
-    folder = flight_data_dir / "tudelft-indiflight"
-    if not folder.is_dir():
-        pytest.skip(f"no {folder}")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def replays(logs, tmp_path_factory):
-    result = fitted([logs / LIVELY], tmp_path_factory.mktemp("replay"))
-    return replayed(result, logs / LIVELY)
+def replays(indiflight_logs, tmp_path_factory):
+    result = fitted([indiflight_logs / LIVELY], tmp_path_factory.mktemp("replay"))
+    return replayed(result, indiflight_logs / LIVELY)
 
 
 def test_it_beats_the_bench_where_the_bench_knows_no_com(replays):

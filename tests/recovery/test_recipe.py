@@ -44,14 +44,15 @@ def recovered(result, flight):
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Return flights and results of a dozen seeds of vehicle A as real as it gets."""
-    folder = tmp_path_factory.mktemp("coverage")
-    runs = []
-    for seed in SEEDS:
-        flight = flown.simulated(
-            "A", "real", seed=seed, seconds=25.0, ground_seconds=2.0, physics_rate=200.0
-        )
-        runs.append((flight, flown.identified(folder, [flight], extra=BY_ROWS)))
-    return runs
+    return flown.runs(
+        tmp_path_factory.mktemp("coverage"),
+        "real",
+        seeds=SEEDS,
+        extra=BY_ROWS,
+        seconds=25.0,
+        ground_seconds=2.0,
+        physics_rate=200.0,
+    )
 
 
 def test_intervals_hold_the_truth_as_often_as_stated(runs):

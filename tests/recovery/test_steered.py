@@ -10,14 +10,14 @@ SEEDS = range(1, 6)
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("steered")
-    runs = []
-    for seed in SEEDS:
-        flight = flown.simulated(
-            "A", "disturbed", seed=seed, seconds=60.0, steered_by_gyro=True, physics_rate=200.0
-        )
-        runs.append((flight, flown.identified(folder, [flight])))
-    return runs
+    return flown.runs(
+        tmp_path_factory.mktemp("steered"),
+        "disturbed",
+        seeds=SEEDS,
+        seconds=60.0,
+        steered_by_gyro=True,
+        physics_rate=200.0,
+    )
 
 
 def test_the_delay_is_not_that_of_the_autopilot_s_answer(runs):

@@ -8,7 +8,7 @@ import pytest
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
-from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.physical_inertia import (
@@ -66,7 +66,7 @@ def numbers_of(inertia, half):
 
 def pseudo_inertia(values):
     P = np.zeros((4, 4))
-    P[:3, :3] = second_moments(np.array(values[3:]))
+    P[:3, :3] = second_moments(inertia_matrix(np.array(values[3:])))
     P[:3, 3] = P[3, :3] = values[:3]
     P[3, 3] = MASS
     return P
@@ -91,7 +91,7 @@ def random_covariance(seed, size=9, scale=1e-3):
 def test_second_moments_are_those_of_the_mass():
     for seed in range(5):
         values, second = point_masses(seed)
-        np.testing.assert_allclose(second_moments(values[3:]), second, atol=1e-15)
+        np.testing.assert_allclose(second_moments(inertia_matrix(values[3:])), second, atol=1e-15)
 
 
 def test_a_body_that_exists_stays_as_it_is():
@@ -214,7 +214,7 @@ def test_the_smallest_second_moment_and_its_interval():
     assert moment.value == pytest.approx((low + middle - high) / 2.0, rel=1e-9)
     rng = np.random.default_rng(0)
     drawn = np.array(elements) + 1e-5 / 1.96 * rng.normal(size=(4000, 6))
-    scatter = np.std([np.linalg.eigvalsh(second_moments(one))[0] for one in drawn])
+    scatter = np.std([np.linalg.eigvalsh(second_moments(inertia_matrix(one)))[0] for one in drawn])
     small = smallest_second_moment(numbers_of(elements, 1e-5), "A")
     assert small.half_width == pytest.approx(1.96 * scatter, rel=0.05)
     assert possible_sentence(moment, "A") is None

@@ -119,8 +119,7 @@ def test_flight_of_the_fit_is_refused(folder, result, tmp_path):
 
 
 def test_the_rest_of_a_flight_of_the_fit_validates(folder, tmp_path):
-    for path in folder.iterdir():
-        shutil.copyfile(path, tmp_path / path.name)
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     experiment = tmp_path / "experiment.toml"
     text = experiment.read_text().replace('"A1.csv"', '{ file = "A1.csv", end = 10.0 }')
     experiment.write_text(text)
@@ -194,16 +193,14 @@ def test_a_stretch_that_ends_before_it_starts_is_refused(folder, result):
 
 
 def test_a_flight_under_two_names_is_refused(folder, tmp_path):
-    for path in folder.iterdir():
-        shutil.copyfile(path, tmp_path / path.name)
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     shutil.copyfile(folder / "A1.csv", tmp_path / "B1.csv")
     with pytest.raises(ExperimentError, match=r"B1\.csv has the same content as A1\.csv"):
         flown.quietly_identified(tmp_path / "experiment.toml")
 
 
 def test_a_flight_in_two_configurations_is_refused(folder, tmp_path):
-    for path in folder.iterdir():
-        shutil.copyfile(path, tmp_path / path.name)
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     experiment = tmp_path / "experiment.toml"
     experiment.write_text(experiment.read_text().replace('"B1.csv"', '"A1.csv"'))
     with pytest.raises(ExperimentError, match=r"A1\.csv is listed twice; it would count twice"):
@@ -211,8 +208,7 @@ def test_a_flight_in_two_configurations_is_refused(folder, tmp_path):
 
 
 def test_experiment_that_validates_on_its_fit_is_refused(folder, tmp_path):
-    for path in folder.iterdir():
-        shutil.copyfile(path, tmp_path / path.name)
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     shutil.copyfile(folder / "A1.csv", tmp_path / "A2.csv")
     with pytest.raises(ExperimentError, match=r"A2\.csv was used in the fit"):
         flown.quietly_identified(tmp_path / "experiment.toml")

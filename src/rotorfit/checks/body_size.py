@@ -15,7 +15,7 @@ from rotorfit.checks.plausible_units import implausible_size
 from rotorfit.errors import FrameError
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.numbers import Numbers
 
 LIGHTEST: Final = 0.1
 """Mass over the cube of the arm [kg/m^3]. Vehicles have 10 to 1000, air 1.2; an arm in centimetres
@@ -69,10 +69,9 @@ def surest_gyration(configuration: JointConfiguration, numbers: Numbers) -> floa
     """
     ratios: list[float] = []
     for name in ("Ixx_com", "Iyy_com"):
-        i = numbers.index(f"{name}@{configuration.name}")
-        value, half = float(numbers.values[i]), float(numbers.half_width[i])
-        if not np.isfinite(half):
+        interval = numbers.interval(f"{name}@{configuration.name}")
+        if not np.isfinite(interval).all():
             return None
-        ends = np.sqrt(np.maximum([value - half, value + half], 0.0) / configuration.mass)
+        ends = np.sqrt(np.maximum(interval, 0.0) / configuration.mass)
         ratios.append(float(np.clip(USUAL, *(ends / configuration.vehicle.arm))))
     return min(ratios, key=lambda ratio: abs(np.log(max(ratio, _TINY) / USUAL)))

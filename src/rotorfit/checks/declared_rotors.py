@@ -261,20 +261,20 @@ def _others(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
     """Yield other declarations of the same rotors, the simplest first, in words."""
     rotors = vehicle.rotors
     flipped = "every spin reversed (props out instead of in)"
-    yield _with_rotors(vehicle, map(_reversed, rotors)), flipped
+    yield _with_rotors(vehicle, map(reversed_rotor, rotors)), flipped
     yield _mirrored(vehicle), "the gyro's y and z reversed (FRD axes where FLU is declared)"
     yield _swapped_sides(vehicle), "the rotors' y reversed (FRD positions where FLU is declared)"
     for quarters in (1, 2, 3):
         words = f"the rotors turned by {90 * quarters} degrees counter-clockwise (a turned IMU)"
         turned = [_turned(rotor, quarters) for rotor in rotors]
         yield _with_rotors(vehicle, turned), words
-        yield _with_rotors(vehicle, map(_reversed, turned)), f"{words} and {flipped}"
+        yield _with_rotors(vehicle, map(reversed_rotor, turned)), f"{words} and {flipped}"
     for order in _orders(len(rotors)):
         ordered = [rotors[i] for i in order]
         named = ", ".join(str(i + 1) for i in order)
         words = f"your rotors listed in the order {named}"
         yield _with_rotors(vehicle, ordered), words
-        yield _with_rotors(vehicle, map(_reversed, ordered)), f"{words} and {flipped}"
+        yield _with_rotors(vehicle, map(reversed_rotor, ordered)), f"{words} and {flipped}"
         moved = [replace(o, spin=r.spin) for o, r in zip(ordered, rotors, strict=True)]
         if moved != ordered:
             words = f"the positions alone, without the spins, listed in the order {named}"
@@ -302,7 +302,8 @@ def _with_rotors(vehicle: Vehicle, rotors: Iterable[Rotor]) -> Vehicle:
     return replace(vehicle, rotors=tuple(rotors))
 
 
-def _reversed(rotor: Rotor) -> Rotor:
+def reversed_rotor(rotor: Rotor) -> Rotor:
+    """Return a rotor that spins the other way."""
     return replace(rotor, spin="cw" if rotor.spin == "ccw" else "ccw")
 
 
@@ -316,7 +317,7 @@ def _turned(rotor: Rotor, quarters: int) -> Rotor:
 
 def _mirrored(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle that answers like this one seen by a gyro with y and z reversed."""
-    return _with_rotors(vehicle, (_across(_reversed(rotor)) for rotor in vehicle.rotors))
+    return _with_rotors(vehicle, (_across(reversed_rotor(rotor)) for rotor in vehicle.rotors))
 
 
 def _swapped_sides(vehicle: Vehicle) -> Vehicle:

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rotorfit.checks.body_size import refuse_impossible_size
 from rotorfit.checks.early_motors import early_motors
-from rotorfit.checks.ground_contact import ground_sentence
 from rotorfit.checks.payload import payload_checks, payload_sentence
 from rotorfit.checks.residual_peaks import peak_sentence, residual_peaks
 from rotorfit.checks.second_opinions import (
@@ -21,7 +20,7 @@ from rotorfit.checks.spins import refuse_wrong_spins
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.numbers import Numbers
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.physical_inertia import (
     possible_sentence,
@@ -45,6 +44,7 @@ def with_doubts(
     *,
     fit: BandedEstimate,
     joint: Sequence[JointConfiguration],
+    ground: str | None,
 ) -> Tables:
     """Return the tables with the doubts of all checks, impossible inertia taken back.
 
@@ -58,6 +58,8 @@ def with_doubts(
         Of the estimate, with their final intervals.
     fit, joint
         The fit, and its configurations.
+    ground
+        Which flights hold the ground, by `ground_sentence`; None where none do.
 
     Raises
     ------
@@ -68,7 +70,7 @@ def with_doubts(
     refuse_impossible_size(flown, joint, numbers)
     doubts = [
         *_doubts_of_body(tables, fit, numbers, joint),
-        *_doubts_of_flight(flown, fit, numbers),
+        *_doubts_of_flight(flown, fit, numbers, ground),
     ]
     doubts.append(steady_yaw_torque(flown.configurations, joint, numbers))
     doubts += _doubts_of_payload(flown, joint)
@@ -90,14 +92,10 @@ def _doubts_of_body(
 ) -> Iterator[Doubt]:
     """Yield what the numbers themselves say: can the body exist, what hangs together."""
     directions = body_directions(fit.estimate)
-    doubtful = {
-        f"{p.name}@{p.configuration}" if p.configuration else p.name
-        for p in tables.parameters
-        if p.verdict not in ("identified", "given")
-    }
+    doubtful = {p.full_name for p in tables.parameters if p.verdict not in ("identified", "given")}
     diagnostics = {"condition_bodies": condition_number(directions)}
     yield weak_sentence(directions, doubtful), diagnostics
-    lost = {f"{p.name}@{p.configuration}" for p in tables.parameters if p.value is None}
+    lost = {p.full_name for p in tables.parameters if p.value is None}
     for configuration in joint:
         name = configuration.name
         moment = smallest_second_moment(numbers, name)
@@ -107,11 +105,12 @@ def _doubts_of_body(
         yield words, {f"smallest_second_moment@{name}": moment.share}
 
 
-def _doubts_of_flight(flown: Flown, fit: BandedEstimate, numbers: Numbers) -> Iterator[Doubt]:
+def _doubts_of_flight(
+    flown: Flown, fit: BandedEstimate, numbers: Numbers, ground: str | None
+) -> Iterator[Doubt]:
     """Yield what the flights say against the fit."""
     yield without_mean(fit, numbers)
     yield early_motors(flown), {}
-    ground = ground_sentence(flown.configurations)
     yield ground, {}
     for words, numbers_behind in _doubts_of_thrust(flown, numbers):
         # The ground carries what thrust and battery would be blamed for.

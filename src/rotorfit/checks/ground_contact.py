@@ -14,6 +14,7 @@ from jaxtyping import Bool
 from rotorfit.fit.flights import Configured
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.signals import whole_samples
+from rotorfit.logs.files import file_name
 
 STILL: Final = 0.06
 """Deviation of the rates of a vehicle that stands, motors idling [rad/s]."""
@@ -73,7 +74,7 @@ def ground_sentence(configurations: Sequence[Configured]) -> str | None:
                 continue
             zero = float(data.time[0])
             when = ", ".join(f"{a - zero:.1f} to {b - zero:.1f}" for a, b in spans)
-            name = flight.entry.file.replace("\\", "/").rpartition("/")[2]
+            name = file_name(flight.entry.file)
             said.append(
                 f"{name}: the vehicle stands on the ground at {when} s of the stretch that "
                 "is used: set start and end to where it flies; until then trust "

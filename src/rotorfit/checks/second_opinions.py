@@ -11,10 +11,11 @@ from rotorfit.estimation.partial import left_out
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.numbers import Numbers
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD, fit_rows
 from rotorfit.fit.weight_balance import Held, held_up, pooled
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.logs.files import file_name
 from rotorfit.model.vehicle import Vehicle
 
 UNLIKELY = 1e-4
@@ -335,7 +336,7 @@ def thrust_sags(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, flo
 
 def _of_flight(one: HoverThrust, found: Sequence[HoverThrust]) -> str:
     """Return a flight's name, with its configuration where there are several."""
-    name = one.flight.replace("\\", "/").rpartition("/")[2]
+    name = file_name(one.flight)
     several = len({other.configuration for other in found}) > 1
     return f"{one.configuration} ({name})" if several else name
 

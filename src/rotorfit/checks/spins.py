@@ -16,15 +16,15 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.checks.declared_rotors import BAND
+from rotorfit.checks.declared_rotors import BAND, reversed_rotor
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.flights import Flown, flight_bands
 from rotorfit.fit.frequency_bands import EDGES, flown_bands
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.numbers import Numbers
 from rotorfit.model.signals import signal_layout
-from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.model.vehicle import Vehicle
 
 BETTER: Final = 0.75
 """Log of how many times less of yaw another pattern of spins leaves, from which it is taken for
@@ -122,12 +122,12 @@ def better_spins(declared: Vehicle, bands: Bands) -> str | None:
 def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None:
     """Return that the propellers turn the other way, where a drag below zero says so."""
     for name in configurations:
-        low, high = _interval(f"kd_over_Izz@{name}", numbers)
+        low, high = numbers.interval(f"kd_over_Izz@{name}")
         if high < 0.0:
             return _reversed_said("kd / Izz", name, low, high)
         if low > 0.0:
             continue
-        low, high = _interval(f"Jr_over_Izz@{name}", numbers)
+        low, high = numbers.interval(f"Jr_over_Izz@{name}")
         if high + 0.5 * (CERTAIN - 1.0) * (high - low) < 0.0:
             return _reversed_said("Jr / Izz", name, low, high)
     return None
@@ -140,27 +140,14 @@ def _reversed_said(name: str, configuration: str, low: float, high: float) -> st
     )
 
 
-def _interval(name: str, numbers: Numbers) -> tuple[float, float]:
-    """Return the interval of a number; without end where there is none."""
-    if name not in numbers.names:
-        return -np.inf, np.inf
-    i = numbers.index(name)
-    value, half = float(numbers.values[i]), float(numbers.half_width[i])
-    return (value - half, value + half) if np.isfinite(half) else (-np.inf, np.inf)
-
-
 def _other_spins(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
     """Yield all spins reversed, then each alone."""
     rotors = vehicle.rotors
-    turned = [_reversed(rotor) for rotor in rotors]
+    turned = [reversed_rotor(rotor) for rotor in rotors]
     yield replace(vehicle, rotors=tuple(turned)), "every spin reversed (props out instead of in)"
     for i, rotor in enumerate(turned):
         others = (*rotors[:i], rotor, *rotors[i + 1 :])
         yield replace(vehicle, rotors=others), f"rotor {i + 1} {rotor.spin}"
-
-
-def _reversed(rotor: Rotor) -> Rotor:
-    return replace(rotor, spin="cw" if rotor.spin == "ccw" else "ccw")
 
 
 def _fits(vehicle: Vehicle, bands: Bands) -> list[_Fit]:

@@ -7,15 +7,30 @@ import typer
 
 from rotorfit import version
 from rotorfit.cli.options import (
+    Accuracy,
+    After,
+    Against,
+    AirframeFile,
     AsJson,
     Assume,
+    Bench,
+    Card,
     End,
     Figures,
     Force,
+    Guess,
+    Lengths,
     LogNumber,
+    LogRate,
     Method,
+    NumbersOutput,
     Page,
+    PlannedMass,
+    PlannedPayload,
+    PlanOutput,
+    ReplayedFlights,
     ResultFile,
+    ResultOutput,
     Seed,
     Speed,
     Start,
@@ -107,10 +122,7 @@ def identify(
             metavar="EXPERIMENT|LOG", help="An experiment file (.toml), or one flight log."
         ),
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Write the result as JSON here."),
-    ] = None,
+    output: ResultOutput = None,
     report: Page = None,
     figures: Figures = None,
     mass: Annotated[
@@ -276,30 +288,11 @@ def fly(
         typer.Option(metavar="NAME", help="Which to fly; may be left out where there is one."),
     ] = None,
     assume: Assume = None,
-    flight: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="LOG", help="Replay this log instead of the result's own flights; repeatable."
-        ),
-    ] = None,
+    flight: ReplayedFlights = None,
     log: LogNumber = None,
-    against: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="RESULT", help="Another result of the vehicle, to stand beside; repeatable."
-        ),
-    ] = None,
-    bench: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help="A number of your bench to stand beside, SI; all else as identified; repeatable.",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Write the numbers as JSON here."),
-    ] = None,
+    against: Against = None,
+    bench: Bench = None,
+    output: NumbersOutput = None,
     report: Page = None,
     figures: Figures = None,
     force: Force = False,
@@ -334,65 +327,17 @@ def fly(
 @app.command(epilog="Example: rotorfit plan airframe.toml --mass 1.285 --card card.html")
 @interruptible()
 def plan(
-    airframe: Annotated[
-        Path, typer.Argument(metavar="AIRFRAME", help="File with [airframe] and [motors].")
-    ],
-    mass: Annotated[
-        float | None,
-        typer.Option(
-            metavar="KG",
-            help="Weighed as it flies, battery included [kg]; needed where --after does not say.",
-        ),
-    ] = None,
-    accuracy: Annotated[
-        str,
-        typer.Option(
-            metavar="PERCENT|NAME=VALUE,...",
-            help="Wanted half of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), or "
-            "names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm).",
-        ),
-    ] = "5",
-    seconds: Annotated[
-        str,
-        typer.Option(
-            metavar="SECONDS,...",
-            help="Lengths of each flight to consider, between take-off and landing [s].",
-        ),
-    ] = "20,40,75",
+    airframe: AirframeFile,
+    mass: PlannedMass = None,
+    accuracy: Accuracy = "5",
+    seconds: Lengths = "20,40,75",
     speed: Speed = None,
-    payload: Annotated[
-        float | None,
-        typer.Option(
-            metavar="KG", help="Mass of each of two payloads on one arm [kg]; 0: consider none."
-        ),
-    ] = None,
-    guess: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help="NAME=VALUE of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr, motor_lag, where you "
-            "know better than a guess from the geometry (SI); repeatable.",
-        ),
-    ] = None,
-    log_rate: Annotated[
-        float, typer.Option(metavar="HZ", help="Samples per second of your log.")
-    ] = 200.0,
-    after: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RESULT", help="A result of this vehicle: plan for what it still lacks."
-        ),
-    ] = None,
-    card: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Write a page for the pilot here (.html to print, .txt)."
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Write the plan as JSON here."),
-    ] = None,
+    payload: PlannedPayload = None,
+    guess: Guess = None,
+    log_rate: LogRate = 200.0,
+    after: After = None,
+    card: Card = None,
+    output: PlanOutput = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:

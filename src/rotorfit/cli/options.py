@@ -1,9 +1,10 @@
-"""Options and arguments that several commands have, or that are long."""
+"""Options and arguments that several commands have, or that are long: by command, at the end."""
 
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from typer.models import OptionInfo
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
@@ -51,4 +52,86 @@ Figures = Annotated[
     Path | None,
     typer.Option(metavar="FOLDER", help="Write each figure as a file into this folder (SVG, PNG)."),
 ]
+
+
+def _json_of(what: str) -> OptionInfo:
+    """Return the option -o of a command that writes one file, as JSON."""
+    return typer.Option("-o", "--output", metavar="FILE", help=f"Write the {what} as JSON here.")
+
+
+ResultOutput = Annotated[Path | None, _json_of("result")]
+NumbersOutput = Annotated[Path | None, _json_of("numbers")]
+PlanOutput = Annotated[Path | None, _json_of("plan")]
+
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another flight.")]
+
+# fly
+ReplayedFlights = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="LOG", help="Replay this log instead of the result's own flights; repeatable."
+    ),
+]
+Against = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="RESULT", help="Another result of the vehicle, to stand beside; repeatable."
+    ),
+]
+Bench = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="A number of your bench to stand beside, SI; all else as identified; repeatable.",
+    ),
+]
+
+# plan
+AirframeFile = Annotated[
+    Path, typer.Argument(metavar="AIRFRAME", help="File with [airframe] and [motors].")
+]
+PlannedMass = Annotated[
+    float | None,
+    typer.Option(
+        metavar="KG",
+        help="Weighed as it flies, battery included [kg]; needed where --after does not say.",
+    ),
+]
+Accuracy = Annotated[
+    str,
+    typer.Option(
+        metavar="PERCENT|NAME=VALUE,...",
+        help="Wanted half of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), or "
+        "names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm).",
+    ),
+]
+Lengths = Annotated[
+    str,
+    typer.Option(
+        metavar="SECONDS,...",
+        help="Lengths of each flight to consider, between take-off and landing [s].",
+    ),
+]
+PlannedPayload = Annotated[
+    float | None,
+    typer.Option(
+        metavar="KG", help="Mass of each of two payloads on one arm [kg]; 0: consider none."
+    ),
+]
+Guess = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="NAME=VALUE of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr, motor_lag, where you "
+        "know better than a guess from the geometry (SI); repeatable.",
+    ),
+]
+LogRate = Annotated[float, typer.Option(metavar="HZ", help="Samples per second of your log.")]
+After = Annotated[
+    Path | None,
+    typer.Option(metavar="RESULT", help="A result of this vehicle: plan for what it still lacks."),
+]
+Card = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write a page for the pilot here (.html to print, .txt)."),
+]

@@ -18,7 +18,7 @@ from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.motor_law import ThrustCurve, dead_zone, thrust_curve
 from rotorfit.export.px4 import hover_thrust
-from rotorfit.export.units import frd, text
+from rotorfit.export.units import frd, listed, text
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.model.layouts import layout_rotors
@@ -44,11 +44,11 @@ def write_ardupilot_sitl(model: VehicleModel, head: Sequence[str]) -> str:
     fields: dict[str, str] = {
         "mass": text(model.mass),
         "diagonal_size": text(2.0 * float(radius.mean())),
-        "moment_inertia": _list(np.diag(model.inertia_com).tolist()),
+        "moment_inertia": listed(np.diag(model.inertia_com).tolist()),
         "num_motors": str(len(model.rotors)),
     }
     for i, arm in enumerate(model.arms, start=1):
-        fields[f"motor{i}_position"] = _list(frd(arm).tolist())
+        fields[f"motor{i}_position"] = listed(frd(arm).tolist())
     fields |= _thrust(model, 2.0 * float(radius.mean()))
     body = ",\n".join(f"    {json.dumps(name)}: {value}" for name, value in fields.items())
     comment = hash_comment(noted(head, *_remarks(model, frame)))
@@ -126,7 +126,3 @@ def _remarks(model: VehicleModel, frame: str) -> list[str]:
         "thrust; spin_min to spin_max is the law's range of the output (PWM 1000 to 2000)",
         "yaw torque, in proportion to command times thrust there, is right in hover",
     ]
-
-
-def _list(values: Sequence[float]) -> str:
-    return f"[{', '.join(text(value) for value in values)}]"

@@ -7,7 +7,7 @@ its gyroscopic torque and reaction included. Nothing but casadi is needed to use
 from collections.abc import Sequence
 
 from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.units import text
+from rotorfit.export.units import listed, text
 from rotorfit.export.vehicle import BODY, LAG, ROTORS, VehicleModel, refuse_no_lag
 from rotorfit.flight.airborne import GRAVITY
 
@@ -57,22 +57,18 @@ def write_casadi(model: VehicleModel, head: Sequence[str]) -> str:
         ("MASS", text(model.mass)),
         ("GRAVITY", text(GRAVITY)),
         ("INERTIA", _rows(model.inertia_com.tolist())),
-        ("KT", _row([rotor.kt for rotor in model.rotors])),
+        ("KT", listed([rotor.kt for rotor in model.rotors])),
         ("KD", text(model.kd)),
         ("JR", text(model.Jr or 0.0)),
         ("LAG_UP", text(model.lag_up)),
         ("LAG_DOWN", text(model.lag_down)),
         ("ARMS", _rows(model.arms.tolist())),
         ("AXES", _rows([rotor.axis.tolist() for rotor in model.rotors])),
-        ("SPINS", _row([rotor.spin for rotor in model.rotors])),
+        ("SPINS", listed([rotor.spin for rotor in model.rotors])),
     )
     lines = "".join(f"{name} = {value}\n" for name, value in constants)
     return hash_comment(comment) + f"import casadi as ca\n\n{lines}\n{FUNCTION}"
 
 
-def _row(values: Sequence[float]) -> str:
-    return f"[{', '.join(text(value) for value in values)}]"
-
-
 def _rows(values: Sequence[Sequence[float]]) -> str:
-    return f"[{', '.join(_row(row) for row in values)}]"
+    return f"[{', '.join(listed(row) for row in values)}]"

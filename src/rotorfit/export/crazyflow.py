@@ -13,10 +13,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, identifier, noted
 from rotorfit.export.units import per_squared_rpm, text
-from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+from rotorfit.export.vehicle import (
+    BODY,
+    LAG,
+    ROTORS,
+    SPEED,
+    VehicleModel,
+    refuse_no_lag,
+    refuse_no_upright_quad,
+)
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 
@@ -24,11 +31,7 @@ NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 def write_crazyflow(model: VehicleModel, head: Sequence[str]) -> str:
     """Return the section of a drone."""
     refuse_no_lag(model, "Crazyflow")
-    if len(model.rotors) != 4 or not model.vertical:
-        raise OutputError(
-            "Crazyflow flies four rotors with upright thrust; these are others: export to mujoco "
-            "or gazebo instead"
-        )
+    refuse_no_upright_quad(model, "Crazyflow")
     comment = noted(
         head,
         "paste into crazyflow/dynamics/first_principles/params.toml under the name of a drone that "

@@ -17,7 +17,6 @@ from rotorfit.errors import OutputError
 from rotorfit.export.gazebo_motors import NEEDS as MOTOR_NEEDS
 from rotorfit.export.gazebo_motors import SLOWDOWN, motor_plugins
 from rotorfit.export.header import identifier, noted, xml_comment
-from rotorfit.export.possible import second_moments
 from rotorfit.export.units import elements, roll_pitch_yaw, text, texts
 from rotorfit.export.vehicle import (
     BODY,
@@ -25,6 +24,7 @@ from rotorfit.export.vehicle import (
     VehicleModel,
     inertia_at_origin,
 )
+from rotorfit.results.physical_inertia import second_moments
 
 NEEDS = (*BODY, *MOTOR_NEEDS)
 ROTOR_MASS = 1e-3

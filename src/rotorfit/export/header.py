@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from rotorfit import version
 from rotorfit.export.result_numbers import Number
 from rotorfit.export.vehicle import VehicleModel
+from rotorfit.logs.files import file_name
 from rotorfit.results.result import FlightRecord, IdentificationResult
 
 ORIGINS = {
@@ -63,7 +64,7 @@ def _one_line(line: str) -> str:
 
 def _flight(record: FlightRecord) -> str:
     """Return a flight without its folders, which are nobody else's business."""
-    name = record.file.replace("\\", "/").rsplit("/", maxsplit=1)[-1]
+    name = file_name(record.file)
     return (
         f"  {name} (sha256 {record.sha256[:SHA]}), configuration {record.configuration}, "
         f"{record.seconds_used:.1f} s used"

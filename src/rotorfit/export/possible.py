@@ -5,24 +5,21 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.export.assumptions import unit_of
-from rotorfit.export.result_numbers import COM, INERTIA_COM, Number
+from rotorfit.export.result_numbers import Number
 from rotorfit.export.vehicle import BODY, VehicleModel
-from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, inertia_about, inertia_matrix
-from rotorfit.results.physical_inertia import project_to_physical
+from rotorfit.model.parameters import (
+    COM,
+    FIRST_MOMENTS,
+    INERTIA,
+    INERTIA_COM,
+    inertia_about,
+    inertia_matrix,
+)
+from rotorfit.results.physical_inertia import project_to_physical, second_moments
 from rotorfit.results.result import IdentificationResult
-
-
-def second_moments(inertia_com: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
-    r"""Return the integral of r r^T over the mass: tr(I)/2 - I.
-
-    A body with that inertia exists if and only if it has no negative eigenvalue, which holds the
-    triangle inequality of the principal moments (Wensing, Kim and Slotine, RA-L 3(1), 2018).
-    """
-    return 0.5 * float(np.trace(inertia_com)) * np.eye(3) - inertia_com
 
 
 def is_possible(model: VehicleModel) -> bool:

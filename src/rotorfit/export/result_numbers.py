@@ -13,23 +13,22 @@ import numpy as np
 
 from rotorfit.export.assumptions import per_kilogram, unit_of
 from rotorfit.model.parameters import (
+    COM,
     DERIVED,
     FIRST_MOMENTS,
     INERTIA,
+    INERTIA_COM,
     MOST_ROTORS,
     PARAMETERS,
     inertia_about,
 )
+from rotorfit.results.about_com import body_verdict, relative_width, twin_of
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.results.verdicts import WEAK
 
 Origin = Literal["identified", "weak", "given", "removed", "assumed", "from-ratio", "law"]
 
 FULL_COMMAND: Final = "of full command"
-COM: Final = ("com_x", "com_y", "com_z")
-INERTIA_COM: Final = tuple(f"{name}_com" for name in INERTIA)
-DIAGONAL: Final = INERTIA_COM[:3]
 ROTOR_KT: Final = tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))
 REPLACED: Final = {"kt": ROTOR_KT, "motor_lag": ("motor_lag_up", "motor_lag_down")}
 """What an assumed number is for all of: their own are about the one it replaces."""
@@ -164,69 +163,40 @@ def _about_com(
 ) -> dict[str, Number | Missing]:
     """Return the CoM and the inertia about it, derived by the estimate where it did so."""
     derived = {d.name: d for d in result.derived if d.configuration == configuration}
+    twins = {p.name: p for p in result.parameters if p.configuration == configuration}
     out: dict[str, Number | Missing] = {}
     for name in (*COM, *INERTIA_COM):
-        twin = parameters.get(_twin(name))
+        twin = parameters.get(twin_of(name))
         if name in derived and not (isinstance(twin, Number) and twin.origin == "removed"):
             why = twin.reason if isinstance(twin, Missing) else "these flights do not tell"
             number = _of_derived(derived[name], why)
             if isinstance(number, Missing) and isinstance(twin, Missing):
                 number = replace(number, verdict=twin.verdict)
-            out[name] = _marked(number, twin, derived)
+            out[name] = _marked(number, derived[name], twins.get(twin_of(name)), derived)
         else:
             out[name] = _computed(name, parameters)
     return out
 
 
-def _twin(name: str) -> str:
-    """Return the parameter at the origin whose verdict speaks for a number about the CoM."""
-    return name.replace("com_", "ms") if name in COM else name.removesuffix("_com")
-
-
 def _marked(
-    number: Number | Missing, twin: Number | Missing | None, kin: Mapping[str, Derived]
+    number: Number | Missing, of: Derived, twin: Parameter | None, kin: Mapping[str, Derived]
 ) -> Number | Missing:
-    """Return a number about the CoM, weak by its own interval, a CoM as its twin is.
-
-    Inertia about the CoM can be sharp where that at the origin is not, and the other way round: as
-    the report has it.
-    """
-    if isinstance(number, Missing) or (isinstance(twin, Number) and twin.origin == "given"):
+    """Return a number about the CoM, weak where the report has it so."""
+    if isinstance(number, Missing) or body_verdict(of, twin, kin) != "weak":
         return number
-    size = _size_of(number, kin)
-    if size is None:
-        if isinstance(twin, Number) and twin.origin == "weak":
-            return replace(number, origin="weak", remark=twin.remark)
-        return number
-    low, high = number.interval or (number.value, number.value)
-    relative = 0.5 * (high - low) / size if size else 0.0
-    if relative <= WEAK:
-        return number
+    relative = relative_width(of, kin)
+    if relative is None:
+        return replace(number, origin="weak", remark=None if twin is None else twin.reason)
     return replace(number, origin="weak", remark=f"known only to +-{100.0 * relative:.0f} %")
-
-
-def _size_of(number: Number, kin: Mapping[str, Derived]) -> float | None:
-    """Return what half an interval is measured by; None where only the twin's verdict tells.
-
-    The value; of a product of inertia at least sqrt(Iii Ijj)/20.
-    """
-    if number.name in COM or number.interval is None:
-        return None
-    if number.name in DIAGONAL:
-        return abs(number.value)
-    i, j = number.name[1:3]
-    moments = [d.value for d in (kin.get(f"I{i}{i}_com"), kin.get(f"I{j}{j}_com")) if d]
-    known = [abs(value) for value in moments if value is not None]
-    return max(abs(number.value), (known[0] * known[1]) ** 0.5 / 20.0) if len(known) == 2 else None
 
 
 def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number | Missing:
     """Return a number about the CoM of parameters at the origin: c = ms/m, Steiner."""
     mass = parameters.get("mass")
     m = mass.value if isinstance(mass, Number) else 1.0
-    needed = FIRST_MOMENTS if name not in COM else (_twin(name),)
+    needed = FIRST_MOMENTS if name not in COM else (twin_of(name),)
     if name not in COM:
-        needed = (*needed, _twin(name))
+        needed = (*needed, twin_of(name))
     parts = {part: parameters.get(part) for part in needed}
     for part, value in parts.items():
         if not isinstance(value, Number):
@@ -234,20 +204,20 @@ def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number |
             verdict = value.verdict if isinstance(value, Missing) else "not-identified"
             return Missing(name=name, verdict=verdict, reason=f"{part}: {reason}")
     known = {part: value for part, value in parts.items() if isinstance(value, Number)}
-    twin = known[_twin(name)]
+    twin = known[twin_of(name)]
     if name in COM:
         value = twin.value / m
     else:
         ms = np.array([known[moment].value for moment in FIRST_MOMENTS])
         steiner = inertia_about(np.zeros(6), m, ms / m)
-        value = twin.value - float(steiner[INERTIA.index(_twin(name))])
+        value = twin.value - float(steiner[INERTIA.index(twin_of(name))])
     weak = next((part for part in known.values() if part.origin == "weak"), None)
     return Number(
         name=name,
         value=value,
         unit=per_kilogram(DERIVED[name], twin.unit),
         origin="weak" if weak is not None and twin.origin != "removed" else twin.origin,
-        remark=weak.remark if weak is not None else f"from {_twin(name)} at the origin",
+        remark=weak.remark if weak is not None else f"from {twin_of(name)} at the origin",
     )
 
 

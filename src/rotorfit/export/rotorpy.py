@@ -8,10 +8,17 @@ inverts a 4 x N matrix, and takes four rotors only.
 
 from collections.abc import Sequence
 
-from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.units import elements, text
-from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+from rotorfit.export.vehicle import (
+    BODY,
+    LAG,
+    ROTORS,
+    SPEED,
+    VehicleModel,
+    refuse_no_lag,
+    refuse_no_upright_quad,
+)
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 LEFT_OUT = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_std")
@@ -20,11 +27,7 @@ LEFT_OUT = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_
 def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
     """Return the dictionary as a Python module."""
     refuse_no_lag(model, "RotorPy")
-    if len(model.rotors) != 4 or not model.vertical:
-        raise OutputError(
-            "RotorPy flies four rotors with upright thrust; these are others: export to mujoco or "
-            "gazebo instead"
-        )
+    refuse_no_upright_quad(model, "RotorPy")
     comment = noted(
         head,
         "positions from the CoM [m]; rI is the IMU's; rotor_directions is the sign of the torque "

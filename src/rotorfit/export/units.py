@@ -1,6 +1,7 @@
 """Axes, units and the order of elements that other tools ask for: converted here, nowhere else."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -48,6 +49,11 @@ def text(value: float) -> str:
 def texts(values: Float[np.ndarray, " n"] | tuple[float, ...]) -> str:
     """Return numbers with blanks between them."""
     return " ".join(text(float(value)) for value in values)
+
+
+def listed(values: Sequence[float]) -> str:
+    """Return numbers in brackets, as Python and JSON write a list."""
+    return f"[{', '.join(text(value) for value in values)}]"
 
 
 def quaternion_wxyz(axis: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 4"]:

@@ -7,10 +7,16 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.export.result_numbers import COM, INERTIA_COM, Number
+from rotorfit.export.result_numbers import Number
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.model.parameters import INERTIA_PLACES, inertia_about, inertia_matrix
+from rotorfit.model.parameters import (
+    COM,
+    INERTIA_COM,
+    INERTIA_PLACES,
+    inertia_about,
+    inertia_matrix,
+)
 
 BODY: Final = ("mass", *COM, *INERTIA_COM)
 ROTORS: Final = ("kt", "kd", "Izz_com")
@@ -121,6 +127,15 @@ def inertia_at_origin(model: VehicleModel) -> Float[np.ndarray, "3 3"]:
     """Return the inertia at the origin (parallel axes), FLU [kg m^2]."""
     elements = np.array([model.inertia_com[i, j] for i, j in INERTIA_PLACES])
     return inertia_matrix(inertia_about(elements, model.mass, model.com))
+
+
+def refuse_no_upright_quad(model: VehicleModel, target: str) -> None:
+    """Raise if a target that flies four upright rotors is given others."""
+    if len(model.rotors) != 4 or not model.vertical:
+        raise OutputError(
+            f"{target} flies four rotors with upright thrust; these are others: export to mujoco "
+            "or gazebo instead"
+        )
 
 
 def refuse_no_lag(model: VehicleModel, target: str) -> None:

@@ -17,9 +17,7 @@ from rotorfit.export.assumptions import unit_of
 from rotorfit.export.motor_law import full_speed_of
 from rotorfit.export.possible import impossible_words, is_possible, projected, refuse_signs
 from rotorfit.export.result_numbers import (
-    COM,
     FULL_COMMAND,
-    INERTIA_COM,
     ROTOR_KT,
     Missing,
     Number,
@@ -27,9 +25,10 @@ from rotorfit.export.result_numbers import (
 )
 from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, inertia_matrix
+from rotorfit.model.parameters import COM, DRAG, DRAG_MOMENTS, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.command_units import is_per_command
+from rotorfit.results.configurations import configuration_names, meant_configuration
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import refuse_unsound
 
@@ -106,13 +105,12 @@ def owner_of(result: IdentificationResult, configuration: str | None) -> str:
     OutputError
         If it is not in the result, or not said where there are several.
     """
-    names = list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
+    names = configuration_names(result)
     if not names:
         raise OutputError("the result has no configuration, and nothing to export; identify again")
-    if configuration is None and len(names) == 1:
-        return names[0]
-    if configuration in names:
-        return str(configuration)
+    owner = meant_configuration(names, configuration)
+    if owner is not None:
+        return owner
     raise OutputError(
         f"the result has the configurations {', '.join(names)}; say which to export "
         "(--configuration NAME)"

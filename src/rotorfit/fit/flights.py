@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, RotorfitError
 from rotorfit.estimation.factors import Factors, stack_recordings
 from rotorfit.experiment.experiment import (
     ConfigurationEntry,
@@ -150,6 +150,16 @@ def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
     LogError, FlightError, FrameError
         If it cannot be used; the message names the file.
     """
+    try:
+        return _loaded(entry, experiment)
+    except RotorfitError as error:
+        name = Path(entry.file).name
+        if name in str(error):
+            raise
+        raise type(error)(f"{name}: {error}") from error
+
+
+def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
     motors, source = experiment.motors, experiment.identification.source
     vehicle, motor_model = vehicle_of(experiment.airframe, source), motor_model_of(motors)
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))

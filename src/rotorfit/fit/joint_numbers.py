@@ -7,7 +7,7 @@ the recipe.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +20,6 @@ from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.excitation import (
-    AXIS_OF,
     HEIGHTS,
     SCALED,
     YAW_PRODUCTS,
@@ -37,13 +36,22 @@ from rotorfit.fit.joint_equations import (
     rotor_drag_std,
     spread_names,
 )
-from rotorfit.flight.airborne import GRAVITY
+from rotorfit.fit.numbers import (
+    PRODUCTS,
+    Numbers,
+    chance_half_width,
+    correlation_of,
+    hover_speed,
+    moments_beside,
+    plain_scale,
+    product_scale,
+    quadrature,
+)
 from rotorfit.model.parameters import (
     DERIVED,
     DRAG,
     DRAG_MOMENTS,
     INERTIA,
-    INERTIA_PLACES,
     PARAMETERS,
     inertia_about,
 )
@@ -58,51 +66,6 @@ OWN_NUMBERS = (
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
 SHARED_NUMBERS = ("kt", "kd", "Jr", "rotor_drag", "kd_over_kt", "motor_lag_total")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Numbers:
-    """Physical numbers of all configurations, with their intervals.
-
-    Attributes
-    ----------
-    names
-        ``kt`` for what is shared, ``Ixx_com@A`` for what belongs to a configuration.
-    values, half_width
-        SI; half of the 95 % interval.
-    correlation
-        Between them, from the covariance of the fit.
-    excitation
-        rho of each configuration and axis, by ``roll@A``.
-    """
-
-    names: tuple[str, ...]
-    values: Float[np.ndarray, " q"]
-    half_width: Float[np.ndarray, " q"]
-    correlation: Float[np.ndarray, "q q"]
-    excitation: Mapping[str, float]
-
-    def index(self, name: str) -> int:
-        """Return the place of one number."""
-        return self.names.index(name)
-
-    def rho(self, name: str) -> float | None:
-        """Return the excitation that a number depends on; None where it needs none."""
-        base, _, configuration = name.partition("@")
-        axis = AXIS_OF.get(base)
-        if axis is None:
-            return None
-        if configuration:
-            return self.excitation[f"{axis}@{configuration}"]
-        return max(value for key, value in self.excitation.items() if key.startswith(axis))
-
-    def link(self, configuration: str | None = None) -> float:
-        """Return the larger rho of roll and pitch, of one configuration or of any."""
-        return max(
-            value
-            for key, value in self.excitation.items()
-            if not key.startswith("yaw") and (configuration or "") in ("", key.partition("@")[2])
-        )
 
 
 def joint_numbers(
@@ -125,15 +88,12 @@ def joint_numbers(
     blocks = len(fit.influence)
     free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)
     scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T * (blocks / free)
-    std = np.sqrt(np.diagonal(formal))
-    random = np.maximum(1.96 * std, float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(scatter)))
-    random = np.maximum(random, _between_flights(fit, jacobian))
-    safe = np.where(std > 0, std, 1.0)
+    random = chance_half_width(formal, scatter, free)
     numbers = Numbers(
         names=names,
         values=values,
-        half_width=random,
-        correlation=formal / np.outer(safe, safe),
+        half_width=np.maximum(random, _between_flights(fit, jacobian)),
+        correlation=correlation_of(formal),
         excitation=excitation(fit, configurations),
     )
     return hanging_on_roll_and_pitch(
@@ -208,8 +168,7 @@ def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> d
     out["kd_over_Izz"] = p["kd"] / float(about_com[2])
     if "Jr" in p:
         out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
-    lift = float(configuration.vehicle.axes[:, 2].sum())
-    out["hover_speed"] = float(np.sqrt(mass * GRAVITY / (lift * max(p["kt"], 1e-300))))
+    out["hover_speed"] = hover_speed(p["kt"], mass=mass, vehicle=configuration.vehicle)
     return out
 
 
@@ -278,7 +237,7 @@ def _with_systematic(
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)
             parts.append(1.96 * relative * value)
-        extra[i] = float(np.sqrt(sum(part**2 for part in parts)))
+        extra[i] = quadrature(parts)
     return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
 
 
@@ -319,40 +278,23 @@ def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndar
 
 def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) -> float:
     """Return the size of a number below which its relative error does not matter."""
-    arm = vehicle.arm
     base, _, owner = name.partition("@")
     base = base.removesuffix("_com")
-    if base in ("msx", "msy", "msz"):
-        return mass * arm / 50.0
-    if base.startswith(("com_", "rotor_center_")) or base == "twist":
-        return arm / 50.0  # of a twist, a degree
-    if base in DRAG_MOMENTS:
-        return 0.3 * mass * arm / 5.0  # at 3 m/s as of a CoM that is arm / 150 off
-    if base.startswith("drag_"):
-        return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
-    if base.startswith("torque_offset_"):
-        return mass * GRAVITY * arm / 50.0
-    if base.startswith("accel_bias_"):
-        return 0.2
     if base == "rotor_drag":
         hover = next(n for n in numbers.names if n.startswith("hover_speed"))
         speeds = len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])
         return rotor_drag_std(mass, speeds)
     if base == "Jr":
-        return _diagonal(numbers, owner)[2] / 1000.0
+        return abs(_moment(numbers, "Izz", owner)) / 1000.0
     if base == "Jr_over_Izz":
         return 1e-3
-    if base in ("Ixy", "Ixz", "Iyz"):
-        i, j = INERTIA_PLACES[INERTIA.index(base)]
-        diagonal = _diagonal(numbers, owner)
-        return float(np.sqrt(diagonal[i] * diagonal[j])) / 20.0
-    return 0.0
+    if base in PRODUCTS:
+        one, other = (_moment(numbers, moment, owner) for moment in moments_beside(base))
+        return product_scale(one, other)
+    return plain_scale(base, mass=mass, arm=vehicle.arm)
 
 
-def _diagonal(numbers: Numbers, owner: str) -> list[float]:
-    """Return the sizes of the diagonal inertia of a configuration (any, for shared numbers)."""
+def _moment(numbers: Numbers, name: str, owner: str) -> float:
+    """Return a moment of inertia of a configuration about its CoM (of any, for shared numbers)."""
     own = owner or next(name for name in numbers.names if "@" in name).partition("@")[2]
-    return [
-        abs(float(numbers.values[numbers.index(f"{name}_com@{own}")]))
-        for name in ("Ixx", "Iyy", "Izz")
-    ]
+    return float(numbers.values[numbers.index(f"{name}_com@{own}")])

@@ -6,17 +6,26 @@ bands; rho: excitation of the axis, whose lack pulls every estimate of that axis
 to c = 2.5 for roll and pitch, 1.5 for the ratios of yaw (`excitation.py` has it exactly).
 """
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from rotorfit.estimation.propagate import numerical_jacobian
-from rotorfit.fit.excitation import AXIS_OF, attenuation_allowance
+from rotorfit.fit.excitation import attenuation_allowance
+from rotorfit.fit.numbers import (
+    PRODUCTS,
+    Numbers,
+    chance_half_width,
+    correlation_of,
+    hover_speed,
+    moments_beside,
+    plain_scale,
+    product_scale,
+    quadrature,
+)
 from rotorfit.fit.row_fits import ROWS, RowFits
-from rotorfit.flight.airborne import GRAVITY
-from rotorfit.model.parameters import INERTIA_PLACES, inertia_about
+from rotorfit.model.parameters import INERTIA, inertia_about
 from rotorfit.model.vehicle import Vehicle
 
 MOST_DRAG = 0.03
@@ -24,31 +33,7 @@ MOST_DRAG = 0.03
 along tilted axes from that of thrust."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Quantities:
-    """Named numbers with their intervals.
-
-    Attributes
-    ----------
-    names, values
-        SI, per kilogram where the mass is unknown.
-    half_width
-        Of the 95 % interval.
-    correlation
-        Between them.
-    """
-
-    names: tuple[str, ...]
-    values: Float[np.ndarray, " q"]
-    half_width: Float[np.ndarray, " q"]
-    correlation: Float[np.ndarray, "q q"]
-
-    def index(self, name: str) -> int:
-        """Return the place of one number."""
-        return self.names.index(name)
-
-
-def row_quantities(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float) -> Quantities:
+def row_numbers(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float) -> Numbers:
     """Return the physical numbers of one configuration.
 
     Parameters
@@ -61,28 +46,24 @@ def row_quantities(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: fl
         [kg]
     """
     at = fits.values
-    names, _ = _physical(at, fits.names, vehicle, mass)
+    names, values = _physical(at, fits.names, vehicle, mass)
     formal = np.sqrt(np.diagonal(fits.formal))
     jacobian = numerical_jacobian(
         lambda phi: _physical(phi, fits.names, vehicle, mass)[1], at, formal
     )
-    values = _physical(at, fits.names, vehicle, mass)[1]
     scatter, degrees = _small_sample(fits)
     formal_cov = jacobian @ fits.formal @ jacobian.T
     scatter_cov = jacobian @ scatter @ jacobian.T
-    random = np.maximum(
-        1.96 * np.sqrt(np.diagonal(formal_cov)),
-        float(stats.t.ppf(0.975, degrees)) * np.sqrt(np.diagonal(scatter_cov)),
-    )
-    systematic = _systematic(names, values, fits, vehicle, (mass, mass_std))
-    std = np.sqrt(np.diagonal(formal_cov))
-    safe = np.where(std > 0, std, 1.0)
-    return Quantities(
+    random = chance_half_width(formal_cov, scatter_cov, degrees)
+    numbers = Numbers(
         names=names,
         values=values,
-        half_width=np.hypot(random, systematic),
-        correlation=formal_cov / np.outer(safe, safe),
+        half_width=random,
+        correlation=correlation_of(formal_cov),
+        excitation=fits.excitation,
     )
+    systematic = _systematic(numbers, vehicle, mass=mass, mass_std=mass_std)
+    return replace(numbers, half_width=np.hypot(random, systematic))
 
 
 def _physical(
@@ -93,15 +74,13 @@ def _physical(
     kt = p["force.kt"]
     inertia = _inertia_about_com(p, kt)
     com, center = _com_and_rotor_center(p, vehicle, mass)
-    origin = inertia_about(
-        np.array([inertia[k] for k in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")]), mass, com
-    )
+    origin = inertia_about(np.array([inertia[k] for k in INERTIA]), mass, com)
     out: dict[str, float] = {"kt": kt}
     out |= {f"accel_bias_{a}": p[f"force.F{a}_0"] / mass for a in "xyz"}
     out |= {f"com_{a}": float(c) for a, c in zip("xyz", com, strict=True)}
     out |= {f"ms{a}": mass * float(c) for a, c in zip("xyz", com, strict=True)}
     out |= center
-    for name, value in zip(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), origin, strict=True):
+    for name, value in zip(INERTIA, origin, strict=True):
         if name != "Izz":
             out[name] = float(value)
             out[f"{name}_com"] = inertia[name]
@@ -109,13 +88,8 @@ def _physical(
     out["Iyy_over_kt"] = inertia["Iyy"] / kt
     out["kd_over_Izz"] = p["yaw.kd"]
     out["Jr_over_Izz"] = p["yaw.Jr"]
-    out["hover_speed"] = float(np.sqrt(mass * GRAVITY / (_lift(vehicle) * max(kt, 1e-300))))
+    out["hover_speed"] = hover_speed(kt, mass=mass, vehicle=vehicle)
     return tuple(out), np.array(list(out.values()))
-
-
-def _lift(vehicle: Vehicle) -> float:
-    """Return how many rotors' worth of thrust points up."""
-    return float(vehicle.axes[:, 2].sum())
 
 
 def _inertia_about_com(p: dict[str, float], kt: float) -> dict[str, float]:
@@ -167,46 +141,35 @@ def _small_sample(fits: RowFits) -> tuple[Float[np.ndarray, "f f"], float]:
 
 
 def _systematic(
-    names: tuple[str, ...],
-    values: Float[np.ndarray, " q"],
-    fits: RowFits,
-    vehicle: Vehicle,
-    mass: tuple[float, float],
+    numbers: Numbers, vehicle: Vehicle, *, mass: float, mass_std: float
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width of what no scatter within the flight shows."""
-    weighed = 1.96 * mass[1] / mass[0]
+    weighed = 1.96 * mass_std / mass
     lean = float(np.hypot(vehicle.axes[:, 0], vehicle.axes[:, 1]).mean())
-    result = np.zeros(len(names))
-    for i, name in enumerate(names):
+    result = np.zeros(len(numbers.names))
+    for i, name in enumerate(numbers.names):
+        value, rho = abs(float(numbers.values[i])), numbers.rho(name)
         parts: list[float] = []
         if lean > 0 and name == "kd_over_Izz":
-            parts.append(2.0 * abs(float(values[i])))  # the thrust's own yaw torque is in it
-        elif lean > 0 and name in AXIS_OF:
-            parts.append(MOST_DRAG * lean / vehicle.arm * abs(float(values[i])))
-        if name in AXIS_OF:
-            known = dict(zip(names, values.tolist(), strict=True))
-            scale = number_scale(name, known, mass=mass[0], arm=vehicle.arm)
-            size = max(abs(float(values[i])), scale)
-            rho = fits.excitation[AXIS_OF[name]]
+            parts.append(2.0 * value)  # the thrust's own yaw torque is in it
+        elif lean > 0 and rho is not None:
+            parts.append(MOST_DRAG * lean / vehicle.arm * value)
+        if rho is not None:
+            size = max(value, number_scale(numbers, name, mass=mass, arm=vehicle.arm))
             parts.append(attenuation_allowance(name, size, rho, answered=False))
         if name == "kt" or name.startswith(("I", "ms")):
-            parts.append(weighed * abs(float(values[i])))
-        result[i] = float(np.sqrt(sum(part**2 for part in parts)))
+            parts.append(weighed * value)
+        result[i] = quadrature(parts)
     return result
 
 
-def number_scale(name: str, values: dict[str, float], *, mass: float, arm: float) -> float:
+def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> float:
     """Return the size of a number below which its relative error does not matter."""
-    Ixx, Iyy = abs(values.get("Ixx_com", 0.0)), abs(values.get("Iyy_com", 0.0))
     base = name.removesuffix("_com")
-    if base in ("msx", "msy", "msz"):
-        return mass * arm / 50.0
-    if name.startswith(("com_", "rotor_center_")):
-        return arm / 50.0
-    if name.startswith("accel_bias_"):
-        return 0.2
-    diagonal = (Ixx, Iyy, Ixx + Iyy)
-    for product, (i, j) in zip(("Ixy", "Ixz", "Iyz"), INERTIA_PLACES[3:], strict=True):
-        if base == product:
-            return float(np.sqrt(diagonal[i] * diagonal[j])) / 20.0
-    return 0.0
+    if base not in PRODUCTS:
+        return plain_scale(base, mass=mass, arm=arm)
+    Ixx, Iyy = (abs(numbers.number(f"{moment}_com")[0]) for moment in ("Ixx", "Iyy"))
+    # The rows do not give Izz; of flat bodies it is the sum of the others.
+    moments = {"Ixx": Ixx, "Iyy": Iyy, "Izz": Ixx + Iyy}
+    one, other = (moments[moment] for moment in moments_beside(base))
+    return product_scale(one, other)

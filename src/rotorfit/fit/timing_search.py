@@ -88,10 +88,13 @@ Counted = tuple[Bool[np.ndarray, "_ 3"], ...]
 
 def _cost(flown: Flown, response: MotorResponse, counted: Counted | None) -> float:
     """Return minus the log-likelihood of the angular accelerations; None: of the pilot's band."""
+    return _cost_of_bands(flown, flown.bands(response), counted)
+
+
+def _cost_of_bands(flown: Flown, bands: Sequence[Factors], counted: Counted | None) -> float:
+    """Return the same from the bands at a timing, whose making is what a trial costs."""
     cost = 0.0
-    for c, (factors, configured) in enumerate(
-        zip(flown.bands(response), flown.configurations, strict=True)
-    ):
+    for c, (factors, configured) in enumerate(zip(bands, flown.configurations, strict=True)):
         own = _slow(factors) if counted is None else counted[c]
         cost -= angular_log_likelihood(factors, flown.model, mass=configured.mass, counted=own)
     return cost
@@ -163,11 +166,11 @@ def _find_delay(flown: Flown) -> MotorTiming | None:
         options={"xatol": SMALLEST_STEP},
     )
     place = float(found.x)
-    moved = [place + move for move in (0.0, STENCIL, -STENCIL)]
-    middle, plus, minus = (cost(delay) for delay in moved)
+    moved = [flown.bands(at(place + move)) for move in (0.0, STENCIL, -STENCIL)]
+    middle, plus, minus = (_cost_of_bands(flown, bands, counted) for bands in moved)
     curvature = max((plus - 2.0 * middle + minus) / STENCIL**2, (high - low) ** -2)
     move = _parabola_shift(middle, plus, minus)
-    slow = _parabola_shift(*(_cost(flown, at(delay), None) for delay in moved))
+    slow = _parabola_shift(*(_cost_of_bands(flown, bands, None) for bands in moved))
     response = replace(flown.declared, delay=place + move)
     pull = _pull(flown, response, counted)
     std = _norm(1.0 / np.sqrt(curvature), slow - move, max(DELAY_FAULT, pull), _hold_fault(flown))

@@ -221,14 +221,17 @@ def doubts_about(
             f"motor data come at {motor_rate:.0f} Hz, the gyro at {gyro_rate:.0f} Hz: fast "
             f"motion is used only up to {0.4 * motor_rate:.0f} Hz; log motors faster"
         )
+    return (*doubts, *flown_doubts(data))
+
+
+def flown_doubts(data: FlightData) -> list[str]:
+    """Return the doubts about what was flown, whatever measured it."""
     rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
-    doubts += thrust_doubts(data.rotor_speed[rows])
-    if data.velocity is not None:
-        doubts += speed_doubts(data.velocity[rows])
-    return tuple(doubts)
+    doubts = _thrust_doubts(data.rotor_speed[rows])
+    return doubts if data.velocity is None else doubts + _speed_doubts(data.velocity[rows])
 
 
-def thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
+def _thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
     """Return a doubt where thrust leaves the near-hover scope of the model."""
     thrust: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", rotor_speed, rotor_speed)
     hover = float(np.median(thrust))
@@ -241,7 +244,7 @@ def thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
     ]
 
 
-def speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
+def _speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
     """Return a doubt where the vehicle flies so fast that drag counts."""
     speed = np.sqrt((velocity * velocity).sum(axis=1))
     known = speed[np.isfinite(speed)]

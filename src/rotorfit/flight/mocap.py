@@ -14,13 +14,12 @@ from rotorfit.errors import FlightError, FrameError
 from rotorfit.flight.airborne import GRAVITY, SHORTEST_FLIGHT, Motion, airborne_rows, fast_rows
 from rotorfit.flight.camera import NOTED_JITTER, CameraClock, camera_clock, poses
 from rotorfit.flight.checks import (
+    flown_doubts,
     refuse_empty_window,
     refuse_idle_motors,
     refuse_missing_battery,
     refuse_missing_motors,
-    speed_doubts,
     still_doubts,
-    thrust_doubts,
 )
 from rotorfit.flight.clocks import (
     FEWEST_SAMPLES,
@@ -397,11 +396,7 @@ def _doubts(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str,
             f"motor data come at {frames.motor_rate:.0f} Hz, motion capture at {clock.rate:.0f} "
             f"Hz: motion is used only up to {0.4 * frames.motor_rate:.0f} Hz; log motors faster"
         )
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
-    doubts += thrust_doubts(data.rotor_speed[rows])
-    if data.velocity is not None:
-        doubts += speed_doubts(data.velocity[rows])
-    return tuple(doubts)
+    return (*doubts, *flown_doubts(data))
 
 
 def _law_doubts(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple[str, ...]:

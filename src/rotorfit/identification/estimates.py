@@ -17,12 +17,13 @@ from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
-from rotorfit.fit.joint_numbers import Numbers, joint_numbers
+from rotorfit.fit.joint_numbers import joint_numbers
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
+from rotorfit.fit.numbers import Numbers
 from rotorfit.fit.other_settings import widened
 from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import RowFits, fit_rows
-from rotorfit.fit.row_parameters import Quantities, row_quantities
+from rotorfit.fit.row_parameters import row_numbers
 from rotorfit.fit.steering import steered
 from rotorfit.fit.term_choice import chosen
 from rotorfit.flight.motors import MotorResponse
@@ -59,8 +60,8 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     terms = choice.terms
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
     # What stands on the ground is carried by it, and weighs nothing of what thrust does.
-    stands = ground_sentence(flown.configurations) is not None
-    weighed = None if stands else kt_from_weight(flown.configurations, flown.vehicle)
+    ground = ground_sentence(flown.configurations)
+    weighed = None if ground is not None else kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     found = _kt_of(numbers)
     if weighed is not None and (
@@ -88,13 +89,13 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         warnings=(*tables.warnings, *choice.sentences, *doubts),
         settings={**tables.settings, **choice.settings},
     )
-    return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
+    return with_doubts(tables, flown, numbers, fit=fit, joint=joint, ground=ground)
 
 
 def _kt_of(numbers: Numbers) -> tuple[float, float]:
     """Return value and standard deviation of k_t."""
-    i = numbers.index("kt")
-    return float(numbers.values[i]), float(numbers.half_width[i]) / 1.96
+    value, half = numbers.number("kt")
+    return value, half / 1.96
 
 
 def _holding_both(numbers: Numbers, other: Numbers) -> Numbers:
@@ -184,14 +185,14 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the estimate row by row."""
     configured = next(iter(flown.configurations))
     fits = _rows_at(flown, flown.timing)
-    quantities = _row_quantities(flown, fits)
+    numbers = _row_numbers(flown, fits)
 
     def shift(other: Flown, response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
-        fitted = _row_quantities(other, _rows_at(other, response, top=top))
-        return fitted.values - quantities.values
+        fitted = _row_numbers(other, _rows_at(other, response, top=top))
+        return fitted.values - numbers.values
 
     return row_tables(
-        dataclasses.replace(quantities, half_width=widened(quantities.half_width, flown, shift)),
+        dataclasses.replace(numbers, half_width=widened(numbers.half_width, flown, shift)),
         fits,
         configured.entry,
         vehicle=flown.vehicle,
@@ -206,9 +207,9 @@ def _rows_at(flown: Flown, response: MotorResponse | None, *, top: float = np.in
     return fit_rows(factors, flown.model, mass=flown.configurations[0].mass)
 
 
-def _row_quantities(flown: Flown, fits: RowFits) -> Quantities:
+def _row_numbers(flown: Flown, fits: RowFits) -> Numbers:
     configured = flown.configurations[0]
-    return row_quantities(
+    return row_numbers(
         fits, flown.vehicle, mass=configured.mass, mass_std=configured.entry.mass_std
     )
 

@@ -19,10 +19,9 @@ from rotorfit.checks.plausible_units import (
     refuse_rotors_too_fast,
     slow_rotor_doubts,
 )
-from rotorfit.errors import EstimationError, ExperimentError, FlightWarning, RotorfitError
+from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
 from rotorfit.experiment.experiment import (
     Experiment,
-    FlightEntry,
     MotorsEntry,
     payload_of,
     vehicle_of,
@@ -110,7 +109,10 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
     vehicle = vehicle_of(experiment.airframe, source)
     configurations: list[Configured] = []
     for entry in experiment.configuration:
-        flights = [_loaded(experiment, flight, tell) for flight in entry.flights]
+        flights: list[UsedFlight] = []
+        for flight in entry.flights:
+            tell(f"reading {Path(flight.file).name}")
+            flights.append(load_flight(flight, experiment))
         tell("checking axes, units and rotors")
         if source == "imu":
             refuse_gyro_in_degrees({Path(f.entry.file).name: f.prepared.data for f in flights})
@@ -177,20 +179,6 @@ def _refuse_mixed_commands(flights: list[UsedFlight]) -> None:
             f"{one} commands rotor speeds in rad/s, {two} commands from 0 to 1: identify them in "
             "experiments of their own"
         )
-
-
-def _loaded(experiment: Experiment, flight: FlightEntry, tell: Progress) -> UsedFlight:
-    tell(f"reading {Path(flight.file).name}")
-    try:
-        return load_flight(flight, experiment)
-    except RotorfitError as error:
-        raise _with_file(error, flight.file) from error
-
-
-def _with_file(error: RotorfitError, file: str) -> RotorfitError:
-    """Return the same error, naming the file if it does not."""
-    name = Path(file).name
-    return error if name in str(error) else type(error)(f"{name}: {error}")
 
 
 def _result(experiment: Experiment, flown: Flown, tables: Tables) -> IdentificationResult:

@@ -27,6 +27,11 @@ def open_mapped(path: Path) -> mmap.mmap:
         raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
 
 
+def file_name(path: str) -> str:
+    """Return the last part of a path of any system; folders are nobody else's business."""
+    return path.replace("\\", "/").rstrip("/").rsplit("/", maxsplit=1)[-1] or path
+
+
 def let_go(data: Content) -> None:
     """Give back the memory of a mapped file; what is looked at again is read again."""
     if isinstance(data, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):

@@ -7,6 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 INERTIA: Final = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+COM: Final = ("com_x", "com_y", "com_z")
+INERTIA_COM: Final = tuple(f"{name}_com" for name in INERTIA)
 FIRST_MOMENTS: Final = ("msx", "msy", "msz")
 MOST_ROTORS: Final = 16
 DRAG: Final = ("drag_x", "drag_y", "drag_z")
@@ -71,7 +73,7 @@ DERIVED: Final[dict[str, ParameterInfo]] = {
     "com_x": ParameterInfo("m", 0, "centre of mass from the origin"),
     "com_y": ParameterInfo("m", 0, "centre of mass from the origin"),
     "com_z": ParameterInfo("m", 0, "centre of mass from the origin"),
-    **{f"{name}_com": ParameterInfo("kg m^2", 1, "inertia about the CoM") for name in INERTIA},
+    **{name: ParameterInfo("kg m^2", 1, "inertia about the CoM") for name in INERTIA_COM},
     "kd_over_kt": ParameterInfo("m", 0, "drag torque over thrust"),
     "Ixx_over_kt": ParameterInfo("m rad^2", 0, "roll inertia about the CoM over kt"),
     "Iyy_over_kt": ParameterInfo("m rad^2", 0, "pitch inertia about the CoM over kt"),

@@ -10,7 +10,8 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
 from rotorfit.experiment.payload import MOMENTS
-from rotorfit.fit.joint_numbers import Numbers, number_scale
+from rotorfit.fit.joint_numbers import number_scale
+from rotorfit.fit.numbers import Numbers
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import WANTABLE
@@ -227,10 +228,9 @@ def _missing(
     bare = problem.configurations[0]
     relative: dict[Manoeuvre, float] = {}
     for manoeuvre, numbers in trials.items():
-        i = numbers.index(name)
+        value, half = numbers.number(name)
         scale = number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
-        size = max(abs(float(numbers.values[i])), scale)
-        relative[manoeuvre] = float(numbers.half_width[i]) / size
+        relative[manoeuvre] = half / max(abs(value), scale)
     least = min(relative.values())
     good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
     verdict = judge(1.0, least, scale=0.0, axis="yaw").verdict

@@ -31,11 +31,11 @@ from rotorfit.fit.joint_equations import (
 )
 from rotorfit.fit.joint_numbers import (
     AXES,
-    Numbers,
     hanging_on_roll_and_pitch,
     number_scale,
     physical,
 )
+from rotorfit.fit.numbers import Numbers
 from rotorfit.flight.data import FlightData
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.model.reduce import BandPlan, band_factors

@@ -14,7 +14,8 @@ import numpy as np
 
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.payload import PointMass
-from rotorfit.fit.joint_numbers import Numbers, number_scale
+from rotorfit.fit.joint_numbers import number_scale
+from rotorfit.fit.numbers import Numbers
 from rotorfit.flight.data import FlightData
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.after import (
@@ -391,8 +392,7 @@ def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
     bare = problem.configurations[0]
     shown: dict[str, PredictedNumber] = {}
     for name, full in WANTABLE.items():
-        i = numbers.index(full)
-        value, half = float(numbers.values[i]), float(numbers.half_width[i])
+        value, half = numbers.number(full)
         scale = number_scale(numbers, full, mass=bare.mass, vehicle=bare.vehicle)
         verdict = judge(value, half, scale=scale, axis="yaw").verdict
         shown[name] = PredictedNumber(name=name, value=value, half_width=half, verdict=verdict)

@@ -9,9 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rotorfit.errors import OutputError
-from rotorfit.logs.files import write_whole
+from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.correlations import correlation_section
-from rotorfit.report.number_words import file_name
 from rotorfit.report.page_templates import template_text
 from rotorfit.report.series import series_of
 from rotorfit.report.svg import standalone

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.report.number_words import file_name
+from rotorfit.logs.files import file_name
 from rotorfit.report.svg import drawing, label, tag, tick_label, ticks
 from rotorfit.validation.fly_outcome import AXES, IDENTIFIED, FlyOutcome
 from rotorfit.validation.model_flight import MANOEUVRES, Manoeuvre

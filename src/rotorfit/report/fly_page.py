@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from rotorfit.logs.files import write_whole
+from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.figures import write_drawings
 from rotorfit.report.fly_figures import fly_drawings, kind_of
 from rotorfit.report.fly_text import force_rows, headline, manoeuvre_words, rate_rows, verdicts
-from rotorfit.report.number_words import file_name
 from rotorfit.report.page_templates import page_template, template_text
 from rotorfit.report.svg import clean, standalone
 from rotorfit.validation.fly_outcome import AXES, FlyOutcome, told_times

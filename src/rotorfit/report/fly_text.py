@@ -4,7 +4,7 @@ import math
 import textwrap
 from collections.abc import Sequence
 
-from rotorfit.report.number_words import file_name
+from rotorfit.logs.files import file_name
 from rotorfit.validation.fly_outcome import (
     AXES,
     FlyOutcome,

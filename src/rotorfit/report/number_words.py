@@ -197,17 +197,7 @@ def percent_words(value: float) -> str:
     return f"{float(f'{value:.1g}' if value < 1 else f'{value:.2g}'):g} %"
 
 
-def file_name(path: str) -> str:
-    """Return the last part of a path of any system; folders are nobody else's business."""
-    return path.replace("\\", "/").rstrip("/").rsplit("/", maxsplit=1)[-1] or path
-
-
 def configurations(result: IdentificationResult) -> list[str]:
     """Return the names of the configurations in their order."""
     names = [p.configuration for p in (*result.parameters, *result.derived)]
     return list(dict.fromkeys(name for name in names if name is not None))
-
-
-def twin_of(derived: str) -> str:
-    """Return the parameter whose verdict speaks for a derived number of the body."""
-    return derived.replace("com_", "ms") if derived.startswith("com_") else derived[:-4]

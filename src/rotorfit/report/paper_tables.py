@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from rotorfit.report.number_words import configurations, file_name, known, title_of, unit_words
+from rotorfit.logs.files import file_name
+from rotorfit.report.number_words import configurations, known, title_of, unit_words
 from rotorfit.report.paper_numbers import (
     ILLEGIBLE,
     MASSES,

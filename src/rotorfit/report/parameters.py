@@ -1,9 +1,9 @@
 """Section 1: what was identified; one table for the rotors, and per configuration its body."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rotorfit.model.parameters import COM, INERTIA_COM
 from rotorfit.report.intervals import axis_of, axis_range, interval_bar
 from rotorfit.report.number_words import (
     Number,
@@ -11,16 +11,13 @@ from rotorfit.report.number_words import (
     known,
     number_of,
     title_of,
-    twin_of,
     unit_words,
 )
+from rotorfit.results.about_com import body_verdict, relative_width, twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.results.verdicts import ADVICE, WEAK, motion_for
+from rotorfit.results.verdicts import ADVICE, motion_for
 
-COM_FIRST = (
-    *("com_x", "com_y", "com_z"),
-    *("Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com"),
-)
+COM_FIRST = (*COM, *INERTIA_COM)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +142,7 @@ def body_entry(derived: Derived, twin: Parameter | None, kin: Mapping[str, Deriv
         return Entry(number=derived, verdict=verdict)
     reason, advice = twin.reason, twin.advice
     if verdict == "weak" != twin.verdict:
-        reason = f"known only to +-{100.0 * (_relative(derived, kin) or 0.0):.0f} %"
+        reason = f"known only to +-{100.0 * (relative_width(derived, kin) or 0.0):.0f} %"
         advice = ADVICE[motion_for(derived.name)]
     return Entry(
         number=derived,
@@ -154,46 +151,6 @@ def body_entry(derived: Derived, twin: Parameter | None, kin: Mapping[str, Deriv
         reason=reason,
         advice=advice,
     )
-
-
-def body_verdict(
-    derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived] | None = None
-) -> str:
-    """Return the verdict on a derived number: by its own interval, else its twin's.
-
-    Inertia about the centre of mass can be sharp where that at the origin is not, and the other way
-    round. `kin` is all of its body, by name: what products of inertia are measured by.
-    """
-    verdict = "" if twin is None else twin.verdict
-    if known(derived.value) is None:
-        return verdict if verdict in ("ratio-only", "removed") else "not-identified"
-    relative = _relative(derived, kin or {})
-    if relative is None or verdict == "given":
-        return verdict if verdict in ("weak", "given") else "identified"
-    if relative <= WEAK:
-        return "identified"
-    # Where a moment is not known, the estimate had a better idea of what matters than the value.
-    measured = twin is not None and _size(derived, kin or {}) is None
-    return "identified" if measured and verdict == "identified" else "weak"
-
-
-def _relative(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
-    """Return half of the interval of an inertia about the CoM over what its verdict goes by."""
-    value, interval = known(derived.value), derived.interval
-    if value is None or interval is None or not derived.name.endswith("_com"):
-        return None
-    size = max(abs(value), _size(derived, kin) or 0.0)
-    return 0.5 * (interval[1] - interval[0]) / size if size else None
-
-
-def _size(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
-    """Return the size of an inertia that matters; None for a product without its two moments."""
-    i, j = derived.name[1:3]
-    if i == j:
-        return 0.0
-    found = [known(kin[n].value) for n in (f"I{i}{i}_com", f"I{j}{j}_com") if n in kin]
-    moments = [abs(value) for value in found if value is not None]
-    return math.sqrt(moments[0] * moments[1]) / 20.0 if len(moments) == 2 else None
 
 
 def _table(title: str, explanation: str, entries: Sequence[Entry]) -> ParameterTable:

@@ -11,10 +11,9 @@ from rotorfit.report.number_words import (
     percent,
     percent_words,
     title_of,
-    twin_of,
     unit_words,
 )
-from rotorfit.report.parameters import body_verdict
+from rotorfit.results.about_com import body_verdict, twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 from rotorfit.results.verdicts import WEAK
 

@@ -4,16 +4,16 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
+from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.number_words import (
     VERDICT_MEANING,
     configurations,
-    file_name,
     known,
     number_of,
-    twin_of,
 )
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
+from rotorfit.results.about_com import twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rotorfit.report.number_words import file_name
+from rotorfit.logs.files import file_name
 from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
 from rotorfit.results.result import FlightRecord, IdentificationResult
 

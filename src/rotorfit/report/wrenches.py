@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rotorfit.report.number_words import file_name
+from rotorfit.logs.files import file_name
 from rotorfit.report.series import (
     Series,
     encoded,

@@ -1,14 +1,17 @@
 """The parameters and derived numbers of a result, with verdicts, from what an estimator gave."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
+from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.fit.motor_timing import MotorTiming, told
+from rotorfit.fit.numbers import Numbers
 from rotorfit.model.parameters import (
+    DERIVED,
     DRAG,
     DRAG_MOMENTS,
     MOST_ROTORS,
@@ -16,8 +19,9 @@ from rotorfit.model.parameters import (
     PARAMETERS,
     ParameterInfo,
 )
+from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import Derived, Parameter
-from rotorfit.results.verdicts import ADVICE, WEAK
+from rotorfit.results.verdicts import ADVICE, WEAK, Judgement, judge, motion_for
 
 SHARED_DERIVED = ("kd_over_kt", "motor_lag_total")
 TIME_SCALE = 0.008
@@ -58,6 +62,114 @@ class Tables:
 def unit_of(info: ParameterInfo, entry: ConfigurationEntry) -> str:
     """Return the unit, per kilogram where the mass is unknown."""
     return f"{info.unit} per kg" if entry.mass == "unknown" and info.mass_power else info.unit
+
+
+def judgements(numbers: Numbers, scale_of: Callable[[str], float]) -> dict[str, Judgement]:
+    """Return the verdict on every number.
+
+    Parameters
+    ----------
+    numbers
+        With their final intervals.
+    scale_of
+        From a number's name to a size of it that matters.
+    """
+    return {
+        name: judge(
+            *numbers.number(name),
+            scale=scale_of(name),
+            axis=motion_for(name.partition("@")[0]),
+            excitation=numbers.rho(name),
+        )
+        for name in numbers.names
+    }
+
+
+def number_parameter(
+    name: str,
+    numbers: Numbers,
+    judgement: Judgement,
+    *,
+    owner: str | None,
+    entry: ConfigurationEntry,
+) -> Parameter:
+    """Return one parameter with its verdict, and its value where that says that there is one.
+
+    Parameters
+    ----------
+    name
+        Among the numbers.
+    numbers, judgement
+        Of the estimate.
+    owner
+        The configuration it belongs to; None for what all share.
+    entry
+        By which its unit goes.
+    """
+    known = judgement.verdict != "not-identified"
+    base = name.partition("@")[0]
+    value, half = numbers.number(name)
+    return Parameter(
+        name=base,
+        configuration=owner,
+        value=value if known else None,
+        std=half / 1.96 if known else None,
+        interval=(value - half, value + half) if known else None,
+        unit=unit_of(PARAMETERS[base], entry),
+        verdict=judgement.verdict,
+        reason=judgement.reason,
+        advice=judgement.advice,
+    )
+
+
+def number_derived(
+    name: str,
+    numbers: Numbers,
+    judged: Mapping[str, Judgement],
+    *,
+    owner: str | None,
+    entry: ConfigurationEntry,
+) -> Derived:
+    """Return one derived number; null where the flights do not give it. See `number_parameter`."""
+    known = name in numbers.names and judged[name].verdict != "not-identified"
+    base = name.partition("@")[0]
+    value, half = numbers.number(name) if known else (0.0, 0.0)
+    return Derived(
+        name=base,
+        configuration=owner,
+        value=value if known else None,
+        std=half / 1.96 if known else None,
+        interval=(value - half, value + half) if known else None,
+        unit=unit_of(DERIVED[base], entry),
+    )
+
+
+def excitation_warnings(
+    numbers: Numbers, vehicle: Vehicle, *, several: bool = False
+) -> tuple[str, ...]:
+    """Return what is to be doubted where a pilot flew little; and what the origin is.
+
+    Parameters
+    ----------
+    numbers
+        With the excitation of every axis.
+    vehicle
+        That was flown.
+    several
+        Whether there are several configurations, so that they must be named.
+    """
+    doubts: list[str] = []
+    for key, rho in numbers.excitation.items():
+        axis, _, owner = key.partition("@")
+        if LEAST_EXCITATION <= rho < 2.0 * LEAST_EXCITATION:
+            where = f" in configuration {owner}" if several else ""
+            doubts.append(
+                f"{axis}{where}: the rotors explain only {rho:.1f} times what they do not; "
+                f"{ADVICE[axis]}"
+            )
+    if vehicle.imu_position is None:
+        doubts.append(ORIGIN_IS_IMU)
+    return tuple(doubts)
 
 
 def motor_parameters(motors: MotorsEntry, timing: MotorTiming | None) -> list[Parameter]:

@@ -20,7 +20,7 @@ from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.excitation import SCALED
-from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_matrix
 from rotorfit.results.parameter_tables import RATIOS, Tables
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
@@ -69,17 +69,16 @@ class Projected:
     distance: float
 
 
-def second_moments(inertia: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "3 3"]:
+def second_moments(inertia: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
     """Return the second moments of the mass, 1/2 tr(I) 1 - I, about the same point [kg m^2]."""
-    matrix = inertia_matrix(inertia)
-    return 0.5 * np.trace(matrix) * np.eye(3) - matrix
+    return 0.5 * np.trace(inertia) * np.eye(3) - inertia
 
 
 def smallest_second_moment(numbers: Numbers, configuration: str) -> SecondMoment:
     """Return the smallest second moment of a configuration's mass with its interval."""
     places = [numbers.index(f"{name}_com@{configuration}") for name in INERTIA]
     values = numbers.values[places]
-    moments, axes = np.linalg.eigh(second_moments(values))
+    moments, axes = np.linalg.eigh(second_moments(inertia_matrix(values)))
     slope = np.array([axes[:, 0] @ matrix @ axes[:, 0] for matrix in _slopes()])
     half = numbers.half_width[places]
     variance = np.inf
@@ -100,7 +99,7 @@ def _share(moment: float, total: float) -> float:
 
 def _slopes() -> list[Float[np.ndarray, "3 3"]]:
     """Return the derivative of the second moments by each element of the inertia."""
-    return [second_moments(unit) for unit in np.eye(len(INERTIA))]
+    return [second_moments(inertia_matrix(unit)) for unit in np.eye(len(INERTIA))]
 
 
 def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
@@ -134,17 +133,13 @@ def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
         _emptied(d) if _disproved(d.name, d.configuration, configurations) else d
         for d in tables.derived
     )
-    known = {
-        f"{p.name}@{p.configuration}" if p.configuration else p.name
-        for p in parameters
-        if p.value is not None
-    }
+    known = {p.full_name for p in parameters if p.value is not None}
     keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
     # What `project_to_physical` begins at.
     estimates = {
-        f"{ESTIMATE}{what}_{p.name}@{p.configuration}": float(number)
+        f"{ESTIMATE}{what}_{p.full_name}": float(number)
         for p in tables.parameters
-        if p.name in INERTIA and f"{p.name}@{p.configuration}" not in known
+        if p.name in INERTIA and p.full_name not in known
         for what, number in (("value", p.value), ("std", p.std))
         if number is not None
     }

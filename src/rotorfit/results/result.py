@@ -48,6 +48,11 @@ class Parameter:
     reason: str | None = None
     advice: str | None = None
 
+    @property
+    def full_name(self) -> str:
+        """Its name among those of all configurations, such as ``Ixx@A``."""
+        return f"{self.name}@{self.configuration}" if self.configuration else self.name
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Derived:

@@ -10,13 +10,18 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
-from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, INERTIA_PLACES, PARAMETERS
+from rotorfit.model.parameters import (
+    COM,
+    FIRST_MOMENTS,
+    INERTIA,
+    INERTIA_COM,
+    INERTIA_PLACES,
+    PARAMETERS,
+)
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import IdentificationResult
 
 Values = dict[str, Float[np.ndarray, " D"]]
-INERTIA_COM: Final = tuple(f"{name}_com" for name in INERTIA)
-COM: Final = ("com_x", "com_y", "com_z")
 NEEDED: Final = ("kt", "kd", *COM, *INERTIA_COM)
 ROTOR_CENTER: Final = ("rotor_center_x", "rotor_center_y")
 SPARE: Final = 4

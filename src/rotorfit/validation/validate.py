@@ -11,6 +11,7 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.experiment.experiment import (
     Experiment,
+    FlightEntry,
     experiment_of_settings,
     named_flight,
     vehicle_of,
@@ -21,6 +22,7 @@ from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, FIRST_MOMENTS, INERTIA
 from rotorfit.model.reduce import LowPass, filtered_signals
 from rotorfit.model.regressor import Regressor, regressor
+from rotorfit.results.configurations import configuration_names, meant_configuration
 from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.validation.fitted_flights import fitted_flights
 from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
@@ -73,9 +75,15 @@ def validate_file(
     """
     experiment = experiment_of_settings(result.settings)
     entry = named_flight(path, log_number=log_number, start=start, end=end)
+    used = _unseen(entry, experiment, result)
+    return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
+
+
+def _unseen(entry: FlightEntry, experiment: Experiment, result: IdentificationResult) -> UsedFlight:
+    """Return a flight, refused where the fit has seen it."""
     used = load_flight(entry, experiment)
     refuse_fitted(used, result)
-    return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
+    return used
 
 
 def refuse_fitted(used: UsedFlight, result: IdentificationResult) -> None:
@@ -132,8 +140,7 @@ def validation_comparisons(
     comparisons: list[WrenchComparison] = []
     for configuration in experiment.configuration:
         for entry in configuration.validation:
-            used = load_flight(entry, experiment)
-            refuse_fitted(used, result)
+            used = _unseen(entry, experiment, result)
             comparisons.append(compare_wrenches(result, used, configuration=configuration.name))
     return comparisons
 
@@ -217,11 +224,10 @@ def compare_wrenches(
 
 def _owner(result: IdentificationResult, configuration: str | None) -> str:
     """Return the configuration to take the body from."""
-    names = list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
-    if configuration is None and len(names) == 1:
-        return names[0]
-    if configuration in names:
-        return str(configuration)
+    names = configuration_names(result)
+    owner = meant_configuration(names, configuration)
+    if owner is not None:
+        return owner
     raise ExperimentError(
         f"the result has the configurations {', '.join(names)}; say in which of them the flight "
         "was flown (--configuration NAME)"

@@ -13,14 +13,13 @@ from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import FlightLog
-from rotorfit.logs.delimited import with_line_feeds
-from rotorfit.logs.files import read_bytes
 from rotorfit.logs.mocap.take import (
     LENGTHS,
     Body,
     Take,
+    begins,
     finite,
-    log_of_take,
+    log_of_file,
     numbers,
     unit_or_nan,
 )
@@ -41,7 +40,7 @@ _KEPT: Final = ("Format Version", "Take Name", "Capture Frame Rate", "Capture St
 
 def is_motive(head: bytes) -> bool:
     """Return whether bytes from the beginning of a file are a CSV export of Motive."""
-    return head.removeprefix(b"\xef\xbb\xbf").startswith(_BEGINS)
+    return begins(head, _BEGINS)
 
 
 def read_motive(path: Path, *, body: str | None = None) -> FlightLog:
@@ -63,11 +62,7 @@ def read_motive(path: Path, *, body: str | None = None) -> FlightLog:
         If the file holds no rigid body, other units or angles, is damaged, or has several bodies
         and none was named.
     """
-    data = read_bytes(path)
-    try:
-        return log_of_take(path, data, _take(with_line_feeds(data)), body=body)
-    except LogError as error:
-        raise LogError(f"{path}: {error}") from error.__cause__
+    return log_of_file(path, _take, body=body)
 
 
 def _take(text: bytes) -> Take:

@@ -13,9 +13,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import FlightLog
-from rotorfit.logs.delimited import with_line_feeds
-from rotorfit.logs.files import read_bytes
-from rotorfit.logs.mocap.take import Body, Take, finite, log_of_take, numbers
+from rotorfit.logs.mocap.take import Body, Take, begins, finite, log_of_file, numbers
 
 _BEGINS: Final = (b"NO_OF_FRAMES\t", b"FILE_VERSION\t")
 _PER_BODY: Final = 16
@@ -27,7 +25,7 @@ _OFF_ORTHOGONAL: Final = 1e-3
 
 def is_qualisys(head: bytes) -> bool:
     """Return whether bytes from the beginning of a file are an export of QTM."""
-    return head.removeprefix(b"\xef\xbb\xbf").startswith(_BEGINS)
+    return begins(head, *_BEGINS)
 
 
 def read_qualisys(path: Path, *, body: str | None = None) -> FlightLog:
@@ -45,11 +43,7 @@ def read_qualisys(path: Path, *, body: str | None = None) -> FlightLog:
     LogError
         If the file holds no 6DOF data, is damaged, or has several bodies and none was named.
     """
-    data = read_bytes(path)
-    try:
-        return log_of_take(path, data, _take(with_line_feeds(data)), body=body)
-    except LogError as error:
-        raise LogError(f"{path}: {error}") from error.__cause__
+    return log_of_file(path, _take, body=body)
 
 
 def _take(text: bytes) -> Take:

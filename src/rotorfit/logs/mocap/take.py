@@ -1,7 +1,7 @@
 """What every motion-capture file comes to: rigid bodies with a pose in each frame."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -11,7 +11,8 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.logs.delimited import DelimitedText
+from rotorfit.logs.delimited import DelimitedText, with_line_feeds
+from rotorfit.logs.files import read_bytes
 from rotorfit.logs.table import resolution_of
 
 LENGTHS: Final[Mapping[str, float]] = {
@@ -72,23 +73,34 @@ class Take:
     notes: tuple[str, ...] = ()
 
 
-def log_of_take(path: Path, data: bytes, take: Take, *, body: str | None) -> FlightLog:
-    """Return the pose of one rigid body as a log.
+def log_of_file(
+    path: Path, take_of: Callable[[bytes], Take], *, body: str | None = None
+) -> FlightLog:
+    """Return the pose of one rigid body of a file as a log.
 
     Parameters
     ----------
-    path, data
-        The file and its bytes.
-    take
-        What it holds.
+    path
+        The file.
+    take_of
+        From its bytes, lines ended by line feeds, to what it holds.
     body
         Name of the rigid body; None: the only one.
 
     Raises
     ------
     LogError
-        If there are several and none was named, or it was never seen, or time runs backwards.
+        If the file is damaged, or there are several bodies and none was named, or it was never
+        seen, or time runs backwards; the message names the file.
     """
+    data = read_bytes(path)
+    try:
+        return _log_of_take(path, data, take_of(with_line_feeds(data)), body=body)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error.__cause__
+
+
+def _log_of_take(path: Path, data: bytes, take: Take, *, body: str | None) -> FlightLog:
     name = _chosen(take, body)
     chosen = take.bodies[name]
     _refuse_wrong_clock(take.time)
@@ -154,6 +166,19 @@ def unit_or_nan(attitude: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
         length = np.linalg.norm(attitude, axis=1)
         good = np.abs(length - 1.0) < _OFF_LENGTH
     return attitude / np.where(good, length, np.nan)[:, None]
+
+
+def number_or_nan(word: str) -> float:
+    """Return a number; NaN for what is none."""
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")
+
+
+def begins(head: bytes, *beginnings: bytes) -> bool:
+    """Return whether a text file begins so, behind the mark that some programs put first."""
+    return head.removeprefix(b"\xef\xbb\xbf").startswith(beginnings)
 
 
 def finite(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:

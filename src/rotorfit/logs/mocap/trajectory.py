@@ -15,12 +15,12 @@ from rotorfit.errors import LogError
 from rotorfit.flight.log import FlightLog
 from rotorfit.logs.axes import Axes, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.delimited import with_line_feeds
-from rotorfit.logs.files import read_bytes
 from rotorfit.logs.mocap.take import (
     Body,
     Take,
     finite,
-    log_of_take,
+    log_of_file,
+    number_or_nan,
     numbers,
     unit_or_nan,
 )
@@ -43,7 +43,7 @@ def is_trajectory(head: bytes) -> bool:
     except LogError:
         return False
     cells = _cells(text[start:].partition(b"\n")[0], delimiter)
-    pose = [_number(cell) for cell in cells]
+    pose = [number_or_nan(cell) for cell in cells]
     return (
         len(pose) == _COLUMNS
         and bool(np.isfinite(pose).all())
@@ -66,12 +66,7 @@ def read_trajectory(path: Path, *, axes: Axes = "FLU") -> FlightLog:
     LogError
         If a line is not eight numbers, or time runs backwards.
     """
-    data = read_bytes(path)
-    try:
-        take = _take(with_line_feeds(data), axes)
-        return log_of_take(path, data, take, body=None)
-    except LogError as error:
-        raise LogError(f"{path}: {error}") from error.__cause__
+    return log_of_file(path, lambda text: _take(text, axes))
 
 
 def _take(text: bytes, axes: Axes) -> Take:
@@ -104,7 +99,7 @@ def _beginning(text: bytes) -> tuple[int, int, str | None, str]:
         if words and not words.startswith(("#", "%")):
             delimiter = next((mark for mark in _DELIMITERS if words.count(mark) == 7), None)
             cells = _cells(row, delimiter)
-            if all(np.isfinite(_number(cell)) for cell in cells):
+            if all(np.isfinite(number_or_nan(cell)) for cell in cells):
                 return start, line, delimiter, header
             if header or not _are_names(cells):
                 break
@@ -127,10 +122,3 @@ def _are_names(cells: list[str]) -> bool:
         and any(names[1:4] == list(place) for place in _PLACES)
         and names[4:] == ["qx", "qy", "qz", "qw"]
     )
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")

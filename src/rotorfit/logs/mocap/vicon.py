@@ -15,9 +15,15 @@ from jaxtyping import Float
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import FlightLog
-from rotorfit.logs.delimited import with_line_feeds
-from rotorfit.logs.files import read_bytes
-from rotorfit.logs.mocap.take import Body, Take, finite, log_of_take, numbers, unit_or_nan
+from rotorfit.logs.mocap.take import (
+    Body,
+    Take,
+    finite,
+    log_of_file,
+    number_or_nan,
+    numbers,
+    unit_or_nan,
+)
 
 _PROGRAMS: Final = {"segments": "Nexus", "objects": "Tracker"}
 """Blocks that hold rigid bodies, and which program writes them."""
@@ -67,7 +73,7 @@ def is_vicon(head: bytes) -> bool:
     first, _, rest = head.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
     if _word(first[:200]).lower() not in _OTHER_BLOCKS | _PROGRAMS.keys():
         return False
-    return math.isfinite(_number(_word(rest[:200].partition(b"\n")[0])))
+    return math.isfinite(number_or_nan(_word(rest[:200].partition(b"\n")[0])))
 
 
 def read_vicon(path: Path, *, body: str | None = None, rotation: str | None = None) -> FlightLog:
@@ -89,12 +95,7 @@ def read_vicon(path: Path, *, body: str | None = None, rotation: str | None = No
         If the file holds no segment or object, or rotations of a kind that it does not tell, is
         damaged, or has several bodies and none was named.
     """
-    data = read_bytes(path)
-    try:
-        take = _take(_block(with_line_feeds(data)), rotation)
-        return log_of_take(path, data, take, body=body)
-    except LogError as error:
-        raise LogError(f"{path}: {error}") from error.__cause__
+    return log_of_file(path, lambda text: _take(_block(text), rotation), body=body)
 
 
 def _block(text: bytes) -> _Block:
@@ -247,7 +248,7 @@ def _width_of_frames(text: bytes, block: _Block) -> int:
 
 
 def _time(values: Float[np.ndarray, "n k"], rate: str) -> Float[np.ndarray, " n"]:
-    frequency = _number(rate)
+    frequency = number_or_nan(rate)
     if not 0.1 < frequency < 1e5:
         raise LogError(f"{rate[:40]!r} frames per second in the second line: export again")
     if np.any(values[:, 1] != 0):
@@ -310,10 +311,3 @@ def _cells(line: bytes, delimiter: str) -> list[str]:
 def _word(line: bytes) -> str:
     """Return what stands in a line of one cell."""
     return line.decode("utf-8", "replace").strip(' \t\r,;"')
-
-
-def _number(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        return float("nan")
