@@ -9,7 +9,7 @@ import flown
 from rotorfit.checks.spins import better_spins, negative_drag
 from rotorfit.errors import FrameError
 from rotorfit.fit.frequency_bands import EDGES
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.simulation import (
     PERFECT,

@@ -20,7 +20,7 @@ from rotorfit.fit.excitation import (
 )
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.joint_numbers import hanging_on_roll_and_pitch
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.identification.identify import identify
 from rotorfit.model.regressor import regressor
 from rotorfit.simulation import (

@@ -15,7 +15,7 @@ from rotorfit.checks.plausible_units import implausible_size
 from rotorfit.errors import FrameError
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 
 LIGHTEST: Final = 0.1
 """Mass over the cube of the arm [kg/m^3]. Vehicles have 10 to 1000, air 1.2; an arm in centimetres

@@ -20,7 +20,7 @@ from rotorfit.checks.spins import refuse_wrong_spins
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.physical_inertia import (
     possible_sentence,

@@ -17,7 +17,7 @@ from scipy import stats
 from rotorfit.experiment.payload import MOMENTS, added_moments, tolerances
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.joint_numbers import joint_numbers
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.parameters import PARAMETERS
 

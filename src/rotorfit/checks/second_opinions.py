@@ -11,7 +11,7 @@ from rotorfit.estimation.partial import left_out
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD, fit_rows
 from rotorfit.fit.weight_balance import Held, held_up, pooled
 from rotorfit.flight.airborne import GRAVITY

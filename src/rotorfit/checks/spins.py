@@ -22,7 +22,7 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.fit.flights import Flown, flight_bands
 from rotorfit.fit.frequency_bands import EDGES, flown_bands
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Vehicle
 

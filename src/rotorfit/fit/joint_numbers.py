@@ -36,7 +36,7 @@ from rotorfit.fit.joint_equations import (
     rotor_drag_std,
     spread_names,
 )
-from rotorfit.fit.numbers import (
+from rotorfit.fit.number_intervals import (
     PRODUCTS,
     Numbers,
     chance_half_width,

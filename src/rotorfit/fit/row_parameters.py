@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.fit.excitation import attenuation_allowance
-from rotorfit.fit.numbers import (
+from rotorfit.fit.number_intervals import (
     PRODUCTS,
     Numbers,
     chance_half_width,

@@ -19,7 +19,7 @@ from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.joint_numbers import joint_numbers
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.other_settings import widened
 from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import RowFits, fit_rows

@@ -11,7 +11,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.joint_numbers import number_scale
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import WANTABLE

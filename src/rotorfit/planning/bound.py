@@ -35,7 +35,7 @@ from rotorfit.fit.joint_numbers import (
     number_scale,
     physical,
 )
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.flight.data import FlightData
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.model.reduce import BandPlan, band_factors

@@ -15,7 +15,7 @@ import numpy as np
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.payload import PointMass
 from rotorfit.fit.joint_numbers import number_scale
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.flight.data import FlightData
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.after import (

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.fit.motor_timing import MotorTiming, told
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.parameters import (
     DERIVED,
     DRAG,

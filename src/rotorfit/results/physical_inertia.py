@@ -20,7 +20,7 @@ from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.excitation import SCALED
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_matrix
 from rotorfit.results.parameter_tables import RATIOS, Tables
 from rotorfit.results.result import Derived, IdentificationResult, Parameter

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.motor_timing import MotorTiming
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ROWS, RowFits
 from rotorfit.fit.row_parameters import number_scale
 from rotorfit.model.parameters import DERIVED, PARAMETERS, SHARED, full_name
