@@ -1,13 +1,13 @@
 """The ``[airframe]`` table of the experiment file: rotors, layout, IMU, axes."""
 
 from collections.abc import Sequence
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.strict_tables import NotNegative, Positive, Strict, Vector
+from rotorfit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Spin
 
@@ -16,6 +16,10 @@ Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
 SHORTEST_ARM: Final = 0.01
 LONGEST_ARM: Final = 5.0
 """Of a multirotor, from the smallest toy to the largest that carries people [m]."""
+
+
+Tilt = Annotated[Finite, Field(ge=-45, le=45)]
+"""Of the IMU in the vehicle [deg]: roll (right side down), pitch (nose up)."""
 
 
 class RotorEntry(Strict):
@@ -44,6 +48,7 @@ class AirframeEntry(Strict):
     arm_std: NotNegative = 0.0
     order: Order = "px4"
     imu: ImuEntry | None = None
+    imu_tilt_deg: tuple[Tilt, Tilt] | None = None
 
     @model_validator(mode="after")
     def _one_description(self) -> "AirframeEntry":

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_validator
 
 from rotorfit.errors import ExperimentError
@@ -24,6 +25,7 @@ from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.problems import problems_in_words
 from rotorfit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
 from rotorfit.experiment.toml_files import file_as_table, files_as_tables, read_toml
+from rotorfit.flight.mounting import ImuTilt
 from rotorfit.flight.prepare import MotorModel
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Vehicle
@@ -383,6 +385,21 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
         imu_position_std=0.0 if imu is None or source == "mocap" else imu.position_std,
         arm_std=airframe.arm_std,
     )
+
+
+def imu_tilt_of(airframe: AirframeEntry) -> ImuTilt | None:
+    """Return how the IMU is mounted, where that is declared."""
+    if airframe.imu_tilt_deg is None:
+        return None
+    roll, pitch = np.radians(airframe.imu_tilt_deg).tolist()
+    return ImuTilt(roll=roll, pitch=pitch)
+
+
+def with_imu_tilt(experiment: Experiment, tilt: ImuTilt) -> Experiment:
+    """Return the experiment with the mounting of the IMU declared."""
+    angles = (float(np.degrees(tilt.roll)), float(np.degrees(tilt.pitch)))
+    airframe = experiment.airframe.model_copy(update={"imu_tilt_deg": angles})
+    return experiment.model_copy(update={"airframe": airframe})
 
 
 def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:

@@ -14,6 +14,7 @@ from rotorfit.experiment.experiment import (
     FlightEntry,
     MotorsEntry,
     Source,
+    imu_tilt_of,
     motor_model_of,
     vehicle_of,
 )
@@ -26,6 +27,7 @@ from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
 from rotorfit.flight.mocap import prepare_mocap
 from rotorfit.flight.motors import MotorResponse
+from rotorfit.flight.mounting import ImuTilt, levelled
 from rotorfit.flight.prepare import (
     PreparedFlight,
     on_one_clock,
@@ -178,9 +180,11 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
             prepared=prepared,
             speeds_commanded=speeds_commanded,
         )
+    tilt = imu_tilt_of(experiment.airframe)
     recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
     log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
     prepared = prepared_from(recorded, arm=vehicle.arm, motors=motor_model, window=window)
+    prepared = prepared if tilt is None else levelled(prepared, tilt)
     return UsedFlight(entry=entry, log=log, prepared=prepared, speeds_commanded=speeds_commanded)
 
 
@@ -214,6 +218,22 @@ def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLo
     channels = dict(log.channels)
     channels["command"] = channels.pop("rotor_speed")
     return dataclasses.replace(log, channels=channels), True
+
+
+def levelled_flights(flown: Flown, tilt: ImuTilt) -> Flown:
+    """Return what was flown with the IMU's readings turned into the rotors' axes."""
+    return dataclasses.replace(
+        flown,
+        configurations=tuple(
+            dataclasses.replace(
+                c,
+                flights=[
+                    dataclasses.replace(f, prepared=levelled(f.prepared, tilt)) for f in c.flights
+                ],
+            )
+            for c in flown.configurations
+        ),
+    )
 
 
 def flight_bands(
