@@ -34,6 +34,7 @@ from rotorfit.flight.prepare import (
     prepared_from,
     with_motors,
 )
+from rotorfit.flight.rotor_telemetry import Telemetry, telemetry
 from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import Regressor
@@ -45,12 +46,14 @@ class UsedFlight:
     """A flight as it enters the estimate; of its log no channels are kept.
 
     `speeds_commanded`: its commands are rotor speeds [rad/s], not shares of full output.
+    `telemetry`: how measured speeds go with the commands, where the log has both.
     """
 
     entry: FlightEntry
     log: FlightLog
     prepared: PreparedFlight
     speeds_commanded: bool = False
+    telemetry: Telemetry | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,6 +169,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
     vehicle, motor_model = vehicle_of(experiment.airframe, source), motor_model_of(motors)
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
     log, speeds_commanded = with_commanded_speeds(log, motors)
+    seen = telemetry(log)
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
@@ -179,13 +183,20 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
             log=dataclasses.replace(log, channels={}),
             prepared=prepared,
             speeds_commanded=speeds_commanded,
+            telemetry=seen,
         )
     tilt = imu_tilt_of(experiment.airframe)
     recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
     log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
     prepared = prepared_from(recorded, arm=vehicle.arm, motors=motor_model, window=window)
     prepared = prepared if tilt is None else levelled(prepared, tilt)
-    return UsedFlight(entry=entry, log=log, prepared=prepared, speeds_commanded=speeds_commanded)
+    return UsedFlight(
+        entry=entry,
+        log=log,
+        prepared=prepared,
+        speeds_commanded=speeds_commanded,
+        telemetry=seen,
+    )
 
 
 def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLog, bool]:

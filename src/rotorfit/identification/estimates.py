@@ -55,7 +55,7 @@ def resolved_method(experiment: Experiment) -> str:
 def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the joint likelihood of all equations and configurations."""
     wanted = experiment.identification.terms
-    fit, joint = _joint_fit(flown, flown.timing, terms=DEFAULT_TERMS if wanted is None else wanted)
+    fit, joint = joint_fit(flown, flown.timing, terms=DEFAULT_TERMS if wanted is None else wanted)
     choice, fit = chosen(wanted, fit, joint, refit=lambda terms, at: _refitted(joint, terms, at))
     terms = choice.terms
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
@@ -67,7 +67,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     if weighed is not None and (
         weighed.contradicts(*found) or weighed.is_surer_than(*found, timed=flown.timing_told)
     ):
-        fit, joint = _joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
+        fit, joint = joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
         anchored = _joint_numbers(flown, fit, joint)
         anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)
         if weighed.contradicts(*found):
@@ -110,7 +110,7 @@ def _reaching(numbers: Numbers, other: Numbers) -> Numbers:
     return replace(numbers, half_width=np.maximum(numbers.half_width, apart))
 
 
-def _joint_fit(
+def joint_fit(
     flown: Flown,
     response: MotorResponse | None,
     *,
@@ -173,7 +173,7 @@ def _joint_widened(
     """Return the intervals widened by what settings shift that could as well be others."""
 
     def shift(other: Flown, response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
-        fitted = _joint_fit(
+        fitted = joint_fit(
             other, response, weighed=weighed, top=top, terms=terms, begin=_values(fit)
         )
         return _joint_numbers(other, *fitted).values - numbers.values

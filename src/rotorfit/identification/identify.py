@@ -14,27 +14,32 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit import version
 from rotorfit.checks.declared_rotors import check_flights
+from rotorfit.checks.imu_mounting import mounting_sentence
 from rotorfit.checks.plausible_units import (
     refuse_gyro_in_degrees,
     refuse_rotors_too_fast,
     slow_rotor_doubts,
 )
+from rotorfit.checks.recorded_motors import refuse_wrong_speeds
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
 from rotorfit.experiment.experiment import (
     Experiment,
     MotorsEntry,
     payload_of,
     vehicle_of,
+    with_imu_tilt,
 )
 from rotorfit.fit.flights import (
     Configured,
     Flown,
     UsedFlight,
+    levelled_flights,
     load_flight,
 )
+from rotorfit.fit.imu_mounting import found_tilt
 from rotorfit.fit.term_choice import velocity_wanted
 from rotorfit.fit.timing_search import find_timing
-from rotorfit.identification.estimates import ESTIMATES, resolved_method
+from rotorfit.identification.estimates import ESTIMATES, joint_fit, resolved_method
 from rotorfit.model.regressor import regressor
 from rotorfit.results.command_units import of_commanded_speed
 from rotorfit.results.parameter_tables import ORIGIN_IS_IMU, Tables, with_timing_total
@@ -88,8 +93,10 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
         tell("timing the motors against the motion")
         flown = dataclasses.replace(flown, motor_timing=find_timing(flown, lag=method != "tls"))
     tell("fitting")
+    experiment, flown, turned = _mounted(experiment, flown)
     tables = of_commanded_speed(ESTIMATES[method](experiment, flown), flown)
     tables = with_timing_total(tables, flown.motor_timing)
+    tables = dataclasses.replace(tables, warnings=(*turned, *tables.warnings))
     result = _result(experiment, flown, tables)
     if not any(entry.validation for entry in experiment.configuration):
         return result
@@ -97,6 +104,19 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     comparisons = validation_comparisons(result, experiment)
     written = [entry.written for c in experiment.configuration for entry in c.validation]
     return dataclasses.replace(result, validation=validation_rows(comparisons, written))
+
+
+def _mounted(experiment: Experiment, flown: Flown) -> tuple[Experiment, Flown, tuple[str, ...]]:
+    """Return experiment and flights with the IMU's mounting that the flights tell, and words."""
+    if resolved_method(experiment) != "banded" or experiment.airframe.imu_tilt_deg is not None:
+        return experiment, flown, ()
+    tilt = found_tilt(flown, lambda other: joint_fit(other, other.timing))
+    if tilt is None:
+        return experiment, flown, ()
+    flown = levelled_flights(flown, tilt)
+    if flown.motor_timing is not None:
+        flown = dataclasses.replace(flown, motor_timing=find_timing(flown))
+    return with_imu_tilt(experiment, tilt), flown, (mounting_sentence(tilt),)
 
 
 def _silent(words: str) -> None:
@@ -116,6 +136,8 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         tell("checking axes, units and rotors")
         if source == "imu":
             refuse_gyro_in_degrees({Path(f.entry.file).name: f.prepared.data for f in flights})
+        if experiment.motors.speed == "measured":
+            refuse_wrong_speeds(flights, vehicle)
         check_flights(flights, vehicle, experiment.motors)
         flights = _sound_rotors(flights, vehicle.arm, experiment.motors)
         payload = payload_of(entry, experiment.airframe.axes)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from rotorfit.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.checks.plausible_units import gyro_in_degrees
-from rotorfit.checks.rotor_telemetry import Telemetry, telemetry
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
 from rotorfit.fit.motor_timing import LAG_PRIOR
@@ -14,6 +13,7 @@ from rotorfit.flight.camera import camera_clock
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
+from rotorfit.flight.rotor_telemetry import Telemetry, telemetry
 from rotorfit.identification.identify import identify
 from rotorfit.inspection.motor_lateness import LATEST, SEARCHED, motor_lateness
 from rotorfit.inspection.prospects import Prospects, prospects

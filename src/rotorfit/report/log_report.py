@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from rotorfit.checks.gravity import GravitySeen
-from rotorfit.checks.rotor_telemetry import Telemetry
 from rotorfit.fit.excitation import LEAST_EXCITATION
+from rotorfit.flight.rotor_telemetry import Telemetry
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust

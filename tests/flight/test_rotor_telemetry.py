@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.checks.rotor_telemetry import telemetry
 from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.flight.rotor_telemetry import telemetry
 from rotorfit.logs import read_log
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, to_flight_log, variant
 
