@@ -45,6 +45,10 @@ class EstimationError(RotorfitError):
     """The numbers handed to an estimator do not determine a solution."""
 
 
+class UnsettledError(EstimationError):
+    """The iteration of an estimator did not come to an end: the flights hardly determine it."""
+
+
 class OutputError(RotorfitError):
     """A result cannot be written or read back."""
 

@@ -34,6 +34,8 @@ ALIKE = 0.02
 """Declarations whose scores differ by less explain the flight equally well."""
 NEGLIGIBLE = 0.1
 """An unexplained share below which two declarations are not told apart."""
+TURNED = float(np.radians(12.0))
+"""Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
 BAND = (0.3, 15.0)
 
 
@@ -200,8 +202,51 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
             f"{seen}; with free places of the rotors their speeds explain {_shown(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
         )
+    _refuse_turned(R, vehicle)
     refuse_implausible_size(_inside(factors), vehicle)
     return declared
+
+
+def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
+    """Raise where roll and pitch answer as if the IMU were turned about z against the rotors."""
+    angle, shares = turn_about_z(R, vehicle)
+    if abs(angle) > TURNED and min(shares) > CLEAR:
+        raise FrameError(
+            f"roll and pitch answer the rotors as if the IMU were turned by "
+            f"{abs(np.degrees(angle)):.0f} degrees "
+            f"{'counter-clockwise' if angle > 0 else 'clockwise'} about z (seen from above) "
+            "against the rotors: turn the rotors' positions by that the other way, or give the "
+            "layout that flies (quad-plus for quad-x)"
+        )
+
+
+def turn_about_z(
+    R: Float[np.ndarray, "z z"], vehicle: Vehicle
+) -> tuple[float, tuple[float, float]]:
+    """Return by which angle [rad] the IMU is turned about z against the rotors.
+
+    The answer of roll and pitch to the torques of the rotors is a turn times a symmetric matrix,
+    the inverse inertia (polar decomposition); and the shares of roll and pitch that it explains.
+
+    Parameters
+    ----------
+    R
+        Factor of the signals.
+    vehicle
+        The rotors.
+    """
+    layout = signal_layout(vehicle)
+    squares = R[:, _square_columns(vehicle)]
+    thrust = squares @ vehicle.axes[:, 2]
+    torque = _apart(squares @ np.cross(vehicle.positions, vehicle.axes)[:, :2], thrust)
+    turned = _apart(R[:, [layout.index("dwx"), layout.index("dwy")]], thrust)
+    answer: Float[np.ndarray, "2 2"] = scipy.linalg.pinv(torque, rtol=1e-9) @ turned
+    left = ((turned - torque @ answer) ** 2).sum(axis=0)
+    total = np.maximum((turned**2).sum(axis=0), np.finfo(float).tiny)
+    roll, pitch = (1.0 - left / total).tolist()
+    # A vector reads turned back in axes that are turned.
+    angle = np.arctan2(answer[1, 0] - answer[0, 1], answer[0, 0] + answer[1, 1])
+    return float(angle), (roll, pitch)
 
 
 def check_flights(flights: list[UsedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:

@@ -3,8 +3,10 @@
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
-from rotorfit.checks.body_size import refuse_impossible_size
-from rotorfit.checks.early_motors import early_motors
+from rotorfit.checks.body_size import refuse_impossible_size, unusual_density
+from rotorfit.checks.changed_rotor import changed_in_flight, unlike_rotor
+from rotorfit.checks.early_motors import early_motors, late_speeds
+from rotorfit.checks.flights_agree import odd_flight
 from rotorfit.checks.payload import payload_checks, payload_sentence
 from rotorfit.checks.residual_peaks import peak_sentence, residual_peaks
 from rotorfit.checks.second_opinions import (
@@ -69,9 +71,11 @@ def with_doubts(
     refuse_wrong_spins(flown, joint, numbers)
     refuse_impossible_size(flown, joint, numbers)
     doubts = [
-        *_doubts_of_body(tables, fit, numbers, joint),
+        *_doubts_of_body(tables, fit, numbers, joint, flown),
         *_doubts_of_flight(flown, fit, numbers, ground),
     ]
+    doubts.append((odd_flight(flown.configurations, joint, fit, numbers), {}))
+    doubts.append((changed_in_flight(flown.configurations), {}))
     doubts.append(steady_yaw_torque(flown.configurations, joint, numbers))
     doubts += _doubts_of_payload(flown, joint)
     moments = {c.name: smallest_second_moment(numbers, c.name) for c in joint}
@@ -89,12 +93,16 @@ def _doubts_of_body(
     fit: BandedEstimate,
     numbers: Numbers,
     joint: Sequence[JointConfiguration],
+    flown: Flown,
 ) -> Iterator[Doubt]:
     """Yield what the numbers themselves say: can the body exist, what hangs together."""
     directions = body_directions(fit.estimate)
     doubtful = {p.full_name for p in tables.parameters if p.verdict not in ("identified", "given")}
     diagnostics = {"condition_bodies": condition_number(directions)}
     yield weak_sentence(directions, doubtful), diagnostics
+    if all(c.entry.mass != "unknown" for c in flown.configurations):
+        yield unusual_density(joint, numbers), {}
+    yield unlike_rotor(numbers, flown.vehicle), {}
     lost = {p.full_name for p in tables.parameters if p.value is None}
     for configuration in joint:
         name = configuration.name
@@ -111,6 +119,7 @@ def _doubts_of_flight(
     """Yield what the flights say against the fit."""
     yield without_mean(fit, numbers)
     yield early_motors(flown), {}
+    yield late_speeds(flown), {}
     yield ground, {}
     for words, numbers_behind in _doubts_of_thrust(flown, numbers):
         # The ground carries what thrust and battery would be blamed for.

@@ -1,4 +1,4 @@
-"""Do the motors answer before they are told? Then a lag that was given is not theirs."""
+"""Do the motors answer before they are told, or long after? Then a lag or a clock is wrong."""
 
 from typing import Final
 
@@ -6,6 +6,8 @@ from rotorfit.fit.flights import Flown
 
 EARLIEST: Final = -0.005
 """Delay of commanded motors that clocks and filters of a log still make [s]."""
+USUAL_DELAY: Final = 0.012
+"""Of measured speeds against the motion, by filters and buses [s]."""
 
 
 def early_motors(flown: Flown) -> str | None:
@@ -25,4 +27,20 @@ def early_said(lag: float, delay: float, std: float) -> str | None:
         f"{-1e3 * delay:.0f} ms before the command (motor_delay), which none does: the lag given "
         "is longer than the motors'; leave it out, or give lag_std. Until then do not trust "
         "inertia, and blame no other sensor"
+    )
+
+
+def late_speeds(flown: Flown) -> str | None:
+    """Return that measured speeds are stamped far from the motion that they make, in words."""
+    found = flown.motor_timing
+    if flown.motors.speed != "measured" or flown.source != "imu" or found is None:
+        return None
+    delay = found.response.delay
+    if abs(delay) <= USUAL_DELAY:
+        return None
+    order = "after" if delay < 0 else "before"
+    return (
+        f"the measured rotor speeds come {1e3 * abs(delay):.0f} ms {order} the motion that they "
+        "make (motor_delay), which is taken into account: ESC telemetry that is stamped late, or "
+        "another clock; see that the log's clocks agree"
     )

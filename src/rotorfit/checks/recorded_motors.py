@@ -1,4 +1,4 @@
-"""Do the measured rotor speeds go with the commands of the same log? What inspect finds, refused."""
+"""Do the measured rotor speeds go with the commands of the same log? What inspect finds too."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -164,7 +164,7 @@ def _yaw_trim(configured: Configured, vehicle: Vehicle) -> float:
             squares = data.rotor_speed[segment.start : segment.stop] ** 2
             more += float((squares @ (vehicle.spins - vehicle.spins.mean())).sum())
             total += float(squares.sum())
-    return more / total
+    return more / total if total > 0.0 else 0.0
 
 
 def _yaw_response_without_mean(c: JointConfiguration) -> tuple[float, float] | None:
@@ -245,7 +245,7 @@ def hover_thrusts(
 
 
 def _sag(first: Held | None, second: Held | None) -> tuple[float | None, float]:
-    if first is None or second is None:
+    if first is None or second is None or first.ratio <= 0.0:
         return None, np.inf
     return second.ratio / first.ratio - 1.0, float(np.hypot(first.std, second.std))
 
@@ -291,6 +291,8 @@ def hovers_differ(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, f
     if len(found) < 2:
         return None, {}
     *_, high = low, *_ = sorted(found, key=lambda one: one.thrust.ratio)
+    if low.thrust.ratio <= 0.0:
+        return None, {}
     ratio = high.thrust.ratio / low.thrust.ratio
     std = float(np.hypot(low.thrust.std, high.thrust.std))
     diagnostics = {"largest_hover_ratio": ratio}

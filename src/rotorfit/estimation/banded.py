@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float
 
-from rotorfit.errors import EstimationError
+from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import Factors, borrowed_mean_square
 from rotorfit.estimation.feedback import Feedback
@@ -174,7 +174,7 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
             settled = True
         if settled:
             return _finished(problem, state, iteration)
-    raise EstimationError(
+    raise UnsettledError(
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
         "remove a term, or fly more motion"
     )

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
@@ -16,7 +15,7 @@ def solved(
     B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, tensor)
     both = np.concatenate([B, np.eye(len(B))], axis=1)
     try:
-        both_solved: Float[np.ndarray, "k g"] = scipy.linalg.solve(B[:, list(noisy)], both)
+        both_solved: Float[np.ndarray, "k g"] = np.linalg.solve(B[:, list(noisy)], both)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise EstimationError("the equations cannot be solved for the noisy signals") from error
     return both_solved[:, : B.shape[1]], both_solved[:, B.shape[1] :]

@@ -108,6 +108,7 @@ def chosen(
     joint: Sequence[JointConfiguration],
     *,
     refit: Refit,
+    present: tuple[Term, ...] = DEFAULT_TERMS,
 ) -> tuple[Choice, BandedEstimate]:
     """Return the terms of the model and the fit with them.
 
@@ -121,10 +122,11 @@ def chosen(
         What was fitted.
     refit
         Fits again.
+    present
+        The terms of the fit, where the user chose none.
     """
     if terms is not None:
         return Choice(terms=tuple(terms)), fit
-    present: tuple[Term, ...] = DEFAULT_TERMS
     gains: dict[Term, float] = {}
     least = LEAST_GAIN * len(joint)
     for name in ADDED_TERMS:

@@ -32,6 +32,8 @@ DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
 }
 """The search for the delay of the motion against the motor data: from, to [s], and in how many
 trials. Motion capture comes late by cameras, network and, with commands, the motors' own lag."""
+FURTHEST: Final = 0.16
+"""How far beyond that it goes on where the best delay is at its end [s]."""
 LAGS_TRIED: Final = (0.0, 0.02, 0.04, 0.07, 0.1, 0.14)
 SHARES_TRIED: Final = (0.25, 0.5, 0.75, 1.0)
 """Of the lag in lag plus delay."""
@@ -153,15 +155,23 @@ def _find_delay(flown: Flown) -> MotorTiming | None:
     values = [_cost(flown, at(delay), None) for delay in grid]
     best = int(np.argmin(values))
     if best in (0, trials - 1):
-        return None
+        # Speeds stamped late or early by more than usual: further out on that side.
+        stride = float(grid[1] - grid[0]) * (1.0 if best else -1.0)
+        edge, first = float(grid[best]), values[best]
+        grid = edge + stride * np.arange(round(FURTHEST / abs(stride)))
+        values = [first, *(_cost(flown, at(delay), None) for delay in grid[1:])]
+        best = int(np.argmin(values))
+        if best in (0, len(grid) - 1) or first - values[best] < LEAST_GAIN:
+            return None
     counted = _counted(flown, at(grid[best]))
 
     def cost(delay: float) -> float:
         return _cost(flown, at(delay), counted)
 
+    beside = (float(grid[best - 1]), float(grid[best + 1]))
     found = optimize.minimize_scalar(
         cost,
-        bounds=(float(grid[best - 1]), float(grid[best + 1])),
+        bounds=(min(beside), max(beside)),
         method="bounded",
         options={"xatol": SMALLEST_STEP},
     )

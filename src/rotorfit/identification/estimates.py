@@ -11,7 +11,7 @@ from jaxtyping import Float
 from rotorfit.checks.doubts import with_doubts
 from rotorfit.checks.ground_contact import ground_sentence
 from rotorfit.checks.weight import contradiction, vagueness
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
@@ -31,6 +31,16 @@ from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.row_tables import row_tables
+
+FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
+    (),
+    ("rotor_drag",),
+    ("rotor_drag", "twist"),
+    ("rotor_drag", "twist", "rotor_inertia"),
+    ("rotor_drag", "twist", "rotor_inertia", "rotor_spread"),
+)
+"""What is left out of the model, in this order, where a fit does not settle: what flights tell
+least first."""
 
 
 def resolved_method(experiment: Experiment) -> str:
@@ -55,8 +65,10 @@ def resolved_method(experiment: Experiment) -> str:
 def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the joint likelihood of all equations and configurations."""
     wanted = experiment.identification.terms
-    fit, joint = joint_fit(flown, flown.timing, terms=DEFAULT_TERMS if wanted is None else wanted)
-    choice, fit = chosen(wanted, fit, joint, refit=lambda terms, at: _refitted(joint, terms, at))
+    fit, joint, present, unsettled = _settled(flown, wanted)
+    choice, fit = chosen(
+        wanted, fit, joint, refit=lambda terms, at: _refitted(joint, terms, at), present=present
+    )
     terms = choice.terms
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
     # What stands on the ground is carried by it, and weighs nothing of what thrust does.
@@ -86,10 +98,35 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     )
     tables = replace(
         tables,
-        warnings=(*tables.warnings, *choice.sentences, *doubts),
+        warnings=(*tables.warnings, *unsettled, *choice.sentences, *doubts),
         settings={**tables.settings, **choice.settings},
     )
     return with_doubts(tables, flown, numbers, fit=fit, joint=joint, ground=ground)
+
+
+def _settled(
+    flown: Flown, wanted: Sequence[Term] | None
+) -> tuple[BandedEstimate, list[JointConfiguration], tuple[Term, ...], tuple[str, ...]]:
+    """Return the fit with all default terms, or the most of them with which it settles, in words.
+
+    Terms that the user asks for are kept, and a fit that does not settle with them is refused.
+    """
+    if wanted is not None:
+        return *joint_fit(flown, flown.timing, terms=wanted), tuple(wanted), ()
+    for dropped in FEWER_TERMS:
+        terms: tuple[Term, ...] = tuple(t for t in DEFAULT_TERMS if t not in dropped)
+        try:
+            fit, joint = joint_fit(flown, flown.timing, terms=terms)
+        except UnsettledError:
+            if dropped == FEWER_TERMS[-1]:
+                raise
+            continue
+        words = (
+            f"the flights hardly determine all parameters: the fit settles only without "
+            f"{' and '.join(dropped)}, which are left out; fly more motion about every axis",
+        )
+        return fit, joint, terms, words if dropped else ()
+    raise UnsettledError("no terms to try")
 
 
 def _kt_of(numbers: Numbers) -> tuple[float, float]:

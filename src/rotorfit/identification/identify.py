@@ -21,6 +21,7 @@ from rotorfit.checks.plausible_units import (
     slow_rotor_doubts,
 )
 from rotorfit.checks.recorded_motors import refuse_wrong_speeds
+from rotorfit.checks.what_numbers_hang_on import what_numbers_hang_on
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
 from rotorfit.experiment.experiment import (
     Experiment,
@@ -96,7 +97,8 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     experiment, flown, turned = _mounted(experiment, flown)
     tables = of_commanded_speed(ESTIMATES[method](experiment, flown), flown)
     tables = with_timing_total(tables, flown.motor_timing)
-    tables = dataclasses.replace(tables, warnings=(*turned, *tables.warnings))
+    hanging = (what_numbers_hang_on(tables, flown),) if method == "banded" else ()
+    tables = dataclasses.replace(tables, warnings=(*turned, *tables.warnings, *hanging))
     result = _result(experiment, flown, tables)
     if not any(entry.validation for entry in experiment.configuration):
         return result

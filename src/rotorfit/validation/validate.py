@@ -37,6 +37,9 @@ NEEDS = {
     "Mz": ("kd", "Izz"),
 }
 """Without these a component cannot be predicted, and no error is given for it."""
+TRIMS = {"Mx": ("msy", "rotor_center_y"), "My": ("msx", "rotor_center_x")}
+"""Where thrust acts and where the mass is: together they are the moment's mean, so that one without
+the other is worse than no prediction."""
 WHITENESS_LAGS = 10
 ROTOR_KT = re.compile(r"kt_[0-9]+")
 
@@ -205,7 +208,7 @@ def compare_wrenches(
         c
         for c in SHOWN
         # Where the coefficient was removed, the rotors give nothing to compare with.
-        if all(name in known for name in NEEDS[c]) and known[NEEDS[c][0]] != 0.0
+        if all(name in known for name in _needed(c, result, owner)) and known[NEEDS[c][0]] != 0.0
     ]
     error = {c: _relative_error(body, rotors, c) for c in predicted}
     step = max(round(data.sample_rate / cutoff), 1)
@@ -232,6 +235,12 @@ def _owner(result: IdentificationResult, configuration: str | None) -> str:
         f"the result has the configurations {', '.join(names)}; say in which of them the flight "
         "was flown (--configuration NAME)"
     )
+
+
+def _needed(component: str, result: IdentificationResult, owner: str) -> tuple[str, ...]:
+    """Return what must be known to predict a component: of its trim, what the model has."""
+    present = {p.name for p in result.parameters if p.configuration in (None, owner)}
+    return (*NEEDS[component], *(n for n in TRIMS.get(component, ()) if n in present))
 
 
 def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
