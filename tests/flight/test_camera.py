@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from hand_made_logs import channel, flight_log
 
+from hand_made_logs import channel, flight_log
 from rotorfit.errors import FlightError, LogError
 from rotorfit.flight.camera import camera_clock, poses
 

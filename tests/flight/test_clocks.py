@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from hand_made_logs import channel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hand_made_logs import channel
 from rotorfit.errors import FlightError
 from rotorfit.flight.clocks import GAP_STEPS, uniform_channels, usable_samples
 

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hand_made_logs import flight_log, with_channel
 
+from hand_made_logs import flight_log, with_channel
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.flight.mocap import prepare_mocap
 from rotorfit.flight.prepare import MotorModel

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from hand_made_logs import HOVER, channel, hover_thrust, motion_log, with_channel
 
+from hand_made_logs import HOVER, channel, hover_thrust, motion_log, with_channel
 from rotorfit.errors import FlightError
 from rotorfit.flight.prepare import MotorModel, prepare
 from rotorfit.flight.still_rotors import still_rotors

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hand_made_logs import channel, hover_thrust, motion_log
 
+from hand_made_logs import channel, hover_thrust, motion_log
 from rotorfit.flight.prepare import prepare
 from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.recording import (

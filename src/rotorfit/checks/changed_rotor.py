@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.fit.flights import Configured, UsedFlight
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.vehicle import Vehicle
 
 LEAST_CHANGE: Final = 0.035

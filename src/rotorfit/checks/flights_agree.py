@@ -15,7 +15,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.partial import left_out
 from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.numbers import Numbers
+from rotorfit.fit.number_intervals import Numbers
 
 LOOKED_AT: Final = ("kt", "kd", "Ixx", "Iyy", "Izz")
 LEAST_SHARE: Final = 0.1

@@ -66,9 +66,11 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the joint likelihood of all equations and configurations."""
     wanted = experiment.identification.terms
     fit, joint, present, unsettled = _settled(flown, wanted)
-    choice, fit = chosen(
-        wanted, fit, joint, refit=lambda terms, at: _refitted(joint, terms, at), present=present
-    )
+
+    def refit(terms: Sequence[Term], at: BandedEstimate) -> BandedEstimate:
+        return _refitted(joint, terms, at)
+
+    choice, fit = chosen(wanted, fit, joint, refit=refit, present=present)
     terms = choice.terms
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
     # What stands on the ground is carried by it, and weighs nothing of what thrust does.
