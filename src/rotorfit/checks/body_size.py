@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.checks.plausible_units import implausible_size
+from rotorfit.checks.rotor_size import impossible_rotors
 from rotorfit.errors import FrameError
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration
@@ -50,6 +51,10 @@ def refuse_impossible_size(
     FrameError
         With what would explain it.
     """
+    if all(c.entry.mass != "unknown" for c in flown.configurations):
+        words = impossible_rotors(flown, numbers)
+        if words is not None:
+            raise FrameError(words)
     for configured, c in zip(flown.configurations, joint, strict=True):
         words = None
         if configured.entry.mass != "unknown":
