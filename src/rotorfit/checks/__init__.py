@@ -1,1 +1,1 @@
-"""What contradicts the declaration or the data: refusals before the fit, doubts after it."""
+"""What contradicts the declaration before any fit: axes, units, rotors, telemetry; refused."""

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.checks.doubts import with_doubts
-from rotorfit.checks.ground_contact import ground_sentence
-from rotorfit.checks.weight import contradiction, vagueness
+from rotorfit.doubts.every_doubt import with_doubts
+from rotorfit.doubts.ground_contact import ground_sentence
+from rotorfit.doubts.weight import contradiction, vagueness
 from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import Experiment

@@ -14,14 +14,14 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit import version
 from rotorfit.checks.declared_rotors import check_flights
-from rotorfit.checks.imu_mounting import mounting_sentence
 from rotorfit.checks.plausible_units import (
     refuse_gyro_in_degrees,
     refuse_rotors_too_fast,
     slow_rotor_doubts,
 )
 from rotorfit.checks.recorded_motors import refuse_wrong_speeds
-from rotorfit.checks.what_numbers_hang_on import what_numbers_hang_on
+from rotorfit.doubts.imu_mounting import mounting_sentence
+from rotorfit.doubts.what_numbers_hang_on import what_numbers_hang_on
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
 from rotorfit.experiment.experiment import (
     Experiment,
@@ -97,8 +97,11 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     experiment, flown, turned = _mounted(experiment, flown)
     tables = of_commanded_speed(ESTIMATES[method](experiment, flown), flown)
     tables = with_timing_total(tables, flown.motor_timing)
-    hanging = (what_numbers_hang_on(tables, flown),) if method == "banded" else ()
-    tables = dataclasses.replace(tables, warnings=(*turned, *tables.warnings, *hanging))
+    tables = dataclasses.replace(
+        tables,
+        warnings=(*turned, *tables.warnings),
+        settings={**tables.settings, "hangs_on": list(what_numbers_hang_on(tables, flown))},
+    )
     result = _result(experiment, flown, tables)
     if not any(entry.validation for entry in experiment.configuration):
         return result

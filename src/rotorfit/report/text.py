@@ -44,6 +44,7 @@ def result_text(result: IdentificationResult) -> str:
         _listed("What the verdicts mean", _meanings(result)),
         _listed("What to do next", _advice(result)),
         _listed("To know", _doubts(result)),
+        _listed("No flight tells these: see that they are right", hangs_on(result)),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
@@ -203,6 +204,12 @@ def _doubts(result: IdentificationResult) -> list[str]:
         if parameter.advice:
             doubts = [doubt.replace(f"; {parameter.advice}", "") for doubt in doubts]
     return list(dict.fromkeys(doubts))
+
+
+def hangs_on(result: IdentificationResult) -> list[str]:
+    """Return what the numbers of a result are in proportion to, where it says so."""
+    used = result.settings.get("used", {})
+    return [str(words) for words in used.get("hangs_on", ())]
 
 
 def _listed(title: str, texts: Iterable[str]) -> list[str]:

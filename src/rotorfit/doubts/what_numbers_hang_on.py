@@ -11,24 +11,21 @@ from rotorfit.results.parameter_tables import Tables
 RPM = 60.0 / (2.0 * np.pi)
 
 
-def what_numbers_hang_on(tables: Tables, flown: Flown) -> str:
-    """Return the sentence that names what was declared, and what is in proportion to it."""
+def what_numbers_hang_on(tables: Tables, flown: Flown) -> tuple[str, ...]:
+    """Return what is in proportion to what was declared, one sentence for each."""
     masses = [f"{c.mass:g} kg" for c in flown.configurations if c.entry.mass != "unknown"]
-    distances = f"to the rotors' distances ({_distances(flown)})"
+    parts = [f"kd, Jr and inertia are proportional to the rotors' distances ({_distances(flown)})"]
     if masses:
-        parts = [
-            f"kt, kd, Jr and inertia are proportional to the mass ({', '.join(masses)})",
-            f"kd, Jr and inertia {distances}",
-        ]
-    else:
-        parts = [f"kd, Jr and inertia are proportional {distances}"]
+        parts.insert(
+            0, f"kt, kd, Jr and inertia are proportional to the mass ({', '.join(masses)})"
+        )
     hover = next((d.value for d in tables.derived if d.name == "hover_speed"), None)
     if hover is not None and (flown.motors.speed == "measured" or flown.speeds_commanded):
         parts.append(
-            f"kt and kd to the inverse square of rotor speed (hover at {hover:.0f} rad/s, "
-            f"{RPM * hover:.0f} rpm)"
+            "kt and kd are proportional to the inverse square of rotor speed (hover at "
+            f"{hover:.0f} rad/s, {RPM * hover:.0f} rpm)"
         )
-    return f"no flight tells these, see that they are right: {'; '.join(parts)}"
+    return tuple(parts)
 
 
 def _distances(flown: Flown) -> str:

@@ -3,13 +3,13 @@
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
-from rotorfit.checks.body_size import refuse_impossible_size, unusual_density
-from rotorfit.checks.changed_rotor import changed_in_flight, unlike_rotor
-from rotorfit.checks.early_motors import early_motors, late_speeds
-from rotorfit.checks.flights_agree import odd_flight
-from rotorfit.checks.payload import payload_checks, payload_sentence
-from rotorfit.checks.residual_peaks import peak_sentence, residual_peaks
-from rotorfit.checks.second_opinions import (
+from rotorfit.doubts.body_size import refuse_impossible_size, unusual_density
+from rotorfit.doubts.changed_rotor import changed_in_flight, unlike_rotor
+from rotorfit.doubts.early_motors import early_motors, late_speeds
+from rotorfit.doubts.flights_agree import odd_flight
+from rotorfit.doubts.payload import payload_checks, payload_sentence
+from rotorfit.doubts.residual_peaks import peak_sentence, residual_peaks
+from rotorfit.doubts.second_opinions import (
     accelerometer_against_gravity,
     hover_thrusts,
     hovers_differ,
@@ -18,7 +18,7 @@ from rotorfit.checks.second_opinions import (
     thrust_sags,
     without_mean,
 )
-from rotorfit.checks.spins import refuse_wrong_spins
+from rotorfit.doubts.spins import refuse_wrong_spins
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration

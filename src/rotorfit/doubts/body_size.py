@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.checks.plausible_units import implausible_size
-from rotorfit.checks.rotor_size import impossible_rotors
+from rotorfit.doubts.rotor_size import impossible_rotors
 from rotorfit.errors import FrameError
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration

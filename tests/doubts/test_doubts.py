@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.checks.second_opinions import HoverThrust, hovers_differ, thrust_sags
+from rotorfit.doubts.second_opinions import HoverThrust, hovers_differ, thrust_sags
 from rotorfit.fit.weight_balance import Held, held_up, pooled
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.simulation import (

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 import flown
-from rotorfit.checks.body_size import too_light
-from rotorfit.checks.early_motors import early_said
-from rotorfit.checks.ground_contact import ground_contact
+from rotorfit.doubts.body_size import too_light
+from rotorfit.doubts.early_motors import early_said
+from rotorfit.doubts.ground_contact import ground_contact
 from rotorfit.flight.data import Segment
 from rotorfit.simulation import sampled_flight_data
 

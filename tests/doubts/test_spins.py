@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.checks.spins import better_spins, negative_drag
+from rotorfit.doubts.spins import better_spins, negative_drag
 from rotorfit.errors import FrameError
 from rotorfit.fit.frequency_bands import EDGES
 from rotorfit.fit.number_intervals import Numbers

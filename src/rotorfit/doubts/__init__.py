@@ -1,0 +1,1 @@
+"""What a result should doubt about itself: every check that needs the fit, its flights, or both."""
