@@ -197,12 +197,12 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
             f"{seen}; with {', or with '.join(alike)}, they would respond {_shown(best)}: "
             "correct the rotors' order and spin, or the log's axes"
         )
+    _refuse_turned(R, vehicle)
     if better or _hidden(declared, free):
         raise FrameError(
             f"{seen}; with free places of the rotors their speeds explain {_shown(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
         )
-    _refuse_turned(R, vehicle)
     refuse_implausible_size(_inside(factors), vehicle)
     return declared
 

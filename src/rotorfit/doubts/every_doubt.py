@@ -74,7 +74,7 @@ def with_doubts(
         *_doubts_of_body(tables, fit, numbers, joint, flown),
         *_doubts_of_flight(flown, fit, numbers, ground),
     ]
-    doubts.append((odd_flight(flown.configurations, joint, fit, numbers), {}))
+    doubts.append((odd_flight(flown.configurations, joint, fit), {}))
     doubts.append((changed_in_flight(flown.configurations), {}))
     doubts.append(steady_yaw_torque(flown.configurations, joint, numbers))
     doubts += _doubts_of_payload(flown, joint)

@@ -1,34 +1,35 @@
-"""Do the flights of a configuration tell of one vehicle? Each against what the others say.
+"""Do the flights of a configuration tell of one vehicle? Each by itself against the others.
 
-Leaving a flight out moves each number by what that flight says otherwise. Flights of one vehicle
-differ by chance, by weather and by how they were flown; another propeller, load or vehicle makes
-more.
+Flights of one vehicle differ by chance, by weather and by how they were flown; another propeller,
+load or vehicle makes more. A joint fit does not show it: the flight that is surer wins.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.estimation.partial import left_out
 from rotorfit.fit.flights import Configured
-from rotorfit.fit.joint_equations import JointConfiguration
+from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.joint_numbers import joint_numbers
 from rotorfit.fit.number_intervals import Numbers
 
-LOOKED_AT: Final = ("kt", "kd", "Ixx", "Iyy", "Izz")
-LEAST_SHARE: Final = 0.1
-"""Of a number, by which a flight must move it."""
-SURE: Final = 4.0
-"""Deviations of chance by which it must."""
+LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
+LEAST_SHARE: Final = 0.05
+"""Of a number, by which a flight must differ from the others."""
+SURE: Final = 3.9
+"""Deviations by which it must: once in ten thousand by chance. Sound real flights make up to 1.1,
+two vehicles 9 and more."""
 
 
 def odd_flight(
     configurations: Sequence[Configured],
     joint: Sequence[JointConfiguration],
     fit: BandedEstimate,
-    numbers: Numbers,
 ) -> str | None:
     """Return that a flight contradicts the others of its configuration, in words.
 
@@ -36,43 +37,65 @@ def odd_flight(
     ----------
     configurations, joint
         What was flown, and as it was fitted.
-    fit, numbers
-        The fit of all flights, and its numbers with their intervals.
+    fit
+        Of all flights, at which the fit of each one begins.
     """
-    found = list(_disagreements(configurations, joint, fit, numbers))
+    found: list[tuple[float, str]] = []
+    for configured, c in zip(configurations, joint, strict=True):
+        if len(configured.flights) < 2 or c.payload_of is not None:
+            continue
+        alone = dict(_alone(c, fit, len(configured.flights)))
+        for k, own in alone.items():
+            others = [numbers for other, numbers in alone.items() if other != k]
+            file = Path(configured.flights[k].entry.file).name
+            found += [(size, f"{c.name}: {file}{words}") for size, words in _apart(c, own, others)]
     if not found:
         return None
-    size, flight, configuration, name, without = max(found)
-    value = numbers.number(f"{name}@{configuration}" if name[0] == "I" else name)[0]
+    size, words = max(found)
     return (
-        f"{configuration}: without {flight} {name} would be {without:.3g} instead of {value:.3g}, "
-        f"{size:.1f} times what chance explains: its vehicle, load, propellers or battery were not "
-        "those of the other flights; identify it by itself, or as a configuration of its own"
+        f"{words}, {size:.1f} times what chance explains: its vehicle, load, propellers or battery "
+        "were not those of the other flights; identify it by itself, or as a configuration of its "
+        "own"
     )
 
 
-def _disagreements(
-    configurations: Sequence[Configured],
-    joint: Sequence[JointConfiguration],
-    fit: BandedEstimate,
-    numbers: Numbers,
-) -> Iterator[tuple[float, str, str, str, float]]:
-    """Yield size, flight, configuration, number and its value without the flight."""
-    blocks = np.concatenate([c.factors.recording for c in joint])
-    owner = np.concatenate([np.full(len(c.factors), i) for i, c in enumerate(joint)])
-    names = fit.estimate.names
-    for i, (configured, c) in enumerate(zip(configurations, joint, strict=True)):
-        if len(configured.flights) < 2:
+def _alone(
+    c: JointConfiguration, fit: BandedEstimate, flights: int
+) -> Iterator[tuple[int, Numbers]]:
+    """Yield the numbers of each flight by itself, where it tells any."""
+    begin: Mapping[str, float] = dict(
+        zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True)
+    )
+    for k in range(flights):
+        own = c.factors.recording == k
+        if not own.any():
             continue
-        for k, flight in enumerate(configured.flights):
-            shift = left_out(fit, (owner == i) & (blocks == k))
-            for name in LOOKED_AT:
-                full = f"{name}@{c.name}" if name[0] == "I" else name
-                if full not in names or full not in numbers.names:
-                    continue
-                at = names.index(full)
-                value, half = numbers.number(full)
-                moved, std = float(shift.values[at]), float(shift.std[at])
-                if abs(moved) > max(LEAST_SHARE * abs(value), half, SURE * std):
-                    file = Path(flight.entry.file).name
-                    yield abs(moved) / std, file, c.name, name, value + moved
+        one = replace(
+            c,
+            factors=c.factors.select(own),
+            counted=None if c.counted is None else c.counted[own],
+            answered=None if c.answered is None else c.answered[own],
+        )
+        try:
+            yield k, joint_numbers(joint_estimate([one], [], begin=begin), [one], {c.name: 0.0})
+        except EstimationError:
+            continue  # too short or too still a flight to tell anything by itself
+
+
+def _apart(
+    c: JointConfiguration, own: Numbers, others: Sequence[Numbers]
+) -> Iterator[tuple[float, str]]:
+    """Yield by how many deviations a flight is away from the mean of the others, and in words."""
+    for name in LOOKED_AT:
+        full = name if name == "kt" else f"{name}@{c.name}"
+        told = [n.number(full) for n in others if full in n.names]
+        told = [(value, half) for value, half in told if np.isfinite(half) and half > 0]
+        if full not in own.names or not told:
+            continue
+        value, half = own.number(full)
+        weights = np.array([half**-2.0 for _, half in told])
+        mean = float(weights @ np.array([v for v, _ in told]) / weights.sum())
+        std = float(np.hypot(half, weights.sum() ** -0.5)) / 1.96
+        size = abs(value - mean) / std if np.isfinite(std) else 0.0
+        if size > SURE and abs(value - mean) > LEAST_SHARE * abs(mean):
+            yield size, f" gives {name} = {value:.3g}, the others {mean:.3g}"
