@@ -429,6 +429,16 @@ def test_changed_parameters_are_doubted(tmp_path):
     assert found.warnings == ("MOT_PWM_MAX changed within the log: the last value is taken",)
 
 
+def test_of_a_parameter_logged_twice_the_last_value_counts(tmp_path):
+    for last in (1900.0, 1800.0):
+        messages = [rcou(t, [1450] * 4) for t in one_second(50)]
+        for value in (1950.0, 1700.0, last):
+            messages += parameters({"MOT_PWM_MAX": value})
+        found = read(tmp_path, messages)
+        assert found.metadata["MOT_PWM_MAX"] == f"{last:g}"
+        np.testing.assert_allclose(found.channels["command"].values, 450 / (last - 1000))
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -364,6 +364,39 @@ def test_changed_parameters_are_noted(tmp_path):
     assert noted(log, "IMU_GYRO_CUTOFF 40 to 80, MPC_X 2 to 3.")
 
 
+def logged_twice(first, last):
+    """Return a log whose declarations have THR_MDL_FAC twice."""
+    content = encode([IMU, actuator_motors(TIME, HALF)], Parts(parameters={"THR_MDL_FAC": first}))
+    again = encode([IMU], Parts(parameters={"THR_MDL_FAC": last}))
+    name = b"float THR_MDL_FAC"
+    begin, place = again.index(name) - 4, content.index(name) + len(name) + 4
+    return content[:place] + again[begin : begin + 8 + len(name)] + content[place:]
+
+
+HALF = np.full((N, 4), 0.5)
+
+
+def test_of_a_parameter_declared_twice_the_last_value_counts(tmp_path):
+    path = tmp_path / "log.ulg"
+    for first, last in ((0.3, 1.0), (1.0, 0.3)):
+        path.write_bytes(logged_twice(first, last))
+        log = read_log(path)
+        assert log.metadata["THR_MDL_FAC"] == f"{last:g}"
+        # 0.5 is last u^2 + (1 - last) u.
+        share = log.channels["command"].values
+        np.testing.assert_allclose(last * share**2 + (1 - last) * share, 0.5, rtol=1e-6)
+        assert not noted(log, "Parameters changed")
+
+
+def test_a_parameter_changed_in_the_log_keeps_its_first_value_and_tells_each_change(tmp_path):
+    changes = [(100.1, "THR_MDL_FAC", 0.5), (100.2, "THR_MDL_FAC", 1.0)]
+    topic = actuator_motors(TIME, HALF)
+    log = read(tmp_path, topic, parameters={"THR_MDL_FAC": 0.0}, changes=changes)
+    assert log.metadata["THR_MDL_FAC"] == "0"
+    np.testing.assert_allclose(log.channels["command"].values, 0.5)
+    assert noted(log, "THR_MDL_FAC 0 to 0.5, THR_MDL_FAC 0.5 to 1.")
+
+
 def test_dropouts_are_said_and_not_bridged(tmp_path):
     kept = np.r_[0:80, 120:N]
     part = sensor_combined(TIME[kept], GYRO[kept], ACCEL[kept])
