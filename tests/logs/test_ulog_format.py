@@ -209,6 +209,15 @@ def test_messages_out_of_order_are_left_out(tmp_path):
     assert "1 messages left out: their times are out of order" in log.warnings
 
 
+@pytest.mark.parametrize("wrong", [1000.0, -40.0])
+def test_a_wrong_time_costs_its_own_message(tmp_path, wrong):
+    content = encode([IMU], Parts(sync_every=0))
+    stamp, moved = (struct.pack("<Q", round(1e6 * (TIME[100] + by))) for by in (0.0, wrong))
+    log = log_of(tmp_path, content.replace(stamp, moved))
+    np.testing.assert_allclose(log.channels["gyro"].time, np.delete(TIME, 100), atol=1e-6)
+    assert "1 messages left out: their times are out of order" in log.warnings
+
+
 def appended(content, more, *, bit=1):
     """Set the flags of a file, and append."""
     flags = bytes(8) + bytes([bit]) + bytes(7) + struct.pack("<3Q", len(content), 0, 0)
