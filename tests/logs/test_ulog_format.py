@@ -389,6 +389,12 @@ def hostile_search():
     return HEAD + declared + (message("D", b"\0\0x") + b"\xff") * 10_000
 
 
+def hostile_declarations():
+    """What looks like formats, parameters and subscriptions, and is none: a search at each byte."""
+    unlike = [b"\0\x30A\0\0\0abc", b"\0\x30Fabc:", b"\0\x30P\7float x", b"\1\1\1F" + b"x" * 80]
+    return HEAD + b"\xff" + b"".join(piece * 10_000 for piece in unlike)
+
+
 def hostile_subscriptions():
     declared = message("F", b"a:" + b"".join(b"uint8_t f%d;" % i for i in range(999)))
     return (
@@ -412,6 +418,7 @@ def hostile_texts():
         hostile_lengths,
         hostile_marks,
         hostile_search,
+        hostile_declarations,
         hostile_subscriptions,
         hostile_texts,
     ],

@@ -37,6 +37,7 @@ SYSTEM_DEFAULT, AIRFRAME_DEFAULT = 1, 2
 LARGEST_NUMBER: Final = 1 << 16
 LONGEST_DECLARATION: Final = 1 << 14
 """Looked for after damage [bytes]; the longest format of PX4 has about a thousand."""
+LONGEST_SUBSCRIPTION: Final = 100
 _DECLARATION: Final = re.compile(
     rb"(..)(?=F[A-Za-z_][\w/-]{0,80}:|P.(?:int32_t|float) \w|A...\w)", re.DOTALL
 )
@@ -180,7 +181,8 @@ class _Reading:
                 case b"P":
                     fits = end == begin + 1 + content[begin] + 4
                 case _:
-                    fits = content[begin + 3 : end].decode("utf-8", "replace") in self.formats
+                    name = content[begin + 3 : min(end, begin + LONGEST_SUBSCRIPTION)]
+                    fits = name.decode("utf-8", "replace") in self.formats
             if fits:
                 return [match.start()]
         return []
