@@ -94,6 +94,34 @@ def test_the_imu_of_the_primary_core_is_taken(tmp_path):
     assert "IMU 3 of 3 is used: the estimator's primary core flew with it" in found.notes
 
 
+def test_the_core_that_was_primary_most_of_the_time_tells_the_imu(tmp_path):
+    xkf4 = Kind(190, "XKF4", "QBB", "TimeUS,C,PI")
+    messages = [message(xkf4, k, 0, core) for k, core in enumerate((0, 1, 1, 1, 0))]
+    for t in one_second(100):
+        messages += [imu(t, (i, 0, 0), (0, 0, -9.8), instance=i) for i in range(2)]
+    found = read(tmp_path, messages, kinds=(*KINDS, xkf4), settings={"EK3_IMU_MASK": 3.0})
+    assert found.channels["gyro"].values[0, 0] == 1.0
+
+
+def test_the_first_imu_that_is_not_switched_off_is_taken_and_its_place_told(tmp_path):
+    settings = {**QUAD_X, "INS_USE": 0.0, "INS_USE2": 0.0, "INS_USE3": 1.0}
+    settings |= {f"INS_POS{n}_{axis}": 0.1 * n for n in (1, 2, 3) for axis in "XYZ"}
+    messages = [
+        imu(t, (i, 0, 0), (0, 0, -9.8), instance=i) for t in one_second(100) for i in range(3)
+    ]
+    found = read(tmp_path, messages, settings=settings)
+    assert found.channels["gyro"].values[0, 0] == 2.0
+    assert "imu = { position = [0.3, -0.3, -0.3] }" in found.metadata["airframe"]
+
+
+def test_a_message_of_an_impossible_time_takes_its_own_values_with_it(tmp_path):
+    times = [0.01 * k for k in range(50)]
+    messages = [imu(2e7 if k == 20 else t, (k, 0, 0), (0, 0, -9.8)) for k, t in enumerate(times)]
+    gyro = read(tmp_path, messages).channels["gyro"]
+    np.testing.assert_allclose(gyro.time, np.delete(times, 20), atol=1e-9)
+    assert gyro.values[:, 0].tolist() == [k for k in range(50) if k != 20]
+
+
 def test_raw_samples_are_preferred_where_faster_with_their_own_times(tmp_path):
     messages = []
     for k, t in enumerate(one_second(1000)):
@@ -121,6 +149,10 @@ def test_raw_samples_are_preferred_where_faster_with_their_own_times(tmp_path):
             {"MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0, "RC3_MIN": 1000.0, "RC3_MAX": 1900.0},
             *(1450, 0.5, "RC3_MIN, RC3_MAX"),
         ),
+        (
+            {"RCMAP_THROTTLE": 1.0, "RC1_MIN": 1100.0, "RC1_MAX": 1900.0, "RC3_MIN": 1000.0},
+            *(1300, 0.25, "RC1_MIN, RC1_MAX"),
+        ),
         ({"SERVO1_MIN": 1000.0, "SERVO1_MAX": 1800.0}, 1200, 0.25, "SERVO1_MIN, SERVO1_MAX"),
         ({}, 1200, 0.2, "assumed: the log has no MOT_PWM_MIN"),
         ({"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}, 0, 0.0, "MOT_PWM_MIN, MOT_PWM_MAX"),
@@ -140,6 +172,12 @@ def test_motors_are_in_the_order_of_their_numbers(tmp_path):
     found = read(tmp_path, [rcou(t, pwm) for t in one_second(50)], settings=functions)
     np.testing.assert_allclose(found.channels["command"].values[0], [0.1, 0.2, 0.3, 0.4])
     assert "motors 1..4 = outputs 5, 8, 7, 3 (SERVOn_FUNCTION)" in found.notes[0]
+
+
+def test_of_two_outputs_of_one_motor_the_first_is_read():
+    functions = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 5)}
+    found = wiring(settings_of(**functions, SERVO7_FUNCTION=34.0), None)
+    assert found.outputs == (1, 2, 3, 4)
 
 
 @pytest.mark.parametrize(("count", "first"), [(8, 33), (12, 82), (14, 160)])
@@ -207,12 +245,32 @@ def test_old_escs_have_a_message_each(tmp_path):
     np.testing.assert_allclose(speed, [500, 501, 502, 503])
 
 
+def test_escs_that_are_logged_in_turn_are_brought_to_common_times(tmp_path):
+    """All at 1e5 rpm/s, the second 4 ms after the first: before its first message it is unknown."""
+    late = (0.0, 0.004, 0.0, 0.0)
+    turns = [(0.01 * k + delay, n) for k in range(1, 40) for n, delay in enumerate(late)]
+    found = read(tmp_path, [esc(t, n, 1e5 * t) for t, n in sorted(turns)])
+    speed = found.channels["rotor_speed"]
+    expected = np.tile(1e5 * speed.time[:, None] * 2 * math.pi / 60, 4)
+    expected[0, 1] = np.nan
+    np.testing.assert_allclose(speed.values, expected, rtol=1e-5)
+
+
+def test_rotor_speeds_lose_their_sign(tmp_path):
+    messages = [esc(0.01 * k, n, (-1) ** n * 1000.0) for k in range(20) for n in range(4)]
+    messages += [esc(0.2, n, 5.0) for n in range(4)]
+    found = read(tmp_path, messages)
+    rpm = found.channels["rotor_speed"].values[:20] * 60 / (2 * math.pi)
+    np.testing.assert_allclose(rpm, 1000.0, rtol=1e-6)
+
+
 def test_battery_of_new_and_old_logs(tmp_path):
     new = [message(BAT, k, i, 16.0 - i, 0.0) for k in range(3) for i in range(2)]
     assert read(tmp_path, new).channels["battery"].values[:, 0].tolist() == [16.0] * 3
-    curr = Kind(190, "CURR", "Ihh", "TimeMS,Volt,Curr")
-    old = read(tmp_path, [message(curr, 1, 1234, 0)], kinds=(*KINDS, curr))
-    assert old.channels["battery"].values[:, 0].tolist() == [12.34]
+    for letters in ("Ihh", "IHh"):
+        curr = Kind(190, "CURR", letters, "TimeMS,Volt,Curr")
+        old = read(tmp_path, [message(curr, 1, 1234, 0)], kinds=(*KINDS, curr))
+        assert old.channels["battery"].values[:, 0].tolist() == [12.34]
 
 
 def test_camera_poses_are_turned_to_north_west_up(tmp_path):
@@ -236,6 +294,19 @@ def test_velocity_is_turned_into_the_body(tmp_path):
         tmp_path, [message(xkf1, 5, 0, 0, 0, 9000, 0.0, 4.0, 1.0)] * 2, kinds=(*KINDS, xkf1)
     )
     np.testing.assert_allclose(found.channels["velocity"].values[0], [4.0, 0.0, -1.0], atol=1e-12)
+
+
+def test_velocity_is_that_of_the_first_core_of_the_newest_estimator(tmp_path):
+    labels = "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD"
+    kinds = [Kind(190 + n, name, "QBccCfff", labels) for n, name in enumerate(("XKF1", "NKF1"))]
+    messages = [
+        message(kind, 1000 * k, core, 0, 0, 0, 1.0 + 2 * n + core, 0.0, 0.0)
+        for k in range(5)
+        for n, kind in enumerate(kinds)
+        for core in range(2)
+    ]
+    found = read(tmp_path, messages, kinds=(*KINDS, *kinds))
+    assert found.channels["velocity"].values[:, 0].tolist() == [1.0] * 5
 
 
 @pytest.mark.parametrize(
@@ -406,6 +477,13 @@ def test_arming_is_told_and_its_absence_doubted(tmp_path):
     assert "the vehicle was never armed in this log: its motors did not turn" in idle.warnings
 
 
+def test_arming_by_the_events_of_old_logs(tmp_path):
+    event = Kind(190, "EV", "QB", "TimeUS,Id")
+    events = [message(event, 1_500_000, 10), message(event, 2_500_000, 11)]
+    found = read(tmp_path, [imu(0.0, *REST), *events], kinds=(*KINDS, event))
+    assert "armed at 1.5 s, disarmed at 2.5 s of the autopilot's clock" in found.notes
+
+
 def test_a_unit_that_is_not_the_one_assumed_is_doubted(tmp_path):
     uses = message(FMTU, 0, 150, b"s#kkkooo", b"F-000000")
     units = [message(UNIT, 0, ord("k"), b"deg/s"), message(UNIT, 0, ord("o"), b"m/s/s")]
@@ -427,6 +505,16 @@ def test_changed_parameters_are_doubted(tmp_path):
     later = parameters({"MOT_PWM_MAX": 1900.0, "ARMING_CHECK": 1.0})
     found = read(tmp_path, [imu(0.0, *REST), *later])
     assert found.warnings == ("MOT_PWM_MAX changed within the log: the last value is taken",)
+
+
+def test_of_a_parameter_logged_twice_the_last_value_counts(tmp_path):
+    for last in (1900.0, 1800.0):
+        messages = [rcou(t, [1450] * 4) for t in one_second(50)]
+        for value in (1950.0, 1700.0, last):
+            messages += parameters({"MOT_PWM_MAX": value})
+        found = read(tmp_path, messages)
+        assert found.metadata["MOT_PWM_MAX"] == f"{last:g}"
+        np.testing.assert_allclose(found.channels["command"].values, 450 / (last - 1000))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """What a ULog becomes: channels, notes, metadata."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,7 @@ def test_a_simulated_flight_comes_back(tmp_path):
         atol = 0.51 * step if name == "rotor_speed" else 2e-6
         np.testing.assert_allclose(channel.values, values, rtol=3e-6, atol=atol, err_msg=name)
         clock = flight.pose_time if name in ("position", "attitude") else flight.time
-        np.testing.assert_allclose(channel.time, BOOT + clock, atol=1e-6)
+        np.testing.assert_allclose(channel.time, BOOT + clock, rtol=0, atol=0.6e-6)
     assert log.channels["battery"].values[0] == pytest.approx(15.8)
     assert log.channels["rotor_speed"].resolution == pytest.approx(step)
 
@@ -117,6 +118,13 @@ def test_geometry_is_ready_for_an_experiment_file(tmp_path):
         '{ position = [0.15, 0.2, 0.0], spin = "cw" }, '
         '{ position = [-0.15, -0.2, 0.0], spin = "cw" }]'
     )
+
+
+def test_a_rotor_below_the_origin_is_below_it(tmp_path):
+    log = read(tmp_path, IMU, parameters={**QUAD, "CA_ROTOR0_PZ": 0.05, "CA_ROTOR1_PZ": -0.03})
+    places = re.findall(r"position = \[(.*?)\]", log.metadata["airframe"])
+    heights = [float(place.split(", ")[2]) for place in places]
+    assert heights == pytest.approx([-0.05, 0.03, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(
@@ -216,6 +224,14 @@ def test_mean_rates_where_there_is_no_sensor_combined(tmp_path):
     assert noted(log, "means from vehicle_imu")
 
 
+def test_each_mean_is_over_its_own_time(tmp_path):
+    spans, topic = np.where(np.arange(N) % 7 == 0, 8000, 4000), vehicle_imu()
+    angles = GYRO * FLIP * 1e-6 * spans[:, None]
+    fields = {**topic.fields, "delta_angle": angles, "delta_angle_dt": spans}
+    gyro = read(tmp_path, replace(topic, fields=fields)).channels["gyro"]
+    np.testing.assert_allclose(gyro.values, GYRO, rtol=1e-6)
+
+
 def test_the_sensor_that_flew_is_taken(tmp_path):
     chosen = Logged(
         name="sensor_selection",
@@ -228,6 +244,24 @@ def test_the_sensor_that_flew_is_taken(tmp_path):
     np.testing.assert_allclose(log.channels["gyro"].values, GYRO, rtol=1e-6)
     assert log.channels["gyro"].source.startswith("vehicle_imu[1].")
     assert read(tmp_path, *two).channels["gyro"].source.startswith("vehicle_imu.delta")
+
+
+def test_of_several_selections_the_last_counts(tmp_path):
+    chosen = Logged(
+        name="sensor_selection",
+        time=TIME[:3],
+        fields={"gyro_device_id": [7, 7, 9]},
+        format="uint64_t timestamp;uint32_t gyro_device_id;",
+    )
+    two = [vehicle_imu(0, device=7, gyro=0 * GYRO), vehicle_imu(1, device=9)]
+    assert read(tmp_path, *two, chosen).channels["gyro"].source.startswith("vehicle_imu[1].")
+
+
+def test_where_one_sample_time_is_missing_all_are_those_of_publication(tmp_path):
+    topic = vehicle_imu()
+    sampled = np.where(np.arange(N) == 3, 0, topic.fields["timestamp_sample"])
+    topic = replace(topic, fields={**topic.fields, "timestamp_sample": sampled})
+    np.testing.assert_allclose(read(tmp_path, topic).channels["gyro"].time, TIME, atol=1e-6)
 
 
 def test_filtered_signals_are_named_with_their_filters(tmp_path):
@@ -311,6 +345,23 @@ def test_a_pose_in_an_unknown_frame_is_left_out(tmp_path):
     assert noted(log, "its frame is neither NED nor FRD")
 
 
+def test_a_frame_that_is_told_late_counts(tmp_path):
+    position, q = RNG.normal(size=(N, 3)), np.tile([1.0, 0, 0, 0], (N, 1))
+    frame = np.where(np.arange(N) < 5, 0, 1)
+    log = read(tmp_path, IMU, mocap(TIME, position, q, frame=frame))
+    np.testing.assert_allclose(log.channels["position"].values, position, rtol=1e-6)
+
+
+def test_of_two_batteries_the_first_that_has_a_voltage_is_read(tmp_path):
+    def battery(instance, volts):
+        fields = {"voltage_v": volts}
+        return Logged(name="battery_status", time=TIME, fields=fields, instance=instance)
+
+    log = read(tmp_path, IMU, battery(0, 0.0), battery(1, 16.0), battery(2, 12.0))
+    assert log.channels["battery"].values[:, 0].tolist() == [16.0] * N
+    assert log.channels["battery"].source == "battery_status[1].voltage_v [V]"
+
+
 def test_an_attitude_that_is_none_is_nan(tmp_path):
     q = np.tile([1.0, 0, 0, 0], (N, 1))
     q[3], q[5] = np.nan, 0.0
@@ -331,6 +382,34 @@ def test_velocity_that_the_autopilot_does_not_know_is_nan(tmp_path):
     values = read(tmp_path, IMU, place, turned).channels["velocity"].values
     assert np.isnan(values[:50]).all()
     np.testing.assert_allclose(values[50:], np.tile([0, 1, 2], (N - 50, 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["v_xy_valid", "v_z_valid"])
+def test_velocity_is_known_where_both_its_parts_are(tmp_path, name):
+    valid = {"v_xy_valid": True, "v_z_valid": True, name: np.arange(N) >= 50}
+    place = Logged(name="vehicle_local_position", time=TIME, fields={"vx": 1.0, **valid})
+    level = np.tile([1.0, 0, 0, 0], (N, 1))
+    turned = Logged(name="vehicle_attitude", time=TIME, fields={"q": level})
+    values = read(tmp_path, IMU, place, turned).channels["velocity"].values
+    assert np.isnan(values[:50]).all()
+    assert np.isfinite(values[50:]).all()
+
+
+def test_velocity_is_turned_by_the_attitude_of_its_time(tmp_path):
+    """The nose turns to the east at 0.5 rad/s; attitudes come every 0.2 s, one before each."""
+    place = Logged(
+        name="vehicle_local_position",
+        time=TIME[30:],
+        fields={"vx": 1.0, "v_xy_valid": True, "v_z_valid": True},
+    )
+    slow = TIME[::50]
+    half = 0.25 * (slow - TIME[0])
+    q = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1)
+    turned = Logged(name="vehicle_attitude", time=slow, fields={"q": q})
+    values = read(tmp_path, IMU, place, turned).channels["velocity"].values
+    yaw = 0.5 * (np.minimum(TIME[30:], slow[-1]) - TIME[0])
+    expected = np.stack([np.cos(yaw), np.sin(yaw), 0 * yaw], axis=1)
+    np.testing.assert_allclose(values, expected, atol=1e-3)
 
 
 # Armed, landed, changes, what does not belong
@@ -362,6 +441,39 @@ def test_changed_parameters_are_noted(tmp_path):
     changes = [(100.1, "MPC_X", 3.0), (100.2, "IMU_GYRO_CUTOFF", 80.0), (100.3, "MPC_X", 3.0)]
     log = read(tmp_path, IMU, parameters={"MPC_X": 2.0, "IMU_GYRO_CUTOFF": 40.0}, changes=changes)
     assert noted(log, "IMU_GYRO_CUTOFF 40 to 80, MPC_X 2 to 3.")
+
+
+def logged_twice(first, last):
+    """Return a log whose declarations have THR_MDL_FAC twice."""
+    content = encode([IMU, actuator_motors(TIME, HALF)], Parts(parameters={"THR_MDL_FAC": first}))
+    again = encode([IMU], Parts(parameters={"THR_MDL_FAC": last}))
+    name = b"float THR_MDL_FAC"
+    begin, place = again.index(name) - 4, content.index(name) + len(name) + 4
+    return content[:place] + again[begin : begin + 8 + len(name)] + content[place:]
+
+
+HALF = np.full((N, 4), 0.5)
+
+
+def test_of_a_parameter_declared_twice_the_last_value_counts(tmp_path):
+    path = tmp_path / "log.ulg"
+    for first, last in ((0.3, 1.0), (1.0, 0.3)):
+        path.write_bytes(logged_twice(first, last))
+        log = read_log(path)
+        assert log.metadata["THR_MDL_FAC"] == f"{last:g}"
+        # 0.5 is last u^2 + (1 - last) u.
+        share = log.channels["command"].values
+        np.testing.assert_allclose(last * share**2 + (1 - last) * share, 0.5, rtol=1e-6)
+        assert not noted(log, "Parameters changed")
+
+
+def test_a_parameter_changed_in_the_log_keeps_its_first_value_and_tells_each_change(tmp_path):
+    changes = [(100.1, "THR_MDL_FAC", 0.5), (100.2, "THR_MDL_FAC", 1.0)]
+    topic = actuator_motors(TIME, HALF)
+    log = read(tmp_path, topic, parameters={"THR_MDL_FAC": 0.0}, changes=changes)
+    assert log.metadata["THR_MDL_FAC"] == "0"
+    np.testing.assert_allclose(log.channels["command"].values, 0.5)
+    assert noted(log, "THR_MDL_FAC 0 to 0.5, THR_MDL_FAC 0.5 to 1.")
 
 
 def test_dropouts_are_said_and_not_bridged(tmp_path):

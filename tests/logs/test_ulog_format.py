@@ -140,6 +140,44 @@ def test_a_wrong_length_costs_one_message(tmp_path):
     assert len(gyro_of(log_of(tmp_path, bytes(content)))) == N - 1
 
 
+DECLARING = encode(
+    [armed(TIME[::10], True), IMU],
+    Parts(parameters={f"P{i:02}": i for i in range(20)}, sync_every=0),
+)
+
+
+@pytest.mark.parametrize(
+    ("damaged", "lost", "parameters"),
+    [
+        (b"int32_t P07", (), 19),
+        (b"esc_report:", (), 20),
+        (b"actuator_armed:", ("actuator_armed",), 20),
+        (b"sensor_combined:", ("sensor_combined",), 20),
+        (b"\0\0\0actuator_armed", ("actuator_armed",), 20),
+    ],
+)
+def test_damage_among_the_declarations_costs_the_one_it_hit(tmp_path, damaged, lost, parameters):
+    """Neither a mark nor data stand between the declarations."""
+    content = bytearray(DECLARING)
+    place = content.index(damaged)
+    content[place - 3 : place + 8] = bytes(11)
+    path = tmp_path / "log.ulg"
+    path.write_bytes(bytes(content))
+    found = scan_file(path, {"actuator_armed": None, "sensor_combined": None})
+    kept = {name: len(topics[0].rows) for name, topics in found.topics.items()}
+    expected = {"actuator_armed": N // 10, "sensor_combined": N}
+    assert kept == {name: count for name, count in expected.items() if name not in lost}
+    assert len(found.parameters) == parameters
+
+
+def test_data_before_any_subscription_do_not_hide_the_declarations(tmp_path):
+    """Stale data in a damaged stretch: their length reaches beyond the subscriptions."""
+    place = DECLARING.index(b"int32_t P07") - 4
+    stale = message("D", b"\x05\0", size=len(DECLARING) - place - 60 * N // 2)
+    log = log_of(tmp_path, DECLARING[:place] + stale + DECLARING[place:])
+    assert len(gyro_of(log)) == N
+
+
 def test_a_log_that_was_cut_off_is_read_to_its_last_message(tmp_path):
     content = encode([IMU], Parts(sync_every=0))
     log = log_of(tmp_path, content[:-20])
@@ -168,6 +206,15 @@ def test_messages_out_of_order_are_left_out(tmp_path):
     log = log_of(tmp_path, moved)
     assert len(gyro_of(log)) == N - 1
     assert (np.diff(log.channels["gyro"].time) > 0).all()
+    assert "1 messages left out: their times are out of order" in log.warnings
+
+
+@pytest.mark.parametrize("wrong", [1000.0, -40.0])
+def test_a_wrong_time_costs_its_own_message(tmp_path, wrong):
+    content = encode([IMU], Parts(sync_every=0))
+    stamp, moved = (struct.pack("<Q", round(1e6 * (TIME[100] + by))) for by in (0.0, wrong))
+    log = log_of(tmp_path, content.replace(stamp, moved))
+    np.testing.assert_allclose(log.channels["gyro"].time, np.delete(TIME, 100), atol=1e-6)
     assert "1 messages left out: their times are out of order" in log.warnings
 
 
@@ -342,6 +389,12 @@ def hostile_search():
     return HEAD + declared + (message("D", b"\0\0x") + b"\xff") * 10_000
 
 
+def hostile_declarations():
+    """What looks like formats, parameters and subscriptions, and is none: a search at each byte."""
+    unlike = [b"\0\x30A\0\0\0abc", b"\0\x30Fabc:", b"\0\x30P\7float x", b"\1\1\1F" + b"x" * 80]
+    return HEAD + b"\xff" + b"".join(piece * 10_000 for piece in unlike)
+
+
 def hostile_subscriptions():
     declared = message("F", b"a:" + b"".join(b"uint8_t f%d;" % i for i in range(999)))
     return (
@@ -365,6 +418,7 @@ def hostile_texts():
         hostile_lengths,
         hostile_marks,
         hostile_search,
+        hostile_declarations,
         hostile_subscriptions,
         hostile_texts,
     ],

@@ -1,5 +1,7 @@
 """ESC telemetry and motor outputs of a ULog, by versions of PX4."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from ulog_encoder import Parts, actuator_motors, actuator_outputs, encode, esc_status
@@ -32,6 +34,21 @@ def test_escs_are_put_into_the_order_of_the_motors_and_lose_their_sign(tmp_path)
     channel = read(tmp_path, topic).channels["rotor_speed"]
     np.testing.assert_allclose(channel.values, SPEED[:, [1, 3, 0, 2]], rtol=1e-9)
     assert channel.source == "esc_status.esc[1, 3, 0, 2].esc_rpm [rpm]"
+
+
+def test_functions_that_are_told_late_count(tmp_path):
+    topic = esc_status(TIME, SPEED, functions=[103, 101, 104, 102])
+    motors = np.where(np.arange(N)[:, None] < 10, 0, [[103, 101, 104, 102, 0, 0, 0, 0]])
+    late = replace(topic, fields={**topic.fields, "esc.actuator_function": motors})
+    channel = read(tmp_path, late).channels["rotor_speed"]
+    np.testing.assert_allclose(channel.values, SPEED[:, [1, 3, 0, 2]], rtol=1e-9)
+
+
+def test_a_speed_that_no_rotor_has_is_damage(tmp_path):
+    speed = SPEED.copy()
+    speed[7, 2] = 300_001 * 2 * np.pi / 60
+    values = read(tmp_path, esc_status(TIME, speed)).channels["rotor_speed"].values
+    assert np.argwhere(np.isnan(values)).tolist() == [[7, 2]]
 
 
 def test_without_functions_the_parameters_or_the_count_say_how_many(tmp_path):

@@ -9,7 +9,7 @@ import pytest
 
 import flown
 from rotorfit.cli.validate import run as validate_command
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
@@ -244,3 +244,10 @@ def test_command(folder, result, tmp_path, capsys):
     assert lines[2].split() == ["configuration", *SHOWN]
     assert lines[3].split()[:2] == ["A2.csv", "A"]
     assert [float(word) for word in lines[3].split()[2:]] == pytest.approx([0.0] * 4, abs=0.2)
+
+
+def test_a_flight_that_cannot_be_used_is_named_once(folder, result):
+    with pytest.raises(FlightError) as refused:
+        validate_file(result, folder / "A2.csv", configuration="A", start=0.0, end=0.02)
+    assert str(refused.value).startswith("A2.csv: ")
+    assert str(refused.value).count("A2.csv") == 1

@@ -16,7 +16,8 @@ LARGEST_CHUNK: Final = 128 * 2**20
 """Bytes that one compressed part may unfold to."""
 _LARGEST_MESSAGE: Final = 64 * 2**20
 _LARGEST_EXPANSION: Final = 40
-"""A file may unfold to so many times its size (and one chunk more): sensor data never do."""
+_ALWAYS_ALLOWED: Final = 1 << 25
+"""A file may unfold to so many times its size and so many bytes more: sensor data never do."""
 ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
 
 
@@ -70,7 +71,7 @@ def unfolded_message(data: bytes, tally: Tally) -> bytes:
 def _count(size: int, tally: Tally) -> None:
     """Raise where all parts of a file together come to more than can be meant."""
     tally.unfolded += size
-    if tally.unfolded > LARGEST_CHUNK + _LARGEST_EXPANSION * tally.file_size:
+    if tally.unfolded > _ALWAYS_ALLOWED + _LARGEST_EXPANSION * tally.file_size:
         raise LogError(
             f"{tally.file_size} bytes unfold to more than {_LARGEST_EXPANSION} times as much: "
             "damaged or no flight log; record again without compression"

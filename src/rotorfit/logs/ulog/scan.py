@@ -3,6 +3,7 @@
 import hashlib
 import math
 import os
+import re
 import struct
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
@@ -34,6 +35,12 @@ APPENDED: Final = 1
 SYSTEM_DEFAULT, AIRFRAME_DEFAULT = 1, 2
 """Bits of a default's kind: the firmware's, and that of the chosen airframe."""
 LARGEST_NUMBER: Final = 1 << 16
+LONGEST_DECLARATION: Final = 1 << 14
+"""Looked for after damage [bytes]; the longest format of PX4 has about a thousand."""
+LONGEST_SUBSCRIPTION: Final = 100
+_DECLARATION: Final = re.compile(
+    rb"(..)(?=F[A-Za-z_][\w/-]{0,80}:|P.(?:int32_t|float) \w|A...\w)", re.DOTALL
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,18 +151,41 @@ class _Reading:
         sizes = _uint16(raw, places)
         numbers = np.where(sizes >= 2, _uint16(raw, np.minimum(places + 3, len(raw) - 2)), 0)
         fits = (sizes >= self.smallest[numbers]) & (sizes <= self.largest[numbers])
-        bad = np.flatnonzero((sizes < 2) | (self.is_known[numbers] & ~fits))
+        # Of a number whose subscription was lost; before the first subscription there are no data.
+        doubtful = self.is_known[numbers] | (not self.subscribed)
+        bad = np.flatnonzero((sizes < 2) | (doubtful & ~fits))
         return int(data[bad[0]]) if len(bad) else len(starts)
 
     def first_fit(self, raw: UInt8[np.ndarray, " n"]) -> int | None:
-        """Return the first place where a data message of a known number and length fits."""
+        """Return the first place where a data message of a known number and length fits.
+
+        Or where a format, a parameter or a subscription does: without those behind the damage, the
+        data behind them say nothing.
+        """
         if len(raw) < 5:
             return None
         places = np.flatnonzero(raw[2:-2] == DATA)
         numbers, sizes = _uint16(raw, places + 3), _uint16(raw, places)
         fits = (sizes >= self.smallest[numbers]) & (sizes <= self.largest[numbers])
-        found = places[fits]
-        return int(found[0]) if len(found) else None
+        found = [*places[fits][:1].tolist(), *self._first_declaration(raw.tobytes())]
+        return min(found, default=None)
+
+    def _first_declaration(self, content: bytes) -> list[int]:
+        for match in _DECLARATION.finditer(content):
+            begin, end = match.end() + 1, match.end() + 1 + int.from_bytes(match[1], "little")
+            if end > min(len(content), begin + LONGEST_DECLARATION):
+                continue
+            match content[begin - 1 : begin]:
+                case b"F":
+                    fits = content[end - 1 : end] == b";"
+                case b"P":
+                    fits = end == begin + 1 + content[begin] + 4
+                case _:
+                    name = content[begin + 3 : min(end, begin + LONGEST_SUBSCRIPTION)]
+                    fits = name.decode("utf-8", "replace") in self.formats
+            if fits:
+                return [match.start()]
+        return []
 
     def keep(self, block: Block) -> None:
         """Keep the rows of the wanted topics in a block."""
