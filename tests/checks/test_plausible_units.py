@@ -224,8 +224,8 @@ def test_identify_says_it_of_rotor_speeds(flight, tmp_path):
         'set unit = "rpm" (or "erpm", with poles) in columns, or correct poles; '
         "or correct the rotors' positions"
     )
-    slow = flown.identified(tmp_path, [scaled(flight, "rotor_speed_measured", 1.0 / RPM)])
-    assert any("look like rad/s read as rpm" in doubt for doubt in slow.flights[0].warnings)
+    with pytest.raises(FlightError, match=r"rotor speed has another scale \(poles\)"):
+        flown.identified(tmp_path, [scaled(flight, "rotor_speed_measured", 1.0 / RPM)])
 
 
 def test_a_command_without_a_law_has_no_unit(flight, tmp_path):

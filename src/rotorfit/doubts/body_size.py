@@ -129,7 +129,8 @@ def outside_rotors(configuration: JointConfiguration, numbers: Numbers) -> str |
         centre = f"rotor_center_{axis}{at}"
         if centre in numbers.names:
             # Both are measured from the IMU: their difference is from the middle of the rotors.
-            value -= numbers.number(centre)[0]
+            other, unsure = numbers.number(centre)
+            value, half = value - other, float(np.hypot(half, unsure))
         low, high = places[:, k].min(), places[:, k].max()
         if value - half > high or value + half < low:
             return (

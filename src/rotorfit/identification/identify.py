@@ -37,7 +37,7 @@ from rotorfit.fit.flights import (
     levelled_flights,
     load_flight,
 )
-from rotorfit.fit.imu_mounting import found_tilt
+from rotorfit.identification.mounting import found_tilt
 from rotorfit.fit.term_choice import velocity_wanted
 from rotorfit.fit.timing_search import find_timing
 from rotorfit.identification.estimates import ESTIMATES, joint_fit, resolved_method
