@@ -80,10 +80,10 @@ def calm(rho):
 
 def test_chance_pull_and_mass_add_as_squares():
     """Ixx = 0.01 at a rho of 22.5: a tenth is 2.5 / (22.5 + 2.5), and 1 % of mass is 1.96 %."""
-    sure = {"formal": {"roll.kt": 1e-3 * KT / 0.01}}
-    chance = half_width("Ixx", **sure, rho=calm(1e12))
-    assert chance == pytest.approx(1.96e-5, rel=1e-3)
-    found = half_width("Ixx", **sure, mass_std=0.014)
+    unsure = {"formal": {"roll.kt": 0.05 * KT / 0.01}}
+    chance = half_width("Ixx", **unsure, rho=calm(1e12))
+    assert chance == pytest.approx(1.96 * 0.05 * 0.01, rel=1e-3)
+    found = half_width("Ixx", **unsure, mass_std=0.014)
     assert found == pytest.approx(np.sqrt(chance**2 + 1e-3**2 + 1.96e-4**2), rel=1e-3)
     assert half_width("Iyy") == pytest.approx(0.25 * 0.0225, rel=1e-3)
     assert half_width("kt", mass_std=0.014) == pytest.approx(0.0196 * KT, rel=1e-3)
