@@ -16,13 +16,13 @@ from rotorfit.simulation.tables import IMU_AND_SPEED
 from rotorfit.validation.validate import validate_file
 
 LOGGED = (*IMU_AND_SPEED, "velocity")
-SHORT = {"ground_seconds": 2.0, "physics_rate": 200.0}
+SHORT = {"seconds": 30.0, "ground_seconds": 2.0, "physics_rate": 200.0}
 DELAY = "[motors]\ndelay = 0.0\n"
 
 
-def flight_of(drag, *, kind="noisy", seed=1, rotor_drag=0.0, at=(0.0, 0.0, 0.0), seconds=20.0):
+def flight_of(drag, *, kind="noisy", seed=1, rotor_drag=0.0, at=(0.0, 0.0, 0.0)):
     (truth, vehicle), sensors = variant(flown.simulated_vehicle("A"), kind)
-    scenario = Scenario(sensors=sensors, seconds=seconds, **SHORT)
+    scenario = Scenario(sensors=sensors, **SHORT)
     truth = replace(truth, drag=drag, drag_position=at, rotor_drag=rotor_drag)
     return simulate_flight(truth, vehicle, scenario, seed=seed)
 
@@ -155,7 +155,7 @@ def test_terms_of_the_file_are_the_model_and_others_are_absent(draggy, tmp_path)
 
 def test_rotors_that_a_turn_drags_do_not_bend_the_drag_torque(tmp_path):
     c = 0.3 * 1.285 / 3730.0  # 0.3 of the mass per second, four rotors in hover
-    flight = flight_of((0.0, 0.0, 0.0), rotor_drag=c, seed=3, seconds=30.0)
+    flight = flight_of((0.0, 0.0, 0.0), rotor_drag=c, seed=3)
     result, true = identified(tmp_path, flight), flight.truth.parameters()
     for name in ("kd", "rotor_drag"):
         assert inside(result.parameter(name), true[name]), name
