@@ -9,8 +9,9 @@ import made_fit
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.fit import row_fits
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ROWS, RowFits, _excitation, turn_ratios
-from rotorfit.fit.row_parameters import number_scale, row_quantities
+from rotorfit.fit.row_parameters import number_scale, row_numbers
 from rotorfit.model.regressor import regressor
 
 MASS, KT = 1.4, 2e-6
@@ -58,7 +59,7 @@ def _values():
 
 
 def half_width(name, *, vehicle=made_fit.QUAD, mass_std=0.0, **more):
-    found = row_quantities(fits(**more), vehicle, mass=MASS, mass_std=mass_std)
+    found = row_numbers(fits(**more), vehicle, mass=MASS, mass_std=mass_std)
     return float(found.half_width[found.index(name)])
 
 
@@ -129,8 +130,14 @@ def test_tilted_rotors_leave_open_what_is_drag_and_what_is_thrust():
     ],
 )
 def test_sizes_that_matter_are_those_of_the_method(name, size):
-    values = {"Ixx_com": 2.0, "Iyy_com": 8.0}
-    assert number_scale(name, values, mass=1.4, arm=0.25) == pytest.approx(size)
+    numbers = Numbers(
+        names=("Ixx_com", "Iyy_com"),
+        values=np.array([2.0, 8.0]),
+        half_width=np.zeros(2),
+        correlation=np.eye(2),
+        excitation=RHO,
+    )
+    assert number_scale(numbers, name, mass=1.4, arm=0.25) == pytest.approx(size)
 
 
 def row_fit(known, residual):

@@ -92,7 +92,9 @@ def given(monkeypatch, *, counted, slow, pull=0.0, hold=0.0, std=2.0):
         bottom = slow if which is None else counted
         return 0.5 * ((response.delay - bottom * MS) / (std * MS)) ** 2
 
-    monkeypatch.setattr(timing_search, "_cost", cost)
+    # What stands for the bands at a timing is the timing itself.
+    monkeypatch.setattr(Flown, "bands", lambda self, response: response)
+    monkeypatch.setattr(timing_search, "_cost_of_bands", cost)
     monkeypatch.setattr(timing_search, "_counted", lambda flown, response: ())
     monkeypatch.setattr(timing_search, "_pull", lambda *_: pull * MS)
     monkeypatch.setattr(timing_search, "_hold_fault", lambda _: hold * MS)

@@ -9,11 +9,10 @@ from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.estimation.total import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
-from rotorfit.fit.joint_numbers import Numbers
 from rotorfit.fit.motor_timing import MotorTiming
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.paper_fit import PaperSettings
 from rotorfit.fit.row_fits import ROWS, RowFits
-from rotorfit.fit.row_parameters import Quantities
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
@@ -98,14 +97,15 @@ def by_rows(rho=50.0):
         covariance=np.zeros((0, 0)),
         formal=np.zeros((0, 0)),
     )
-    quantities = Quantities(
+    numbers = Numbers(
         names=("kt", "Ixx", "kd_over_Izz", "Jr_over_Izz"),
         values=np.array([*VALUES, 1e-3]),
         half_width=np.array([*HALF, 1e-4]),
         correlation=np.pad(CORRELATION, (0, 1)) + np.diag([0.0, 0.0, 0.0, 1.0]),
+        excitation=fits.excitation,
     )
     return row_tables(
-        quantities,
+        numbers,
         fits,
         ENTRY,
         vehicle=made_fit.QUAD,
