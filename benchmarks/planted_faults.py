@@ -241,6 +241,34 @@ ROOMS: Final[dict[str, Room]] = {
             ("return np.sqrt(size)", "return size"),
         ),
     ),
+    "fit/number_intervals.py": Room(
+        tests=(
+            "tests/fit/test_joint_intervals.py",
+            "tests/fit/test_row_intervals.py",
+            "tests/fit/test_known_beforehand.py",
+            "tests/results/test_tables.py",
+            "tests/fit/test_hanging_on_roll_and_pitch.py",
+        ),
+        scaled=(
+            "np.maximum(<<1.96>> * np.sqrt(np.diagonal(formal))",
+            "t = <<float(stats.t.ppf(0.975, degrees))>>",
+            "return <<float(np.sqrt(sum(part**2 for part in parts)))>>",
+            "return <<mass * arm / 50.0>>",
+            "return <<arm / 50.0>>  # of a twist",
+            "return <<0.3 * mass * arm / 5.0>>",
+            "return <<0.3 * mass>>  # as of",
+            "return <<mass * GRAVITY * arm / 50.0>>",
+            "return <<0.2>>",
+            "return <<float(np.sqrt(abs(one) * abs(other)))>> / 20.0",
+            "std = self.half_width[index] / <<1.96>>",
+        ),
+        changed=(
+            ("stats.t.ppf(0.975, degrees)", "stats.t.ppf(0.95, degrees)"),
+            ("part**2 for part", "part for part"),
+            ("np.outer(std, std)", "np.outer(std, np.ones_like(std))"),
+            ("return max(value for key", "return min(value for key"),
+        ),
+    ),
     "fit/joint_numbers.py": Room(
         tests=(
             "tests/fit/test_joint_intervals.py",
@@ -249,8 +277,6 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         scaled=(
             "FEWEST_FLIGHTS = <<3>>",
-            "random = np.maximum(<<1.96 * std>>,",
-            "<<float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(scatter))>>)",
             "@ jacobian.T * <<(blocks / free)>>",
             "np.maximum(random, <<_between_flights(fit, jacobian)>>)",
             "variance += <<m / (m - 1.0) * ((pulls - pulls.mean(axis=0)) ** 2).sum(axis=0)>>",
@@ -265,19 +291,11 @@ ROOMS: Final[dict[str, Room]] = {
             "np.hypot(half[i], <<link_allowance(float(numbers.values[i]), numbers.link())>>)",
             'np.hypot(half[i], <<off * (c.mass if base == "msz" else 1.0)>>)',
             "half_width=half * <<_stretches(numbers, half)>>)",
-            'if base in ("msx", "msy", "msz"):\n        return <<mass * arm / 50.0>>',
-            "return <<arm / 50.0>>  # of a twist",
-            "return <<0.3 * mass * arm / 5.0>>",
-            "return <<0.3 * mass>>  # as of",
-            "return <<mass * GRAVITY * arm / 50.0>>",
-            'if base.startswith("accel_bias_"):\n        return <<0.2>>',
             "speeds = <<len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])>>",
-            "return <<_diagonal(numbers, owner)[2] / 1000.0>>",
+
             'if base == "Jr_over_Izz":\n        return <<1e-3>>',
-            "return <<float(np.sqrt(diagonal[i] * diagonal[j])) / 20.0>>",
         ),
         changed=(
-            ("float(stats.t.ppf(0.975, free))", "1.96"),
             ("float(stats.t.ppf(0.975, degrees))", "1.96"),
             ("free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)", "free = float(blocks)"),
             (" / fit.variance.shape[1], 1.0)", ", 1.0)"),
@@ -294,7 +312,6 @@ ROOMS: Final[dict[str, Room]] = {
             ("max(value, scale), rho, answered=True", "value, rho, answered=True"),
             ("max(value, scale), rho, answered=True", "max(value, scale), rho, answered=False"),
             ("relative = max(mass_std", "relative = min(mass_std"),
-            ("sum(part**2 for part in parts)", "max((part**2 for part in parts), default=0.0)"),
             ("half_width=np.hypot(numbers.half_width, extra))", "half_width=numbers.half_width + extra)"),
             ("half_width=np.hypot(numbers.half_width, extra))", "half_width=np.maximum(numbers.half_width, extra))"),
             ("if base in SCALED and not weighed:", "if base in SCALED:"),
@@ -302,8 +319,6 @@ ROOMS: Final[dict[str, Room]] = {
             ("numbers.link(None if weighed else owner)", "numbers.link(owner)"),
             ("half * _stretches(numbers, half))", "half)"),
             ('f"Izz_com@{owner}" if owner else "kd"', "name"),
-            ("        return max(\n            value\n            for key, value", "        return min(\n            value\n            for key, value"),
-            ("return max(value for key, value in", "return min(value for key, value in"),
         ),
     ),
     "fit/kt_from_weight.py": Room(
@@ -384,29 +399,13 @@ ROOMS: Final[dict[str, Room]] = {
         tests=("tests/fit/test_row_intervals.py",),
         scaled=(
             "MOST_DRAG = <<0.03>>",
-            "        <<1.96 * np.sqrt(np.diagonal(formal_cov))>>,",
-            "<<float(stats.t.ppf(0.975, degrees)) * np.sqrt(np.diagonal(scatter_cov))>>,",
             "np.full(count, <<np.sqrt(blocks / f)>>)",
-            "half_width=np.hypot(random, <<systematic>>),",
-            "weighed = <<1.96 * mass[1] / mass[0]>>",
-            "parts.append(<<2.0 * abs(float(values[i]))>>)",
-            "parts.append(<<MOST_DRAG * lean / vehicle.arm * abs(float(values[i]))>>)",
             "parts.append(<<attenuation_allowance(name, size, rho, answered=False)>>)",
-            "parts.append(<<weighed * abs(float(values[i]))>>)",
-            "<<mass * arm / 50.0>>",
-            'if name.startswith(("com_", "rotor_center_")):\n        return <<arm / 50.0>>',
-            'if name.startswith("accel_bias_"):\n        return <<0.2>>',
-            "return <<float(np.sqrt(diagonal[i] * diagonal[j])) / 20.0>>",
         ),
         changed=(
-            ("float(stats.t.ppf(0.975, degrees))", "1.96"),
             ("free = [max(blocks - count, 1)", "free = [max(blocks, 1)"),
             ("float(min(free))", "float(max(free))"),
-            ("size = max(abs(float(values[i])), scale)", "size = abs(float(values[i]))"),
             ("rho, answered=False)", "rho, answered=True)"),
-            ("half_width=np.hypot(random, systematic),", "half_width=np.maximum(random, systematic),"),
-            ("sum(part**2 for part in parts)", "max((part**2 for part in parts), default=0.0)"),
-            ("diagonal = (Ixx, Iyy, Ixx + Iyy)", "diagonal = (Ixx, Iyy, Ixx)"),
         ),
     ),
     "fit/steering.py": Room(
@@ -503,7 +502,6 @@ ROOMS: Final[dict[str, Room]] = {
     "identification/estimates.py": Room(
         tests=("tests/identification/test_estimates.py",),
         scaled=(
-            "float(numbers.half_width[i]) / <<1.96>>",
             "np.maximum(numbers.half_width, <<apart + other.half_width>>)",
             "np.maximum(numbers.half_width, <<apart>>))",
             "(weighed.kt, <<1e-4>> * weighed.kt)",
@@ -527,21 +525,10 @@ ROOMS: Final[dict[str, Room]] = {
             ("difference = np.sin(turn) * flight.sample_rate", "pass"),
         ),
     ),
-    "results/joint_tables.py": Room(
-        tests=("tests/results/test_tables.py",),
-        scaled=(
-            "std = numbers.half_width[index] / <<1.96>>",
-            "value=value, std=half / <<1.96>>, interval",
-            "interval=(value - <<half>>, value + half))",
-            "std=half / <<1.96>> if known",
-            "interval=(value - <<half>>, value + half) if known",
-            "rho < <<2.0>> * LEAST_EXCITATION",
-        ),
-        changed=(("index)] * np.outer(std, std)", "index)] * np.outer(std, np.ones_like(std))"),),
-    ),
     "results/parameter_tables.py": Room(
         tests=("tests/results/test_motor_parameters.py", "tests/results/test_tables.py"),
         scaled=(
+            "rho < <<2.0>> * LEAST_EXCITATION",
             "TIME_SCALE = <<0.008>>",
             "half = <<1.96>> * std\n",
             "<<1.96>> * timing.total_std",
@@ -565,7 +552,6 @@ ROOMS: Final[dict[str, Room]] = {
     "results/physical_inertia.py": Room(
         tests=("tests/results/test_physical_inertia.py",),
         scaled=(
-            "return <<0.5>> * np.trace(matrix)",
             "spread = <<slope * half>>",
             "share=_share(float(moments[0]), <<0.5>> *",
             "return self.value + <<self.half_width>> < 0.0",
@@ -586,15 +572,6 @@ ROOMS: Final[dict[str, Room]] = {
         changed=(
             ("own -= own.mean(axis=0)", "pass"),
             ("left = np.sqrt(", "left = np.array("),
-        ),
-    ),
-    "results/row_tables.py": Room(
-        tests=("tests/results/test_tables.py",),
-        scaled=(
-            "std = quantities.half_width[index] / <<1.96>>",
-            "entry.name,\n        value=value if known else None,\n        std=half / <<1.96>> if known else None,\n        interval=(value - half, value + half) if known else None,\n        unit=unit_of(PARAMETERS",
-            "entry.name,\n        value=value if known else None,\n        std=half / <<1.96>> if known else None,\n        interval=(value - half, value + half) if known else None,\n        unit=unit_of(info",
-            "rho < <<2.0>> * LEAST_EXCITATION",
         ),
     ),
     "results/verdicts.py": Room(
