@@ -398,6 +398,12 @@ ROOMS: Final[dict[str, Room]] = {
     "fit/row_parameters.py": Room(
         tests=("tests/fit/test_row_intervals.py",),
         scaled=(
+            "weighed = <<1.96 * mass_std / mass>>",
+            "parts.append(<<2.0 * value>>)",
+            "<<MOST_DRAG * lean / vehicle.arm * value>>",
+            "parts.append(<<weighed * value>>)",
+            "half_width=<<np.hypot(random, systematic)>>",
+            "size = max(value, <<number_scale(numbers, name, mass=mass, arm=vehicle.arm)>>)",
             "MOST_DRAG = <<0.03>>",
             "np.full(count, <<np.sqrt(blocks / f)>>)",
             "parts.append(<<attenuation_allowance(name, size, rho, answered=False)>>)",
@@ -502,6 +508,7 @@ ROOMS: Final[dict[str, Room]] = {
     "identification/estimates.py": Room(
         tests=("tests/identification/test_estimates.py",),
         scaled=(
+            "return value, half / <<1.96>>",
             "np.maximum(numbers.half_width, <<apart + other.half_width>>)",
             "np.maximum(numbers.half_width, <<apart>>))",
             "(weighed.kt, <<1e-4>> * weighed.kt)",
