@@ -143,6 +143,7 @@ def test_a_flight_that_has_changed(refused, there):
 
 def test_commands_without_a_law_take_nothing_per_rad_s(refused, there):
     result = a_result(law=None).to_json().replace('"measured"', '"commanded"')
+    result = result.replace('"N s^2/rad^2"', '"N per squared command"')
     (there / "commands.json").write_text(result)
     words = refused("fly", "commands.json", "--assume", "kd=1e-8", "--assume", "max_speed=900")
     assert "kd, max_speed is per rad/s, and this result per command" in words

@@ -9,13 +9,65 @@ from rotorfit.fit.excitation import (
     ANSWERED_PULL,
     AXIS_OF,
     INERTIA_PULL,
+    LEAST_EXCITATION,
     NO_EXCITATION,
     RATIO_PULL,
     SCALE_PULL,
     attenuation_allowance,
+    damping_allowance,
+    height_allowance,
+    link_allowance,
+    product_allowance,
 )
+from rotorfit.fit.frequency_bands import PILOT_BAND
 
 PULLS = {"Ixx_com": INERTIA_PULL, "Iyy": INERTIA_PULL, "Izz": SCALE_PULL, "kd": SCALE_PULL}
+
+
+@pytest.mark.parametrize(
+    ("name", "rho", "answered", "share"),
+    [
+        ("Ixx_com", 7.5, False, 0.25),  # 2.5 / (rho + 2.5)
+        ("Iyy", 7.5, True, 1 / 6),  # 1.5 / (rho + 1.5)
+        ("Ixx", 2.95, True, 2.5 / 5.45),
+        ("Ixx", 3.05, True, 1.5 / 4.55),
+        ("kd_over_Izz", 16.5, True, 0.1),  # 1.5 / (rho - 1.5)
+        ("Jr_over_Izz", 3.0, False, 1.0),
+        ("kd", 12.0, True, 0.2),  # 3 / (rho + 3), the larger of the two
+        ("Izz_com", 27.0, True, 0.1),
+        ("Jr", 3.0, True, 1.0),  # 1.5 / (rho - 1.5)
+        ("Ixx", 1.49, False, np.inf),
+        ("Ixx", 1.51, False, 2.5 / 4.01),
+    ],
+)
+def test_the_pulls_are_those_of_the_method(name, rho, answered, share):
+    """In figures: a pull that is halved or doubled in the source is not what was measured."""
+    assert attenuation_allowance(name, -2.0, rho, answered=answered) == pytest.approx(2 * share)
+
+
+def test_what_hangs_on_yaw_or_on_roll_and_pitch_in_figures():
+    assert product_allowance(2.0, 12.0) == pytest.approx(0.4)  # 3 / (12 + 3)
+    assert product_allowance(2.0, 0.0) == product_allowance(2.0, -1.0) == 2.0
+    assert link_allowance(2.0, 27.0) == pytest.approx(0.2)
+    assert np.isinf(link_allowance(2.0, 1.5))
+    assert np.isfinite(link_allowance(2.0, 1.51))
+    assert height_allowance(0.25, 12.5) == pytest.approx(0.01)  # half an arm / rho
+    assert np.isinf(height_allowance(0.25, 1.5))
+
+
+def test_the_rotors_drag_becomes_1_plus_15_over_rho_times_as_wide():
+    for rho in (2.0, 5.0, 15.0, 150.0):
+        whole = np.hypot(0.3, damping_allowance(0.3, rho))
+        assert whole == pytest.approx(0.3 * (1.0 + 15.0 / rho))
+    assert np.isinf(damping_allowance(0.3, 1.5))
+
+
+def test_below_a_rho_of_5_disturbances_are_what_limits():
+    assert LEAST_EXCITATION == 5.0
+
+
+def test_a_pilot_flies_between_a_third_and_three_hertz():
+    assert PILOT_BAND == (0.3, 3.0)
 
 
 @given(

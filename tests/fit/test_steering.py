@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 import flown
+import made_fit
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.frequency_bands import EDGES, LEAST_RATIO, counted_bands, flown_bands
 from rotorfit.fit.joint_equations import ANSWERED, NOISY
+from rotorfit.fit.steering import _with_counted
 from rotorfit.identification.estimates import _joint_fit
 from rotorfit.identification.identify import _flown
 from rotorfit.simulation import Stick, Sticks, write_flight_table
@@ -49,6 +51,26 @@ def test_what_counts():
     counted = counted_bands(factors, moved)
     assert set(factors.band[counted[:, 0], 0]) == {0.0, 2.0}
     assert counted[:, 1].all()
+
+
+def test_every_row_of_a_band_that_is_flown_is_answered_up_to_3_hz_and_once():
+    """Roll is flown from 1 to 4 Hz, with 9 and 11 rows a block; in yaw the autopilot is slow."""
+    bands = [(0.0, 0.3), (1.0, 1.5), (2.0, 2.9), (3.0, 4.0), (11.0, 15.0)]
+    rows = [2, 9, 11, 13, 15]
+    body = made_fit.configuration(factors=made_fit.blocks(bands, rows=rows))
+    signal, residual = np.ones((5, 6)), np.ones((5, 6))
+    signal[1:4, [ROLL, YAW]] = 1.0 + LEAST_RATIO + 0.1
+    steered = _with_counted(body, signal, residual, commanded=False)
+    assert ANSWERED == ("dwx", "dwy")
+    assert steered.answered.tolist() == [[0, 0], [9, 0], [11, 0], [0, 0], [0, 0]]
+    assert steered.counted[:, ROLL].tolist() == [True, True, True, True, False]
+
+
+def test_a_band_is_flown_where_rotors_explain_over_three_times_the_rest():
+    factors = made_fit.blocks([(1.0, 1.5)])
+    for explained, flown_there in ((2.9, False), (3.1, True)):
+        signal = np.full((1, 1), 1.0 + explained)
+        assert flown_bands(factors, signal, np.ones((1, 1))).tolist() == [[flown_there]]
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,12 @@ import pytest
 
 import flown
 from rotorfit.errors import FlightWarning
-from rotorfit.experiment.experiment import load_experiment
+from rotorfit.experiment.experiment import MotorsEntry, load_experiment
 from rotorfit.fit.motor_timing import LAG_PRIOR
+from rotorfit.fit.timing_search import find_timing
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.identification.identify import identify
+from rotorfit.identification.identify import _flown, identify
+from rotorfit.results.parameter_tables import motor_parameters
 from rotorfit.simulation import (
     STILL,
     Scenario,
@@ -30,7 +32,7 @@ from rotorfit.validation.validate import found_response, validate_file
 def flown_on_commands(tmp_path_factory):
     """Return the folder of a flight on commands, and what is identified from it."""
     folder = tmp_path_factory.mktemp("commands")
-    plan = plan_experiment("single", "noisy", seed=4, seconds=30.0)
+    plan = plan_experiment("single", "noisy", seed=4, seconds=20.0)
     for name, text in experiment_files(plan).items():
         (folder / name).write_text(text, newline="\n")
     assert "lag =" not in (folder / "experiment.toml").read_text()
@@ -66,7 +68,7 @@ def slow_to_fall():
     """Return a flight whose rotors fall at half the rate at which they rise."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "noisy")
     truth = replace(truth, motor_lag=0.03, motor_lag_down=0.06, motor_delay=0.01)
-    scenario = Scenario(seconds=30.0, ground_seconds=2.0, sensors=sensors, physics_rate=400.0)
+    scenario = Scenario(seconds=20.0, ground_seconds=2.0, sensors=sensors, physics_rate=400.0)
     return simulate_flight(truth, vehicle, scenario, seed=8)
 
 
@@ -100,29 +102,27 @@ def test_equal_lags_are_reported_as_one(flown_on_commands):
     assert not [p.name for p in result.parameters if p.name in ("motor_lag_up", "motor_lag_down")]
 
 
-def test_a_bench_lag_is_a_prior_or_a_fact(tmp_path, flown_on_commands):
+def test_a_bench_lag_is_a_prior_or_a_fact(flown_on_commands):
+    """As far as the timing goes: what is fitted with it is the same as ever."""
     folder, free = flown_on_commands
-    text = (folder / "experiment.toml").read_text()
-    assert 'speed = "commanded"\n' in text
+    loaded = _flown(load_experiment(folder / "experiment.toml"), lambda words: None)
 
-    def with_motors(words):
-        changed = text.replace('speed = "commanded"\n', f'speed = "commanded"\n{words}\n')
-        path = folder / "other.toml"
-        path.write_text(changed)
-        return flown.quietly_identified(path)
+    def with_motors(**told):
+        motors = MotorsEntry(speed="commanded", law=loaded.motors.law, **told)
+        timing = find_timing(replace(loaded, motors=motors))
+        return timing, {p.name: p for p in motor_parameters(motors, timing)}
 
-    prior = with_motors("lag = 0.030\nlag_std = 0.0005")
-    lag = prior.parameter("motor_lag")
+    timing, prior = with_motors(lag=0.030, lag_std=0.0005)
+    lag = prior["motor_lag"]
     assert 0.030 < lag.value < 0.5 * (0.030 + free.parameter("motor_lag").value)
     assert lag.verdict == "identified"
-    total = prior.derived_value("motor_lag_total")
-    assert total.value == pytest.approx(0.050, abs=2e-3)
-    fact = with_motors("lag = 0.030")
-    assert fact.parameter("motor_lag").verdict == "given"
-    assert fact.parameter("motor_delay").value == pytest.approx(0.020, abs=2e-3)
-    known = with_motors("delay = 0.010")
-    assert known.parameter("motor_delay").verdict == "given"
-    assert known.parameter("motor_lag").value == pytest.approx(0.040, abs=1e-3)
+    assert timing.response.lag + timing.response.delay == pytest.approx(0.050, abs=2e-3)
+    _, fact = with_motors(lag=0.030)
+    assert fact["motor_lag"].verdict == "given"
+    assert fact["motor_delay"].value == pytest.approx(0.020, abs=2e-3)
+    _, known = with_motors(delay=0.010)
+    assert known["motor_delay"].verdict == "given"
+    assert known["motor_lag"].value == pytest.approx(0.040, abs=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -135,9 +135,15 @@ def hovered_in_gusts():
     return simulate_flight(truth, vehicle, scenario, seed=12)
 
 
-def test_a_hover_on_commands_does_not_tell_lag_nor_delay(tmp_path, hovered_in_gusts):
+@pytest.fixture(scope="module")
+def of_the_hover(tmp_path_factory, hovered_in_gusts):
+    """Return what is identified of it."""
+    return commanded(tmp_path_factory.mktemp("hover"), hovered_in_gusts, "")
+
+
+def test_a_hover_on_commands_does_not_tell_lag_nor_delay(of_the_hover, hovered_in_gusts):
     """What the autopilot answers comes after the gust: it looks like motors that are late."""
-    result = commanded(tmp_path, hovered_in_gusts, "")
+    result = of_the_hover
     for name in ("motor_lag", "motor_delay"):
         time = result.parameter(name)
         assert (time.value, time.interval, time.verdict) == (None, None, "not-identified")
@@ -147,16 +153,15 @@ def test_a_hover_on_commands_does_not_tell_lag_nor_delay(tmp_path, hovered_in_gu
     assert kt.interval[0] < truth.kt < kt.interval[1]
 
 
-def test_a_hover_is_validated_at_the_usual_lag(tmp_path, hovered_in_gusts):
-    result = commanded(tmp_path, hovered_in_gusts, "")
-    assert found_response(result) == MotorResponse(lag=LAG_PRIOR[0])
+def test_a_hover_is_validated_at_the_usual_lag(of_the_hover):
+    assert found_response(of_the_hover) == MotorResponse(lag=LAG_PRIOR[0])
 
 
 def test_how_long_a_command_held_is_in_the_intervals(tmp_path):
     """The log keeps every fifth command: at 100 Hz the delay comes out up to 5 ms small."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "noisy")
     truth = replace(truth, motor_lag=0.03, motor_delay=0.005)
-    scenario = Scenario(seconds=30.0, ground_seconds=2.0, sensors=sensors)
+    scenario = Scenario(seconds=20.0, ground_seconds=2.0, sensors=sensors)
     flight = simulate_flight(truth, vehicle, scenario, seed=9)
     write_flight_table(flight, tmp_path / "whole.csv", channels=("gyro", "accel", "command"))
     names, *rows = (tmp_path / "whole.csv").read_text().splitlines()

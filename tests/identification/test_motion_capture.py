@@ -47,9 +47,16 @@ def errors_of(result, truth):
     return {name: v / true[name] - 1 for name, v in found.items() if v is not None}
 
 
-def test_without_noise_total_least_squares_is_exact(tmp_path):
-    flight = flown("clean", tmp_path)
-    result = identified(tmp_path, flight, 'method = "tls"\nsource = "mocap"')
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory):
+    """Return a folder and the flight without noise that is in it."""
+    folder = tmp_path_factory.mktemp("clean")
+    return folder, flown("clean", folder)
+
+
+def test_without_noise_total_least_squares_is_exact(clean):
+    folder, flight = clean
+    result = identified(folder, flight, 'method = "tls"\nsource = "mocap"')
     errors = errors_of(result, flight.truth)
     assert abs(errors["kt"]) < 1e-4
     assert max(abs(errors[name]) for name in ("Ixx", "Iyy", "Izz", "kd")) < 1e-3
@@ -58,9 +65,9 @@ def test_without_noise_total_least_squares_is_exact(tmp_path):
     assert any("the origin is the point that motion capture tracks" in w for w in result.warnings)
 
 
-def test_without_noise_row_by_row(tmp_path):
-    flight = flown("clean", tmp_path)
-    result = identified(tmp_path, flight, 'method = "ols"\nsource = "mocap"')
+def test_without_noise_row_by_row(clean):
+    folder, flight = clean
+    result = identified(folder, flight, 'method = "ols"\nsource = "mocap"')
     errors = errors_of(result, flight.truth)
     assert abs(errors["kt"]) < 1e-4
     assert max(abs(errors["Ixx"]), abs(errors["Iyy"])) < 1e-3

@@ -306,6 +306,7 @@ fuzzed = settings(
     tail=st.binary(max_size=40),
 )
 @example(flips=[], cut=0, tail=b"")
+@example(flips=[(FILE.index(b"char[5] ver_hw") - 4, 0)], cut=0, tail=b"")  # a text too long by one
 def test_damaged_files_end_in_a_log_or_a_log_error(tmp_path, flips, cut, tail):
     content = bytearray(FILE)
     for place, bit in flips:

@@ -16,7 +16,7 @@ OFFSET = 40.0
 
 @pytest.fixture(scope="module")
 def flight():
-    return simulated("quad-x", "noisy", seed=4, seconds=40.0)
+    return simulated("quad-x", "noisy", seed=4, seconds=25.0)
 
 
 def identified(folder, flight, *, motors, mass=None, recorded=None, battery=None, column="command"):

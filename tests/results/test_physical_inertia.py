@@ -13,6 +13,8 @@ from rotorfit.model.parameters import INERTIA, inertia_matrix
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.physical_inertia import (
     IMPOSSIBLE,
+    SecondMoment,
+    _body,
     possible_sentence,
     project_to_physical,
     second_moments,
@@ -220,6 +222,42 @@ def test_the_smallest_second_moment_and_its_interval():
     assert possible_sentence(moment, "A") is None
     unbounded = smallest_second_moment(numbers_of(elements, np.inf), "A")
     assert unbounded.half_width == np.inf
+
+
+def test_moments_that_are_off_together_hardly_move_their_smallest_sum():
+    """(Ixx + Iyy - Izz) / 2 of a diagonal body: h / 2 where all three go together."""
+    numbers = numbers_of([0.010, 0.012, 0.020, 0.0, 0.0, 0.0], 1e-3)
+    apart = smallest_second_moment(numbers, "A")
+    assert apart.half_width == pytest.approx(0.5e-3 * np.sqrt(3.0))
+    alike = np.eye(6)
+    alike[:3, :3] = 1.0
+    together = smallest_second_moment(replace(numbers, correlation=alike), "A")
+    assert together.half_width == pytest.approx(0.5e-3)
+
+
+@pytest.mark.parametrize(("half_width", "impossible"), [(0.99, True), (1.01, False)])
+def test_a_body_is_impossible_where_its_whole_interval_is(half_width, impossible):
+    moment = SecondMoment(value=-1.0, half_width=half_width, share=-0.1)
+    assert moment.impossible is impossible
+
+
+def test_what_is_not_known_is_as_large_as_a_body_of_these_moments_allows():
+    """Half of the root of 0.01 * 0.04 for Ixy, of 1.2 kg * 0.04 for a first moment."""
+    values = np.array([0.0, 0.0, 0.0, 0.01, 0.04, 0.04, 0.0, 0.0, 0.0])
+    result = result_of(values, np.diag([1e-4**2] * 9))
+    unknown = tuple(
+        replace(p, value=None) if p.name in ("msx", "Ixy") else p for p in result.parameters
+    )
+    known = tuple(name for name in result.covariance_names if name not in ("msx@A", "Ixy@A"))
+    partly = replace(
+        result, parameters=unknown, covariance_names=known, covariance=np.diag([1e-4**2] * 7)
+    )
+    _, covariance, mass = _body(partly, None)
+    std = dict(zip(MOMENTS, np.sqrt(np.diagonal(covariance)).tolist(), strict=True))
+    assert mass == MASS
+    assert std["Ixy"] == pytest.approx(0.01)
+    assert std["msx"] == pytest.approx(0.5 * np.sqrt(0.048))
+    assert std["Ixz"] == std["msy"] == pytest.approx(1e-4)
 
 
 def test_a_body_that_cannot_exist_is_doubted_within_its_interval():

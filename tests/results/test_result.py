@@ -83,6 +83,7 @@ def test_the_advice_is_what_the_plan_finds_by_the_bound(name, words):
 def test_yaw_is_refused_where_disturbances_move_it_as_much_as_the_rotors(excitation, verdict):
     assert judge(1.0, 0.6, scale=0.0, axis="yaw", excitation=excitation).verdict == verdict
     assert judge(1.0, 0.6, scale=0.0, axis="roll", excitation=excitation).verdict == "weak"
+    assert judge(1.0, 0.49, scale=0.0, axis="yaw", excitation=excitation).verdict == "weak"
 
 
 def test_saved_and_read_back_it_is_the_same(tmp_path, result):

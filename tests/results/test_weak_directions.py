@@ -8,6 +8,7 @@ import pytest
 import flown
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.results.weak_directions import (
+    WeakDirection,
     body_directions,
     condition_number,
     condition_words,
@@ -62,8 +63,41 @@ def test_nuisances_are_no_direction_of_the_body():
 
 
 def test_condition_numbers_in_words():
-    said = [condition_words(c) for c in (5.0, 20.0, 100.0, 300.0)]
+    said = [condition_words(c) for c in (10.0, 30.0, 254.0, 255.0)]
     assert said == ["good", "fair", "poor", "as poor as one axis flown at a time"]
+    assert [condition_words(c) for c in (10.1, 30.1)] == ["fair", "poor"]
+
+
+@pytest.mark.parametrize(("condition", "said"), [(29.0, False), (31.0, True)])
+def test_a_combination_is_said_from_a_condition_number_of_30(condition, said):
+    """Of two columns of unit length at right angles but for c: root of (1 + c) / (1 - c)."""
+    c = (condition**2 - 1.0) / (condition**2 + 1.0)
+    directions = body_directions(estimate(("msz@A", "Ixz@A"), [1.0, 3.0], [[1.0, c], [c, 1.0]]))
+    assert condition_number(directions) == pytest.approx(condition)
+    assert (weak_sentence(directions, {"msz@A"}) is not None) is said
+
+
+@pytest.mark.parametrize(("part", "named"), [(0.29, False), (0.31, True)])
+def test_what_has_less_than_0_3_of_the_largest_part_is_not_named(part, named):
+    """In unit columns; of a direction in which nothing but a millionth is known."""
+    weak = np.array([1.0, 1.0, part])
+    weak /= np.linalg.norm(weak)
+    # Columns of unit length whose null vector it is: the Gram matrix of a plane in scaled axes.
+    gram = np.eye(3)
+    gram[0, 1] = gram[1, 0] = -(1.0 - 0.5 * part**2)
+    gram[0, 2] = gram[2, 0] = gram[1, 2] = gram[2, 1] = -0.5 * part
+    assert gram @ weak == pytest.approx(np.zeros(3), abs=1e-12)
+    directions = body_directions(
+        estimate(("kt", "msz@A", "Ixz@A"), [1.0, 1.0, 1.0], gram + 1e-6 * np.eye(3))
+    )
+    assert ("Ixz@A" in directions[0].parts) is named
+    assert {"kt", "msz@A"} <= set(directions[0].parts)
+
+
+@pytest.mark.parametrize(("spread", "ratio"), [(0.19, True), (0.21, False)])
+def test_changes_within_a_fifth_are_one_factor(spread, ratio):
+    made = WeakDirection(strength=1e-3, parts={"kd": 1.0, "Izz@A": 1.0 - spread})
+    assert made.is_ratio is ratio
 
 
 def test_one_axis_at_a_time_gives_kd_and_izz_only_as_a_ratio(tmp_path):

@@ -5,6 +5,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import flown
@@ -14,7 +15,7 @@ from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
 from rotorfit.validation.validate import fitted_comparisons, validate_file
-from rotorfit.validation.wrench_comparison import SHOWN
+from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,23 @@ def test_file_gives_the_errors_of_the_fit(folder, result):
         )
         assert dict(comparison.relative_error) == pytest.approx(row["relative_error"])
         assert not comparison.used_in_fit
+
+
+def test_errors_and_whiteness_are_those_of_the_wrenches(folder, result):
+    """At 200 Hz, through 3 Hz: one sample in 67 for the autocorrelation, of up to ten."""
+    comparison = validate_file(result, folder / "A2.csv", configuration="A")
+    assert np.diff(comparison.time).min() == pytest.approx(0.005)
+    difference = comparison.body_wrench - comparison.rotor_wrench
+    for name in SHOWN:
+        i = COMPONENTS.index(name)
+        sizes = [
+            np.sqrt((side[:, i] ** 2).mean()) for side in (difference, comparison.rotor_wrench)
+        ]
+        assert comparison.relative_error[name] == pytest.approx(sizes[0] / sizes[1])
+        kept = difference[::67, i] - difference[::67, i].mean()
+        alike = np.correlate(kept, kept, "full")[len(kept) - 1 :]
+        expected = np.abs(alike[1:11]).max() / alike[0]
+        assert comparison.whiteness[name] == pytest.approx(expected)
 
 
 KT = ("kt", "kt_1", "kt_2", "kt_3", "kt_4")

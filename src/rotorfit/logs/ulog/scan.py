@@ -253,7 +253,8 @@ class _Reading:
         if not key or len(self.info) >= MOST_TEXTS:
             return
         if kind.startswith("char["):
-            self.info[key] = content[end:][:LONGEST_TEXT].decode("utf-8", "replace")
+            text = content[end:][:LONGEST_TEXT].decode("utf-8", "replace")
+            self.info[key] = "".join(filter(str.isprintable, text))
         elif kind in ("uint32_t", "int32_t") and len(content) == end + 4:
             self.info[key] = int.from_bytes(content[end:], "little", signed=kind[0] == "i")
 

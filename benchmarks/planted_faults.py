@@ -1,0 +1,759 @@
+"""Does a test notice when a term of an interval is wrong? Faults are planted, one at a time.
+
+    python benchmarks/planted_faults.py
+    python benchmarks/planted_faults.py --only timing_search
+
+Every term that an interval or a verdict is made of is halved, doubled, dropped or given the other
+sign in a copy of `src`, and the tests of the room that owns the file are run on it. Printed is
+which fault they noticed; it ends with 1 if there is one that they did not. What is replaced must be
+there exactly once, so that a fault whose line has changed is said and not passed over.
+
+Takes about a second of one core a fault, and all tests of these rooms once before it begins.
+"""
+
+# ruff: noqa: E501 (lines of the source as they are)
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import hypothesis.strategies  # noqa: F401 (what every run would import again)
+import jaxtyping  # noqa: F401
+import pydantic  # noqa: F401
+import pytest
+import scipy.optimize
+import scipy.signal
+import scipy.spatial
+import scipy.stats  # noqa: F401
+
+ROOT: Final = Path(__file__).resolve().parents[1]
+OPENS, ENDS = "<<", ">>"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Room:
+    """What is planted in one file, and which tests should notice.
+
+    Attributes
+    ----------
+    tests
+        Of the room that owns the file, the fast ones first.
+    scaled
+        Lines in which ``<<term>>`` is halved, and doubled.
+    changed
+        What is there, and what is put in its place.
+    """
+
+    tests: tuple[str, ...]
+    scaled: tuple[str, ...] = ()
+    changed: tuple[tuple[str, str], ...] = ()
+
+
+ROOMS: Final[dict[str, Room]] = {
+    "estimation/banded.py": Room(
+        tests=(
+            "tests/estimation/test_known_noise.py",
+            "tests/estimation/test_banded.py",
+            "tests/estimation/test_feedback.py",
+            "tests/estimation/test_partial.py",
+            "tests/estimation/test_bound.py",
+        ),
+        scaled=(
+            "RELATIVE_FLOOR = <<1e-9>>",
+            "MOST_NOISE = <<0.7>>",
+            "UNKNOWN = <<10.0>>",
+            "cost -= <<2.0>> * _feedback_gain(problem, theta)",
+            "spare = np.minimum(<<power / v - factors.rows[:, None]>>, 0.0)",
+            "cost += float(np.sum(<<factors.rows[:, None] * np.log(v)>>, where=counted))",
+            "np.sum(<<((phi - mean)[known] / std[known]) ** 2>>)",
+            "J.reshape(-1, f), np.diag(<<1.0 / std>>)])",
+            "weight = <<1.0 / np.sqrt(state.variance)>>",
+            "right = right + <<root.T @ (extra / lengths)>>",
+            "parts.append(<<factors.known_noise @ (G * G).T>>)",
+            "return <<float(weighted.sum())>> + _prior",
+            "_prior_cost(problem, state.phi) - <<2.0 * gain>>",
+            "    weight = <<1.0 / state.variance>>",
+            "scores += <<_feedback_scores(problem, state.phi)>>",
+            "plain += <<np.diag(std**-2.0)>>",
+            "N = <<factors.rows[:, None] * factors.known_noise>>",
+            'scores[rows] += <<np.einsum("bk,fkz,bz,kz->bf", w, dG, N, G, optimize=True)>>',
+            'taken += <<np.einsum("bk,fkz,bz,gkz->fg", w, dG, N, dG, optimize=True)>>',
+            "pull = <<(mean - state.phi) * std**-2.0>>",
+            "covariance = <<root @ (kept @ kept.T) @ root.T>>",
+            "influence=<<scores[:-1] @ inverse>>,",
+            "log_likelihood=<<-0.5 * state.cost>>,",
+            "return -np.inf if state is None else <<-0.5 * state.cost>>",
+        ),
+        changed=(
+            ("covariance = root @ (kept @ kept.T) @ root.T", "covariance = inverse"),
+            ("inverse = root @ kept @ root.T", "inverse = root @ root.T"),
+            ("return NormalEquations(information=plain - taken,", "return NormalEquations(information=plain,"),
+            ("own = state.variance - _known_share(problem, state.phi)", "own = state.variance"),
+            ("(own + _known_share(problem, state.phi))", "own"),
+            ("cost += float(np.sum(spare, where=counted & floored))", "pass"),
+        ),
+    ),
+    "estimation/bound.py": Room(
+        tests=("tests/estimation/test_bound.py",),
+        scaled=("factors.R, <<1.0 / variance>>, factors.R",),
+    ),
+    "estimation/factors.py": Room(
+        tests=("tests/estimation/test_factors.py", "tests/estimation/test_reweighted.py"),
+        scaled=("FEW_ROWS = <<28>>", "share = <<0.5>> * (same"),
+        changed=(
+            ("count[here] += share * factors.rows[other]", "pass"),
+            ("share = 0.5 * (same & few[here])", "share = 0.5 * few[here]"),
+        ),
+    ),
+    "estimation/feedback.py": Room(
+        tests=("tests/estimation/test_feedback.py",),
+        scaled=(
+            "return <<np.log(np.maximum(np.abs(self._effect(G)), np.finfo(float).tiny))>>",
+            'return <<np.einsum("fei,ei->ef", moved, self.mixer) / self._effect(G)[:, None]>>',
+        ),
+    ),
+    "estimation/ordinary.py": Room(
+        tests=("tests/estimation/test_ordinary.py",),
+        scaled=(
+            "variance = <<float(residual @ residual) / max(problem.rows - f, 1)>>",
+            "covariance = <<spread @ spread.T * (b / (b - 1))>>",
+        ),
+        changed=(("max(problem.rows - f, 1)", "problem.rows"), ("* (b / (b - 1))", "")),
+    ),
+    "estimation/partial.py": Room(
+        tests=("tests/estimation/test_scatter.py", "tests/estimation/test_partial.py"),
+        scaled=(
+            "covariance=<<_at_least(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal)>>,",
+            "values=<<rest.scores.sum(axis=0) @ inverse_rest>>,",
+            "np.maximum(<<np.diagonal(floor) / variance>>, 1.0)",
+        ),
+        changed=(
+            ("_scatter(influence[blocks]) + _scatter(", "_scatter("),
+            ("formal = inverse_rest - inverse", "formal = inverse_rest"),
+            ("(rest.scores @ inverse_rest - whole.scores @ inverse)", "(rest.scores @ inverse_rest)"),
+        ),
+    ),
+    "estimation/propagate.py": Room(
+        tests=("tests/estimation/test_scatter.py",),
+        scaled=("(<<2.0 * shift[i]>>)",),
+    ),
+    "estimation/reweighted.py": Room(
+        tests=("tests/estimation/test_scatter.py", "tests/estimation/test_reweighted.py"),
+        scaled=(
+            "variance = np.maximum(<<mean_square / np.count_nonzero(problem.weights[0])>>, floor)",
+            "scores = <<np.einsum(\"bmf,bm->bf\", J, residual)>> / variance",
+            "log_likelihood=float(<<-0.5>> * np.sum",
+            "return np.array([<<prior_std[n] ** -2.0>> if",
+            "return inverse @ (Q.T @ b), <<inverse @ inverse.T>>",
+            "return <<centred.T @ centred * (b / (b - 1.0))>>",
+            "floor = <<RELATIVE_FLOOR>> * float",
+        ),
+        changed=(
+            (" * (b / (b - 1.0))", ""),
+            ("influence - influence.mean(axis=0)", "influence"),
+            (" / np.count_nonzero(problem.weights[0])", ""),
+        ),
+    ),
+    "estimation/total.py": Room(
+        tests=("tests/estimation/test_total.py",),
+        scaled=(
+            "return <<sigma_W**2 * (1.0 + float(chi @ chi)) * (root @ root.T)>>",
+            "sigma_W = <<s[-1] / np.sqrt(max(rows - n_t, 1))>>",
+            "return <<estimate.std / np.abs(estimate.values)>>",
+        ),
+        changed=(("max(rows - n_t, 1)", "rows"),),
+    ),
+    "fit/excitation.py": Room(
+        tests=("tests/fit/test_excitation.py", "tests/fit/test_joint_intervals.py"),
+        scaled=(
+            "INERTIA_PULL: Final = <<2.5>>",
+            "ANSWERED_PULL: Final = <<1.5>>",
+            "RATIO_PULL: Final = <<1.5>>",
+            "SCALE_PULL: Final = <<3.0>>",
+            "NO_EXCITATION: Final = <<1.5>>",
+            "LEAST_EXCITATION: Final = <<5.0>>",
+            "DAMPING_PULL: Final = <<15.0>>",
+            "HEIGHT_PULL: Final = <<0.5>>",
+            "too_small = <<RATIO_PULL / (rho - RATIO_PULL)>>",
+            "share = <<pull / (rho + pull)>>",
+            "share = max(<<SCALE_PULL / (rho + SCALE_PULL)>>, too_small)",
+            "return <<share * abs(size)>>",
+            "return <<SCALE_PULL / (link + SCALE_PULL) * abs(size)>>",
+            "return <<SCALE_PULL / (max(float(rho), 0.0) + SCALE_PULL) * abs(size)>>",
+            "return <<half_width * float((1.0 + DAMPING_PULL / rho) ** 2 - 1.0) ** 0.5>>",
+            "return <<HEIGHT_PULL * arm / link>> if",
+        ),
+        changed=(
+            ("share = pull / (rho + pull)", "share = pull / (rho - pull)"),
+            ("RATIO_PULL / (rho - RATIO_PULL)", "RATIO_PULL / (rho + RATIO_PULL)"),
+            ("max(SCALE_PULL / (rho + SCALE_PULL), too_small)", "SCALE_PULL / (rho + SCALE_PULL)"),
+            ("max(SCALE_PULL / (rho + SCALE_PULL), too_small)", "too_small"),
+            ("answered and rho > LEAST_RATIO", "answered"),
+            ("(1.0 + DAMPING_PULL / rho) ** 2 - 1.0)", "(DAMPING_PULL / rho) ** 2)"),
+            ("1.0 / (1.0 - relative**2)", "1.0 / (1.0 - relative)"),
+            ("1.0 / (1.0 - relative**2)", "1.0"),
+        ),
+    ),
+    "fit/frequency_bands.py": Room(
+        tests=(
+            "tests/fit/test_excitation.py",
+            "tests/fit/test_joint_intervals.py",
+            "tests/fit/test_steering.py",
+        ),
+        scaled=(
+            "LEAST_RATIO: Final = <<3.0>>",
+            "PILOT_BAND: Final = (<<0.3>>, 3.0)",
+            "PILOT_BAND: Final = (0.3, <<3.0>>)",
+        ),
+        changed=(("> (1.0 + LEAST_RATIO) *", "> LEAST_RATIO *"),),
+    ),
+    "fit/joint_equations.py": Room(
+        tests=("tests/fit/test_known_beforehand.py",),
+        scaled=(
+            "GROUP_SPREAD_STD = <<0.1>>",
+            "TWIST_STD = <<np.radians(2.0)>>",
+            "ROTOR_DRAG_STD = <<0.3>>",
+            "\nDRAG_STD = <<0.3>>",
+            "OFFSET_STD = <<0.05>>",
+            "return <<ROTOR_DRAG_STD * mass / speeds>>",
+            "rotor_drag_std(first.mass, <<float(rotor_speeds(first).sum())>>)",
+            '"y": MOUNTING_STD, "z": <<ACCEL_BIAS_STD>>}',
+            '{"x": <<MOUNTING_STD>>, "y"',
+            '"y": <<MOUNTING_STD>>, "z"',
+            'prior[f"twist{at}"] = <<TWIST_STD * arm>>',
+            "offset = <<OFFSET_STD * configuration.mass * GRAVITY * arm>>",
+            "moment = <<DRAG_STD * configuration.mass * arm>>",
+            "<<ROTOR_SPREAD_STD>> if rotor.group is None",
+            'prior |= {f"{name}{at}": <<std>> for name, std, _ in tolerances',
+            '{**prior, "kt": <<known_kt[1]>>}',
+            "size: Float[np.ndarray, \" N\"] = <<np.linalg.norm(lowest[:, :, squares], axis=(0, 1)) / one>>",
+        ),
+        changed=(
+            ("if rotor.group is None else GROUP_SPREAD_STD", "if True else GROUP_SPREAD_STD"),
+            ("return np.sqrt(size)", "return size"),
+        ),
+    ),
+    "fit/number_intervals.py": Room(
+        tests=(
+            "tests/fit/test_joint_intervals.py",
+            "tests/fit/test_row_intervals.py",
+            "tests/fit/test_known_beforehand.py",
+            "tests/results/test_tables.py",
+            "tests/fit/test_hanging_on_roll_and_pitch.py",
+        ),
+        scaled=(
+            "np.maximum(<<1.96>> * np.sqrt(np.diagonal(formal))",
+            "t = <<float(stats.t.ppf(0.975, degrees))>>",
+            "return <<float(np.sqrt(sum(part**2 for part in parts)))>>",
+            "return <<mass * arm / 50.0>>",
+            "return <<arm / 50.0>>  # of a twist",
+            "return <<0.3 * mass * arm / 5.0>>",
+            "return <<0.3 * mass>>  # as of",
+            "return <<mass * GRAVITY * arm / 50.0>>",
+            "return <<0.2>>",
+            "return <<float(np.sqrt(abs(one) * abs(other)))>> / 20.0",
+            "std = self.half_width[index] / <<1.96>>",
+        ),
+        changed=(
+            ("stats.t.ppf(0.975, degrees)", "stats.t.ppf(0.95, degrees)"),
+            ("part**2 for part", "part for part"),
+            ("np.outer(std, std)", "np.outer(std, np.ones_like(std))"),
+            ("return max(value for key", "return min(value for key"),
+        ),
+    ),
+    "fit/joint_numbers.py": Room(
+        tests=(
+            "tests/fit/test_joint_intervals.py",
+            "tests/fit/test_excitation.py",
+            "tests/fit/test_hanging_on_roll_and_pitch.py",
+        ),
+        scaled=(
+            "FEWEST_FLIGHTS = <<3>>",
+            "@ jacobian.T * <<(blocks / free)>>",
+            "np.maximum(random, <<_between_flights(fit, jacobian)>>)",
+            "variance += <<m / (m - 1.0) * ((pulls - pulls.mean(axis=0)) ** 2).sum(axis=0)>>",
+            "return <<float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)>>",
+            "total += <<rows * explained / np.maximum(left, np.finfo(float).tiny)>>",
+            "attenuation_allowance(base, max(value, <<scale>>), rho, answered=True)",
+            "parts.append(<<attenuation_allowance(base, max(value, scale), rho, answered=True)>>)",
+            "parts.append(<<damping_allowance(float(numbers.half_width[i]), rho)>>)",
+            'parts.append(<<product_allowance(value, numbers.excitation[f"yaw@{owner}"])>>)',
+            "parts.append(<<1.96 * relative * value>>)",
+            "half_width=np.hypot(numbers.half_width, <<extra>>))",
+            "np.hypot(half[i], <<link_allowance(float(numbers.values[i]), numbers.link())>>)",
+            'np.hypot(half[i], <<off * (c.mass if base == "msz" else 1.0)>>)',
+            "half_width=half * <<_stretches(numbers, half)>>)",
+            "speeds = <<len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])>>",
+
+            'if base == "Jr_over_Izz":\n        return <<1e-3>>',
+        ),
+        changed=(
+            ("float(stats.t.ppf(0.975, degrees))", "1.96"),
+            ("free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)", "free = float(blocks)"),
+            (" / fit.variance.shape[1], 1.0)", ", 1.0)"),
+            ("m / (m - 1.0) * ", ""),
+            ("(pulls - pulls.mean(axis=0)) ** 2", "pulls**2"),
+            ("degrees = min(degrees, m - 1)", "degrees = min(degrees, m)"),
+            ("degrees = min(degrees, m - 1)", "degrees = m - 1"),
+            ("variance += m /", "variance = m /"),
+            ("if m < FEWEST_FLIGHTS:", "if False:"),
+            ("np.maximum(random, _between_flights(fit, jacobian))", "random"),
+            ("np.maximum(signal[own].sum(axis=0) - left, 0.0)", "signal[own].sum(axis=0)"),
+            ("rows = float(factors.rows[own].sum())", "rows = 1.0"),
+            ("own = inside & (factors.recording == number)", "own = factors.recording == number"),
+            ("max(value, scale), rho, answered=True", "value, rho, answered=True"),
+            ("max(value, scale), rho, answered=True", "max(value, scale), rho, answered=False"),
+            ("relative = max(mass_std", "relative = min(mass_std"),
+            ("half_width=np.hypot(numbers.half_width, extra))", "half_width=numbers.half_width + extra)"),
+            ("half_width=np.hypot(numbers.half_width, extra))", "half_width=np.maximum(numbers.half_width, extra))"),
+            ("if base in SCALED and not weighed:", "if base in SCALED:"),
+            ("numbers.link(None if weighed else owner)", "numbers.link()"),
+            ("numbers.link(None if weighed else owner)", "numbers.link(owner)"),
+            ("half * _stretches(numbers, half))", "half)"),
+            ('f"Izz_com@{owner}" if owner else "kd"', "name"),
+        ),
+    ),
+    "fit/kt_from_weight.py": Room(
+        tests=("tests/fit/test_kt_from_weight.py",),
+        scaled=(
+            "INFLOW_STD = <<0.02>>",
+            "LEAST_CONFLICT = <<0.08>>",
+            "VAGUE = <<0.25>>",
+            "LIKELY = <<3.0>>",
+            "std=<<kt * held.std>>,",
+            "return <<1.96 * std>> > max",
+            "max(vague, <<2.0 * 1.96 * self.std>>)",
+            "np.hypot(<<mean.std>>,",
+        ),
+        changed=(
+            ("np.hypot(mean.std, INFLOW_STD * mean.ratio)", "INFLOW_STD * mean.ratio"),
+            ("np.hypot(std, self.std)", "std"),
+            ("if timed else 0.0", "if True else 0.0"),
+        ),
+    ),
+    "fit/motor_timing.py": Room(
+        tests=("tests/fit/test_timing_deviations.py",),
+        scaled=(
+            "LAG_PRIOR: Final = (<<0.035>>, 0.03)",
+            "LAG_PRIOR: Final = (0.035, <<0.03>>)",
+            "return <<1.96 * std>> <=",
+        ),
+    ),
+    "fit/other_settings.py": Room(
+        tests=("tests/fit/test_widened.py", "tests/fit/test_other_settings.py"),
+        scaled=(
+            "np.sqrt(half_width**2 + <<4.0>> * np.sum",
+            "(flown.timing, <<0.5>> * EDGES[-1])",
+            "half = <<0.5>> / flown",
+            "max(half, <<found.total_std>>)",
+            "lag=found.response.lag + <<found.lag_std>>,",
+            "delay=found.response.delay - <<found.lag_std>>,",
+            "longer_arms(vehicle, <<vehicle.arm_std>>)",
+            "moved_imu(vehicle, axis, <<vehicle.imu_position_std>>)",
+            "share = <<length / vehicle.arm>>",
+            "place[axis] += <<length>>",
+        ),
+        changed=(
+            ("4.0 * np.sum(squares, axis=0)", "4.0 * np.max(squares, axis=0)"),
+            ("np.mean([shift(", "np.sum([shift("),
+            ("step, at = max(half, found.total_std)", "step, at = found.total_std"),
+            ("step, at = max(half, found.total_std)", "step, at = half"),
+            ("for move in (-step, step)", "for move in (step,)"),
+            ("found.response.delay - found.lag_std", "found.response.delay"),
+            ("for axis in range(3)", "for axis in range(2)"),
+            ("np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))", "half_width + np.sqrt(4.0 * np.sum(squares, axis=0))"),
+        ),
+    ),
+    "fit/row_fits.py": Room(
+        tests=("tests/fit/test_known_beforehand.py", "tests/fit/test_row_intervals.py"),
+        scaled=(
+            "\nACCEL_BIAS_STD = <<0.2>>",
+            "MOUNTING_STD = <<0.5>>",
+            '"difference": <<1.0>>,\n    "Ixy"',
+            '"Ixy": <<0.2>>',
+            '"Ixz": <<0.2>>',
+            '"Iyz": <<0.2>>',
+            '"Jr": <<0.003>>',
+            "ROTOR_SPREAD_STD = <<0.015>>",
+            '"Fx_0": <<mass * MOUNTING_STD>>',
+            '"Fy_0": <<mass * MOUNTING_STD>>',
+            '"Fz_0": <<mass * ACCEL_BIAS_STD>>',
+            'spread = <<ROTOR_SPREAD_STD * abs(first.estimate.value("kt"))>>',
+            "return <<max(explained, 0.0) / max(residual, np.finfo(float).tiny)>>",
+            "return <<explained / np.maximum(residual, np.finfo(float).tiny)>>",
+        ),
+        changed=(
+            ("float(fit.known_power[inside].sum()) - residual", "float(fit.known_power[inside].sum())"),
+            ("residual = float(fit.residual_power[inside].sum())", "residual = float(fit.residual_power.sum())"),
+        ),
+    ),
+    "fit/row_parameters.py": Room(
+        tests=("tests/fit/test_row_intervals.py",),
+        scaled=(
+            "weighed = <<1.96 * mass_std / mass>>",
+            "parts.append(<<2.0 * value>>)",
+            "<<MOST_DRAG * lean / vehicle.arm * value>>",
+            "parts.append(<<weighed * value>>)",
+            "half_width=<<np.hypot(random, systematic)>>",
+            "size = max(value, <<number_scale(numbers, name, mass=mass, arm=vehicle.arm)>>)",
+            "MOST_DRAG = <<0.03>>",
+            "np.full(count, <<np.sqrt(blocks / f)>>)",
+            "parts.append(<<attenuation_allowance(name, size, rho, answered=False)>>)",
+        ),
+        changed=(
+            ("free = [max(blocks - count, 1)", "free = [max(blocks, 1)"),
+            ("float(min(free))", "float(max(free))"),
+            ("rho, answered=False)", "rho, answered=True)"),
+        ),
+    ),
+    "fit/steering.py": Room(
+        tests=("tests/fit/test_steering.py",),
+        scaled=("rows = (<<factors.rows * low>>)[:, None]",),
+        changed=(("low = factors.band[:, 0] < PILOT_BAND[1]", "low = factors.band[:, 0] < 30.0"),),
+    ),
+    "fit/term_choice.py": Room(
+        tests=("tests/fit/test_expected_gain.py",),
+        scaled=(
+            "LEAST_GAIN = <<50.0>>",
+            "SURE = <<4.0>>",
+            "LEAST_SHARE = <<1e-3>>",
+            "least = <<LEAST_GAIN * len(joint)>>",
+            "return <<0.5 * float(score @ step)>>",
+            "if gains[name] < <<0.5 * least>>:",
+        ),
+    ),
+    "fit/timing_search.py": Room(
+        tests=("tests/fit/test_timing_deviations.py",),
+        scaled=(
+            "LEAST_GAIN: Final = <<10.0>>",
+            "DELAY_FAULT: Final = <<1e-3>>",
+            "SUM_FAULT: Final = <<1e-3>>",
+            "SPLIT_FAULT: Final = <<5e-3>>",
+            "HOLD_FAULT: Final = <<0.25>>",
+            "DELAY_PULL: Final = <<0.15>>",
+            "UNTOLD_PULL: Final = <<0.03>>",
+            "SMALLEST_RATIO: Final = <<0.1>>",
+            "LONGEST_LAG: Final = <<0.2>>",
+            "return <<DELAY_PULL / max(float(max(ratios)), SMALLEST_RATIO)>>",
+            "return <<HOLD_FAULT / min(rates)>>",
+            "curvature = max(<<(plus - 2.0 * middle + minus) / STENCIL**2>>, (high",
+            "/ STENCIL**2, <<(high - low) ** -2>>)",
+            "std = _norm(<<1.0 / np.sqrt(curvature)>>, slow",
+            "std = _norm(1.0 / np.sqrt(curvature), <<slow - move>>, max",
+            "max(DELAY_FAULT, pull), <<_hold_fault(flown)>>)",
+            "prior = <<0.5>> * ((float",
+            "return place + skew * turn, <<0.5>> * slope**2",
+            "curvature = max(<<(plus - 2.0 * middle + minus) / STENCIL**2>>, LONGEST_LAG**-2)",
+            "std = _norm(<<1.0 / np.sqrt(curvature)>>, apart, sum_fault, hold)",
+            "apart, sum_fault, <<hold>>)\n        return MotorTiming",
+            "np.array([[own, <<0.25 * cross>>]",
+            "[<<0.25 * cross>>, plus - 2.0 * middle + minus]]",
+            "covariance = <<np.linalg.pinv(hessian / STENCIL**2)>>",
+            "lag_std=_norm(<<lag_std>>, apart",
+            "lag_std=_norm(lag_std, <<apart>>, split_fault)",
+            "lag_std=_norm(lag_std, apart, <<split_fault>>)",
+            "delay_std=_norm(<<delay_std>>, apart",
+            "delay_std=_norm(delay_std, <<apart>>, split_fault, hold)",
+            "delay_std=_norm(delay_std, apart, <<split_fault>>, hold)",
+            "delay_std=_norm(delay_std, apart, split_fault, <<hold>>)",
+            "total_std=_norm(<<float(np.sqrt(max(float(covariance.sum()), 0.0)))>>, apart",
+            "0.0))), <<apart>>, sum_fault, hold)",
+            "0.0))), apart, <<sum_fault>>, hold)",
+            "0.0))), apart, sum_fault, <<hold>>)",
+            "delay_std=<<UNTOLD_PULL>> if delay_free",
+            "total_std=_norm(std, <<UNTOLD_PULL>>) if",
+            "min(timing.delay_std, <<_norm(timing.total_std, prior_std)>>)",
+            "return float(np.clip(<<-0.5 * (plus - minus) / curvature>>, -5.0, 5.0)) * STENCIL",
+            "- move\n    response = _response(place + <<move / STENCIL * free>>)",
+        ),
+        changed=(
+            ("slow - move, max(DELAY_FAULT", "slow, max(DELAY_FAULT"),
+            ("max(DELAY_FAULT, pull)", "DELAY_FAULT"),
+            ("max(DELAY_FAULT, pull)", "pull"),
+            ("max(SUM_FAULT, pull)", "SUM_FAULT"),
+            ("max(SPLIT_FAULT, pull)", "SPLIT_FAULT"),
+            ("HOLD_FAULT / min(rates)", "HOLD_FAULT / max(rates)"),
+            ("float(max(ratios))", "float(min(ratios))"),
+            ("plus - 2.0 * middle + minus]])", "2.0 * (plus - 2.0 * middle + minus)]])"),
+            ("lag_std=prior_std, total_std=prior_std)", "lag_std=prior_std)"),
+            ("lag_std=prior_std, delay_std=delay_std)", "lag_std=prior_std)"),
+            ("slow(place - free)) - move", "slow(place - free))"),
+            ("return 0.0\n    rates", "pass\n    rates"),
+        ),
+    ),
+    "fit/weight_balance.py": Room(
+        tests=("tests/fit/test_kt_from_weight.py",),
+        scaled=(
+            "LONGEST_WINDOW = <<10.0>>",
+            "SHORTEST_WINDOW = <<2.0>>",
+            "VELOCITY_CHANGE = <<1.5>>",
+            "std=<<VELOCITY_CHANGE * float(np.sqrt(breaks)) / seconds / GRAVITY>>,",
+            "std=<<float(weight.sum() ** -0.5)>>,",
+        ),
+        changed=(
+            ("breaks = 1 + sum(", "breaks = sum("),
+            ("float(np.sqrt(breaks))", "breaks"),
+            ("float(np.sqrt(breaks))", "1.0"),
+            ("part.std**-2.0", "part.std**-1.0"),
+        ),
+    ),
+    "identification/estimates.py": Room(
+        tests=("tests/identification/test_estimates.py",),
+        scaled=(
+            "return value, half / <<1.96>>",
+            "np.maximum(numbers.half_width, <<apart + other.half_width>>)",
+            "np.maximum(numbers.half_width, <<apart>>))",
+            "(weighed.kt, <<1e-4>> * weighed.kt)",
+        ),
+        changed=(
+            ("apart + other.half_width", "apart"),
+            ("apart + other.half_width", "np.hypot(apart, other.half_width)"),
+        ),
+    ),
+    "model/reduce.py": Room(
+        tests=("tests/model/test_rotor_noise.py",),
+        scaled=(
+            "half = <<0.5>> * flight.rotor_speed_std**2",
+            "= <<4.0 * square * half * average>>",
+            "= <<weight * half * difference**2>>",
+        ),
+        changed=(
+            ("4.0 * square * half * average", "4.0 * square * half"),
+            ("half * difference**2", "half * difference"),
+            ("real[:1] / np.sqrt(2.0)", "real[:1]"),
+            ("difference = np.sin(turn) * flight.sample_rate", "pass"),
+        ),
+    ),
+    "results/parameter_tables.py": Room(
+        tests=("tests/results/test_motor_parameters.py", "tests/results/test_tables.py"),
+        scaled=(
+            "rho < <<2.0>> * LEAST_EXCITATION",
+            "TIME_SCALE = <<0.008>>",
+            "half = <<1.96>> * std\n",
+            "<<1.96>> * timing.total_std",
+            "interval=(value - <<1.96 * std>>, value + 1.96 * std)",
+            "interval=(value - 1.96 * std, value + <<1.96 * std>>)",
+            "sharp, known = half <= <<WEAK>> *",
+        ),
+        changed=(
+            ("WEAK * max(abs(value), TIME_SCALE)", "WEAK * abs(value)"),
+            ('(response.mean_lag, timing.lag_std)', '(response.lag, timing.lag_std)'),
+        ),
+    ),
+    "results/paper_tables.py": Room(
+        tests=("tests/results/test_tables.py",),
+        scaled=(
+            "judge(value, <<1.96>> * std",
+            "(value - <<1.96>> * std, value + 1.96 * std))",
+            "(value - 1.96 * std, value + <<1.96>> * std))",
+        ),
+    ),
+    "results/physical_inertia.py": Room(
+        tests=("tests/results/test_physical_inertia.py",),
+        scaled=(
+            "spread = <<slope * half>>",
+            "share=_share(float(moments[0]), <<0.5>> *",
+            "return self.value + <<self.half_width>> < 0.0",
+            "return <<0.5>> * float(np.sqrt(abs(diagonal[i] * diagonal[j])))",
+            "return <<0.5>> * float(np.sqrt(mass *",
+        ),
+        changed=(
+            ("spread @ numbers.correlation[np.ix_(places, places)] @ spread", "spread @ spread"),
+        ),
+    ),
+    "results/rotor_spread.py": Room(
+        tests=("tests/results/test_rotor_spread.py",),
+        scaled=(
+            "MOSTLY_ASSUMED = <<0.5>>",
+            "fit.problem.prior_std[name] ** <<2>> for",
+            "left = <<np.sqrt(_own_variance(spread, names, after) / _own_variance(spread, names, before))>>",
+        ),
+        changed=(
+            ("own -= own.mean(axis=0)", "pass"),
+            ("left = np.sqrt(", "left = np.array("),
+        ),
+    ),
+    "results/verdicts.py": Room(
+        tests=("tests/results/test_result.py",),
+        scaled=(
+            "\nWEAK = <<0.25>>",
+            "HOPELESS = <<1.0>>",
+            "HOPELESS_YAW = <<0.5>>",
+            "relative = <<half_width / max(abs(value), scale)>>",
+        ),
+        changed=(
+            ("half_width / max(abs(value), scale)", "half_width / max(value, scale)"),
+            ("HOPELESS_YAW if little and axis", "HOPELESS_YAW if axis"),
+        ),
+    ),
+    "results/weak_directions.py": Room(
+        tests=("tests/results/test_weak_directions.py",),
+        scaled=(
+            "GOOD, FAIR, ONE_AXIS = <<10.0>>, 30.0",
+            "ONE_AXIS = 10.0, <<30.0>>, 255.0",
+            "ONE_AXIS = 10.0, 30.0, <<255.0>>",
+            "\nSHARE = <<0.3>>",
+            "\nSAME = <<0.2>>",
+        ),
+        changed=(("root = np.sqrt(np.maximum(values, 0.0))", "root = np.maximum(values, 0.0)"),),
+    ),
+    "validation/replay.py": Room(
+        tests=("tests/validation/test_whiteness.py", "tests/validation/test_replay.py"),
+        scaled=("NORMAL_95: Final = <<1.96>>",),
+    ),
+    "validation/validate.py": Room(
+        tests=("tests/validation/test_whiteness.py", "tests/validation/test_validate.py"),
+        scaled=(
+            "\nCUTOFF = <<3.0>>",
+            "WHITENESS_LAGS = <<10>>",
+            "step = max(round(<<data.sample_rate / cutoff>>), 1)",
+            "return <<float(np.linalg.norm(body[:, i] - rotors[:, i])) / max(size, np.finfo(float).tiny)>>",
+            "return <<max(abs(float(x[lag:] @ x[:-lag])) for lag in range(1, WHITENESS_LAGS + 1)) / power>>",
+        ),
+        changed=(
+            ("x = residual - residual.mean()", "x = residual"),
+            ("range(1, WHITENESS_LAGS + 1)", "range(1, 2)"),
+            ("range(1, WHITENESS_LAGS + 1)", "range(1, WHITENESS_LAGS)"),
+            ("max(abs(float(x[lag:] @ x[:-lag]))", "max(float(x[lag:] @ x[:-lag])"),
+            ("size = float(np.linalg.norm(rotors[:, i]))", "size = float(np.linalg.norm(body[:, i]))"),
+        ),
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One replacement in one file."""
+
+    file: str
+    old: str
+    new: str
+
+    @property
+    def words(self) -> str:
+        """Say what is replaced by what, in one line."""
+        return " ".join(f"{self.old}  ->  {self.new}".split())
+
+
+def planted(file: str, room: Room) -> Iterator[Fault]:
+    """Yield every fault of a file."""
+    for marked in room.scaled:
+        before, _, rest = marked.partition(OPENS)
+        term, _, after = rest.partition(ENDS)
+        whole = term.isdigit()  # a count or an exponent stays one
+        halved = str(int(term) // 2) if whole else f"(0.5 * ({term}))"
+        doubled = str(2 * int(term)) if whole else f"(2.0 * ({term}))"
+        for factor in (halved, doubled):
+            yield Fault(file=file, old=before + term + after, new=before + factor + after)
+    for old, new in room.changed:
+        yield Fault(file=file, old=old, new=new)
+
+
+def refuse_missing() -> None:
+    """Raise where a fault's place is not in its file exactly once, or its tests are gone."""
+    for file, room in ROOMS.items():
+        text = (ROOT / "src/rotorfit" / file).read_text(encoding="utf-8")
+        for fault in planted(file, room):
+            if (count := text.count(fault.old)) != 1:
+                raise SystemExit(f"{file}: {fault.old!r} is there {count} times, and not once")
+        for test in room.tests:
+            if not (ROOT / test).is_file():
+                raise SystemExit(f"{file}: no {test}")
+
+
+def noticed(fault: Fault, tests: tuple[str, ...], source: Path) -> bool:
+    """Return whether the tests fail with a fault in the copy of the source."""
+    path = source / "rotorfit" / fault.file
+    right = path.read_text(encoding="utf-8")
+    _write(path, right.replace(fault.old, fault.new))
+    try:
+        return _failed(tests, source)
+    finally:
+        _write(path, right)
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a module; what was compiled of it may have the same second and size, and goes."""
+    path.write_text(text, encoding="utf-8")
+    for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
+        compiled.unlink()
+
+
+def _failed(tests: tuple[str, ...], source: Path) -> bool:
+    """Return whether a test fails; raise where pytest could not even begin.
+
+    In a process of its own that has all but rotorfit imported already: half of the time.
+    """
+    said = source.parent / "said.txt"
+    child = os.fork()
+    if child == 0:
+        code = 98
+        try:
+            code = _run(tests, source, said)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(code)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code not in (0, 1):
+        raise SystemExit(f"pytest ended with {code}:\n{said.read_text()}")
+    return code == 1
+
+
+def _run(tests: tuple[str, ...], source: Path, said: Path) -> int:
+    """Run pytest with the copy in front, all that it says into a file; return how it ended."""
+    with said.open("w") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    sys.path.insert(0, str(source))
+    os.environ["PYTHONPATH"] = str(source)
+    os.chdir(ROOT)
+    # Without the checks of shapes: they take half of the time, and no fault changes a shape.
+    options = ("-x", "-q", "--tb=no", "-p", "no:cacheprovider", "--hypothesis-profile=ci")
+    early = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # of what is imported above
+    code = int(pytest.main([*options, *early, "--jaxtyping-packages=", *tests]))
+    sys.stdout.flush()
+    taken = Path(sys.modules["rotorfit"].__file__ or "")
+    return code if taken.is_relative_to(source) else 99
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Plant faults one at a time, and run the tests.")
+    parser.add_argument("--only", default="", help="files and replacements that hold this text")
+    only = parser.parse_args().only
+    refuse_missing()
+    faults = [
+        (fault, room.tests)
+        for file, room in ROOMS.items()
+        for fault in planted(file, room)
+        if only in file or only in fault.old
+    ]
+    missed, start = 0, time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "src"
+        shutil.copytree(ROOT / "src", source, ignore=shutil.ignore_patterns("__pycache__"))
+        every = tuple(dict.fromkeys(test for _, tests in faults for test in tests))
+        if _failed(every, source):
+            said = (source.parent / "said.txt").read_text()
+            raise SystemExit(f"the tests fail without any fault: mend them first\n{said}")
+        for fault, tests in faults:
+            seen = noticed(fault, tests, source)
+            missed += not seen
+            print(
+                f"{'noticed    ' if seen else 'NOT NOTICED'}  {fault.file}: {fault.words}",
+                flush=True,
+            )
+    print(f"{len(faults)} faults, {missed} not noticed, {time.perf_counter() - start:.0f} s")
+    raise SystemExit(1 if missed else 0)
+
+
+if __name__ == "__main__":
+    main()

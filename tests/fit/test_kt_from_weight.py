@@ -1,0 +1,112 @@
+"""The thrust coefficient that carries the weight, and how sure it is: hovers by hand."""
+
+import numpy as np
+import pytest
+
+import made_fit
+from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
+from rotorfit.fit.weight_balance import Held, held_up, pooled
+from rotorfit.flight.data import Segment
+
+G = 9.80665
+MASS = 1.4
+KT = MASS * G / (4 * 500.0**2)
+"""Of four rotors at 500 rad/s."""
+
+
+def weighed(*flights):
+    flown = made_fit.flown(*flights, mass=MASS)
+    return kt_from_weight(flown.configurations, flown.vehicle)
+
+
+@pytest.mark.parametrize("seconds", [4.0, 8.0])
+def test_a_hover_weighs_kt_but_for_the_velocity_it_may_have_gained(seconds):
+    """1.5 m/s in the time over g, and 2 % by which a propeller in motion differs."""
+    found = weighed(made_fit.prepared(seconds=seconds))
+    assert found.kt == pytest.approx(KT, rel=1e-9)
+    assert found.std / KT == pytest.approx(np.hypot(1.5 / seconds / G, 0.02), rel=1e-9)
+
+
+def test_two_hovers_are_as_sure_as_both_together():
+    found = weighed(made_fit.prepared(seconds=4.0), made_fit.prepared(seconds=4.0))
+    assert found.std / KT == pytest.approx(np.hypot(1.5 / 4.0 / G / 2**0.5, 0.02), rel=1e-9)
+
+
+def held(data_seconds, *windows, force=None):
+    flight = made_fit.prepared(
+        seconds=data_seconds,
+        force=force,
+        segments=tuple(Segment(start=int(100 * a), stop=int(100 * b)) for a, b in windows),
+    )
+    return held_up(flight.data, flight.data.specific_force)
+
+
+def test_where_one_window_follows_the_next_the_velocity_between_them_cancels():
+    """One change of velocity over 30 s; with a gap in between two, whose squares add."""
+    assert held(30.0, (0, 30)).std == pytest.approx(1.5 / 30.0 / G)
+    assert held(40.0, (0, 15), (25, 40)).std == pytest.approx(1.5 * 2**0.5 / 30.0 / G)
+    assert held(40.0, (0, 5), (10, 15), (20, 25)).std == pytest.approx(1.5 * 3**0.5 / 15.0 / G)
+    assert held(30.0, (0, 30)).ratio == pytest.approx(1.0)
+
+
+def test_a_stretch_of_less_than_two_seconds_tells_nothing():
+    assert held(5.0, (0, 1.9)) is None
+    assert held(5.0, (0, 2.1)).seconds == pytest.approx(2.1)
+
+
+def test_within_ten_seconds_directions_are_averaged_and_beyond_them_lengths():
+    """g along z for a while, then along x: as of a gyro that lost its way."""
+    for turn, ratio in ((5.0, 0.5**0.5), (10.0, 1.0)):
+        force = np.zeros((round(200 * turn), 3))
+        force[: round(100 * turn), 2] = force[round(100 * turn) :, 0] = G
+        assert held(2 * turn, (0, 2 * turn), force=force).ratio == pytest.approx(ratio)
+
+
+def test_parts_are_pooled_by_the_inverse_of_their_variance():
+    both = pooled([Held(ratio=1.0, std=0.3, seconds=4.0), Held(ratio=2.0, std=0.4, seconds=8.0)])
+    assert both.ratio == pytest.approx((16 * 1.0 + 9 * 2.0) / 25)
+    assert both.std == pytest.approx(0.24)  # 3 and 4 make 12/5
+    assert both.seconds == 12.0
+
+
+WEIGHED = WeighedThrust(kt=1.0, std=0.04)
+
+
+@pytest.mark.parametrize(
+    ("kt", "std", "apart"),
+    [
+        (1.149, 0.03, False),  # three deviations: 0.03 and 0.04 make 0.05
+        (1.151, 0.03, True),
+        (0.849, 0.03, True),
+        (1.119, 0.0, False),
+        (1.121, 0.0, True),
+    ],
+)
+def test_chance_is_three_deviations_of_both(kt, std, apart):
+    assert WEIGHED.contradicts(kt, std) is apart
+
+
+@pytest.mark.parametrize(("kt", "apart"), [(1.079, False), (1.081, True), (0.919, True)])
+def test_up_to_8_percent_propellers_may_differ_from_their_square_law(kt, apart):
+    assert WeighedThrust(kt=1.0, std=0.001).contradicts(kt, 0.001) is apart
+
+
+@pytest.mark.parametrize(
+    ("kt", "std", "timed", "surer"),
+    [
+        (1.0, 0.126, True, False),  # 1.96 std under a quarter of kt
+        (1.0, 0.129, True, True),
+        (-2.0, 0.25, True, False),
+        (-2.0, 0.26, True, True),
+        (1.0, 0.079, False, False),  # not told: twice the weight's own is enough
+        (1.0, 0.081, False, True),
+    ],
+)
+def test_the_weight_is_surer_where_changes_of_thrust_leave_a_quarter_open(kt, std, timed, surer):
+    assert WEIGHED.is_surer_than(kt, std, timed=timed) is surer
+
+
+def test_the_weight_must_be_twice_as_sure():
+    vague = WeighedThrust(kt=1.0, std=0.1)
+    assert not vague.is_surer_than(1.0, 0.199, timed=True)
+    assert vague.is_surer_than(1.0, 0.201, timed=True)

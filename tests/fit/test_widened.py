@@ -1,0 +1,90 @@
+"""What other settings shift is in the intervals: twice its rms, group by group."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import made_fit
+from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit.motor_timing import MotorTiming
+from rotorfit.fit.other_settings import longer_arms, moved_imu, other_geometries, widened
+from rotorfit.flight.motors import MotorResponse
+
+RATE = 100.0
+AT = MotorResponse(lag=0.04, delay=0.01)
+
+
+def timing(total_std, *, lag_std=None, delay_std=None):
+    return MotorTiming(response=AT, total_std=total_std, lag_std=lag_std, delay_std=delay_std)
+
+
+def flown(found=None, *, arm_std=0.0, imu_std=0.0):
+    vehicle = replace(made_fit.QUAD, arm_std=arm_std, imu_position_std=imu_std)
+    return made_fit.flown(
+        made_fit.prepared(rate=RATE),
+        vehicle=vehicle,
+        motors=MotorsEntry(speed="commanded"),
+        motor_timing=found,
+    )
+
+
+def trials(whole, shifts):
+    """Return the half-width from 10, and the trials, each shifting as `shifts` says, in order."""
+    seen = []
+
+    def shift(other, response, top):
+        seen.append((other, response, top))
+        return np.array([shifts[len(seen) - 1]])
+
+    (half,) = widened(np.array([10.0]), whole, shift)
+    return float(half), seen
+
+
+def test_half_the_frequency_range_is_tried_and_its_shift_counts_twice():
+    half, seen = trials(flown(), [3.0])
+    assert half == pytest.approx(np.sqrt(10.0**2 + 6.0**2))
+    assert [(response, top) for _, response, top in seen] == [(None, 15.0)]
+
+
+@pytest.mark.parametrize(("total_std", "step"), [(0.001, 0.005), (0.007, 0.007)])
+def test_motors_are_tried_off_by_half_a_sample_or_by_what_is_not_known_of_them(total_std, step):
+    """Both ways; of the two shifts, which are one group, the root of the mean square."""
+    half, seen = trials(flown(timing(total_std)), [3.0, 4.0, -6.0])
+    assert half == pytest.approx(np.sqrt(100.0 + 4.0 * (9.0 + (16.0 + 36.0) / 2.0)))
+    tried = [(response.lag, response.delay) for _, response, _ in seen[1:]]
+    assert np.array(tried) == pytest.approx(np.array([[0.04, 0.01 - step], [0.04, 0.01 + step]]))
+    assert [top for _, _, top in seen[1:]] == [np.inf, np.inf]
+
+
+def test_lag_is_tried_as_delay_by_a_deviation_of_the_split():
+    found = timing(0.001, lag_std=0.006, delay_std=0.007)
+    half, seen = trials(flown(found), [0.0, 0.0, 0.0, 5.0])
+    assert half == pytest.approx(np.sqrt(100.0 + 4.0 * 25.0))
+    _, split, top = seen[3]
+    assert (split.lag, split.delay, top) == pytest.approx((0.046, 0.004, np.inf))
+    assert len(trials(flown(timing(0.001, lag_std=0.006)), [0.0] * 3)[1]) == 3
+
+
+def test_every_measured_length_is_tried_off_by_its_deviation_and_counts_for_itself():
+    whole = flown(arm_std=0.005, imu_std=0.002)
+    half, seen = trials(whole, [1.0, 2.0, 3.0, 4.0, 5.0])
+    assert half == pytest.approx(np.sqrt(100.0 + 4.0 * (1.0 + 4.0 + 9.0 + 16.0 + 25.0)))
+    assert [top for _, _, top in seen[1:]] == [np.inf] * 4
+    arms, *imus = (other.vehicle for other, _, _ in seen[1:])
+    assert arms.arm == pytest.approx(0.255)
+    assert np.array([v.imu_position for v in imus]) == pytest.approx(0.002 * np.eye(3))
+    for other, _, _ in seen[1:]:  # the equations go with the geometry
+        assert not np.array_equal(other.model.tensor, whole.model.tensor)
+
+
+def test_lengths_without_a_deviation_are_taken_for_exact():
+    assert list(other_geometries(flown())) == []
+
+
+def test_arms_grow_and_imus_move_by_the_length_that_is_given():
+    longer = longer_arms(made_fit.QUAD, 0.01)
+    assert longer.arm == pytest.approx(0.26)
+    assert longer.positions[0, :2] == pytest.approx(np.full(2, 0.26 / 2**0.5))
+    moved = moved_imu(replace(made_fit.QUAD, imu_position=(0.1, 0.2, 0.3)), 1, 0.004)
+    assert moved.imu_position == pytest.approx((0.1, 0.204, 0.3))

@@ -1,0 +1,61 @@
+"""Where two models disagree the intervals hold both; by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import made_fit
+from rotorfit.fit.flights import Flown
+from rotorfit.fit.joint_numbers import Numbers
+from rotorfit.fit.kt_from_weight import WeighedThrust
+from rotorfit.identification import estimates
+from rotorfit.identification.estimates import _holding_both, _joint_fit, _kt_of, _reaching
+
+
+def numbers(values, half_width):
+    return Numbers(
+        names=("kt", "kd"),
+        values=np.array(values),
+        half_width=np.array(half_width),
+        correlation=np.eye(2),
+        excitation={},
+    )
+
+
+ONE, OTHER = numbers([10.0, 4.0], [0.5, 3.0]), numbers([12.0, 5.0], [0.7, 0.5])
+
+
+def test_an_interval_that_holds_both_reaches_to_the_far_end_of_the_other():
+    """From 10 to 12.7 is 2.7; an interval that held the other one already stays."""
+    both = _holding_both(ONE, OTHER)
+    assert both.values.tolist() == [10.0, 4.0]
+    assert both.half_width == pytest.approx([2.7, 3.0])
+
+
+def test_an_interval_that_reaches_ends_at_the_vaguer_value():
+    assert _reaching(ONE, OTHER).half_width == pytest.approx([2.0, 3.0])
+    assert _reaching(OTHER, ONE).half_width == pytest.approx([2.0, 1.0])
+
+
+def test_a_deviation_is_half_of_an_interval_over_1_96():
+    assert _kt_of(numbers([10.0, 0.0], [0.98, 1.0])) == pytest.approx((10.0, 0.5))
+
+
+def test_a_weighed_thrust_coefficient_is_held_to_a_ten_thousandth(monkeypatch):
+    """What the flights say of it otherwise is in the interval, and not in the fit."""
+    held = []
+
+    class Held(Exception):  # noqa: N818
+        pass
+
+    def steered(joint, begin, *, commanded, known_kt, terms):
+        held.append(known_kt)
+        raise Held
+
+    monkeypatch.setattr(estimates, "steered", steered)
+    monkeypatch.setattr(Flown, "bands", lambda self, response: (made_fit.blocks([(1.0, 2.0)]),))
+    flown = replace(made_fit.flown(made_fit.prepared()))
+    with pytest.raises(Held):
+        _joint_fit(flown, None, weighed=WeighedThrust(kt=2e-6, std=1e-7), begin={"kt": 2e-6})
+    assert held[0] == pytest.approx((2e-6, 2e-10))

@@ -1,0 +1,146 @@
+"""Small made-up problems with known answers: no flight is simulated, nothing is fitted."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.estimate import Estimate
+from rotorfit.estimation.factors import Factors
+from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
+from rotorfit.fit.flights import Configured, Flown, UsedFlight
+from rotorfit.fit.joint_equations import JointConfiguration, joint_problem
+from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.log import FlightLog
+from rotorfit.flight.prepare import PreparedFlight
+from rotorfit.model.regressor import regressor
+from rotorfit.model.vehicle import Rotor, Vehicle
+
+ARM = 0.25
+SQUARE = (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)
+QUAD = Vehicle(
+    rotors=tuple(
+        Rotor(
+            position=(ARM * x / 2**0.5, ARM * y / 2**0.5, 0.0),
+            spin="ccw" if number < 2 else "cw",
+        )
+        for number, (x, y) in enumerate(SQUARE)
+    ),
+    imu_position=(0.0, 0.0, 0.0),
+)
+"""Arms of 0.25 m."""
+BODY = {
+    "kt": 2e-6, "kd": 3e-8, "Jr": 2e-5, "rotor_drag": 1e-4,
+    "msx": 1e-3, "msy": -2e-3, "msz": 4e-3,
+    "Ixx": 0.01, "Iyy": 0.012, "Izz": 0.02, "Ixy": 1e-4, "Ixz": 2e-4, "Iyz": -1e-4,
+}  # fmt: skip
+
+
+def blocks(bands, *, rows=30, source=None, width=None):
+    """Return factors with these bands, of which only the sizes matter."""
+    width = len(regressor(QUAD).layout) if width is None else width
+    return Factors(
+        R=np.tile(np.eye(width), (len(bands), 1, 1)),
+        rows=np.broadcast_to(np.asarray(rows), len(bands)).astype(np.int64),
+        segment=np.zeros(len(bands), dtype=np.int64),
+        band=np.array(bands, dtype=float),
+        source=None if source is None else np.asarray(source),
+    )
+
+
+def configuration(name="A", *, mass=1.4, vehicle=QUAD, factors=None, **more):
+    return JointConfiguration(
+        name=name,
+        mass=mass,
+        factors=blocks([(1.0, 2.0)] * 12) if factors is None else factors,
+        model=regressor(vehicle),
+        vehicle=vehicle,
+        **more,
+    )
+
+
+def fit_of(configurations, *, std, influence=None, terms=("rotor_inertia",), powers=None):
+    """Return an estimate at `BODY` whose deviations and influences are those that are given.
+
+    `std` and `influence` are by name; a number that is not named has 1e-9 of its value, and no
+    influence. Every block explains 100 times what it leaves, unless `powers` (signal, residual)
+    says otherwise.
+    """
+    problem = joint_problem(configurations, terms=terms)
+    names = problem.map.names
+    values = np.array([BODY.get(name.partition("@")[0], 0.0) for name in names])
+    small = {n: 1e-9 * (abs(v) or 1.0) for n, v in zip(names, values, strict=True)}
+    deviations = np.array([{**small, **std}[name] for name in names])
+    count = sum(len(c.factors) for c in configurations)
+    pulls = np.zeros((count, len(names)))
+    for name, column in (influence or {}).items():
+        pulls[:, names.index(name)] = column
+    signal, residual = powers or (np.full((count, 6), 101.0), np.ones((count, 6)))
+    return BandedEstimate(
+        estimate=Estimate(
+            names=names,
+            values=values,
+            covariance=np.diag(deviations**2),
+            condition_number=1.0,
+            weak_directions=np.zeros((0, len(names))),
+            weak_strengths=np.zeros(0),
+        ),
+        influence=pulls,
+        variance=np.ones((count, 6)),
+        signal_power=signal,
+        residual_power=residual,
+        log_likelihood=0.0,
+        iterations=1,
+        problem=problem,
+        residual=np.zeros((count, 1, 6)),
+    )
+
+
+def prepared(*, seconds=20.0, rate=100.0, motor_rate=100.0, speed=500.0, force=None, segments=None):
+    """Return a flight that does not turn, all rotors at one speed."""
+    n = round(seconds * rate)
+    still = np.zeros((n, 3))
+    data = FlightData(
+        sample_rate=rate,
+        time=np.arange(n) / rate,
+        specific_force=np.tile([0.0, 0.0, 9.80665], (n, 1)) if force is None else force,
+        angular_velocity=still,
+        angular_acceleration=still,
+        rotor_speed=np.full((n, 4), speed),
+        rotor_acceleration=np.zeros((n, 4)),
+        differentiation="exact",
+        segments=(Segment(start=0, stop=n),) if segments is None else segments,
+    )
+    return PreparedFlight(
+        data=data,
+        phases=data.segments,
+        motor_channel=data.rotor_speed,
+        gyro_bias=None,
+        spikes={},
+        slowest_rate=rate,
+        motor_rate=motor_rate,
+        cuts=(),
+        warnings=(),
+    )
+
+
+def flown(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
+    """Return what was flown, each of `flights` (prepared) a flight of one configuration, A."""
+    used = [
+        UsedFlight(
+            entry=FlightEntry(file=f"A{number}.csv"),
+            log=FlightLog(
+                path=Path(f"A{number}.csv"), sha256="0", format="table", channels={}, seconds=1.0
+            ),
+            prepared=flight,
+        )
+        for number, flight in enumerate(flights)
+    ]
+    entry = ConfigurationEntry(name="A", mass=mass, flights=(FlightEntry(file="A0.csv"),))
+    return Flown(
+        vehicle=vehicle,
+        model=regressor(vehicle),
+        motors=motors or MotorsEntry(),
+        configurations=(Configured(entry=entry, flights=used),),
+        **more,
+    )

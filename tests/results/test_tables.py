@@ -1,0 +1,203 @@
+"""From half-widths to what a result says: intervals, deviations, covariance, in figures."""
+
+import numpy as np
+import pytest
+
+import made_fit
+from rotorfit.estimation.estimate import Estimate, LinearProblem
+from rotorfit.estimation.parameter_map import parameter_map
+from rotorfit.estimation.reweighted import BandedFit
+from rotorfit.estimation.total import EssentialEstimate
+from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
+from rotorfit.fit.motor_timing import MotorTiming
+from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.paper_fit import PaperSettings
+from rotorfit.fit.row_fits import ROWS, RowFits
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.results.joint_tables import joint_tables
+from rotorfit.results.paper_tables import paper_tables
+from rotorfit.results.parameter_tables import Tables, given_parameter, with_timing_total
+from rotorfit.results.row_tables import row_tables
+
+ENTRY = ConfigurationEntry(name="A", mass=1.4, mass_std=0.01, flights=(FlightEntry(file="A.csv"),))
+CORRELATION = np.array([[1.0, 0.5, 0.2], [0.5, 1.0, 0.0], [0.2, 0.0, 1.0]])
+VALUES, HALF = np.array([2e-6, 0.01, 1.5e-6]), np.array([1.96e-8, 1.96e-3, 1.96e-7])
+STD = np.array([1e-8, 1e-3, 1e-7])
+
+
+def number(tables, name):
+    return next(n for n in (*tables.parameters, *tables.derived) if n.name == name)
+
+
+def states(found, value, half):
+    """Whether a number is there with its interval of 95 % and its deviation."""
+    assert found.value == value
+    assert found.interval == pytest.approx((value - half, value + half), rel=1e-12)
+    assert found.std == pytest.approx(half / 1.96, rel=1e-12)
+
+
+def joint(excitation=None):
+    body = made_fit.configuration()
+    numbers = Numbers(
+        names=("kt", "Ixx@A", "kd_over_Izz@A"),
+        values=VALUES,
+        half_width=HALF,
+        correlation=CORRELATION,
+        excitation=excitation or {"roll@A": 50.0, "pitch@A": 50.0, "yaw@A": 50.0},
+    )
+    return joint_tables(
+        numbers,
+        made_fit.fit_of([body], std={}),
+        [body],
+        [ENTRY],
+        motors=MotorsEntry(lag=0.0, delay=0.0),
+        timing=None,
+    )
+
+
+def test_a_joint_result_states_half_widths_and_their_1_96th_part():
+    tables = joint()
+    states(number(tables, "kt"), 2e-6, 1.96e-8)
+    states(number(tables, "Ixx"), 0.01, 1.96e-3)
+    states(number(tables, "kd_over_Izz"), 1.5e-6, 1.96e-7)
+    assert tables.covariance_names == ("kt", "Ixx@A")
+    expected = CORRELATION[:2, :2] * np.outer(STD[:2], STD[:2])
+    np.testing.assert_allclose(tables.covariance, expected, rtol=1e-9)
+
+
+RHOS = [(4.9, False), (5.0, True), (9.9, True), (10.1, False)]
+
+
+@pytest.mark.parametrize(("rho", "warned"), RHOS)
+def test_between_a_rho_of_5_and_10_it_is_said(rho, warned):
+    words = [w for w in joint({"roll@A": rho, "pitch@A": 50.0, "yaw@A": 50.0}).warnings]
+    assert any(w.startswith("roll: the rotors explain only") for w in words) is warned
+
+
+def by_rows(rho=50.0):
+    empty = Estimate(
+        names=(),
+        values=np.zeros(0),
+        covariance=np.zeros((0, 0)),
+        condition_number=1.0,
+        weak_directions=np.zeros((0, 0)),
+        weak_strengths=np.zeros(0),
+    )
+    fit = BandedFit(
+        estimate=empty,
+        influence=np.zeros((2, 0)),
+        variance=np.ones(2),
+        known_power=np.ones(2),
+        residual_power=np.ones(2),
+        log_likelihood=0.0,
+    )
+    fits = RowFits(
+        fits=dict.fromkeys(ROWS, fit),
+        excitation={"roll": rho, "pitch": 50.0, "yaw": 50.0},
+        covariance=np.zeros((0, 0)),
+        formal=np.zeros((0, 0)),
+    )
+    numbers = Numbers(
+        names=("kt", "Ixx", "kd_over_Izz", "Jr_over_Izz"),
+        values=np.array([*VALUES, 1e-3]),
+        half_width=np.array([*HALF, 1e-4]),
+        correlation=np.pad(CORRELATION, (0, 1)) + np.diag([0.0, 0.0, 0.0, 1.0]),
+        excitation=fits.excitation,
+    )
+    return row_tables(
+        numbers,
+        fits,
+        ENTRY,
+        vehicle=made_fit.QUAD,
+        motors=MotorsEntry(lag=0.0, delay=0.0),
+        timing=None,
+    )
+
+
+def test_a_result_by_rows_states_half_widths_and_their_1_96th_part():
+    tables = by_rows()
+    states(number(tables, "kt"), 2e-6, 1.96e-8)
+    states(number(tables, "Ixx"), 0.01, 1.96e-3)
+    states(number(tables, "kd_over_Izz"), 1.5e-6, 1.96e-7)
+    assert tables.covariance_names == ("kt", "Ixx@A")
+    expected = CORRELATION[:2, :2] * np.outer(STD[:2], STD[:2])
+    np.testing.assert_allclose(tables.covariance, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("rho", "warned"), RHOS)
+def test_by_rows_it_is_said_as_well(rho, warned):
+    words = by_rows(rho).warnings
+    assert any(w.startswith("roll: the rotors explain only") for w in words) is warned
+
+
+def test_a_mass_has_the_interval_of_its_scale():
+    mass = given_parameter("mass", 1.4, 0.01, ENTRY)
+    assert mass.interval == pytest.approx((1.4 - 0.0196, 1.4 + 0.0196))
+    assert (mass.std, mass.verdict) == (0.01, "given")
+    assert given_parameter("mass", 1.4, 0.0, ENTRY).interval is None
+
+
+def test_lag_plus_delay_has_the_interval_of_the_sum():
+    timing = MotorTiming(
+        response=MotorResponse(lag=0.04, delay=0.01), total_std=0.002, lag_std=0.02, delay_std=0.02
+    )
+    tables = Tables(
+        parameters=(), derived=(), covariance_names=(), covariance=np.zeros((0, 0)), settings={}
+    )
+    (total,) = with_timing_total(tables, timing).derived
+    states(total, 0.05, 0.00392)
+
+
+def paper(relative):
+    """Return the paper's tables of a k_t with this relative deviation, all else removed."""
+    estimate = Estimate(
+        names=("kt",),
+        values=np.array([2e-6]),
+        covariance=np.array([[(relative * 2e-6) ** 2]]),
+        condition_number=1.0,
+        weak_directions=np.zeros((0, 1)),
+        weak_strengths=np.zeros(0),
+    )
+    problem = LinearProblem(
+        factors=(), tensors=(), map=parameter_map(("kt",), {}, {}), weights=np.zeros((0, 6))
+    )
+    essential = EssentialEstimate(estimate=estimate, removed=(), problem=problem)
+    flown = made_fit.flown(made_fit.prepared())
+    return number(paper_tables(essential, flown, settings=PaperSettings()), "kt")
+
+
+def test_the_papers_sigma_makes_an_interval_of_1_96():
+    kt = paper(0.01)
+    states(kt, 2e-6, 1.96 * 2e-8)
+    assert kt.verdict == "identified"
+
+
+@pytest.mark.parametrize(
+    ("relative", "verdict"),
+    [
+        (0.1275, "identified"),  # 1.96 times it is a quarter
+        (0.1276, "weak"),
+        (0.510, "weak"),
+        (0.511, "not-identified"),
+    ],
+)
+def test_the_papers_numbers_are_judged_by_1_96_sigma(relative, verdict):
+    assert paper(relative).verdict == verdict
+
+
+def test_a_body_of_two_configurations_keeps_its_own_scale():
+    """A mass of 1.4 kg on arms of 0.25 m: 7 g m matter of a first moment, 5 mm of a place."""
+    body = made_fit.configuration()
+    numbers = Numbers(
+        names=("kt", "msx@A", "com_x@A"),
+        values=np.array([2e-6, 0.0, 0.0]),
+        half_width=np.array([1e-8, 0.25 * 0.007 * 1.01, 0.25 * 0.005 * 0.99]),
+        correlation=np.eye(3),
+        excitation={"roll@A": 50.0, "pitch@A": 50.0, "yaw@A": 50.0},
+    )
+    tables = joint_tables(
+        numbers, made_fit.fit_of([body], std={}), [body], [ENTRY],
+        motors=MotorsEntry(lag=0.0, delay=0.0), timing=None,
+    )  # fmt: skip
+    assert number(tables, "msx").verdict == "weak"
+    assert number(tables, "com_x").value == 0.0
