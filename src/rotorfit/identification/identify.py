@@ -37,10 +37,10 @@ from rotorfit.fit.flights import (
     levelled_flights,
     load_flight,
 )
-from rotorfit.identification.mounting import found_tilt
 from rotorfit.fit.term_choice import velocity_wanted
 from rotorfit.fit.timing_search import find_timing
 from rotorfit.identification.estimates import ESTIMATES, joint_fit, resolved_method
+from rotorfit.identification.mounting import found_tilt
 from rotorfit.model.regressor import regressor
 from rotorfit.results.command_units import of_commanded_speed
 from rotorfit.results.parameter_tables import ORIGIN_IS_IMU, Tables, with_timing_total
