@@ -246,7 +246,7 @@ ROOMS: Final[dict[str, Room]] = {
             "tests/fit/test_joint_intervals.py",
             "tests/fit/test_row_intervals.py",
             "tests/fit/test_known_beforehand.py",
-            "tests/results/test_tables.py",
+            "tests/results/test_stated_intervals.py",
             "tests/fit/test_hanging_on_roll_and_pitch.py",
         ),
         scaled=(
@@ -533,7 +533,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "results/parameter_tables.py": Room(
-        tests=("tests/results/test_motor_parameters.py", "tests/results/test_tables.py"),
+        tests=("tests/results/test_motor_parameters.py", "tests/results/test_stated_intervals.py"),
         scaled=(
             "rho < <<2.0>> * LEAST_EXCITATION",
             "TIME_SCALE = <<0.008>>",
@@ -549,7 +549,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "results/paper_tables.py": Room(
-        tests=("tests/results/test_tables.py",),
+        tests=("tests/results/test_stated_intervals.py",),
         scaled=(
             "judge(value, <<1.96>> * std",
             "(value - <<1.96>> * std, value + 1.96 * std))",
