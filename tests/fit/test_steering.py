@@ -10,7 +10,7 @@ from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.frequency_bands import EDGES, LEAST_RATIO, counted_bands, flown_bands
 from rotorfit.fit.joint_equations import ANSWERED, NOISY
 from rotorfit.fit.steering import _with_counted
-from rotorfit.identification.estimates import _joint_fit
+from rotorfit.identification.estimates import joint_fit
 from rotorfit.identification.identify import _flown
 from rotorfit.simulation import Stick, Sticks, write_flight_table
 
@@ -85,7 +85,7 @@ def rolled(tmp_path_factory):
         folder / "experiment.toml", flight.vehicle, ["flight.csv"], mass=flight.truth.mass
     )
     loaded = _flown(load_experiment(path), lambda words: None)
-    _, (configuration,) = _joint_fit(loaded, None)
+    _, (configuration,) = joint_fit(loaded, None)
     return configuration
 
 
