@@ -120,7 +120,8 @@ def steady_yaw_torque(
         if response is not None:
             rest, std = response
             whole = float(numbers.values[numbers.index(f"kd_over_Izz@{c.name}")])
-            diagnostics[f"yaw_response_with_mean@{c.name}"] = whole / rest if rest else np.nan
+            if rest != 0.0:
+                diagnostics[f"yaw_response_with_mean@{c.name}"] = whole / rest
             differs = abs(whole - rest) > max(LEAST_YAW_SHIFT * abs(rest), _far() * std)
         if f"twist@{c.name}" in numbers.names and not differs:
             doubts += _tilt_said(c, numbers)

@@ -169,7 +169,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
     vehicle, motor_model = vehicle_of(experiment.airframe, source), motor_model_of(motors)
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
     log, speeds_commanded = with_commanded_speeds(log, motors)
-    seen = telemetry(log)
+    seen = telemetry(log) if motors.speed == "measured" else None
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
