@@ -65,6 +65,8 @@ class BandedProblem:
         Which errors of each block count, one array per configuration; all where there is none.
     feedback
         Where a controller answers the errors.
+    moving
+        Free parameters that move the signals, in the order of the factors' slopes.
     """
 
     factors: tuple[Factors, ...]
@@ -75,6 +77,11 @@ class BandedProblem:
     prior_std: Mapping[str, float]
     counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
     feedback: Feedback | None = None
+    moving: tuple[str, ...] = ()
+
+    def moves(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " t"]:
+        """Return how far the signals are moved at `phi`."""
+        return phi[[self.map.names.index(name) for name in self.moving]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,7 +225,7 @@ def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
     cost = _prior_cost(problem, phi)
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
         G, _ = solved(tensor, theta[c], problem.noisy)
-        e = factors.R @ G.T
+        e = factors.moved(problem.moves(phi)) @ G.T
         power = _power(e)
         v, floored = _variance(power, factors, problem.noisy)
         counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
@@ -317,9 +324,14 @@ def _jacobian(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.
     noisy = list(problem.noisy)
     parts: list[Float[np.ndarray, "b m k f"]] = []
     for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        _, dG = solved_jacobian(tensor, theta[c], dtheta[c], noisy)
-        flat = factors.R @ dG.transpose(2, 1, 0).reshape(dG.shape[2], -1)
-        parts.append(flat.reshape(len(factors), factors.R.shape[1], len(noisy), len(phi)))
+        G, dG = solved_jacobian(tensor, theta[c], dtheta[c], noisy)
+        rows = factors.moved(problem.moves(phi))
+        flat = rows @ dG.transpose(2, 1, 0).reshape(dG.shape[2], -1)
+        J = flat.reshape(len(factors), rows.shape[1], len(noisy), len(phi))
+        for t, name in enumerate(problem.moving):
+            assert factors.slopes is not None
+            J[..., problem.map.names.index(name)] = factors.slopes[:, t] @ G.T
+        parts.append(J)
     return np.concatenate(parts)
 
 

@@ -41,6 +41,10 @@ class Factors:
         known: for signals that stand among the regressors. None: nothing is known, or none.
     source
         Which recording (flight) each block comes from, where that is told.
+    slopes
+        Derivative of the block's rows by what moves the signals themselves (the motors' lag and
+        delay), for few of them: the rows are then R, `m - z` rows of zeros below it, plus slopes
+        times how far each of them has moved.
     """
 
     R: Float[np.ndarray, "b z z"]
@@ -49,6 +53,7 @@ class Factors:
     band: Float[np.ndarray, "b 2"]
     noise: Float[np.ndarray, "b z"] | None = None
     source: Int[np.ndarray, " b"] | None = None
+    slopes: Float[np.ndarray, "b t m z"] | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -86,7 +91,16 @@ class Factors:
             band=self.band[keep],
             noise=None if self.noise is None else self.noise[keep],
             source=None if self.source is None else self.source[keep],
+            slopes=None if self.slopes is None else self.slopes[keep],
         )
+
+    def moved(self, by: Float[np.ndarray, " t"]) -> Float[np.ndarray, "b m z"]:
+        """Return the rows of every block with the signals moved `by` so much."""
+        if self.slopes is None:
+            return self.R
+        rows: Float[np.ndarray, "b m z"] = np.einsum("t,btmz->bmz", by, self.slopes)
+        rows[:, : self.R.shape[1]] += self.R
+        return rows
 
 
 def stack_factors(parts: Sequence[Factors]) -> Factors:
@@ -103,7 +117,16 @@ def stack_factors(parts: Sequence[Factors]) -> Factors:
         ),
         band=np.concatenate([part.band for part in parts]),
         noise=None if silent else np.concatenate([part.known_noise for part in parts]),
+        slopes=_all_or_none([part.slopes for part in parts]),
     )
+
+
+def _all_or_none(
+    parts: Sequence[Float[np.ndarray, "_ t m z"] | None],
+) -> Float[np.ndarray, "b t m z"] | None:
+    """Return the slopes of all parts, None where any has none."""
+    there = [part for part in parts if part is not None]
+    return np.concatenate(there) if len(there) == len(parts) else None
 
 
 def stack_recordings(parts: Sequence[Factors]) -> Factors:

@@ -1,8 +1,10 @@
 """From the flights of an experiment to factors: read, prepare, reduce."""
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from rotorfit.experiment.experiment import (
 from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.read_options import read_options_of, recording_options_of
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
-from rotorfit.fit.motor_timing import LAG_PRIOR, MotorTiming
+from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming
 from rotorfit.flight.align import with_poses
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
@@ -132,10 +134,15 @@ class Flown:
         """Whether lag and delay are given, or the flights tell them."""
         return self.motor_timing is None or self.motor_timing.told
 
-    def bands(self, response: MotorResponse | None = None) -> tuple[Factors, ...]:
-        """Return the band factors of each configuration, at another timing of the motors."""
+    def bands(
+        self, response: MotorResponse | None = None, *, free: FreeTiming | None = None
+    ) -> tuple[Factors, ...]:
+        """Return the band factors of each configuration, at another timing of the motors.
+
+        With `free`, their slopes by the times that a fit may move.
+        """
         return tuple(
-            flight_bands(c.flights, self.vehicle, response, velocity=self.velocity)
+            flight_bands(c.flights, self.vehicle, response, velocity=self.velocity, free=free)
             for c in self.configurations
         )
 
@@ -253,6 +260,7 @@ def flight_bands(
     response: MotorResponse | None,
     *,
     velocity: bool = False,
+    free: FreeTiming | None = None,
 ) -> Factors:
     """Return the band factors of all flights, calm and lively phases apart.
 
@@ -269,7 +277,7 @@ def flight_bands(
     """
     return stack_recordings(
         [
-            prepared_bands(flight.prepared, vehicle, response, velocity=velocity)
+            prepared_bands(flight.prepared, vehicle, response, velocity=velocity, free=free)
             for flight in flights
         ]
     )
@@ -287,19 +295,34 @@ def velocity_known(flights: list[UsedFlight]) -> bool:
     )
 
 
+STEPS: Final[Mapping[str, float]] = {"motor_delay": 1e-3, "motor_lag": 1e-3, "motor_skew": 0.02}
+"""To either side, for the slopes of the signals [s, s, share]."""
+
+
 def prepared_bands(
     prepared: PreparedFlight,
     vehicle: Vehicle,
     response: MotorResponse | None,
     *,
     velocity: bool = False,
+    free: FreeTiming | None = None,
 ) -> Factors:
     """Return the band factors of one flight, see `flight_bands`."""
+    moved: list[tuple[FlightData, FlightData, float]] = []
+    for name in () if free is None else free.names:
+        step = STEPS[name]
+        ahead, behind = (
+            dataclasses.replace(
+                retimed(prepared, free.moved({name: side * step})), segments=prepared.phases
+            )
+            for side in (1.0, -1.0)
+        )
+        moved.append((ahead, behind, 2.0 * step))
     data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
     plan = BandPlan(edges=edges, longest=STRETCH)
-    return band_factors(data, vehicle, plan=plan, velocity=velocity)
+    return band_factors(data, vehicle, plan=plan, velocity=velocity, moved=moved)
 
 
 def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:

@@ -20,6 +20,7 @@ from rotorfit.estimation.feedback import Feedback
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
+from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.row_fits import (
     ACCEL_BIAS_STD,
     MOUNTING_STD,
@@ -75,6 +76,7 @@ class JointConfiguration:
     payload_of: str | None = None
     counted: Bool[np.ndarray, "b 6"] | None = None
     answered: Float[np.ndarray, "b e"] | None = None
+    timing: FreeTiming | None = None
 
 
 def joint_estimate(
@@ -158,13 +160,17 @@ def joint_problem(
     mapped = joint_map(configurations, terms=terms)
     layout = configurations[0].model.layout
     prior = joint_prior(configurations)
+    timing = configurations[0].timing
+    known = {} if known_kt is None else {"kt": known_kt}
+    known |= {} if timing is None else timing.prior()
     return BandedProblem(
         factors=tuple(c.factors for c in configurations),
         tensors=tuple(c.model.tensor for c in configurations),
         map=mapped,
         noisy=tuple(layout.index(name) for name in NOISY),
-        prior_mean={} if known_kt is None else {"kt": known_kt[0]},
-        prior_std=prior if known_kt is None else {**prior, "kt": known_kt[1]},
+        prior_mean={name: mean for name, (mean, _) in known.items()},
+        prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
+        moving=() if timing is None else timing.names,
         counted=tuple(c.counted for c in configurations if c.counted is not None),
         feedback=_feedback(configurations),
     )
@@ -247,6 +253,8 @@ def joint_map(
         name: {(c, name): 1.0 for c in everywhere} for name in shared
     }
     free |= {name: {} for name in dict.fromkeys(spread)}
+    timing = configurations[0].timing
+    free |= {name: {} for name in (() if timing is None else timing.names)}
     given: dict[tuple[int, str], float] = {}
     products: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
     for c, configuration in enumerate(configurations):

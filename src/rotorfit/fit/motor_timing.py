@@ -1,5 +1,6 @@
 """What is known of the motors' timing: lag, delay, and how far the flights tell them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -7,6 +8,47 @@ from rotorfit.flight.motors import MotorResponse
 
 LAG_PRIOR: Final = (0.035, 0.03)
 """Mean and deviation of a motor's time constant before the flight [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeTiming:
+    """Times that a fit may move, from where its signals were made.
+
+    Attributes
+    ----------
+    at
+        Lag and delay with which the signals were made.
+    names
+        Of ``motor_delay``, ``motor_lag`` and ``motor_skew`` (lag (1 - s) up and (1 + s) down).
+    lag_prior
+        Mean and standard deviation of the lag before the flight [s].
+    """
+
+    at: MotorResponse
+    names: tuple[str, ...]
+    lag_prior: tuple[float, float] = LAG_PRIOR
+
+    def moved(self, by: Mapping[str, float]) -> MotorResponse:
+        """Return the response when each of the times moves by so much."""
+        lag = max(self.at.mean_lag + by.get("motor_lag", 0.0), 0.0)
+        skew = skew_of(self.at) + by.get("motor_skew", 0.0)
+        delay = self.at.delay + by.get("motor_delay", 0.0)
+        if skew == 0.0:
+            return MotorResponse(lag=lag, delay=delay)
+        return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
+
+    def prior(self) -> dict[str, tuple[float, float]]:
+        """Return mean and deviation of how far each may move."""
+        mean, std = self.lag_prior
+        known = {"motor_lag": (mean - self.at.mean_lag, std)}
+        return {name: value for name, value in known.items() if name in self.names}
+
+
+def skew_of(response: MotorResponse) -> float:
+    """Return by what share rising is faster and falling slower than their mean."""
+    if response.lag_down is None or response.mean_lag == 0.0:
+        return 0.0
+    return response.lag_down / response.mean_lag - 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,7 @@ from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.joint_numbers import joint_numbers
+from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.other_settings import widened
@@ -157,6 +158,7 @@ def joint_fit(
     top: float = np.inf,
     terms: Sequence[Term] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
+    free: FreeTiming | None = None,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit at a timing of the motors, with the bands that begin under `top` [Hz].
 
@@ -171,8 +173,11 @@ def joint_fit(
             vehicle=flown.vehicle,
             payload=configured.payload,
             payload_of=configured.entry.payload_of,
+            timing=free,
         )
-        for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
+        for factors, configured in zip(
+            flown.bands(response, free=free), flown.configurations, strict=True
+        )
     ]
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)

@@ -17,7 +17,7 @@ from rotorfit.estimation.factors import (
 )
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.signals import fading_rows
-from rotorfit.model.signals import signal_layout, signal_matrix
+from rotorfit.model.signals import rotor_columns, signal_layout, signal_matrix
 from rotorfit.model.vehicle import Vehicle
 
 CHUNK_ROWS = 16_384
@@ -168,7 +168,12 @@ class BandPlan:
 
 
 def band_factors(
-    flight: FlightData, vehicle: Vehicle, *, plan: BandPlan, velocity: bool = False
+    flight: FlightData,
+    vehicle: Vehicle,
+    *,
+    plan: BandPlan,
+    velocity: bool = False,
+    moved: Sequence[tuple[FlightData, FlightData, float]] = (),
 ) -> Factors:
     """Return one factor per stretch of flight and frequency band, of the velocity too if asked for.
 
@@ -182,14 +187,34 @@ def band_factors(
         If no stretch is long enough for a single band.
     """
     parts: list[Factors] = []
+    rotors = rotor_columns(signal_layout(vehicle, velocity=velocity))
     for segment in flight.segments:
         for stretch in split_segment(segment, plan.longest * flight.sample_rate):
             Z = signal_matrix(flight, vehicle, stretch.start, stretch.stop, velocity=velocity)
-            blocks = _stretch_bands(Z, flight.sample_rate, plan)
+            slopes = _slopes(moved, vehicle, stretch, velocity=velocity)
+            blocks = _stretch_bands(Z, flight.sample_rate, plan, slopes, rotors)
             if blocks is not None:
                 noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
                 parts.append(replace(blocks, noise=noise))
     return _stacked(parts)
+
+
+def _slopes(
+    moved: Sequence[tuple[FlightData, FlightData, float]],
+    vehicle: Vehicle,
+    stretch: Segment,
+    *,
+    velocity: bool,
+) -> list[Float[np.ndarray, "n z"]]:
+    """Return the derivative of the signals by what moves the rotors, from both sides of each."""
+    slopes: list[Float[np.ndarray, "n z"]] = []
+    for ahead, behind, apart in moved:
+        one, other = (
+            signal_matrix(side, vehicle, stretch.start, stretch.stop, velocity=velocity)
+            for side in (ahead, behind)
+        )
+        slopes.append((one - other) / apart)
+    return slopes
 
 
 def rotor_noise(
@@ -233,23 +258,47 @@ def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
 
 
 def _stretch_bands(
-    Z: Float[np.ndarray, "n z"], sample_rate: float, plan: BandPlan
+    Z: Float[np.ndarray, "n z"],
+    sample_rate: float,
+    plan: BandPlan,
+    slopes: Sequence[Float[np.ndarray, "n z"]] = (),
+    rotors: Sequence[int] = (),
 ) -> Factors | None:
-    """Return the band factors of one stretch; None where it has too few lines for one band."""
+    """Return the band factors of one stretch; None where it has too few lines for one band.
+
+    A factor of signals and slopes side by side holds both: its first rows the signals' own.
+    """
     n = len(Z)
     frequency = np.fft.rfftfreq(max(n, 1), 1.0 / sample_rate)
     bands = merged_bands(frequency, plan)
     if not bands:
         return None
+    z = Z.shape[1]
+    if slopes:
+        Z = np.column_stack([Z, *(slope[:, rotors] for slope in slopes)])
     window = signal.windows.tukey(n, plan.taper)
     lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
     stacked = [_line_rows(lines, first, last)[None] for first, last in bands]
+    R = np.concatenate([triangular_factors(rows) for rows in stacked])
     return Factors(
-        R=np.concatenate([triangular_factors(rows) for rows in stacked]),
+        R=R[:, :z, :z],
+        slopes=_slope_rows(R, z, rotors) if slopes else None,
         rows=np.array([rows.shape[1] for rows in stacked], dtype=np.int64),
         segment=np.zeros(len(stacked), dtype=np.int64),
         band=np.array([[frequency[a], frequency[b - 1]] for a, b in bands]),
     )
+
+
+def _slope_rows(
+    R: Float[np.ndarray, "b m m"], z: int, rotors: Sequence[int]
+) -> Float[np.ndarray, "b t m z"]:
+    """Return the slopes' columns of common factors, each in the column of its signal."""
+    count = (R.shape[2] - z) // len(rotors)
+    rows = np.zeros((len(R), count, R.shape[1], z))
+    for t in range(count):
+        first = z + t * len(rotors)
+        rows[:, t][:, :, list(rotors)] = R[:, :, first : first + len(rotors)]
+    return rows
 
 
 def _line_rows(

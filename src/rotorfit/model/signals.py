@@ -43,6 +43,12 @@ class SignalLayout:
         return self.names.index(name)
 
 
+def rotor_columns(layout: SignalLayout) -> list[int]:
+    """Return the columns that the rotors' speeds stand in."""
+    spin = {*SPIN_SIGNALS, "wzO"}
+    return [i for i, name in enumerate(layout.names) if name in spin or name.startswith("O2_")]
+
+
 def signal_layout(vehicle: Vehicle, *, velocity: bool = False) -> SignalLayout:
     """Return the signals that the equations of this vehicle need, its velocity if asked for."""
     aligned = bool(np.all(vehicle.axes == [0.0, 0.0, 1.0]))
