@@ -237,7 +237,7 @@ def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
         v = np.where(counted, v, np.inf)
         residuals.append(e)
         variances.append(v)
-    cost -= 2.0 * _feedback_gain(problem, theta)
+    cost -= 2.0 * _feedback_gain(problem, phi)
     if not np.isfinite(cost):
         raise EstimationError("the likelihood is not finite here")
     return _State(
@@ -248,14 +248,16 @@ def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
     )
 
 
-def _feedback_gain(problem: BandedProblem, theta: Float[np.ndarray, "c p"]) -> float:
+def _feedback_gain(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
     """Return what the answers of a controller add to the log-likelihood."""
     if problem.feedback is None:
         return 0.0
+    theta, moves = problem.map.theta(phi), problem.moves(phi)
     gain = 0.0
-    for rows, tensor, own in zip(problem.feedback.rows, problem.tensors, theta, strict=True):
+    for c, (tensor, own) in enumerate(zip(problem.tensors, theta, strict=True)):
         G, _ = solved(tensor, own, problem.noisy)
-        gain += float(rows.sum(axis=0) @ problem.feedback.log_effect(G))
+        gain += problem.feedback.gain(c, G)
+        gain += float(problem.feedback.answers[c].drift.sum(axis=(0, 1)) @ moves)
     return gain
 
 
@@ -267,9 +269,12 @@ def _feedback_scores(
         return np.zeros((sum(len(factors) for factors in problem.factors), len(phi)))
     parts: list[Float[np.ndarray, "b f"]] = []
     theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
-    for c, (rows, tensor) in enumerate(zip(problem.feedback.rows, problem.tensors, strict=True)):
+    places = [problem.map.names.index(name) for name in problem.moving]
+    for c, tensor in enumerate(problem.tensors):
         G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
-        parts.append(rows @ problem.feedback.slope(G, dG))
+        own = problem.feedback.slope(c, G, dG).sum(axis=1)
+        own[:, places] += problem.feedback.answers[c].drift.sum(axis=1)
+        parts.append(own)
     return np.concatenate(parts)
 
 
@@ -406,7 +411,7 @@ def _known_share(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[
 def _squares(problem: BandedProblem, state: _State, own: Float[np.ndarray, "b k"]) -> float:
     """Return the squared errors over their variances, those of the noisy signals being `own`."""
     weighted = _power(state.residual) / (own + _known_share(problem, state.phi))
-    gain = _feedback_gain(problem, problem.map.theta(state.phi))
+    gain = _feedback_gain(problem, state.phi)
     return float(weighted.sum()) + _prior_cost(problem, state.phi) - 2.0 * gain
 
 
@@ -501,3 +506,23 @@ def normal_equations(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Nor
     taken, scores, plain = _corrected_equations(fit.problem, state)
     scores[:-1][~blocks] = 0.0
     return NormalEquations(information=plain - taken, scores=scores)
+
+
+def answer_shifts(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:
+    """Return how far the estimate hangs on what is assumed of the controller, error by error.
+
+    The step of the parameters that its answer to each error alone asks for: by so much an estimate
+    is off where the controller does not answer that error, or twice as much as assumed.
+    """
+    problem, phi = fit.problem, fit.estimate.values
+    if problem.feedback is None:
+        return np.zeros((0, len(phi)))
+    theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
+    scores = np.zeros((len(problem.feedback.errors), len(phi)))
+    places = [problem.map.names.index(name) for name in problem.moving]
+    doubtful = problem.feedback.doubtful()
+    for c, tensor in enumerate(problem.tensors):
+        G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
+        scores += doubtful.slope(c, G, dG).sum(axis=0)
+        scores[:, places] += doubtful.answers[c].drift.sum(axis=0)
+    return scores @ fit.estimate.covariance

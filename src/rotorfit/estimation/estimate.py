@@ -67,6 +67,11 @@ class Estimate:
         """Standard deviation of each free parameter."""
         return np.sqrt(np.diagonal(self.covariance))
 
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The values by the names of the free parameters."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
     def value(self, name: str) -> float:
         """Return the value of one free parameter."""
         return float(self.values[self.names.index(name)])

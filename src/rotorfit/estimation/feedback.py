@@ -1,22 +1,56 @@
 r"""What a controller that answers the errors adds to the likelihood.
 
 The inputs u of a vehicle that is steered are not given beforehand: its controller sees the errors
-v of the accelerations and drives them out. Inside its bandwidth it makes G u = w - v, w being what
-is asked for. There v = w - G u, and its density, taken over to the inputs,
+v of the accelerations and works against them. With what the pilot asks for and the errors as the
+independent ones, y = G u + v and u = C (r - y), the density of what was logged is
 
-.. math:: p(u) = p(v)\,|\partial v / \partial u|,
+.. math:: p(y, u) = p(v)\,p(r)\,|1 + C G|,
 
-gains the logarithm of the inputs' effect in every row: :math:`\ln|g(\theta)|` of an axis whose
-inputs act by g. Without it the effect comes out too small by about one over the ratio of explained
-to residual power. (Summed over all frequencies the score of the plain likelihood has no such pull,
-the controller being causal: Ljung, System Identification, 13.4. But the upper ones hold the noise
-of gyros that no controller answers, and are left out.)
+and every row gains :math:`\ln|1 + C(\omega)\,G(\theta, \omega)|`, whose slope is
+:math:`\mathrm{Re}(T\,d\ln G)`, T = C G / (1 + C G) being the share of an error that the controller
+answers, with its phase. Without it the effect of the inputs comes out too small, by about one over
+the ratio of explained to residual power where T is one, and the inputs too late where T lags. (Over
+all frequencies the slopes sum to nothing, the controller being causal: Ljung, System Identification,
+13.4. But the upper ones hold the noise of gyros that no controller answers, and are left out.)
+
+T is not known; it is handed over as an assumption about controllers, and how far the estimate hangs
+on it is `BandedEstimate.answer_shifts`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """What the controller does about the errors in the blocks of one configuration.
+
+    Attributes
+    ----------
+    rows
+        How many rows of each block are answered, per error.
+    moves
+        By how much each input moves when the controller answers an error, up to a factor.
+    share
+        T of each block and error: the share of an error that is answered.
+    doubt
+        By how much that may be wrong.
+    late
+        Derivative of the logarithm of the inputs' effect by what moves their signals.
+    """
+
+    rows: Float[np.ndarray, "b e"]
+    moves: Complex[np.ndarray, "b e u"]
+    share: Complex[np.ndarray, "b e"]
+    doubt: Complex[np.ndarray, "b e"]
+    late: Complex[np.ndarray, "b t"]
+
+    @property
+    def drift(self) -> Float[np.ndarray, "b e t"]:
+        """Slope of the gain of each block and error by what moves the signals."""
+        return np.real((self.rows * self.share)[:, :, None] * self.late[:, None, :])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,27 +63,35 @@ class Feedback:
         Places among the noisy signals.
     inputs
         Signals.
-    mixer
-        How it moves the inputs together to answer each error, up to a factor.
-    rows
-        How many rows of each block are answered, per error; one array per configuration.
+    answers
+        One per configuration.
     """
 
     errors: tuple[int, ...]
     inputs: tuple[int, ...]
-    mixer: Float[np.ndarray, "e u"]
-    rows: tuple[Float[np.ndarray, "_ e"], ...]
+    answers: tuple[Answers, ...]
 
-    def log_effect(self, G: Float[np.ndarray, "k z"]) -> Float[np.ndarray, " e"]:
-        """Return the logarithm of what the answer to each error does to it, up to a constant."""
-        return np.log(np.maximum(np.abs(self._effect(G)), np.finfo(float).tiny))
+    def doubtful(self) -> "Feedback":
+        """Return what would be answered beside what is."""
+        answers = tuple(replace(own, share=own.doubt) for own in self.answers)
+        return replace(self, answers=answers)
+
+    def gain(self, c: int, G: Float[np.ndarray, "k z"]) -> float:
+        """Return what configuration `c` adds to the log-likelihood, up to a constant."""
+        own = self.answers[c]
+        effect = self._effect(own, G)
+        effect = np.where(effect.real < 0, -effect, effect)  # away from the logarithm's cut
+        logarithm = np.log(np.where(effect == 0, np.finfo(float).tiny, effect))
+        return float(np.sum(own.rows * np.real(own.share * logarithm)))
 
     def slope(
-        self, G: Float[np.ndarray, "k z"], dG: Float[np.ndarray, "f k z"]
-    ) -> Float[np.ndarray, "e f"]:
-        """Return the derivative of `log_effect` along dG."""
+        self, c: int, G: Float[np.ndarray, "k z"], dG: Float[np.ndarray, "f k z"]
+    ) -> Float[np.ndarray, "b e f"]:
+        """Return the derivative of `gain` along dG, block by block and error by error."""
+        own = self.answers[c]
         moved = dG[:, list(self.errors)][:, :, list(self.inputs)]
-        return np.einsum("fei,ei->ef", moved, self.mixer) / self._effect(G)[:, None]
+        slope = np.einsum("fei,bei->bef", moved, own.moves) / self._effect(own, G)[:, :, None]
+        return own.rows[:, :, None] * np.real(own.share[:, :, None] * slope)
 
-    def _effect(self, G: Float[np.ndarray, "k z"]) -> Float[np.ndarray, " e"]:
-        return np.einsum("ei,ei->e", G[np.ix_(self.errors, self.inputs)], self.mixer)
+    def _effect(self, own: Answers, G: Float[np.ndarray, "k z"]) -> Complex[np.ndarray, "b e"]:
+        return np.einsum("ei,bei->be", G[np.ix_(self.errors, self.inputs)], own.moves)

@@ -134,6 +134,19 @@ class Flown:
         """Whether lag and delay are given, or the flights tell them."""
         return self.motor_timing is None or self.motor_timing.told
 
+    @property
+    def free_timing(self) -> FreeTiming | None:
+        """What a joint fit may move of the timing; None where it is given, or untold."""
+        found = self.motor_timing
+        if found is None or not found.free:
+            return None
+        return FreeTiming(at=found.response, names=found.free, lag_prior=self.lag_prior)
+
+    def at(self, response: MotorResponse, free: tuple[str, ...] = ()) -> "Flown":
+        """Return the same with the motors timed so, and what a fit may move of it."""
+        timing = MotorTiming(response=response, total_std=0.0, free=free)
+        return dataclasses.replace(self, motor_timing=timing)
+
     def bands(
         self, response: MotorResponse | None = None, *, free: FreeTiming | None = None
     ) -> tuple[Factors, ...]:
@@ -145,6 +158,10 @@ class Flown:
             flight_bands(c.flights, self.vehicle, response, velocity=self.velocity, free=free)
             for c in self.configurations
         )
+
+    def timed_bands(self) -> tuple[Factors, ...]:
+        """Return the same at the timing that was found, with what a fit may move of it."""
+        return self.bands(self.timing, free=self.free_timing)
 
 
 def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:

@@ -11,12 +11,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Complex, Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded, log_likelihood
 from rotorfit.estimation.factors import Factors
-from rotorfit.estimation.feedback import Feedback
+from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
@@ -35,8 +35,10 @@ from rotorfit.model.vehicle import Vehicle
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
-ANSWERED = ("dwx", "dwy")
-"""The errors that an autopilot answers in the whole of the pilot's band; in yaw it is slow."""
+ANSWERED = ("dwx", "dwy", "dwz")
+"""The errors that an autopilot answers."""
+BANDWIDTHS = (25.0, 25.0, 5.0)
+"""[rad/s] up to which it does: that of the rate loops of the simulated autopilot, and of usual ones."""
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 """Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
 IMU and rotor plane look the same."""
@@ -178,22 +180,58 @@ def joint_problem(
 
 def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
     """Return where the autopilot answers by the rotors; None where that was not looked at."""
-    rows = tuple(c.answered for c in configurations if c.answered is not None)
-    if not rows:
+    if any(c.answered is None for c in configurations):
         return None
-    names = configurations[0].model.layout.names
+    layout = configurations[0].model.layout
+    inputs = [i for i, name in enumerate(layout.names) if name.startswith("O2_") or name == "dHz"]
     return Feedback(
         errors=tuple(NOISY.index(name) for name in ANSWERED),
-        inputs=tuple(i for i, name in enumerate(names) if name.startswith("O2_")),
-        mixer=_mixer(configurations[0].vehicle),
-        rows=rows,
+        inputs=tuple(inputs),
+        answers=tuple(_answers(c) for c in configurations),
     )
 
 
-def _mixer(vehicle: Vehicle) -> Float[np.ndarray, "2 N"]:
-    """Return how an autopilot moves squared speeds to roll and to pitch: as the arms are."""
+def _answers(configuration: JointConfiguration) -> Answers:
+    """Return what the autopilot does about roll, pitch and yaw errors in every block."""
+    assert configuration.answered is not None
+    turn = 2.0 * np.pi * configuration.factors.band.mean(axis=1)
+    timing = configuration.timing
+    late = [_lateness(name, turn, timing) for name in (() if timing is None else timing.names)]
+    return Answers(
+        rows=configuration.answered,
+        moves=_mixed(configuration, turn),
+        share=1.0 / (1.0 + 1j * turn[:, None] / np.array(BANDWIDTHS)),
+        doubt=1.0 / (1.0 + 1j * turn[:, None] / np.full(len(ANSWERED), max(BANDWIDTHS))),
+        late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
+    )
+
+
+def _lateness(
+    name: str, turn: Float[np.ndarray, " b"], timing: FreeTiming
+) -> Complex[np.ndarray, " b"]:
+    """Return the derivative of the logarithm of the motors' response by one of their times."""
+    if name == "motor_delay":
+        return -1j * turn
+    if name == "motor_lag":
+        return -1j * turn / (1.0 + 1j * turn * timing.at.mean_lag)
+    return np.zeros(len(turn), dtype=complex)
+
+
+def _mixed(
+    configuration: JointConfiguration, turn: Float[np.ndarray, " b"]
+) -> Complex[np.ndarray, "b e u"]:
+    """Return how an autopilot moves squared speeds to roll, pitch and yaw: as the arms and spins.
+
+    And the spin-up that goes with it, where the rotors' axes are z.
+    """
+    vehicle, layout = configuration.vehicle, configuration.model.layout
     torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
-    return torque - torque.mean(axis=1, keepdims=True)
+    mixer = np.vstack([torque - torque.mean(axis=1, keepdims=True), vehicle.spins])
+    moves = np.repeat(mixer[None].astype(complex), len(turn), axis=0)
+    if "dHz" not in layout:
+        return moves
+    spin = (mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)
+    return np.concatenate([moves, (1j * turn[:, None] * spin)[:, :, None]], axis=2)
 
 
 def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:

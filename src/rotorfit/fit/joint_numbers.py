@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.banded import BandedEstimate, answer_shifts
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
@@ -21,12 +21,9 @@ from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.excitation import (
     HEIGHTS,
+    NO_EXCITATION,
     SCALED,
     YAW_PRODUCTS,
-    attenuation_allowance,
-    damping_allowance,
-    height_allowance,
-    link_allowance,
     product_allowance,
     scale_stretch,
 )
@@ -96,9 +93,9 @@ def joint_numbers(
         correlation=correlation_of(formal),
         excitation=excitation(fit, configurations),
     )
-    return hanging_on_roll_and_pitch(
-        _with_systematic(numbers, configurations, mass_std), configurations
-    )
+    answered = np.linalg.norm(answer_shifts(fit) @ jacobian.T, axis=0)
+    numbers = _with_systematic(numbers, configurations, mass_std, answered)
+    return hanging_on_roll_and_pitch(numbers, configurations)
 
 
 def _between_flights(
@@ -216,6 +213,7 @@ def _with_systematic(
     numbers: Numbers,
     configurations: Sequence[JointConfiguration],
     mass_std: Mapping[str, float],
+    answered: Float[np.ndarray, " q"],
 ) -> Numbers:
     """Return the numbers with the half-width of what no scatter within the flights shows."""
     by_name = {c.name: c for c in configurations}
@@ -223,14 +221,10 @@ def _with_systematic(
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
         value = abs(float(numbers.values[i]))
-        parts: list[float] = []
+        parts = [float(answered[i])]
         rho = numbers.rho(name)
-        if rho is not None:
-            c = by_name[owner] if owner else configurations[0]
-            scale = number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle)
-            parts.append(attenuation_allowance(base, max(value, scale), rho, answered=True))
-        if base == "rotor_drag" and rho is not None:
-            parts.append(damping_allowance(float(numbers.half_width[i]), rho))
+        if rho is not None and not rho > NO_EXCITATION:
+            parts.append(float("inf"))
         if base in YAW_PRODUCTS:
             parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
         if (PARAMETERS | DERIVED)[base].mass_power:
@@ -250,16 +244,13 @@ def hanging_on_roll_and_pitch(
     as well.
     """
     weighed = any(c.payload_of is not None for c in configurations)
-    by_name = {c.name: c for c in configurations}
     half = numbers.half_width.copy()
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
-        if base in SCALED and not weighed:
-            half[i] = np.hypot(half[i], link_allowance(float(numbers.values[i]), numbers.link()))
-        if base in HEIGHTS:
-            c = by_name[owner]
-            off = height_allowance(c.vehicle.arm, numbers.link(None if weighed else owner))
-            half[i] = np.hypot(half[i], off * (c.mass if base == "msz" else 1.0))
+        link = numbers.link(owner if base in HEIGHTS and not weighed else None)
+        hangs = base in HEIGHTS or (base in SCALED and not weighed)
+        if hangs and not link > NO_EXCITATION:
+            half[i] = np.inf
     return replace(numbers, half_width=half * _stretches(numbers, half))
 
 

@@ -63,12 +63,16 @@ class MotorTiming:
         Their standard deviations [s]; None for what was given or has no meaning.
     total_std
         Standard deviation of lag plus delay [s].
+    free
+        Which times a fit finds again together with everything else (`FreeTiming.names`): those that
+        the flights tell.
     """
 
     response: MotorResponse
     total_std: float
     lag_std: float | None = None
     delay_std: float | None = None
+    free: tuple[str, ...] = ()
 
     @property
     def told(self) -> bool:

@@ -13,15 +13,17 @@ from jaxtyping import Float
 
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.frequency_bands import EDGES
-from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 
+Shift = Callable[[Flown, float], Float[np.ndarray, " q"]]
+"""How far each number moves with other flights, or at another timing of theirs, and with the bands
+that begin under an edge [Hz]."""
+
+
 def widened(
-    half_width: Float[np.ndarray, " q"],
-    flown: Flown,
-    shift: Callable[[Flown, MotorResponse | None, float], Float[np.ndarray, " q"]],
+    half_width: Float[np.ndarray, " q"], flown: Flown, shift: Shift, *, timed: bool
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width with twice the rms shift of every group of trials.
 
@@ -32,37 +34,33 @@ def widened(
     flown
         What was fitted.
     shift
-        How far each number moves with other flights, at another timing of the motors and with the
-        bands that begin under an edge [Hz].
+        How far each number moves.
+    timed
+        Whether what the flights leave open of the motors' timing is in the half-width already.
     """
-    squares = [
-        np.mean([shift(flown, *trial) ** 2 for trial in trials], axis=0)
-        for trials in _other_settings(flown)
-    ]
-    squares += [shift(other, flown.timing, np.inf) ** 2 for other in other_geometries(flown)]
+    groups = [[(flown, 0.5 * EDGES[-1])]]
+    groups += [] if timed else [[(other, np.inf) for other in g] for g in _other_timings(flown)]
+    groups += [[(other, np.inf)] for other in other_geometries(flown)]
+    squares = [np.mean([shift(*trial) ** 2 for trial in group], axis=0) for group in groups]
     return np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))
 
 
-def _other_settings(flown: Flown) -> list[list[tuple[MotorResponse | None, float]]]:
-    """Return timing and upper edge of the trials, in groups that are independent of each other.
+def _other_timings(flown: Flown) -> list[list[Flown]]:
+    """Return the flights at other timings, in groups that are independent of each other.
 
-    Half the range; the motors off both ways, by half a sample or by a deviation of what the flights
-    tell of lag plus delay; lag taken for delay, by a deviation of the split.
+    The motors off both ways, by half a sample or by a deviation of what the flights tell of lag
+    plus delay; lag taken for delay, by a deviation of the split.
     """
-    trials: list[list[tuple[MotorResponse | None, float]]] = [[(flown.timing, 0.5 * EDGES[-1])]]
     found = flown.motor_timing
-    if found is not None:
-        half = 0.5 / flown.configurations[0].flights[0].prepared.data.sample_rate
-        step, at = max(half, found.total_std), found.response
-        trials.append([(replace(at, delay=at.delay + move), np.inf) for move in (-step, step)])
-    if found is not None and found.lag_std is not None and found.delay_std is not None:
-        split = replace(
-            found.response,
-            lag=found.response.lag + found.lag_std,
-            delay=found.response.delay - found.lag_std,
-        )
-        trials.append([(split, np.inf)])
-    return trials
+    if found is None:
+        return []
+    half = 0.5 / flown.configurations[0].flights[0].prepared.data.sample_rate
+    step, at = max(half, found.total_std), found.response
+    groups = [[flown.at(replace(at, delay=at.delay + move)) for move in (-step, step)]]
+    if found.lag_std is not None and found.delay_std is not None:
+        lag, delay = at.lag + found.lag_std, at.delay - found.lag_std
+        groups.append([flown.at(replace(at, lag=lag, delay=delay))])
+    return groups
 
 
 def other_geometries(flown: Flown) -> Iterator[Flown]:

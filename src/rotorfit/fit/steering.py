@@ -75,8 +75,8 @@ def _with_counted(
     if commanded:
         flown[:, THRUST] = _followed(configuration)
     flown[:, turns] = flown_bands(factors, signal[:, turns], residual[:, turns])
-    low = factors.band[:, 0] < PILOT_BAND[1]
-    rows = (factors.rows * low)[:, None].astype(float)
+    moving = factors.band[:, 0] > 0.0  # trim is nobody's answer
+    rows = (factors.rows * moving)[:, None].astype(float)
     answered = rows * flown[:, [NOISY.index(name) for name in ANSWERED]]
     return replace(configuration, counted=counted_bands(factors, flown), answered=answered)
 

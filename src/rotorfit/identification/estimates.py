@@ -17,17 +17,15 @@ from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.joint_numbers import joint_numbers
-from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.other_settings import widened
 from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.fit.row_parameters import row_numbers
-from rotorfit.fit.steering import steered
 from rotorfit.fit.term_choice import chosen
-from rotorfit.flight.motors import MotorResponse
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables
@@ -82,7 +80,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     if weighed is not None and (
         weighed.contradicts(*found) or weighed.is_surer_than(*found, timed=flown.timing_told)
     ):
-        fit, joint = joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
+        fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
         anchored = _joint_numbers(flown, fit, joint)
         anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)
         if weighed.contradicts(*found):
@@ -115,11 +113,11 @@ def _settled(
     Terms that the user asks for are kept, and a fit that does not settle with them is refused.
     """
     if wanted is not None:
-        return *joint_fit(flown, flown.timing, terms=wanted), tuple(wanted), ()
+        return *joint_fit(flown, terms=wanted), tuple(wanted), ()
     for dropped in FEWER_TERMS:
         terms: tuple[Term, ...] = tuple(t for t in DEFAULT_TERMS if t not in dropped)
         try:
-            fit, joint = joint_fit(flown, flown.timing, terms=terms)
+            fit, joint = joint_fit(flown, terms=terms)
         except UnsettledError:
             if dropped == FEWER_TERMS[-1]:
                 raise
@@ -150,56 +148,11 @@ def _reaching(numbers: Numbers, other: Numbers) -> Numbers:
     return replace(numbers, half_width=np.maximum(numbers.half_width, apart))
 
 
-def joint_fit(
-    flown: Flown,
-    response: MotorResponse | None,
-    *,
-    weighed: WeighedThrust | None = None,
-    top: float = np.inf,
-    terms: Sequence[Term] = DEFAULT_TERMS,
-    begin: Mapping[str, float] | None = None,
-    free: FreeTiming | None = None,
-) -> tuple[BandedEstimate, list[JointConfiguration]]:
-    """Return the fit at a timing of the motors, with the bands that begin under `top` [Hz].
-
-    It begins at `begin` where that is given, else at the row fits.
-    """
-    joint = [
-        JointConfiguration(
-            name=configured.entry.name,
-            mass=configured.mass,
-            factors=factors.select(factors.band[:, 0] < top),
-            model=flown.model,
-            vehicle=flown.vehicle,
-            payload=configured.payload,
-            payload_of=configured.entry.payload_of,
-            timing=free,
-        )
-        for factors, configured in zip(
-            flown.bands(response, free=free), flown.configurations, strict=True
-        )
-    ]
-    # Held there: what the flights say of it otherwise is in the interval.
-    known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
-    if begin is None:
-        starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
-        # Before the first fit nobody can tell the pilot's motion from disturbances.
-        begin = _values(joint_estimate(joint, starts, known_kt=known, terms=terms))
-    commanded = flown.motors.speed == "commanded"
-    joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
-    return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint
-
-
 def _refitted(
     joint: Sequence[JointConfiguration], terms: Sequence[Term], fit: BandedEstimate
 ) -> BandedEstimate:
     """Return the fit with other terms, begun where another one ended."""
-    return joint_estimate(joint, [], terms=terms, begin=_values(fit))
-
-
-def _values(fit: BandedEstimate) -> dict[str, float]:
-    """Return the free parameters of a fit by name."""
-    return dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
+    return joint_estimate(joint, [], terms=terms, begin=fit.estimate.by_name)
 
 
 def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfiguration]) -> Numbers:
@@ -216,27 +169,28 @@ def _joint_widened(
 ) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
 
-    def shift(other: Flown, response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
-        fitted = joint_fit(
-            other, response, weighed=weighed, top=top, terms=terms, begin=_values(fit)
-        )
+    def shift(other: Flown, top: float) -> Float[np.ndarray, " q"]:
+        fitted = joint_fit(other, weighed=weighed, top=top, terms=terms, begin=fit.estimate.by_name)
         return _joint_numbers(other, *fitted).values - numbers.values
 
-    return dataclasses.replace(numbers, half_width=widened(numbers.half_width, flown, shift))
+    timed = flown.free_timing is not None
+    half = widened(numbers.half_width, flown, shift, timed=timed)
+    return dataclasses.replace(numbers, half_width=half)
 
 
 def row_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of the estimate row by row."""
     configured = next(iter(flown.configurations))
-    fits = _rows_at(flown, flown.timing)
+    fits = _rows_at(flown)
     numbers = _row_numbers(flown, fits)
 
-    def shift(other: Flown, response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
-        fitted = _row_numbers(other, _rows_at(other, response, top=top))
-        return fitted.values - numbers.values
+    def shift(other: Flown, top: float) -> Float[np.ndarray, " q"]:
+        return _row_numbers(other, _rows_at(other, top=top)).values - numbers.values
+
+    half = widened(numbers.half_width, flown, shift, timed=False)
 
     return row_tables(
-        dataclasses.replace(numbers, half_width=widened(numbers.half_width, flown, shift)),
+        dataclasses.replace(numbers, half_width=half),
         fits,
         configured.entry,
         vehicle=flown.vehicle,
@@ -245,8 +199,8 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
     )
 
 
-def _rows_at(flown: Flown, response: MotorResponse | None, *, top: float = np.inf) -> RowFits:
-    factors = flown.bands(response)[0]
+def _rows_at(flown: Flown, *, top: float = np.inf) -> RowFits:
+    factors = flown.bands(flown.timing)[0]
     factors = factors.select(factors.band[:, 0] < top)
     return fit_rows(factors, flown.model, mass=flown.configurations[0].mass)
 

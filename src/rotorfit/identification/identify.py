@@ -37,9 +37,10 @@ from rotorfit.fit.flights import (
     levelled_flights,
     load_flight,
 )
+from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.term_choice import velocity_wanted
-from rotorfit.fit.timing_search import find_timing
-from rotorfit.identification.estimates import ESTIMATES, joint_fit, resolved_method
+from rotorfit.fit.timing_fit import find_timing
+from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.mounting import found_tilt
 from rotorfit.model.regressor import regressor
 from rotorfit.results.command_units import of_commanded_speed
@@ -115,7 +116,7 @@ def _mounted(experiment: Experiment, flown: Flown) -> tuple[Experiment, Flown, t
     """Return experiment and flights with the IMU's mounting that the flights tell, and words."""
     if resolved_method(experiment) != "banded" or experiment.airframe.imu_tilt_deg is not None:
         return experiment, flown, ()
-    tilt = found_tilt(flown, lambda other: joint_fit(other, other.timing))
+    tilt = found_tilt(flown, joint_fit)
     if tilt is None:
         return experiment, flown, ()
     flown = levelled_flights(flown, tilt)

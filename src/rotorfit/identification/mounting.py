@@ -60,8 +60,6 @@ def likelihood_on(fit: Fitted, flown: Flown, counted: Sequence[JointConfiguratio
     """
     joint = [
         replace(c, factors=factors, model=flown.model)
-        for c, factors in zip(counted, flown.bands(flown.timing), strict=True)
+        for c, factors in zip(counted, flown.timed_bands(), strict=True)
     ]
-    estimate = fit[0].estimate
-    begin = dict(zip(estimate.names, estimate.values.tolist(), strict=True))
-    return joint_estimate(joint, [], begin=begin).log_likelihood
+    return joint_estimate(joint, [], begin=fit[0].estimate.by_name).log_likelihood

@@ -1,0 +1,61 @@
+"""The joint fit of what was flown: from flights to bands, a start, what counts, and the estimate."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.fit.flights import Flown
+from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.kt_from_weight import WeighedThrust
+from rotorfit.fit.row_fits import fit_rows
+from rotorfit.fit.steering import steered
+
+
+def joint_fit(
+    flown: Flown,
+    *,
+    weighed: WeighedThrust | None = None,
+    top: float = np.inf,
+    terms: Sequence[Term] = DEFAULT_TERMS,
+    begin: Mapping[str, float] | None = None,
+) -> tuple[BandedEstimate, list[JointConfiguration]]:
+    """Return the fit of all flights, and its configurations with what counts.
+
+    Parameters
+    ----------
+    flown
+        With the timing of the motors, and what the fit may move of it.
+    weighed
+        k_t from the weight, at which it is held.
+    top
+        Only bands that begin under this edge are fitted [Hz].
+    terms
+        Optional terms of the model.
+    begin
+        Where to begin; None: at the row fits.
+    """
+    joint = [
+        JointConfiguration(
+            name=configured.entry.name,
+            mass=configured.mass,
+            factors=factors.select(factors.band[:, 0] < top),
+            model=flown.model,
+            vehicle=flown.vehicle,
+            payload=configured.payload,
+            payload_of=configured.entry.payload_of,
+            timing=flown.free_timing,
+        )
+        for factors, configured in zip(flown.timed_bands(), flown.configurations, strict=True)
+    ]
+    # Held there: what the flights say of it otherwise is in the interval.
+    known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
+    if begin is None:
+        starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
+        # Before the first fit nobody can tell the pilot's motion from disturbances.
+        first = joint_estimate(joint, starts, known_kt=known, terms=terms)
+        begin = first.estimate.by_name
+    commanded = flown.motors.speed == "commanded"
+    joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
+    return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint

@@ -1,0 +1,189 @@
+"""When the rotors do what the motor data say: lag and delay, found together with everything else.
+
+From a coarse start (`timing_search.py`) the joint fit moves the motors' times as it moves all other
+parameters: the signals' slopes by them are reduced beside the signals, and where the fit has moved
+far the signals are made anew there. So the deviations of the times, and what they leave open of the
+other numbers, are those of the fit itself. Of a first-order lag and a delay the sum is well
+determined, the split less; a prior on the lag, weak unless the user knows better, keeps it from
+running away. Rotors that rise and fall at different rates get a lag for each where the flights ask
+for it.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import UnsettledError
+from rotorfit.estimation.banded import BandedEstimate, answer_shifts
+from rotorfit.estimation.reweighted import scatter_covariance
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.fit.flights import Flown
+from rotorfit.fit.joint_fit import joint_fit
+from rotorfit.fit.motor_timing import FreeTiming, MotorTiming
+from rotorfit.fit.timing_search import coarse_timing, pull_of_gusts
+from rotorfit.flight.motors import MotorResponse
+
+MOST_ROUNDS: Final = 10
+"""Of fitting, and of making the signals anew where the fit has moved to."""
+LONGEST_MOVE: Final = 0.02
+"""Of a time in one round [s], beyond which its slope is none."""
+NEAR: Final = 0.1
+"""Deviations by which the last round may still move a time."""
+LONGEST_LAG: Final = 0.2
+LONGEST_DELAY: Final = 0.16
+LEAST_GAIN: Final = 10.0
+"""Of the log-likelihood, for which rising and falling speed get a lag each."""
+LARGEST_SKEW: Final = 0.8
+UNTOLD_PULL: Final = 0.03
+"""From here on [s], which is where the turns are explained less than five times over their
+residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
+instead of 39 in a hover)."""
+SUM_FAULT: Final = 1e-4
+SPLIT_FAULT: Final = 5e-4
+"""Deviations that no curvature shows [s], of a delay or of lag plus delay, and of their split."""
+HOLD_FAULT: Final = 0.25
+"""Of a sample: half of the half-sample that lies between the two ways a command may have held."""
+FEWEST_TERMS: Final[tuple[Term, ...]] = ("accel_bias",)
+
+
+def find_timing(flown: Flown, *, lag: bool = True) -> MotorTiming | None:
+    """Return the timing that fits best; None where the flights do not determine it.
+
+    Parameters
+    ----------
+    flown
+        All flights.
+    lag
+        Look for the motors' lag, too, where it is unknown; else all lateness is delay.
+    """
+    unknown = tuple(name for name in flown.unknown_times if lag or name != "lag")
+    start = coarse_timing(flown, unknown) if unknown else None
+    if start is None:
+        return None
+    names = tuple(f"motor_{name}" for name in unknown)
+    for terms in (DEFAULT_TERMS, FEWEST_TERMS):
+        try:
+            found = _fitted(flown, start, names, terms)
+        except UnsettledError:
+            continue
+        return found
+    return None
+
+
+def _fitted(
+    flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+) -> MotorTiming | None:
+    timed, fit = _settled(flown.at(start, names), terms)
+    if "motor_lag" in names:
+        timed, fit = _with_skew(timed, fit, terms)
+    free = timed.free_timing
+    assert free is not None
+    response = _moved(free, fit)
+    if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
+        return None  # the motion does not follow these commands at all
+    pull = pull_of_gusts(flown, response)
+    total = response.mean_lag + response.delay
+    # Before the command no motor answers: there the autopilot answers the noise of its gyro.
+    if "motor_lag" in names and (pull > UNTOLD_PULL or total <= 0.0):
+        return _untold(flown, delay_free="motor_delay" in names)
+    return _with_deviations(flown, free, fit, pull)
+
+
+def _settled(flown: Flown, terms: tuple[Term, ...]) -> tuple[Flown, BandedEstimate]:
+    """Return the fit whose signals are made where it ends, and the flights at that timing."""
+    begin: dict[str, float] | None = None
+    fit: BandedEstimate | None = None
+    for _ in range(MOST_ROUNDS):
+        free = flown.free_timing
+        assert free is not None
+        fit, _ = joint_fit(flown, terms=terms, begin=begin)
+        if _near(free, fit):
+            break
+        begin = {k: v for k, v in fit.estimate.by_name.items() if k not in free.names}
+        flown = flown.at(_moved(free, fit), free.names)
+    assert fit is not None
+    return flown, fit
+
+
+def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
+    """Return whether the fit has moved no time by more than a little of its deviation."""
+    at = [fit.estimate.names.index(name) for name in free.names]
+    return bool((np.abs(fit.estimate.values[at]) <= NEAR * fit.estimate.std[at]).all())
+
+
+def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
+    """Return the timing that the fit has moved to, no further than its slopes reach."""
+    by = {name: fit.estimate.value(name) for name in free.names}
+    reach = {name: LARGEST_SKEW if name == "motor_skew" else LONGEST_MOVE for name in by}
+    by = {name: float(np.clip(v, -reach[name], reach[name])) for name, v in by.items()}
+    return free.moved(by)
+
+
+def _with_skew(
+    flown: Flown, fit: BandedEstimate, terms: tuple[Term, ...]
+) -> tuple[Flown, BandedEstimate]:
+    """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
+    free = flown.free_timing
+    assert free is not None
+    wide = flown.at(free.at, (*free.names, "motor_skew"))
+    first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
+    if first.log_likelihood - fit.log_likelihood <= LEAST_GAIN:
+        return flown, fit
+    return _settled(wide, terms)
+
+
+def _untold(flown: Flown, *, delay_free: bool) -> MotorTiming:
+    """Return what is known of lag and delay without the flights."""
+    lag, std = flown.lag_prior
+    return MotorTiming(
+        response=MotorResponse(lag=lag, delay=flown.declared.delay),
+        lag_std=std,
+        delay_std=UNTOLD_PULL if delay_free else None,
+        total_std=_norm(std, UNTOLD_PULL) if delay_free else std,
+    )
+
+
+def _with_deviations(
+    flown: Flown, free: FreeTiming, fit: BandedEstimate, pull: float
+) -> MotorTiming:
+    """Return the timing with its deviations: of chance, of the autopilot's answer and of faults."""
+    names = fit.estimate.names
+    rows = {name: np.eye(len(names))[names.index(name)] for name in free.names}
+    hold = _hold_fault(flown)
+    lag, delay = rows.get("motor_lag"), rows.get("motor_delay")
+    total = _std(fit, sum(row for row in (lag, delay) if row is not None))
+    split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
+    prior = flown.lag_prior[1]
+    return MotorTiming(
+        response=_moved(free, fit),
+        lag_std=None if lag is None else min(_norm(_std(fit, lag), split), prior),
+        delay_std=None if delay is None else _norm(_std(fit, delay), split, hold),
+        total_std=_norm(total, SUM_FAULT, hold),
+        free=free.names,
+    )
+
+
+def _std(fit: BandedEstimate, row: Float[np.ndarray, " f"]) -> float:
+    """Return the deviation of a combination of parameters."""
+    formal = row @ fit.estimate.covariance @ row
+    scatter = row @ scatter_covariance(fit.influence) @ row
+    answered = float(np.linalg.norm(answer_shifts(fit) @ row)) / 1.96
+    return _norm(float(np.sqrt(max(formal, scatter))), answered)
+
+
+def _hold_fault(flown: Flown) -> float:
+    """Return the deviation of a delay by not knowing how long a logged command held [s].
+
+    It holds until the next one of the log or, where the log keeps only some of a faster loop's
+    commands, is over sooner: up to half a sample of the log later on the whole.
+    """
+    if flown.motors.speed == "measured":
+        return 0.0
+    rates = [f.prepared.motor_rate for c in flown.configurations for f in c.flights]
+    return HOLD_FAULT / min(rates)
+
+
+def _norm(*deviations: float) -> float:
+    return float(np.linalg.norm(deviations))
