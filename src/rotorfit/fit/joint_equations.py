@@ -37,8 +37,11 @@ NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
 ANSWERED = ("dwx", "dwy", "dwz")
 """The errors that an autopilot answers."""
-BANDWIDTHS = (25.0, 25.0, 5.0)
-"""[rad/s] up to which it does: that of the rate loops of the simulated autopilot, and of usual ones."""
+BANDWIDTH = 25.0
+"""[rad/s] up to which an autopilot answers roll and pitch errors: that of the simulated one's rate
+loops, and of usual ones."""
+TAKEN = np.array([1.0, 1.0, 0.0])
+"""Share of that answer that is taken for granted: in yaw, where autopilots are slow, none."""
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 """Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
 IMU and rotor plane look the same."""
@@ -50,6 +53,9 @@ TWIST_STD = np.radians(2.0)
 ROTOR_DRAG_STD = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
+TORQUE_LAW_STD = 0.5
+"""Drag torque grows with the square of rotor speed, but for friction and a profile drag that falls
+with it: on three real flights of 3-inch propellers it is about k_d (O^2 + 0.6 (O_0 O - O^2 / 2))."""
 DRAG_STD = 0.3
 """Known of the torque of drag before the flight: that of drag of this size over mass and velocity
 [1/s] at the end of an arm."""
@@ -183,7 +189,8 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
     if any(c.answered is None for c in configurations):
         return None
     layout = configurations[0].model.layout
-    inputs = [i for i, name in enumerate(layout.names) if name.startswith("O2_") or name == "dHz"]
+    inputs = [i for i, name in enumerate(layout.names) if name.startswith("O2_")]
+    inputs += [layout.index("sO"), layout.index("dHz")]
     return Feedback(
         errors=tuple(NOISY.index(name) for name in ANSWERED),
         inputs=tuple(inputs),
@@ -195,13 +202,14 @@ def _answers(configuration: JointConfiguration) -> Answers:
     """Return what the autopilot does about roll, pitch and yaw errors in every block."""
     assert configuration.answered is not None
     turn = 2.0 * np.pi * configuration.factors.band.mean(axis=1)
+    answer = 1.0 / (1.0 + 1j * turn / BANDWIDTH)
     timing = configuration.timing
     late = [_lateness(name, turn, timing) for name in (() if timing is None else timing.names)]
     return Answers(
         rows=configuration.answered,
         moves=_mixed(configuration, turn),
-        share=1.0 / (1.0 + 1j * turn[:, None] / np.array(BANDWIDTHS)),
-        doubt=1.0 / (1.0 + 1j * turn[:, None] / np.full(len(ANSWERED), max(BANDWIDTHS))),
+        share=answer[:, None] * TAKEN,
+        doubt=np.repeat(answer[:, None], len(TAKEN), axis=1),
         late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
 
@@ -220,18 +228,18 @@ def _lateness(
 def _mixed(
     configuration: JointConfiguration, turn: Float[np.ndarray, " b"]
 ) -> Complex[np.ndarray, "b e u"]:
-    """Return how an autopilot moves squared speeds to roll, pitch and yaw: as the arms and spins.
+    """Return how an autopilot moves the rotors to roll, pitch and yaw: as the arms and spins.
 
-    And the spin-up that goes with it, where the rotors' axes are z.
+    By a unit of squared speed, and the speed and the spin-up (of axes along z) that go with it.
     """
-    vehicle, layout = configuration.vehicle, configuration.model.layout
+    vehicle = configuration.vehicle
     torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
     mixer = np.vstack([torque - torque.mean(axis=1, keepdims=True), vehicle.spins])
-    moves = np.repeat(mixer[None].astype(complex), len(turn), axis=0)
-    if "dHz" not in layout:
-        return moves
-    spin = (mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)
-    return np.concatenate([moves, (1j * turn[:, None] * spin)[:, :, None]], axis=2)
+    squares = np.repeat(mixer[None].astype(complex), len(turn), axis=0)
+    speed = (mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)
+    spin_up = 1j * turn[:, None] * speed * ("dHx" not in configuration.model.layout)
+    with_speed = np.stack([np.broadcast_to(speed, spin_up.shape), spin_up], axis=2)
+    return np.concatenate([squares, with_speed], axis=2)
 
 
 def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
@@ -243,6 +251,7 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
     first = configurations[0]
     if len(first.factors):
         prior["rotor_drag"] = rotor_drag_std(first.mass, float(rotor_speeds(first).sum()))
+    prior["torque_law"] = TORQUE_LAW_STD
     for configuration in configurations:
         at, arm = f"@{configuration.name}", configuration.vehicle.arm
         prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
@@ -295,6 +304,9 @@ def joint_map(
     free |= {name: {} for name in (() if timing is None else timing.names)}
     given: dict[tuple[int, str], float] = {}
     products: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
+    if "torque_law" in terms:
+        free["torque_law"] = {}
+        products |= _torque_law(configurations)
     for c, configuration in enumerate(configurations):
         given[c, "mass"] = configuration.mass
         free |= _own_parameters(c, configuration) | _own_terms(c, configuration, terms)
@@ -315,6 +327,26 @@ def joint_map(
         configurations=len(configurations),
         products=products,
     )
+
+
+def usual_speed(configurations: Sequence[JointConfiguration]) -> float:
+    """Return the rotor speed at which k_d is the slope of the drag torque [rad/s]."""
+    return float(np.mean([rotor_speeds(c).mean() for c in configurations if len(c.factors)]))
+
+
+def _torque_law(
+    configurations: Sequence[JointConfiguration],
+) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
+    """Return k_d times the torque law l: a torque k_d (O^2 + l (O_0 O - O^2 / 2)).
+
+    About the usual speed O_0 the second part has no slope, so that k_d is that of the flight.
+    """
+    speed = usual_speed(configurations)
+    parts: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
+    for c in range(len(configurations)):
+        parts[c, "kd"] = [(-0.5, "kd", "torque_law")]
+        parts[c, "kd_linear"] = [(speed, "kd", "torque_law")]
+    return parts
 
 
 def _own_parameters(

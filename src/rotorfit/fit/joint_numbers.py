@@ -62,7 +62,8 @@ OWN_NUMBERS = (
     *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
-SHARED_NUMBERS = ("kt", "kd", "Jr", "rotor_drag", "kd_over_kt", "motor_lag_total")
+SHARED_FREE = ("kt", "kd", "Jr", "rotor_drag", "torque_law")
+SHARED_NUMBERS = (*SHARED_FREE, "kd_over_kt", "motor_lag_total")
 
 
 def joint_numbers(
@@ -93,7 +94,7 @@ def joint_numbers(
         correlation=correlation_of(formal),
         excitation=excitation(fit, configurations),
     )
-    answered = np.linalg.norm(answer_shifts(fit) @ jacobian.T, axis=0)
+    answered = np.abs(answer_shifts(fit) @ jacobian.T).sum(axis=0)
     numbers = _with_systematic(numbers, configurations, mass_std, answered)
     return hanging_on_roll_and_pitch(numbers, configurations)
 
@@ -130,7 +131,7 @@ def physical(
 ) -> dict[str, float]:
     """Return every physical number at the free parameters `phi`."""
     p = dict(zip(mapped.names, phi.tolist(), strict=True))
-    out = {name: p[name] for name in ("kt", "kd", "Jr", "rotor_drag") if name in p}
+    out = {name: p[name] for name in SHARED_FREE if name in p}
     out["kd_over_kt"] = p["kd"] / p["kt"]
     theta = mapped.theta(phi)
     index = configurations[0].model.names.index

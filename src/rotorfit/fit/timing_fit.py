@@ -169,7 +169,7 @@ def _std(fit: BandedEstimate, row: Float[np.ndarray, " f"]) -> float:
     """Return the deviation of a combination of parameters."""
     formal = row @ fit.estimate.covariance @ row
     scatter = row @ scatter_covariance(fit.influence) @ row
-    answered = float(np.linalg.norm(answer_shifts(fit) @ row)) / 1.96
+    answered = float(np.abs(answer_shifts(fit) @ row).sum()) / 1.96
     return _norm(float(np.sqrt(max(formal, scatter))), answered)
 
 
