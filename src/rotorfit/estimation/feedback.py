@@ -10,8 +10,8 @@ and every row gains :math:`\ln|1 + C(\omega)\,G(\theta, \omega)|`, whose slope i
 :math:`\mathrm{Re}(T\,d\ln G)`, T = C G / (1 + C G) being the share of an error that the controller
 answers, with its phase. Without it the effect of the inputs comes out too small, by about one over
 the ratio of explained to residual power where T is one, and the inputs too late where T lags. (Over
-all frequencies the slopes sum to nothing, the controller being causal: Ljung, System Identification,
-13.4. But the upper ones hold the noise of gyros that no controller answers, and are left out.)
+all frequencies the slopes sum to nothing, the controller being causal: Ljung, System
+Identification, 13.4. But the upper ones hold the noise of gyros that no controller answers, and are left out.)
 
 T is not known; it is handed over as an assumption about controllers, and how far the estimate hangs
 on it is `BandedEstimate.answer_shifts`.
@@ -20,7 +20,7 @@ on it is `BandedEstimate.answer_shifts`.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class Answers:
     Attributes
     ----------
     rows
-        How many rows of each block are answered, per error.
+        How many rows of each block a controller may answer, per error.
     moves
         By how much each input moves when the controller answers an error, up to a factor.
     share
@@ -41,7 +41,7 @@ class Answers:
         Derivative of the logarithm of the inputs' effect by what moves their signals.
     """
 
-    rows: Float[np.ndarray, "b e"]
+    rows: Int[np.ndarray, "b e"]
     moves: Complex[np.ndarray, "b e u"]
     share: Complex[np.ndarray, "b e"]
     doubt: Complex[np.ndarray, "b e"]

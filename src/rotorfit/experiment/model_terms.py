@@ -11,8 +11,14 @@ from typing import Annotated, Any, Final, Literal, cast, get_args
 from pydantic import BeforeValidator
 
 Term = Literal[
-    "rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "torque_law",
-    "drag", "torque_offset",
+    "rotor_inertia",
+    "rotor_spread",
+    "accel_bias",
+    "twist",
+    "rotor_drag",
+    "torque_law",
+    "drag",
+    "torque_offset",
 ]  # in the order of the documentation
 TERMS: Final[tuple[Term, ...]] = get_args(Term)
 DEFAULT_TERMS: Final[tuple[Term, ...]] = (

@@ -3,26 +3,23 @@
 The autopilot answers disturbances, so that rotor speeds are correlated with them, and an estimate
 of what the rotors do is pulled to one side: by a share of it that goes with 1 / rho, rho being
 explained over residual power of the axis' angular acceleration where a pilot moves the vehicle.
-Measured on simulated flights (another rigid-body engine, gusts and sticks of many sizes) and on
-real ones: the roll and pitch inertia come out too large by up to 2.5 / rho, by 1.5 / rho where the
-likelihood has a term for the answer (`steering.py`); k_d / I_zz and J_r / I_zz too small by up to
-1.5 / rho; and the scale of I_zz and k_d, which hangs on small terms, is off by up to 3 / rho either
-way.
+The joint fit knows by how much on the very flights (`banded.answer_shifts`): by about 1 / rho. Row
+by row it is not known. There, measured on simulated flights (another rigid-body engine, gusts and
+sticks of many sizes) and on real ones: the roll and pitch inertia come out too large by up to
+2.5 / rho; k_d / I_zz and J_r / I_zz too small by up to 1.5 / rho; and the scale of I_zz and k_d,
+which hangs on small terms, is off by up to 3 / rho either way.
 
 The yaw equation holds I_zz, k_d and J_r only relative to one another. Their scale comes from what
 yaw does to roll and pitch (products of rates, gyroscopic torque of the rotors, known geometry).
 Where neither of the two is flown it is noise, up to seventeen times too large; a known payload
-gives it without that link. The height of the centre of mass hangs on roll and pitch, too, and is
-off by up to half an arm / rho.
+gives it without that link. The height of the centre of mass hangs on roll and pitch, too.
 """
 
 from collections.abc import Mapping
 from typing import Final
 
-from rotorfit.fit.frequency_bands import LEAST_RATIO
-
 INERTIA_PULL: Final = 2.5
-ANSWERED_PULL: Final = 1.5
+ANSWERED_PULL: Final = 1.0
 RATIO_PULL: Final = 1.5
 SCALE_PULL: Final = 3.0
 """Largest pulls, as shares of the true value times rho."""
@@ -47,13 +44,7 @@ SCALED: Final = ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr", "rot
 YAW_PRODUCTS: Final = ("Ixz", "Ixz_com", "Iyz", "Iyz_com")
 """Where roll and pitch are flown and yaw is not, these stand in the yaw equation alone, where
 their scale is that of k_d."""
-DAMPING_PULL: Final = 15.0
-"""Of the rotors' drag, in half-widths times rho: an autopilot's answer to gusts damps the body,
-too. It was off by up to 1.8 half-widths where no turn is flown, and by less than one where some
-are."""
 HEIGHTS: Final = ("com_z", "msz")
-HEIGHT_PULL: Final = 0.5
-"""Of the height of the centre of mass, in arms times rho."""
 
 
 def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool) -> float:
@@ -68,35 +59,22 @@ def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool)
     rho
         Explained over residual power of the axis' angular acceleration.
     answered
-        Whether the likelihood has a term for the autopilot's answer in the bands that are flown.
+        Of the joint fit, whose likelihood has a term for the autopilot's answer: about what the
+        fit itself finds (`banded.answer_shifts`), for a flight that is not there to fit.
     """
     size, rho = float(size), float(rho)
     if not rho > NO_EXCITATION:
         return float("inf")
+    if answered:
+        return ANSWERED_PULL / (rho + ANSWERED_PULL) * abs(size)
     too_small = RATIO_PULL / (rho - RATIO_PULL)
     if AXIS_OF[name] != "yaw":
-        pull = ANSWERED_PULL if answered and rho > LEAST_RATIO else INERTIA_PULL
-        share = pull / (rho + pull)
+        share = INERTIA_PULL / (rho + INERTIA_PULL)
     elif name in YAW_RATIOS:
         share = too_small
     else:
         share = max(SCALE_PULL / (rho + SCALE_PULL), too_small)
     return share * abs(size)
-
-
-def link_allowance(size: float, link: float) -> float:
-    """Return the half-width that too little roll and pitch adds to a number of `SCALED`.
-
-    Parameters
-    ----------
-    size
-        Of the number as found.
-    link
-        The larger rho of roll and pitch.
-    """
-    if not link > NO_EXCITATION:
-        return float("inf")
-    return SCALE_PULL / (link + SCALE_PULL) * abs(size)
 
 
 def product_allowance(size: float, rho: float) -> float:
@@ -110,26 +88,6 @@ def product_allowance(size: float, rho: float) -> float:
         Of yaw.
     """
     return SCALE_PULL / (max(float(rho), 0.0) + SCALE_PULL) * abs(size)
-
-
-def damping_allowance(half_width: float, rho: float) -> float:
-    """Return the half-width that too little yaw adds to the rotors' drag.
-
-    Parameters
-    ----------
-    half_width
-        That it has.
-    rho
-        Of yaw.
-    """
-    if not rho > NO_EXCITATION:
-        return float("inf")
-    return half_width * float((1.0 + DAMPING_PULL / rho) ** 2 - 1.0) ** 0.5
-
-
-def height_allowance(arm: float, link: float) -> float:
-    """Return the half-width [m] that too little roll and pitch adds to the height of the CoM."""
-    return HEIGHT_PULL * arm / link if link > NO_EXCITATION else float("inf")
 
 
 def scale_stretch(value: float, half_width: float) -> float:

@@ -55,7 +55,7 @@ ROTOR_DRAG_STD = 0.3
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
 TORQUE_LAW_STD = 0.5
 """Drag torque grows with the square of rotor speed, but for friction and a profile drag that falls
-with it: on three real flights of 3-inch propellers it is about k_d (O^2 + 0.6 (O_0 O - O^2 / 2))."""
+with it: on real flights of 3-inch propellers it is about k_d (O^2 + 0.6 (O_0 O - O^2 / 2))."""
 DRAG_STD = 0.3
 """Known of the torque of drag before the flight: that of drag of this size over mass and velocity
 [1/s] at the end of an arm."""
@@ -72,7 +72,8 @@ class JointConfiguration:
 
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `answered` are those of
-    `steering.py`: which errors of each block count, and how many rows the autopilot answers.
+    `steering.py`: which errors of each block count, and which of those of the turns the autopilot
+    answers. `timing` is what a fit may move of the motors' timing.
     """
 
     name: str
@@ -83,7 +84,7 @@ class JointConfiguration:
     payload: tuple[PointMass, ...] = ()
     payload_of: str | None = None
     counted: Bool[np.ndarray, "b 6"] | None = None
-    answered: Float[np.ndarray, "b e"] | None = None
+    answered: Bool[np.ndarray, "b e"] | None = None
     timing: FreeTiming | None = None
 
 
@@ -200,15 +201,22 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
 
 def _answers(configuration: JointConfiguration) -> Answers:
     """Return what the autopilot does about roll, pitch and yaw errors in every block."""
-    assert configuration.answered is not None
-    turn = 2.0 * np.pi * configuration.factors.band.mean(axis=1)
+    factors, answered, counted = (
+        configuration.factors,
+        configuration.answered,
+        configuration.counted,
+    )
+    assert answered is not None and counted is not None
+    turn = 2.0 * np.pi * factors.band.mean(axis=1)
+    steered = counted[:, [NOISY.index(name) for name in ANSWERED]]
+    moving = factors.band[:, 0] > 0.0  # trim is nobody's answer
     answer = 1.0 / (1.0 + 1j * turn / BANDWIDTH)
     timing = configuration.timing
     late = [_lateness(name, turn, timing) for name in (() if timing is None else timing.names)]
     return Answers(
-        rows=configuration.answered,
+        rows=(factors.rows * moving)[:, None] * steered,
         moves=_mixed(configuration, turn),
-        share=answer[:, None] * TAKEN,
+        share=answer[:, None] * TAKEN * answered,
         doubt=np.repeat(answer[:, None], len(TAKEN), axis=1),
         late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )

@@ -1,4 +1,4 @@
-"""The joint fit of what was flown: from flights to bands, a start, what counts, and the estimate."""
+"""The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,9 +1,9 @@
 """From the joint estimate to physical numbers with intervals.
 
-Half-width^2 = (larger of 1.96 formal and t scatter)^2 + attenuation^2 + tolerances^2. Formal: the
-covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Attenuation: what
-disturbances can pull an axis by (`excitation.py`). What a change of settings shifts is added by
-the recipe.
+Half-width^2 = (t times the larger of formal and scatter)^2 + answer^2 + tolerances^2. Formal: the
+covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Answer: how far the
+estimate hangs on what is assumed of the autopilot, which answers disturbances
+(`banded.answer_shifts`). What a change of settings shifts is added by the recipe.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,6 +57,8 @@ from rotorfit.model.vehicle import Vehicle
 AXES = ("roll", "pitch", "yaw")
 FEWEST_FLIGHTS = 3
 """Of one configuration, from which their scatter tells anything."""
+ENOUGH_FLIGHTS = 5
+"""From which it tells its own size too: of fewer it can only be a lower limit."""
 OWN_NUMBERS = (
     *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
     *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS),
@@ -85,8 +87,8 @@ def joint_numbers(
     # A block holds an equation for each noisy signal: that many parameters cost one block.
     blocks = len(fit.influence)
     free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)
-    scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T * (blocks / free)
-    random = chance_half_width(formal, scatter, free)
+    scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T
+    random = chance_half_width(formal, scatter, free) * np.sqrt(blocks / free)
     numbers = Numbers(
         names=names,
         values=values,
@@ -118,9 +120,8 @@ def _between_flights(
         if m < FEWEST_FLIGHTS:
             continue
         variance += m / (m - 1.0) * ((pulls - pulls.mean(axis=0)) ** 2).sum(axis=0)
-        degrees = min(degrees, m - 1)
-    if not np.isfinite(degrees):
-        return variance
+        if m >= ENOUGH_FLIGHTS:
+            degrees = min(degrees, m - 1)
     return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
 
 

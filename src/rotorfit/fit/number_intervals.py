@@ -86,7 +86,7 @@ class Numbers:
 def chance_half_width(
     formal: Float[np.ndarray, "q q"], scatter: Float[np.ndarray, "q q"], degrees: float
 ) -> Float[np.ndarray, " q"]:
-    """Return half of the 95 % interval by chance: the larger of 1.96 formal and t scatter.
+    """Return half of the 95 % interval by chance: t times the larger of formal and scatter.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def chance_half_width(
         Of freedom of the scatter.
     """
     t = float(stats.t.ppf(0.975, degrees))
-    return np.maximum(1.96 * np.sqrt(np.diagonal(formal)), t * np.sqrt(np.diagonal(scatter)))
+    return t * np.sqrt(np.maximum(np.diagonal(formal), np.diagonal(scatter)))
 
 
 def correlation_of(covariance: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:

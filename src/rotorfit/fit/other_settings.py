@@ -16,7 +16,6 @@ from rotorfit.fit.frequency_bands import EDGES
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 
-
 Shift = Callable[[Flown, float], Float[np.ndarray, " q"]]
 """How far each number moves with other flights, or at another timing of theirs, and with the bands
 that begin under an edge [Hz]."""

@@ -55,8 +55,8 @@ NUISANCE_STD = {
 }
 """Deviation of the small terms of the roll and pitch rows, relative to that row's inertia."""
 ROTOR_SPREAD_STD = 0.04
-"""Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or 2 %,
-one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
+"""Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
+2 %, one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,6 @@ from jaxtyping import Bool, Float
 from rotorfit.estimation.banded import error_power
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.frequency_bands import (
-    PILOT_BAND,
     counted_bands,
     flown_bands,
     followed_bands,
@@ -75,9 +74,7 @@ def _with_counted(
     if commanded:
         flown[:, THRUST] = _followed(configuration)
     flown[:, turns] = flown_bands(factors, signal[:, turns], residual[:, turns])
-    moving = factors.band[:, 0] > 0.0  # trim is nobody's answer
-    rows = (factors.rows * moving)[:, None].astype(float)
-    answered = rows * flown[:, [NOISY.index(name) for name in ANSWERED]]
+    answered = flown[:, [NOISY.index(name) for name in ANSWERED]]
     return replace(configuration, counted=counted_bands(factors, flown), answered=answered)
 
 

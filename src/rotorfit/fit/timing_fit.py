@@ -9,7 +9,6 @@ running away. Rotors that rise and fall at different rates get a lag for each wh
 for it.
 """
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np

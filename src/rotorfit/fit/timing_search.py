@@ -88,9 +88,7 @@ def _coarse_delay(flown: Flown) -> MotorResponse | None:
 def _cost(flown: Flown, response: MotorResponse) -> float:
     """Return minus the log-likelihood of the angular accelerations in the pilot's band."""
     return -sum(
-        angular_log_likelihood(
-            factors, flown.model, mass=configured.mass, counted=_slow(factors)
-        )
+        angular_log_likelihood(factors, flown.model, mass=configured.mass, counted=_slow(factors))
         for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
     )
 

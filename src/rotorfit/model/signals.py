@@ -1,8 +1,8 @@
 """The signals of a flight: the few columns in which every equation of the model is linear.
 
 z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
-terms, yaw rate times rotor speeds and squared arms, rotor speeds by their spins, velocity 3 and rates 3 where the velocity is
-asked for, 1). The spin terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with
+terms, yaw rate times rotor speeds and squared arms, rotor speeds times spins, velocity 3 and rates
+3 where the velocity is asked for, 1). The spin terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with
 tilted rotors, three where all axes are z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
 

@@ -3,8 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
