@@ -11,7 +11,8 @@ and every row gains :math:`\ln|1 + C(\omega)\,G(\theta, \omega)|`, whose slope i
 answers, with its phase. Without it the effect of the inputs comes out too small, by about one over
 the ratio of explained to residual power where T is one, and the inputs too late where T lags. (Over
 all frequencies the slopes sum to nothing, the controller being causal: Ljung, System
-Identification, 13.4. But the upper ones hold the noise of gyros that no controller answers, and are left out.)
+Identification, 13.4. But the upper ones hold the noise of gyros that no controller answers, and
+are left out.)
 
 T is not known; it is handed over as an assumption about controllers, and how far the estimate hangs
 on it is `BandedEstimate.answer_shifts`.
@@ -80,7 +81,7 @@ class Feedback:
         """Return what configuration `c` adds to the log-likelihood, up to a constant."""
         own = self.answers[c]
         effect = self._effect(own, G)
-        effect = np.where(effect.real < 0, -effect, effect)  # away from the logarithm's cut
+        effect = np.where(np.real(effect) < 0, -effect, effect)  # away from the logarithm's cut
         logarithm = np.log(np.where(effect == 0, np.finfo(float).tiny, effect))
         return float(np.sum(own.rows * np.real(own.share * logarithm)))
 

@@ -11,18 +11,11 @@ from typing import Annotated, Any, Final, Literal, cast, get_args
 from pydantic import BeforeValidator
 
 Term = Literal[
-    "rotor_inertia",
-    "rotor_spread",
-    "accel_bias",
-    "twist",
-    "rotor_drag",
-    "torque_law",
-    "drag",
-    "torque_offset",
+    "rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "drag", "torque_offset"
 ]  # in the order of the documentation
 TERMS: Final[tuple[Term, ...]] = get_args(Term)
 DEFAULT_TERMS: Final[tuple[Term, ...]] = (
-    *("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "torque_law"),
+    *("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag"),
 )
 """Always in the model unless the user says otherwise: every real vehicle has them, and they cost
 next to nothing where it has not."""
@@ -34,7 +27,6 @@ TERM_WORDS: Final[dict[Term, str]] = {
     "accel_bias": "the bias of the accelerometer",
     "twist": "a yaw torque in proportion to thrust, of motors tilted about their arms",
     "rotor_drag": "a yaw torque of rotors that a turn carries through the air",
-    "torque_law": "a drag torque that grows less than with the square of rotor speed",
     "drag": "air drag of the frame, in proportion to its velocity",
     "torque_offset": "a torque that does not change",
 }

@@ -271,7 +271,7 @@ def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[
 
 
 _TERMS: Final = (
-    *("motor_delay", "twist", "rotor_drag", "torque_law", *DRAG, *DRAG_MOMENTS),
+    *("motor_delay", "twist", "rotor_drag", *DRAG, *DRAG_MOMENTS),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
 

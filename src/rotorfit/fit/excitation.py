@@ -34,7 +34,6 @@ AXIS_OF: Final[Mapping[str, str]] = {
     **{name: "pitch" for name in ("Iyy", "Iyy_com", "Iyy_over_kt", "Iyz", "Iyz_com")},
     **{name: "yaw" for name in ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr")},
     "rotor_drag": "yaw",
-    "torque_law": "yaw",
     **{name: "yaw" for name in ("kd_over_Izz", "Jr_over_Izz")},
 }
 """Whose excitation decides how far a number can be trusted."""

@@ -325,21 +325,26 @@ def prepared_bands(
     free: FreeTiming | None = None,
 ) -> Factors:
     """Return the band factors of one flight, see `flight_bands`."""
-    moved: list[tuple[FlightData, FlightData, float]] = []
-    for name in () if free is None else free.names:
-        step = STEPS[name]
-        ahead, behind = (
-            dataclasses.replace(
-                retimed(prepared, free.moved({name: side * step})), segments=prepared.phases
-            )
-            for side in (1.0, -1.0)
-        )
-        moved.append((ahead, behind, 2.0 * step))
+    moved = [] if free is None else _moved(prepared, free)
     data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
     plan = BandPlan(edges=edges, longest=STRETCH)
     return band_factors(data, vehicle, plan=plan, velocity=velocity, moved=moved)
+
+
+def _moved(
+    prepared: PreparedFlight, free: FreeTiming
+) -> list[tuple[FlightData, FlightData, float]]:
+    """Return the flight with each free time a step later and earlier, and how far that is apart."""
+    return [
+        (
+            retimed(prepared, free.moved({name: STEPS[name]})),
+            retimed(prepared, free.moved({name: -STEPS[name]})),
+            2.0 * STEPS[name],
+        )
+        for name in free.names
+    ]
 
 
 def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:

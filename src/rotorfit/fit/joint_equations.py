@@ -29,6 +29,7 @@ from rotorfit.fit.row_fits import (
     fit_rows,
 )
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
@@ -53,9 +54,6 @@ TWIST_STD = np.radians(2.0)
 ROTOR_DRAG_STD = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
-TORQUE_LAW_STD = 0.5
-"""Drag torque grows with the square of rotor speed, but for friction and a profile drag that falls
-with it: on real flights of 3-inch propellers it is about k_d (O^2 + 0.6 (O_0 O - O^2 / 2))."""
 DRAG_STD = 0.3
 """Known of the torque of drag before the flight: that of drag of this size over mass and velocity
 [1/s] at the end of an arm."""
@@ -191,7 +189,7 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
         return None
     layout = configurations[0].model.layout
     inputs = [i for i, name in enumerate(layout.names) if name.startswith("O2_")]
-    inputs += [layout.index("sO"), layout.index("dHz")]
+    inputs.append(layout.index("dHz"))
     return Feedback(
         errors=tuple(NOISY.index(name) for name in ANSWERED),
         inputs=tuple(inputs),
@@ -212,7 +210,7 @@ def _answers(configuration: JointConfiguration) -> Answers:
     moving = factors.band[:, 0] > 0.0  # trim is nobody's answer
     answer = 1.0 / (1.0 + 1j * turn / BANDWIDTH)
     timing = configuration.timing
-    late = [_lateness(name, turn, timing) for name in (() if timing is None else timing.names)]
+    late = [] if timing is None else [_lateness(name, turn, timing.at) for name in timing.names]
     return Answers(
         rows=(factors.rows * moving)[:, None] * steered,
         moves=_mixed(configuration, turn),
@@ -223,13 +221,13 @@ def _answers(configuration: JointConfiguration) -> Answers:
 
 
 def _lateness(
-    name: str, turn: Float[np.ndarray, " b"], timing: FreeTiming
+    name: str, turn: Float[np.ndarray, " b"], at: MotorResponse
 ) -> Complex[np.ndarray, " b"]:
     """Return the derivative of the logarithm of the motors' response by one of their times."""
     if name == "motor_delay":
         return -1j * turn
     if name == "motor_lag":
-        return -1j * turn / (1.0 + 1j * turn * timing.at.mean_lag)
+        return -1j * turn / (1.0 + 1j * turn * at.mean_lag)
     return np.zeros(len(turn), dtype=complex)
 
 
@@ -238,7 +236,7 @@ def _mixed(
 ) -> Complex[np.ndarray, "b e u"]:
     """Return how an autopilot moves the rotors to roll, pitch and yaw: as the arms and spins.
 
-    By a unit of squared speed, and the speed and the spin-up (of axes along z) that go with it.
+    By a unit of squared speed, and the spin-up (of axes along z) that goes with it.
     """
     vehicle = configuration.vehicle
     torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
@@ -246,8 +244,7 @@ def _mixed(
     squares = np.repeat(mixer[None].astype(complex), len(turn), axis=0)
     speed = (mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)
     spin_up = 1j * turn[:, None] * speed * ("dHx" not in configuration.model.layout)
-    with_speed = np.stack([np.broadcast_to(speed, spin_up.shape), spin_up], axis=2)
-    return np.concatenate([squares, with_speed], axis=2)
+    return np.concatenate([squares, spin_up[:, :, None]], axis=2)
 
 
 def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
@@ -259,7 +256,6 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
     first = configurations[0]
     if len(first.factors):
         prior["rotor_drag"] = rotor_drag_std(first.mass, float(rotor_speeds(first).sum()))
-    prior["torque_law"] = TORQUE_LAW_STD
     for configuration in configurations:
         at, arm = f"@{configuration.name}", configuration.vehicle.arm
         prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
@@ -312,9 +308,6 @@ def joint_map(
     free |= {name: {} for name in (() if timing is None else timing.names)}
     given: dict[tuple[int, str], float] = {}
     products: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
-    if "torque_law" in terms:
-        free["torque_law"] = {}
-        products |= _torque_law(configurations)
     for c, configuration in enumerate(configurations):
         given[c, "mass"] = configuration.mass
         free |= _own_parameters(c, configuration) | _own_terms(c, configuration, terms)
@@ -335,26 +328,6 @@ def joint_map(
         configurations=len(configurations),
         products=products,
     )
-
-
-def usual_speed(configurations: Sequence[JointConfiguration]) -> float:
-    """Return the rotor speed at which k_d is the slope of the drag torque [rad/s]."""
-    return float(np.mean([rotor_speeds(c).mean() for c in configurations if len(c.factors)]))
-
-
-def _torque_law(
-    configurations: Sequence[JointConfiguration],
-) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
-    """Return k_d times the torque law l: a torque k_d (O^2 + l (O_0 O - O^2 / 2)).
-
-    About the usual speed O_0 the second part has no slope, so that k_d is that of the flight.
-    """
-    speed = usual_speed(configurations)
-    parts: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
-    for c in range(len(configurations)):
-        parts[c, "kd"] = [(-0.5, "kd", "torque_law")]
-        parts[c, "kd_linear"] = [(speed, "kd", "torque_law")]
-    return parts
 
 
 def _own_parameters(

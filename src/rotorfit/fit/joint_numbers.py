@@ -10,12 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import stats
 
-from rotorfit.estimation.banded import BandedEstimate, answer_shifts
+from rotorfit.estimation.banded import BandedEstimate, answer_shifts, normal_equations
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
+from rotorfit.estimation.partial import parameter_scale
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS
@@ -55,6 +56,8 @@ from rotorfit.model.parameters import (
 from rotorfit.model.vehicle import Vehicle
 
 AXES = ("roll", "pitch", "yaw")
+FEWEST_PHASES = 3
+"""Whose scatter tells anything."""
 FEWEST_FLIGHTS = 3
 """Of one configuration, from which their scatter tells anything."""
 ENOUGH_FLIGHTS = 5
@@ -64,7 +67,7 @@ OWN_NUMBERS = (
     *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
-SHARED_FREE = ("kt", "kd", "Jr", "rotor_drag", "torque_law")
+SHARED_FREE = ("kt", "kd", "Jr", "rotor_drag")
 SHARED_NUMBERS = (*SHARED_FREE, "kd_over_kt", "motor_lag_total")
 
 
@@ -92,7 +95,9 @@ def joint_numbers(
     numbers = Numbers(
         names=names,
         values=values,
-        half_width=np.maximum(random, _between_flights(fit, jacobian)),
+        half_width=np.maximum.reduce(
+            [random, _between_phases(fit, jacobian), _between_flights(fit, jacobian)]
+        ),
         correlation=correlation_of(formal),
         excitation=excitation(fit, configurations),
     )
@@ -123,6 +128,43 @@ def _between_flights(
         if m >= ENOUGH_FLIGHTS:
             degrees = min(degrees, m - 1)
     return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
+
+
+def _between_phases(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width that the phases of the flights show, all bands of one together.
+
+    What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
+    their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
+    moves by d; p is too small where a phase has most of the information, and d too large: the
+    variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2).
+    """
+    first, parts = 0, list[Bool[np.ndarray, " b"]]()
+    blocks = sum(len(factors) for factors in fit.problem.factors)
+    for factors in fit.problem.factors:
+        place = np.arange(blocks) - first
+        for number in np.unique(factors.segment):
+            own = np.zeros(blocks, dtype=bool)
+            own[(place >= 0) & (place < len(factors))] = factors.segment == number
+            parts.append(own)
+        first += len(factors)
+    if len(parts) < FEWEST_PHASES:
+        return np.zeros(len(jacobian))
+    pulls = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
+    moves = np.array([_step_without(fit, own) for own in parts]) @ jacobian.T
+    return 1.96 * np.sqrt(np.abs(pulls * moves).sum(axis=0))
+
+
+def _step_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Float[np.ndarray, " f"]:
+    """Return how far the parameters move without some blocks, to first order."""
+    rest = normal_equations(fit, ~blocks)
+    size = 1.0 / parameter_scale(rest.information)
+    information = rest.information * np.outer(size, size)
+    step: Float[np.ndarray, " f"] = np.linalg.pinv(information, hermitian=True) @ (
+        rest.scores.sum(axis=0) * size
+    )
+    return step * size
 
 
 def physical(

@@ -140,8 +140,6 @@ def plain_scale(name: str, *, mass: float, arm: float) -> float:
         return mass * GRAVITY * arm / 50.0
     if name.startswith("accel_bias_"):
         return 0.2
-    if name == "torque_law":
-        return 0.5  # a tenth of the torque at a fifth over or under the usual speed
     return 0.0
 
 

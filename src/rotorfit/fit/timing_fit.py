@@ -152,7 +152,7 @@ def _with_deviations(
     rows = {name: np.eye(len(names))[names.index(name)] for name in free.names}
     hold = _hold_fault(flown)
     lag, delay = rows.get("motor_lag"), rows.get("motor_delay")
-    total = _std(fit, sum(row for row in (lag, delay) if row is not None))
+    total = _std(fit, np.sum([row for row in (lag, delay) if row is not None], axis=0))
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
     prior = flown.lag_prior[1]
     return MotorTiming(

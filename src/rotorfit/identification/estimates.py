@@ -33,11 +33,10 @@ from rotorfit.results.row_tables import row_tables
 
 FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
     (),
-    ("torque_law",),
-    ("torque_law", "rotor_drag"),
-    ("torque_law", "rotor_drag", "twist"),
-    ("torque_law", "rotor_drag", "twist", "rotor_inertia"),
-    ("torque_law", "rotor_drag", "twist", "rotor_inertia", "rotor_spread"),
+    ("rotor_drag",),
+    ("rotor_drag", "twist"),
+    ("rotor_drag", "twist", "rotor_inertia"),
+    ("rotor_drag", "twist", "rotor_inertia", "rotor_spread"),
 )
 """What is left out of the model, in this order, where a fit does not settle: what flights tell
 least first."""

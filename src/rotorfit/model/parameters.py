@@ -50,9 +50,6 @@ PARAMETERS: Final[dict[str, ParameterInfo]] = {
     "rotor_center_y": ParameterInfo("m", 0, "centre of the rotors from the origin"),
     "twist": ParameterInfo("m", 0, "yaw torque over thrust: mean tilt about the arms, times arm"),
     "rotor_drag": ParameterInfo("N s^2/(m rad)", 1, "in-plane drag of a rotor over its speeds"),
-    "torque_law": ParameterInfo(
-        "1", 0, "how far the drag torque grows less than with the square of rotor speed"
-    ),
     "drag_x": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
     "drag_y": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
     "drag_z": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
@@ -103,9 +100,7 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
 
 MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
-SHARED = ("kt", "kd", "Jr", "rotor_drag", "torque_law", *MOTOR_TIMES)
-UNSHOWN: Final = (*DRAG_MOMENTS, "torque_law")
-"""What keeps the others right: in the file and on the page of a result, but not in its text."""
+SHARED = ("kt", "kd", "Jr", "rotor_drag", *MOTOR_TIMES)
 """Of the propulsion: every configuration has the same."""
 
 

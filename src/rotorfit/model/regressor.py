@@ -160,11 +160,11 @@ def rotor_thrust(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
 
 
 def rotor_torque(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
-    """Drag torque -s_i k_d O^2 n_i; about z a part in proportion to O."""
+    """Drag torque -s_i k_d O^2 n_i."""
     block = _block(layout, {})
     for i, (s, n) in enumerate(zip(vehicle.spins, vehicle.axes, strict=True)):
         block[MX:, layout.index(f"O2_{i + 1}")] = s * n
-    return {"kd": block, "kd_linear": _block(layout, {(MZ, "sO"): 1.0})}
+    return {"kd": block}
 
 
 def rotor_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:

@@ -1,8 +1,8 @@
 """The signals of a flight: the few columns in which every equation of the model is linear.
 
 z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
-terms, yaw rate times rotor speeds and squared arms, rotor speeds times spins, velocity 3 and rates
-3 where the velocity is asked for, 1). The spin terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with
+terms, yaw rate times rotor speeds and squared arms, velocity 3 and rates 3 where the velocity is
+asked for, 1). The spin terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with
 tilted rotors, three where all axes are z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
 
@@ -45,7 +45,7 @@ class SignalLayout:
 
 def rotor_columns(layout: SignalLayout) -> list[int]:
     """Return the columns that the rotors' speeds stand in."""
-    spin = {*SPIN_SIGNALS, "wzO", "sO"}
+    spin = {*SPIN_SIGNALS, "wzO"}
     return [i for i, name in enumerate(layout.names) if name in spin or name.startswith("O2_")]
 
 
@@ -55,7 +55,7 @@ def signal_layout(vehicle: Vehicle, *, velocity: bool = False) -> SignalLayout:
     squares = tuple(f"O2_{i + 1}" for i in range(len(vehicle.rotors)))
     spin = ALIGNED_SPIN_SIGNALS if aligned else SPIN_SIGNALS
     drag = VELOCITY_SIGNALS if velocity else ()
-    return SignalLayout((*BODY_SIGNALS, *squares, *spin, "wzO", "sO", *drag, "one"))
+    return SignalLayout((*BODY_SIGNALS, *squares, *spin, "wzO", *drag, "one"))
 
 
 def signal_matrix(
@@ -113,7 +113,6 @@ def _raw_signals(
     np.multiply(O, O, out=Z[:, 12 : 12 + N])
     _fill_spin(Z, layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
     Z[:, layout.index("wzO")] = w[:, 2] * (O @ vehicle.squared_arms)
-    Z[:, layout.index("sO")] = O @ vehicle.spins
     if velocity:
         first = layout.index("vx")
         Z[:, first : first + 3] = _known_velocity(flight, rows)

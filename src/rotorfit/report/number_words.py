@@ -42,7 +42,6 @@ TITLES = {
         name: f"Torque of the air about {name[-2]} per velocity along {name[-1]}"
         for name in DRAG_MOMENTS
     },
-    "torque_law": "How far drag torque grows less than with speed squared",
     "torque_offset_x": "Constant torque about x",
     "torque_offset_y": "Constant torque about y",
     "torque_offset_z": "Constant torque about z",

@@ -5,7 +5,7 @@ from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
 from rotorfit.logs.files import file_name
-from rotorfit.model.parameters import UNSHOWN
+from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.number_words import (
     VERDICT_MEANING,
     configurations,
@@ -80,7 +80,7 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
     derived = {d.name: d for d in result.derived if d.configuration == configuration}
     about_com = [derived[name] for name in COM_FIRST if name in derived]
     twins = {twin_of(d.name) for d in about_com}
-    others = [p for name, p in parameters.items() if name not in {"mass", *twins, *UNSHOWN}]
+    others = [p for name, p in parameters.items() if name not in {"mass", *twins, *DRAG_MOMENTS}]
     several = len(configurations(result)) > 1
     return [
         *(_of_parameter(p) for name, p in parameters.items() if name == "mass"),
@@ -106,7 +106,7 @@ def _judged(result: IdentificationResult) -> list[Entry]:
     }
     entries: list[Entry] = []
     for p in result.parameters:
-        if p.name in UNSHOWN:
+        if p.name in DRAG_MOMENTS:
             continue  # six more lines, of numbers that only keep the others right
         shown = about_com.get((p.name, p.configuration))
         if shown is None:

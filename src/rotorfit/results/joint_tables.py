@@ -9,7 +9,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.excitation import HEIGHTS, LEAST_EXCITATION
 from rotorfit.fit.frequency_bands import STRETCH
-from rotorfit.fit.joint_equations import BIAS_STD, JointConfiguration, usual_speed
+from rotorfit.fit.joint_equations import BIAS_STD, JointConfiguration
 from rotorfit.fit.joint_numbers import SHARED_NUMBERS, number_scale
 from rotorfit.fit.motor_timing import MotorTiming
 from rotorfit.fit.number_intervals import Numbers
@@ -67,7 +67,6 @@ def joint_tables(
             "band": "0 to 30 Hz",
             "stretch": f"{STRETCH:g} s",
             "rotor_spread_prior": ROTOR_SPREAD_STD,
-            "torque_law_speed": usual_speed(configurations),
             "accel_bias_prior": list(BIAS_STD.values()),
         },
         warnings=excitation_warnings(

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -27,8 +27,6 @@ from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.validation.fitted_flights import fitted_flights
 from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
 
-USUAL_SPEED: Final = "torque_law_speed"
-"""Among the settings of a result: the rotor speed about which its torque law turns."""
 CUTOFF = 3.0
 """Low-pass of both sides [Hz], the paper's."""
 BODY = ("mass", *FIRST_MOMENTS, *INERTIA)
@@ -256,8 +254,6 @@ def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
             known[p.name] = value
     if "mass" not in known:
         known["mass"] = 1.0
-    used = result.settings.get("used", {})
-    known[USUAL_SPEED] = float(used.get(USUAL_SPEED, 0.0))
     return known
 
 
@@ -301,8 +297,6 @@ def _wrenches(
     # A rotor whose own coefficient is not known has the mean one.
     rotors = {name: known.get(name, kt) for name in model.names if ROTOR_KT.fullmatch(name)}
     rotors |= {name: known.get(name, 0.0) for name in ("kd", "Jr")}
-    bent = rotors["kd"] * known.get("torque_law", 0.0)
-    rotors |= {"kd": rotors["kd"] - 0.5 * bent, "kd_linear": bent * known[USUAL_SPEED]}
     for axis in "xy":
         place = known.get(f"rotor_center_{axis}", 0.0)
         rotors[f"kt_rotor_center_{axis}"] = kt * place
