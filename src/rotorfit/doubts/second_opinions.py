@@ -303,7 +303,10 @@ def hovers_differ(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, f
     if high.configuration == low.configuration:
         what = "the battery (give the law its voltage), the propellers or the load changed"
     else:
-        what = "one of the masses is wrong, or battery or propellers changed; weigh both again"
+        what = (
+            "one of the masses is wrong, battery or propellers changed, or they are two different "
+            "vehicles, of which each needs an experiment of its own; weigh both again"
+        )
     return (
         f"{first} hovers on {100 * (ratio - 1.0):.1f} % more thrust for its mass than {second} "
         f"(+- {196 * std:.1f} %): {what}",
@@ -332,7 +335,8 @@ def thrust_sags(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, flo
     return (
         f"{_of_flight(worst, found)}: the same motor data give {100 * abs(change):.0f} % {way} "
         "thrust at the end of the flight than at its beginning: log rotor speed, or the battery's "
-        "voltage and give it to the law",
+        "voltage and give it to the law; or drag carried part of the weight in climb or descent: "
+        "fly slower",
         diagnostics,
     )
 

@@ -20,7 +20,7 @@ from rotorfit.checks.plausible_units import (
     slow_rotor_doubts,
 )
 from rotorfit.checks.recorded_motors import refuse_wrong_speeds
-from rotorfit.doubts.imu_mounting import mounting_sentence
+from rotorfit.doubts.imu_mounting import lean_sentence, mounting_sentence
 from rotorfit.doubts.what_numbers_hang_on import what_numbers_hang_on
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
 from rotorfit.experiment.experiment import (
@@ -117,7 +117,7 @@ def _mounted(experiment: Experiment, flown: Flown) -> tuple[Experiment, Flown, t
         return experiment, flown, ()
     tilt = found_tilt(flown, lambda other: joint_fit(other, other.timing))
     if tilt is None:
-        return experiment, flown, ()
+        return experiment, flown, lean_sentence(flown)
     flown = levelled_flights(flown, tilt)
     if flown.motor_timing is not None:
         flown = dataclasses.replace(flown, motor_timing=find_timing(flown))
