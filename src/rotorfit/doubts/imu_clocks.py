@@ -20,7 +20,8 @@ from rotorfit.model.vehicle import Vehicle
 
 APART: Final = 0.015
 """Between accelerometer and gyro from which it is said [s]: see `EXPLAINED` for what was met."""
-EXPLAINED: Final = 0.8
+EXPLAINED_FORCE: Final = 0.4
+EXPLAINED_TURN: Final = 0.85
 """Share of thrust and of a turn that the rotors must explain before their times are compared."""
 REACH: Final = 0.1
 """How far the two are looked for [s]."""

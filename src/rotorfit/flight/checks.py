@@ -19,6 +19,11 @@ FASTEST_TURN = 40.0
 SLOWEST_MOTORS = 25.0
 """Slower motor data do not show what the force follows [Hz]."""
 
+LEAST_WHOLE = 2.0
+"""Length of the longest stretch of flight without a gap, below which many gaps are refused [s]."""
+MOST_TORN = 1.0
+"""Gaps a second, beyond which a log is torn: sound logs have up to 0.01."""
+
 MOST_STILL = 0.25
 """Share of a flight in which a motor channel may stand still, beyond which it is refused."""
 LEAST_STILL = 0.02
@@ -110,6 +115,22 @@ def refuse_empty_window(
             f"no usable samples between {first} and {last}: the log lasts {seconds:.1f} s from "
             "its first sample; choose a window inside it, outside its gaps"
         )
+
+
+def refuse_torn_log(uniform: UniformChannels, flights: list[tuple[int, int]]) -> None:
+    """Raise where so many rows are missing that no stretch of the flight is long enough."""
+    seconds = float(uniform.time[-1] - uniform.time[0])
+    gaps = len({start for start, _, _ in uniform.gaps})
+    longest = max(stop - start for start, stop in flights) / uniform.sample_rate
+    if longest >= LEAST_WHOLE or gaps <= MOST_TORN * seconds:
+        return
+    names = " and ".join(sorted({name for _, _, name in uniform.gaps}))
+    raise FlightError(
+        f"rows are missing all over the log: {gaps} gaps ({names}) in {seconds:.1f} s, and the "
+        f"longest stretch of flight without one is {longest:.1f} s, where {LEAST_WHOLE:g} s and "
+        "more are needed: the recorder dropped samples; log to a faster card, fewer fields or at a "
+        "lower rate, or export the log again"
+    )
 
 
 def refuse_idle_motors(motion: Motion) -> None:

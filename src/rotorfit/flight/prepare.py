@@ -26,6 +26,7 @@ from rotorfit.flight.checks import (
     refuse_idle_motors,
     refuse_missing_battery,
     refuse_missing_channels,
+    refuse_torn_log,
     refuse_wrong_gravity,
     slow_motors_said,
     still_doubts,
@@ -224,6 +225,7 @@ def prepared_from(
         measured=measured,
         step=recorded.speed_step,
     )
+    refuse_torn_log(uniform, flights)
     still = still_doubts(found, uniform.time, measured=measured)
     bias = _gyro_bias(
         uniform, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
