@@ -85,7 +85,7 @@ def by_law(declared: Declared, *, law: str) -> Declared:
     return dataclasses.replace(declared, motors=f"{motors}\nlaw = {law}")
 
 
-MASS, ARM = r"mass|kilogram|grams|weigh", r"arm|rotors' positions|place"
+MASS, ARM = r"mass|kilogram|grams|weigh", r"rotors' (distances|positions)"
 TILT, CLOCK = r"IMU is mounted|IMU were (mounted|turned)", r"clock|stamped|irregular times"
 ROTOR, TWO = (
     r"rotor \d|telemetry|poles|kt_\d",

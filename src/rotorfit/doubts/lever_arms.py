@@ -21,7 +21,9 @@ from rotorfit.model.vehicle import Vehicle
 
 SAID: Final = 30.0
 REFUSED: Final = 50.0
-"""Of the log-likelihood, per flight, that the declared ratio loses against the best one."""
+"""Of the log-likelihood, per flight, that the declared ratio loses against the best one. Sound real
+logs lost up to 8, simulated flights nothing; a rectangle of 91 by 127 mm declared as a square 53,
+with x and y swapped 108."""
 STEP: Final = 0.15
 """Of the logarithm of the ratio, in which it is tried to either side."""
 FURTHEST: Final = 0.9
