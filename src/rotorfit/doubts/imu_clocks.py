@@ -19,8 +19,8 @@ from rotorfit.flight.signals import smooth, whole_samples
 from rotorfit.model.vehicle import Vehicle
 
 APART: Final = 0.015
-"""Between accelerometer and gyro from which it is said [s]. Sound real logs have up to
-1 ms, an accelerometer stamped 30 ms late 28, a gyro behind a low-pass of 5 Hz 50, one of 20 Hz 12."""
+"""Between accelerometer and gyro from which it is said [s]. Sound real logs have up to 1 ms, an
+accelerometer stamped 30 ms late 28, a gyro behind a low-pass of 5 Hz 50, one of 20 Hz 12."""
 EXPLAINED_FORCE: Final = 0.4
 EXPLAINED_TURN: Final = 0.85
 """Share of the upward force and of a turn that the rotors must explain in the band: below, what the

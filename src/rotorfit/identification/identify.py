@@ -140,7 +140,10 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
             flights.append(load_flight(flight, experiment))
         tell("checking axes, units and rotors")
         if source == "imu":
-            refuse_gyro_in_degrees({Path(f.entry.file).name: f.prepared.data for f in flights})
+            for f in flights:
+                refuse_gyro_in_degrees(
+                    {Path(f.entry.file).name: f.prepared.data}, takes_columns=f.log.takes_columns
+                )
         if experiment.motors.speed == "measured":
             refuse_wrong_speeds(flights, vehicle)
         check_flights(flights, vehicle, experiment.motors)
@@ -171,12 +174,12 @@ def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) ->
     law = motors.law is not None
     if motors.speed == "commanded" and not law and not any(f.speeds_commanded for f in flights):
         return flights
-    refuse_rotors_too_fast(
-        {Path(f.entry.file).name: f.prepared.data for f in flights}, arm, law=law
-    )
     sound: list[UsedFlight] = []
     for flight in flights:
-        doubts = slow_rotor_doubts(flight.prepared.data, arm, law=law)
+        data, takes = flight.prepared.data, flight.log.takes_columns
+        name = Path(flight.entry.file).name
+        refuse_rotors_too_fast({name: data}, arm, law=law, takes_columns=takes)
+        doubts = slow_rotor_doubts(data, arm, law=law, takes_columns=takes)
         said = (*flight.prepared.warnings, *doubts)
         prepared = dataclasses.replace(flight.prepared, warnings=said)
         sound.append(dataclasses.replace(flight, prepared=prepared))
