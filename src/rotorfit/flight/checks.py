@@ -30,7 +30,7 @@ SLOWEST_MOTORS = 25.0
 
 LEAST_WHOLE = 2.0
 """Length of the longest stretch of flight without a gap, below which many gaps are refused [s]."""
-MOST_TORN = 1.0
+MOST_TORN = 3.0
 """Gaps a second, beyond which a log is torn: sound logs have up to 0.01."""
 
 MOST_STILL = 0.25
@@ -125,8 +125,9 @@ def refuse_blows(uniform: UniformChannels, flights: list[tuple[int, int]]) -> No
         return
     first, last = (float(uniform.time[i] - uniform.time[0]) for i in (fast[0], fast[-1]))
     raise FlightError(
-        f"the gyro reads up to {turns[fast].max():.0f} rad/s from {first:.1f} to {last:.1f} s since "
-        f"the first sample, which no multirotor flies (below {FASTEST_TURN:.0f} was expected): a "
+        f"the gyro reads up to {float(turns[fast].max()):.0f} rad/s from {first:.1f} to "
+        f"{last:.1f} s since the first sample, which no multirotor flies (below "
+        f"{FASTEST_TURN:.0f} was expected): a "
         f"crash or a blow; set end = {max(first - 0.1, 0.0):.1f} before it, or start = "
         f"{last + 0.1:.1f} after it (--start, --end)"
     )

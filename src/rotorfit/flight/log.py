@@ -37,8 +37,11 @@ CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
 """
 
 
-COLUMN_FORMATS: Final = ("table", "rosbag")
-"""Formats of which a columns map is taken; the others name their own fields, units and axes."""
+OWN_FIELDS: Final = (
+    *("blackbox", "crazyflie", "ulog", "dataflash"),
+    *("qualisys", "motive", "vicon", "trajectory"),
+)
+"""Formats that name their own fields, units and axes: no columns map of units is taken for them."""
 AS_A_TABLE: Final = (
     "this format says its own units and axes, and a columns map is not taken for it: correct them "
     "where the log is made, or export it as a table (docs/logs.md) and declare them there"
@@ -108,4 +111,4 @@ class FlightLog:
     @property
     def takes_columns(self) -> bool:
         """Whether a columns map names its columns and declares their units."""
-        return self.format in COLUMN_FORMATS
+        return self.format not in OWN_FIELDS

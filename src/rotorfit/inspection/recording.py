@@ -37,6 +37,8 @@ LONGEST_REPEAT: Final = 100
 EVEN: Final = 0.35
 """Variance of the intervals between new samples, over that of chance, below which they are even."""
 LEAST_REPEATED: Final = 0.8
+FEW_REPEATS: Final = 0.03
+"""Share of repeated samples that is not worth words."""
 MOST_BY_CHANCE: Final = 0.1
 """Of repeated samples, that chance may explain where all are to count as repeats."""
 LEAST_STRAIGHT: Final = 0.1
@@ -147,7 +149,7 @@ def _share_fine(first: Float[np.ndarray, "n k"], moves: Bool[np.ndarray, " n"]) 
     all of them together once in the product.
     """
     steps = np.abs(first)
-    finest = np.where(steps > 0, steps, np.inf).min(axis=0)
+    finest: Float[np.ndarray, " k"] = np.where(steps > 0, steps, np.inf).min(axis=0)
     usual = np.array(
         [float(np.median(column[column > 0])) if column.any() else 0.0 for column in steps.T]
     )
@@ -158,7 +160,8 @@ def _share_fine(first: Float[np.ndarray, "n k"], moves: Bool[np.ndarray, " n"]) 
     if len(intervals) < FEWEST:
         return 1.0
     share = 1.0 / float(intervals.mean())
-    return share if by_chance < MOST_BY_CHANCE * (1.0 - share) else 1.0
+    repeats = 1.0 - share
+    return share if repeats > FEW_REPEATS and by_chance < MOST_BY_CHANCE * repeats else 1.0
 
 
 def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"]) -> float:

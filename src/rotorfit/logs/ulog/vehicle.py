@@ -24,6 +24,11 @@ GENERIC: Final = (4001, 5001, 6001, 7001, 8001, 9001, 11001, 12001, 14001, 4601)
 """Airframes that stand for any vehicle of their layout."""
 MULTIROTORS: Final = (0, 8)
 """CA_AIRFRAME of multirotors, and of those with tilt."""
+VTOL: Final = (
+    "the vehicle is a VTOL by its parameters: its wing carries in forward flight, and some of its "
+    "outputs are servos and pushers; give start and end of a part in which it hovers, and list the "
+    "lifting rotors alone"
+)
 _AXES: Final = ("X", "Y", "Z")
 _SETTINGS: Final = (
     *("SYS_AUTOSTART", "CA_AIRFRAME", "THR_MDL_FAC", "MOT_POLE_COUNT", "DSHOT_BIDIR_EN"),
@@ -191,14 +196,14 @@ def flown_notes(scan: Scan, begin: float) -> tuple[str, ...]:
 
 
 def flight_doubts(scan: Scan) -> tuple[str, ...]:
-    """Return a doubt where the vehicle never flew, by its own account."""
+    """Return a doubt where the vehicle never flew, by its own account, or not on rotors alone."""
     armed, air = _armed(scan), _in_air(scan)
     if is_vtol(scan):
-        return (
-            "the vehicle is a VTOL by its parameters: its wing carries in forward flight, and some "
-            "of its outputs are servos and pushers; give start and end of a part in which it "
-            "hovers, and list the lifting rotors alone",
-        )
+        return (VTOL, *_never_flown(armed, air))
+    return _never_flown(armed, air)
+
+
+def _never_flown(armed: "_State | None", air: "_State | None") -> tuple[str, ...]:
     if armed is not None and not armed[1].any():
         return (
             "the vehicle was never armed in this log: there is no flight in it; give the log of a "
