@@ -59,7 +59,7 @@ def test_a_shift_in_flight_alone_is_vibration(log):
 def test_without_rest_the_flight_alone_tells(log):
     found = replace(seen(log, lambda accel, time: 1.2 * accel), at_rest=None)
     [told] = gravity_doubts(found)
-    assert told.startswith("over the flight the accelerometer reads 11.")
+    assert told.startswith("in hover the accelerometer reads 11.")
     assert told.endswith("where gravity is 9.81: calibrate it (bias or scale)")
 
 

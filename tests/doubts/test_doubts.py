@@ -104,7 +104,7 @@ def test_a_biased_accelerometer_is_seen_and_told_from_a_wrong_scale(flights, dou
     }
     result = doubts(biased)
     (words,) = result.warnings
-    assert "A: over its flights the accelerometer reads 10.1" in words
+    assert "A: where its flights hover the accelerometer reads 10.1" in words
     assert "where gravity is 9.81" in words
     assert result.diagnostics["thrust_over_weight"] == pytest.approx(1.0, abs=0.01)
 

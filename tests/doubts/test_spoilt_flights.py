@@ -77,6 +77,7 @@ def test_a_sound_flight_raises_none_of_it_and_says_what_it_hangs_on(tmp_path, fl
     assert f"the mass ({flight.truth.mass:g} kg)" in hanging[0]
     assert "400 mm front to back, 400 mm left to right" in hanging[1]
     assert "rpm)" in hanging[2]
+    assert "clock" in hanging[3]
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 10.0), (-8.0, 6.0)])

@@ -91,6 +91,12 @@ def test_chance_pull_and_mass_add_as_squares():
     assert half_width("com_x", mass_std=0.014) == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("ratio", ["Ixx_over_kt", "Iyy_over_kt", "kd_over_Izz", "hover_speed"])
+def test_a_wrong_mass_is_in_no_ratio(ratio):
+    """Inertia and kt are off by the same share."""
+    assert half_width(ratio, mass_std=0.14) == half_width(ratio)
+
+
 def test_ratios_of_yaw_are_pulled_by_1_5_over_rho():
     assert half_width("kd_over_Izz") == pytest.approx(0.1 * 1.5e-6, rel=1e-3)
     assert half_width("Jr_over_Izz") == pytest.approx(0.1 * 1e-3, rel=1e-3)

@@ -519,3 +519,49 @@ def test_long_logs_and_thousands_of_gaps_take_linear_time():
     assert time.process_time() - began < 8  # measured: 3 s with every shape checked
     assert len(result.data.segments) == 1000
     assert result.data.samples_used == 300_000 - 2 * 1000
+
+
+def tumbling(log, *, at, seconds=0.5):
+    """Return a log with a crash in it: turns of 60 rad/s for a moment."""
+    gyro = log.channels["gyro"]
+    rows = (gyro.time - gyro.time[0] >= at) & (gyro.time - gyro.time[0] < at + seconds)
+    blows = 60.0 * np.sin(np.arange(len(gyro.time)) * 0.5)[:, None]
+    return with_channel(log, gyro=replace(gyro, values=np.where(rows[:, None], blows, gyro.values)))
+
+
+def test_a_crash_is_no_gyro_in_degrees():
+    vehicle, sensors = variant(paper_vehicle("A"), "noisy")
+    flight = simulate_flight(*vehicle, Scenario(seconds=15.0, sensors=sensors), seed=4)
+    log = tumbling(to_flight_log(flight), at=11.0)
+    with pytest.raises(
+        FlightError, match=r"from 11\.0 to 11\.5 s .* a crash or a blow; set end = 10\.9"
+    ):
+        prepared(log, window=(2.0, 13.0))
+    assert prepared(log, window=(2.0, 10.9)).data.seconds_used == pytest.approx(8.9, abs=0.1)
+
+
+def test_a_columns_map_is_advised_only_where_one_is_taken():
+    vehicle, sensors = variant(paper_vehicle("A"), "noisy")
+    flight = simulate_flight(*vehicle, Scenario(seconds=15.0, sensors=sensors), seed=4)
+    log = to_flight_log(flight)
+    gyro = replace(log.channels["gyro"], values=np.degrees(log.channels["gyro"].values))
+    accel = replace(log.channels["accel"], values=log.channels["accel"].values / 9.80665)
+    for changed in (with_channel(log, gyro=gyro), with_channel(log, accel=accel)):
+        assert "columns = {" in refusal(FlightError, replace(changed, format="table"))
+        words = refusal(FlightError, replace(changed, format="blackbox"))
+        assert "columns = {" not in words
+        assert "export it as a table" in words
+
+
+def test_a_torn_log_is_refused_by_its_gaps():
+    vehicle, sensors = variant(paper_vehicle("A"), "noisy")
+    flight = simulate_flight(*vehicle, Scenario(seconds=15.0, sensors=sensors), seed=4)
+    log = to_flight_log(flight)
+    kept = np.random.default_rng(1).random(len(log.channels["gyro"].time)) > 0.2
+    channels = {
+        name: replace(c, time=c.time[kept], values=c.values[kept])
+        for name, c in log.channels.items()
+        if name in ("gyro", "accel", "rotor_speed")
+    }
+    message = refusal(FlightError, replace(log, channels=channels))
+    assert "rows are missing all over the log" in message

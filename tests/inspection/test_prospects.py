@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import flown
+import made_fit
+from rotorfit.fit.kt_from_weight import kt_from_weight
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, prepare
 from rotorfit.inspection.guessed_rotors import guessed_vehicles
 from rotorfit.inspection.motor_lateness import motor_lateness
-from rotorfit.inspection.prospects import PROSPECT, prospects
+from rotorfit.inspection.prospects import PROSPECT, _weighed, prospects
 from rotorfit.logs import read_log
 from rotorfit.simulation import to_flight_log
 from rotorfit.simulation.experiment_files import table_text
@@ -76,6 +78,18 @@ def test_rotors_are_found_where_they_are(flight_of):
     found = likely[0]
     for places, known in zip(found.positions.T[:2], true.positions.T[:2], strict=True):
         assert np.corrcoef(places, known)[0, 1] > 0.98
+
+
+@pytest.mark.parametrize("seconds", [4.0, 8.0])
+def test_the_weight_is_as_sure_as_in_an_estimate(seconds):
+    """What a hover may have gained in velocity, over g, and 2 % of propellers in motion."""
+    hover = made_fit.prepared(seconds=seconds)
+    flown_so = made_fit.flown(hover, mass=1.0)
+    estimated = kt_from_weight(flown_so.configurations, flown_so.vehicle)
+    foreseen_so = _weighed(hover.data, flown_so.vehicle)
+    assert foreseen_so.kt == pytest.approx(estimated.kt)
+    assert foreseen_so.std == pytest.approx(estimated.std)
+    assert estimated.std / estimated.kt == pytest.approx(np.hypot(1.5 / seconds / 9.80665, 0.02))
 
 
 REAL = {

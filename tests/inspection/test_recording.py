@@ -127,3 +127,21 @@ def test_what_a_log_lacks():
     slow = channel_report("command", channel(np.arange(50) / 10.0, NOISE[:50]))
     assert "slow motors" in lacks({**reports, "command": slow})
     assert lacks({}) == {"no gyro", "no accel", "no rotor speed", "no motors", "no battery"}
+
+
+@pytest.mark.parametrize(("slow", "seed"), [(85.0, None), (85.0, 1), (25.0, None), (25.0, 1)])
+def test_a_source_slower_than_its_log_is_told_by_what_is_new(slow, seed):
+    """100 rows a second, of which the source gives 85 or 25, evenly or at random moments."""
+    chance = np.random.default_rng(seed or 0)
+    new = chance.random(3000) < slow / 100 if seed else (np.arange(3000) * slow % 100) < slow
+    values = chance.standard_normal((3000, 3))[np.cumsum(new)]
+    report = channel_report("gyro", channel(0.01 * np.arange(3000), values))
+    assert report.rate == pytest.approx(100.0)
+    assert report.true_rate == pytest.approx(slow, rel=0.03)
+
+
+def test_the_rate_counts_samples_that_come_late():
+    """Every fifth sample is lost, too few in a row for a gap: 80 a second, not 100."""
+    kept = np.arange(1000)[np.arange(1000) % 5 != 0]
+    report = channel_report("gyro", channel(0.01 * kept, NOISE[kept]))
+    assert (report.gaps, report.rate) == (0, pytest.approx(80.0, rel=0.01))

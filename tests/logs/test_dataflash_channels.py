@@ -477,6 +477,17 @@ def test_arming_is_told_and_its_absence_doubted(tmp_path):
     assert "the vehicle was never armed in this log: its motors did not turn" in idle.warnings
 
 
+def test_motors_that_were_driven_were_armed_before_the_log(tmp_path):
+    """Logs begin while arming, and may hold the disarming alone."""
+    outputs = [rcou(t, 4 * [1100 + 400 * (t > 0.5)]) for t in one_second()]
+    flown = read(tmp_path, [imu(t, *REST) for t in one_second()] + outputs + [
+        message(ARM, 2_500_000, 0, 0, 0, 0)
+    ])  # fmt: skip
+    assert "command" in flown.channels
+    assert "armed before the log begins, disarmed at 2.5 s of the autopilot's clock" in flown.notes
+    assert not any("never armed" in words for words in flown.warnings)
+
+
 def test_arming_by_the_events_of_old_logs(tmp_path):
     event = Kind(190, "EV", "QB", "TimeUS,Id")
     events = [message(event, 1_500_000, 10), message(event, 2_500_000, 11)]

@@ -302,6 +302,23 @@ def test_set_points_are_taken_last_and_said(tmp_path):
     assert log.warnings == ()
 
 
+def test_a_set_point_is_no_measured_pose(tmp_path):
+    kind = "geometry_msgs/msg/PoseStamped"
+    aim = sent(
+        "/mavros/setpoint_raw/target_attitude",
+        kind,
+        lambda k: {"pose": {"position": {"z": 1.0}, "orientation": {"w": 1.0}}},
+    )
+    log = read(tmp_path, imu(), aim)
+    assert set(log.channels) == {"gyro", "accel"}
+    [note] = [words for words in log.notes if words.startswith("no attitude")]
+    assert "/mavros/setpoint_raw/target_attitude is a set-point" in note
+    asked = ReadOptions(
+        columns={"attitude": ColumnSpec(name="/mavros/setpoint_raw/target_attitude")}
+    )
+    assert "attitude" in read_log(tmp_path / "bag", options=asked).channels
+
+
 def test_an_imu_without_orientation_gives_none(tmp_path):
     assert set(read(tmp_path, imu()).channels) == {"gyro", "accel"}
 

@@ -415,6 +415,20 @@ def test_velocity_is_turned_by_the_attitude_of_its_time(tmp_path):
 # Armed, landed, changes, what does not belong
 
 
+@pytest.mark.parametrize(
+    "parameters", [{"SYS_AUTOSTART": 13000}, {"MAV_TYPE": 22}, {"CA_AIRFRAME": 2}]
+)
+def test_a_vtol_is_named_and_its_servos_are_no_motors(tmp_path, parameters):
+    outputs = actuator_outputs(TIME, np.full((N, 8), 1500.0))
+    log = read(tmp_path, IMU, outputs, parameters=parameters)
+    assert "the vehicle is a VTOL by its parameters" in log.warnings[0]
+    assert "command" not in log.channels
+    assert noted(log, "which of its outputs are motors and which servos")
+    quad = read(tmp_path, IMU, outputs, parameters={"SYS_AUTOSTART": 4001})
+    assert quad.warnings == ()
+    assert quad.channels["command"].values.shape[1] == 4
+
+
 def test_a_log_never_armed_is_said(tmp_path):
     (doubt,) = read(tmp_path, IMU, armed(TIME[::50], False)).warnings
     assert doubt.startswith("the vehicle was never armed in this log")

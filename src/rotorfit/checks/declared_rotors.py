@@ -23,6 +23,7 @@ from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit.flights import UsedFlight, prepared_bands
 from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.flight.motors import MotorResponse
+from rotorfit.flight.mounting import LEAST_LEAN, lean, lean_words
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Rotor, Vehicle
 
@@ -275,7 +276,20 @@ def check_flights(flights: list[UsedFlight], vehicle: Vehicle, motors: MotorsEnt
         try:
             check_frame(prepared_bands(flight.prepared, vehicle, response), vehicle)
         except FrameError as error:
-            raise FrameError(f"{Path(flight.entry.file).name}: {error}") from error
+            name = Path(flight.entry.file).name
+            raise FrameError(f"{name}: {error}{_leaning(flight)}") from error
+
+
+def _leaning(flight: UsedFlight) -> str:
+    """Return that the thrust leans in the IMU's axes, which may be why rotors seem wrong."""
+    tilt = lean([flight.prepared.data])
+    if tilt.angle < LEAST_LEAN:
+        return ""
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    return (
+        f"; or the IMU is mounted {lean_words(tilt)}, as the thrust leans in its axes: declare "
+        f"imu_tilt_deg = [{roll:.1f}, {pitch:.1f}] under [airframe]"
+    )
 
 
 def _tried(

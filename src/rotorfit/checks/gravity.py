@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD
-from rotorfit.fit.weight_balance import held_up
+from rotorfit.fit.weight_balance import held_up, hovering
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.data import FlightData
 
@@ -35,8 +35,8 @@ class GravitySeen:
     rest_seconds
         How long that was looked at [s].
     in_flight
-        Mean of the specific force along the vertical over the flight, over gravity; None where no
-        stretch is long enough.
+        Mean of the specific force along the vertical where the flight hovers, over gravity; None
+        where no such stretch is long enough.
     in_flight_std
         Its standard deviation, from the unknown change of velocity.
     """
@@ -51,7 +51,7 @@ def gravity_seen(data: FlightData) -> GravitySeen:
     """Return what the accelerometer of a prepared flight makes of gravity."""
     rest = _rest_forces(data)
     is_enough = len(rest) * WINDOW >= LEAST_REST
-    held = held_up(data, data.specific_force)
+    held = held_up(hovering(data), data.specific_force)
     return GravitySeen(
         at_rest=float(np.median(rest)) / GRAVITY if is_enough else None,
         rest_seconds=len(rest) * WINDOW,
@@ -94,7 +94,7 @@ def gravity_doubts(seen: GravitySeen) -> list[str]:
     half = 1.96 * (seen.in_flight_std or 0.0)
     if flight is None or abs(flight - 1.0) <= ALLOWED + half:
         return doubts
-    read = f"over the flight the accelerometer reads {flight * GRAVITY:.2f} +- {half * GRAVITY:.2f}"
+    read = f"in hover the accelerometer reads {flight * GRAVITY:.2f} +- {half * GRAVITY:.2f}"
     if rest is None:
         doubts.append(f"{read} m/s^2 where gravity is {GRAVITY:.2f}: calibrate it (bias or scale)")
     elif abs(flight - rest) > ALLOWED + half:

@@ -23,7 +23,9 @@ from rotorfit.errors import FlightError, FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.weight_balance import held_up
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.checks import UNIT_OF_GYRO
 from rotorfit.flight.data import FlightData
+from rotorfit.flight.log import AS_A_TABLE
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Vehicle
 
@@ -93,13 +95,17 @@ def _apart(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> Float[np.n
     return y - x * (float(x @ y) / float(x @ x))
 
 
-def refuse_gyro_in_degrees(flights: Mapping[str, FlightData]) -> None:
+def refuse_gyro_in_degrees(
+    flights: Mapping[str, FlightData], *, takes_columns: bool = True
+) -> None:
     """Raise where the specific force only has the mean of gravity if a gyro is in deg/s.
 
     Parameters
     ----------
     flights
         By the name of their file.
+    takes_columns
+        Whether units of these logs can be declared.
 
     Raises
     ------
@@ -107,12 +113,12 @@ def refuse_gyro_in_degrees(flights: Mapping[str, FlightData]) -> None:
         Also of a flight so gentle that no single reading is impossible.
     """
     for name, data in flights.items():
-        words = gyro_in_degrees(data)
+        words = gyro_in_degrees(data, takes_columns=takes_columns)
         if words is not None:
             raise FlightError(f"{name}: {words}")
 
 
-def gyro_in_degrees(data: FlightData) -> str | None:
+def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | None:
     """Return what contradicts a gyro in rad/s, None where nothing does."""
     as_said = held_up(data, data.specific_force)
     if as_said is None or as_said.ratio > LOST_GRAVITY:
@@ -124,8 +130,8 @@ def gyro_in_degrees(data: FlightData) -> str | None:
     return (
         f"turned by the gyro, the specific force averages to {as_said.ratio * GRAVITY:.1f} m/s^2 "
         f"over a flight where gravity, {GRAVITY:.1f}, is expected; with rates 57 times smaller it "
-        f"is {in_degrees.ratio * GRAVITY:.1f}: the gyro is in deg/s but taken for rad/s; declare "
-        'its unit (columns = { gyro_x = { name = "...", unit = "deg/s" } })'
+        f"is {in_degrees.ratio * GRAVITY:.1f}: the gyro is in deg/s but taken for rad/s; "
+        f"{UNIT_OF_GYRO if takes_columns else AS_A_TABLE}"
     )
 
 
@@ -170,7 +176,9 @@ def hover_speed(data: FlightData) -> float:
     return float(np.sqrt(np.median(squares) / data.rotor_speed.shape[1]))
 
 
-def refuse_rotors_too_fast(flights: Mapping[str, FlightData], arm: float, *, law: bool) -> None:
+def refuse_rotors_too_fast(
+    flights: Mapping[str, FlightData], arm: float, *, law: bool, takes_columns: bool = True
+) -> None:
     """Raise where no rotor hovers at such a speed, as where rpm are taken for rad/s.
 
     Parameters
@@ -181,6 +189,8 @@ def refuse_rotors_too_fast(flights: Mapping[str, FlightData], arm: float, *, law
         Of the vehicle [m].
     law
         Whether the speeds come from commands by a law.
+    takes_columns
+        Whether units of these logs can be declared.
 
     Raises
     ------
@@ -196,6 +206,8 @@ def refuse_rotors_too_fast(flights: Mapping[str, FlightData], arm: float, *, law
             "the law of [motors] gives rad/s: divide its numbers by 9.549"
             if law
             else 'set unit = "rpm" (or "erpm", with poles) in columns, or correct poles'
+            if takes_columns
+            else "correct poles under [motors]"
         )
         raise FlightError(
             f"{name}: the rotors hover at {speed:.0f} rad/s, where {FASTEST_HOVER:.0f} is beyond "
@@ -205,7 +217,9 @@ def refuse_rotors_too_fast(flights: Mapping[str, FlightData], arm: float, *, law
         )
 
 
-def slow_rotor_doubts(data: FlightData, arm: float, *, law: bool) -> tuple[str, ...]:
+def slow_rotor_doubts(
+    data: FlightData, arm: float, *, law: bool, takes_columns: bool = True
+) -> tuple[str, ...]:
     """Return a doubt where rotors of these arms hover too slowly, as where rad/s are taken for rpm.
 
     Parameters are those of `refuse_rotors_too_fast`. A doubt only: a light vehicle with large
@@ -215,7 +229,8 @@ def slow_rotor_doubts(data: FlightData, arm: float, *, law: bool) -> tuple[str, 
     tip = speed * LARGEST_ROTOR * arm
     if tip >= SLOWEST_TIP:
         return ()
-    remedy = "correct the law of [motors]" if law else "correct their unit in columns, or poles"
+    unit = "correct their unit in columns, or poles" if takes_columns else "correct their poles"
+    remedy = "correct the law of [motors]" if law else unit
     return (
         f"the rotors hover at {speed:.0f} rad/s: one as large as 0.9 of the arm ({arm:g} m) would "
         f"have tips at {tip:.0f} m/s, and below {SLOWEST_TIP:.0f} hardly any holds up a vehicle: "

@@ -7,8 +7,11 @@ from rotorfit.doubts.body_size import refuse_impossible_size, unusual_density
 from rotorfit.doubts.changed_rotor import changed_in_flight, unlike_rotor
 from rotorfit.doubts.early_motors import early_motors, late_speeds
 from rotorfit.doubts.flights_agree import odd_flight
+from rotorfit.doubts.imu_clocks import accelerometer_apart
+from rotorfit.doubts.lever_arms import lever_doubt
 from rotorfit.doubts.payload import payload_checks, payload_sentence
 from rotorfit.doubts.residual_peaks import peak_sentence, residual_peaks
+from rotorfit.doubts.rotor_size import unusual_loading
 from rotorfit.doubts.second_opinions import (
     accelerometer_against_gravity,
     hover_thrusts,
@@ -66,11 +69,13 @@ def with_doubts(
     Raises
     ------
     FrameError
-        If no vehicle with the declared spins and arms flies like that.
+        If no vehicle with the declared spins and arms flies like that, or one with another ratio
+        of arms far likelier does.
     """
     refuse_wrong_spins(flown, joint, numbers)
     refuse_impossible_size(flown, joint, numbers)
-    doubts = [
+    doubts: list[Doubt] = [
+        lever_doubt(flown, fit, numbers),
         *_doubts_of_body(tables, fit, numbers, joint, flown),
         *_doubts_of_flight(flown, fit, numbers, ground),
     ]
@@ -102,6 +107,7 @@ def _doubts_of_body(
     yield weak_sentence(directions, doubtful), diagnostics
     if all(c.entry.mass != "unknown" for c in flown.configurations):
         yield unusual_density(joint, numbers), {}
+        yield unusual_loading(flown), {}
     yield unlike_rotor(numbers, flown.vehicle), {}
     lost = {p.full_name for p in tables.parameters if p.value is None}
     for configuration in joint:
@@ -120,6 +126,7 @@ def _doubts_of_flight(
     yield without_mean(fit, numbers)
     yield early_motors(flown), {}
     yield late_speeds(flown), {}
+    yield accelerometer_apart(flown), {}
     yield ground, {}
     for words, numbers_behind in _doubts_of_thrust(flown, numbers):
         # The ground carries what thrust and battery would be blamed for.

@@ -26,6 +26,8 @@ MOST_MERIT: Final = 0.68
 USUAL_MERIT: Final = 0.3
 HEAVIEST: Final = 500.0
 """Weight over the area of the largest rotors that fit [N/m^2]; vehicles have 10 to 170."""
+UNUSUAL_LOADING: Final = 200.0
+"""From here on it is said; a Crazyflie of ten times its mass would have 270 [N/m^2]."""
 MOST_THRUST: Final = 0.06
 """Thrust over air density, area and squared tip speed; sound vehicles have up to 0.017."""
 
@@ -48,9 +50,7 @@ def impossible_rotors(flown: Flown, numbers: Numbers) -> str | None:
         With their final intervals.
     """
     R, vehicle = largest_radius(flown.vehicle), flown.vehicle
-    count = len({tuple(place) for place in vehicle.positions[:, :2].round(4).tolist()})
-    heaviest = max(c.mass for c in flown.configurations)
-    loading = heaviest * GRAVITY / (count * np.pi * R**2)
+    heaviest, loading = _heaviest(flown)
     fit = f"rotors that fit between one another here are {1e3 * R:.0f} mm in radius at most"
     remedy = (
         f"the mass ({heaviest:g} kg) is too large, the rotors' distances are too small "
@@ -64,6 +64,26 @@ def impossible_rotors(flown: Flown, numbers: Numbers) -> str | None:
     if flown.motors.speed == "commanded" and flown.motors.law is None:
         return None if not flown.speeds_commanded else _by_speed(numbers, R, fit, remedy)
     return _by_speed(numbers, R, fit, remedy)
+
+
+def _heaviest(flown: Flown) -> tuple[float, float]:
+    """Return the largest mass [kg], and its weight over the area of rotors that fit [N/m^2]."""
+    places = flown.vehicle.positions[:, :2].round(4).tolist()
+    area = len({tuple(place) for place in places}) * np.pi * largest_radius(flown.vehicle) ** 2
+    heaviest = max(c.mass for c in flown.configurations)
+    return heaviest, heaviest * GRAVITY / area
+
+
+def unusual_loading(flown: Flown) -> str | None:
+    """Return that the mass is unusually large for rotors that fit between one another, in words."""
+    heaviest, loading = _heaviest(flown)
+    if loading < UNUSUAL_LOADING:
+        return None
+    return (
+        f"the largest rotors that fit between one another would carry {loading:.0f} N on each "
+        f"square metre, where multirotors have 10 to 170: weigh the vehicle again (mass "
+        f"{heaviest:g} kg), and measure the rotors' distances (arm {flown.vehicle.arm:.3g} m)"
+    )
 
 
 def _by_speed(numbers: Numbers, R: float, fit: str, remedy: str) -> str | None:

@@ -13,7 +13,7 @@ from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD, fit_rows
-from rotorfit.fit.weight_balance import Held, held_up, pooled
+from rotorfit.fit.weight_balance import Held, held_up, hovering, pooled
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.logs.files import file_name
 from rotorfit.model.vehicle import Vehicle
@@ -189,7 +189,7 @@ def _yaw_response_without_mean(c: JointConfiguration) -> tuple[float, float] | N
 def accelerometer_against_gravity(
     configurations: Sequence[Configured],
 ) -> tuple[str | None, dict[str, float]]:
-    """Return whether the accelerometer, over whole flights, reads gravity.
+    """Return whether the accelerometer reads gravity, over all of the flights that is hover.
 
     Returns
     -------
@@ -200,7 +200,7 @@ def accelerometer_against_gravity(
     diagnostics: dict[str, float] = {}
     for configured in configurations:
         data = [flight.prepared.data for flight in configured.flights]
-        found = [held_up(one, one.specific_force) for one in data]
+        found = [held_up(hovering(one), one.specific_force) for one in data]
         parts = [held for held in found if held is not None]
         if not parts:
             continue
@@ -209,7 +209,7 @@ def accelerometer_against_gravity(
         limit = ACCEL_BIAS_STD / GRAVITY + 1.96 * held.std
         if abs(held.ratio - 1.0) > limit:
             doubts.append(
-                f"{configured.entry.name}: over its flights the accelerometer reads "
+                f"{configured.entry.name}: where its flights hover the accelerometer reads "
                 f"{held.ratio * GRAVITY:.2f} +- {1.96 * held.std * GRAVITY:.2f} m/s^2 where "
                 f"gravity is {GRAVITY:.2f}: calibrate it; a bias is found and "
                 "taken off, a wrong scale is the error of kt and of all inertia"
@@ -303,7 +303,10 @@ def hovers_differ(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, f
     if high.configuration == low.configuration:
         what = "the battery (give the law its voltage), the propellers or the load changed"
     else:
-        what = "one of the masses is wrong, or battery or propellers changed; weigh both again"
+        what = (
+            "one of the masses is wrong, battery or propellers changed, or they are two different "
+            "vehicles, of which each needs an experiment of its own; weigh both again"
+        )
     return (
         f"{first} hovers on {100 * (ratio - 1.0):.1f} % more thrust for its mass than {second} "
         f"(+- {196 * std:.1f} %): {what}",
@@ -332,7 +335,8 @@ def thrust_sags(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, flo
     return (
         f"{_of_flight(worst, found)}: the same motor data give {100 * abs(change):.0f} % {way} "
         "thrust at the end of the flight than at its beginning: log rotor speed, or the battery's "
-        "voltage and give it to the law",
+        "voltage and give it to the law; or drag carried part of the weight in climb or descent: "
+        "fly slower",
         diagnostics,
     )
 

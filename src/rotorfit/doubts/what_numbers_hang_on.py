@@ -1,4 +1,4 @@
-"""What no flight can tell: the mass, the rotors' distances and the scale of their speeds.
+"""What no flight can tell: mass, the rotors' distances, the scale of their speeds, the clock.
 
 Thrown off by a factor all numbers stay consistent, so that they are said beside the result.
 """
@@ -25,6 +25,8 @@ def what_numbers_hang_on(tables: Tables, flown: Flown) -> tuple[str, ...]:
             "kt and kd are proportional to the inverse square of rotor speed (hover at "
             f"{hover:.0f} rad/s, {RPM * hover:.0f} rpm)"
         )
+    seconds = sum(f.prepared.data.seconds_used for c in flown.configurations for f in c.flights)
+    parts.append(f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)")
     return tuple(parts)
 
 

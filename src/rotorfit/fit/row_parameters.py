@@ -25,7 +25,7 @@ from rotorfit.fit.number_intervals import (
     quadrature,
 )
 from rotorfit.fit.row_fits import ROWS, RowFits
-from rotorfit.model.parameters import INERTIA, inertia_about
+from rotorfit.model.parameters import DERIVED, INERTIA, PARAMETERS, inertia_about
 from rotorfit.model.vehicle import Vehicle
 
 MOST_DRAG = 0.03
@@ -157,7 +157,7 @@ def _systematic(
         if rho is not None:
             size = max(value, number_scale(numbers, name, mass=mass, arm=vehicle.arm))
             parts.append(attenuation_allowance(name, size, rho, answered=False))
-        if name == "kt" or name.startswith(("I", "ms")):
+        if (PARAMETERS | DERIVED)[name].mass_power:
             parts.append(weighed * value)
         result[i] = quadrature(parts)
     return result

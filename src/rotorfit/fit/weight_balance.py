@@ -7,7 +7,7 @@ and the thrust that a fit makes of the rotor speeds, can each be held against gr
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +24,10 @@ SHORTEST_WINDOW = 2.0
 VELOCITY_CHANGE = 1.5
 """Deviation of the vertical velocity at the end of a stretch from that at its beginning [m/s]."""
 STEPS_PER_SECOND = 100.0
+HOVER_THRUST = (0.5, 1.6)
+"""Thrust over its usual that still is a hover."""
+MOST_OUTSIDE = 0.1
+"""Share of a piece that may be outside of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +85,33 @@ def held_up(
         std=VELOCITY_CHANGE * float(np.sqrt(breaks)) / seconds / GRAVITY,
         seconds=seconds,
     )
+
+
+def hovering(data: FlightData) -> FlightData:
+    """Return a flight with those pieces alone in which it hovers, more or less.
+
+    In throws, dives and crashes the velocity changes by more than `VELOCITY_CHANGE`, and what the
+    accelerometer reads on average is no gravity.
+
+    Parameters
+    ----------
+    data
+        With its segments, which are looked at in pieces of the shortest window.
+    """
+    squares: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", data.rotor_speed, data.rotor_speed)
+    rows = [np.arange(s.start, s.stop) for s in data.segments]
+    usual = float(np.median(squares[np.concatenate(rows)])) if rows else 0.0
+    low, high = HOVER_THRUST
+    calm: list[Segment] = []
+    for segment in data.segments:
+        for piece in split_segment(segment, SHORTEST_WINDOW * data.sample_rate):
+            own = squares[piece.start : piece.stop]
+            if float(((own < low * usual) | (own > high * usual)).mean()) > MOST_OUTSIDE:
+                continue
+            follows = bool(calm) and calm[-1].stop == piece.start
+            begin = calm.pop().start if follows else piece.start
+            calm.append(Segment(start=begin, stop=piece.stop))
+    return replace(data, segments=tuple(calm))
 
 
 def _windows(data: FlightData) -> list[Segment]:

@@ -65,9 +65,10 @@ def poses(log: FlightLog) -> Channel:
     has = ", ".join(log.channels) or "none"
     for name in ("position", "attitude"):
         if name not in log.channels:
+            named = "name its columns (pos_x, ..., quat_w, ...) with a columns map, or "
             raise LogError(
-                f"the log has no {name} from motion capture (it has {has}); name its columns "
-                '(pos_x, ..., quat_w, ...) with a columns map, or use source = "imu"'
+                f"the log has no {name} from motion capture (it has {has}); "
+                f'{named if log.takes_columns else ""}use source = "imu"'
             )
     place = usable_samples(log.channels["position"], "position")
     attitude = usable_samples(log.channels["attitude"], "attitude")

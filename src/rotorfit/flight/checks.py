@@ -10,14 +10,28 @@ from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.flight.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.flight.clocks import UniformChannels
 from rotorfit.flight.data import FlightData
-from rotorfit.flight.log import FlightLog
+from rotorfit.flight.log import AS_A_TABLE, FlightLog
 from rotorfit.flight.still_rotors import StillRotor
 
 FASTEST_TURN = 40.0
 """The gyros of multirotors end at 2000 deg/s, 35 rad/s; more is another unit [rad/s]."""
 
+LONGEST_BLOW = 3.0
+"""From first to last such turn of a crash [s]; a gyro in deg/s reads them all over the flight."""
+FEWEST_FAST = 3
+"""Samples of such a turn from which it is one, and no glitch."""
+UNIT_OF_GYRO = 'declare its unit (columns = { gyro_x = { name = "...", unit = "deg/s" } })'
+UNIT_OF_ACCEL = 'declare the unit (columns = { accel_x = { name = "...", unit = "g" } })'
+FRD_DECLARED = 'declare axes = "FRD" for this log'
+TURN_AXES = "rotate its axes in a columns map before you use the log"
+
 SLOWEST_MOTORS = 25.0
 """Slower motor data do not show what the force follows [Hz]."""
+
+LEAST_WHOLE = 2.0
+"""Length of the longest stretch of flight without a gap, below which many gaps are refused [s]."""
+MOST_TORN = 3.0
+"""Gaps a second, beyond which a log is torn: sound logs have up to 0.01."""
 
 MOST_STILL = 0.25
 """Share of a flight in which a motor channel may stand still, beyond which it is refused."""
@@ -30,9 +44,9 @@ def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -
     has = ", ".join(log.channels) or "none"
     for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
         if name not in log.channels:
+            named = ", or name its columns with a columns map" if log.takes_columns else ""
             raise LogError(
-                f"the log has no {what} (channel {name}; it has {has}); log the raw IMU, "
-                "or name its columns with a columns map"
+                f"the log has no {what} (channel {name}; it has {has}); log the raw IMU{named}"
             )
     refuse_missing_motors(log, motor_name, rotor_count)
 
@@ -84,13 +98,39 @@ def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
                 f"the {name} channel is constant ({first}) over the whole log, where a sensor in "
                 f"flight never is; check its source: {log.channels[name].source}"
             )
-    fastest = float(np.percentile(np.abs(uniform.values["gyro"]).max(axis=1), 99.8))
-    if fastest > FASTEST_TURN:
+    turns = np.abs(uniform.values["gyro"]).max(axis=1)
+    fastest = float(np.percentile(turns, 99.8))
+    if fastest > FASTEST_TURN and not _is_one_blow(turns, uniform):
+        remedy = UNIT_OF_GYRO if log.takes_columns else AS_A_TABLE
         raise FlightError(
             f"the gyro reads up to {fastest:.0f} rad/s, which no multirotor turns (below "
-            f"{FASTEST_TURN:.0f} was expected); it looks like deg/s: declare its unit "
-            '(columns = { gyro_x = { name = "...", unit = "deg/s" } })'
+            f"{FASTEST_TURN:.0f} was expected); it looks like deg/s: {remedy}"
         )
+
+
+def _is_one_blow(turns: Float[np.ndarray, " n"], uniform: UniformChannels) -> bool:
+    """Return whether turns too fast to fly are all within a moment, as in a crash."""
+    fast = np.flatnonzero(turns > FASTEST_TURN)
+    return float(uniform.time[fast[-1]] - uniform.time[fast[0]]) < LONGEST_BLOW
+
+
+def refuse_blows(uniform: UniformChannels, flights: list[tuple[int, int]]) -> None:
+    """Raise where the flight holds a crash: turns that no multirotor flies."""
+    turns = np.abs(uniform.values["gyro"]).max(axis=1)
+    inside = np.zeros(len(turns), dtype=bool)
+    for start, stop in flights:
+        inside[start:stop] = True
+    fast = np.flatnonzero(inside & (turns > FASTEST_TURN))
+    if len(fast) < FEWEST_FAST:
+        return
+    first, last = (float(uniform.time[i] - uniform.time[0]) for i in (fast[0], fast[-1]))
+    raise FlightError(
+        f"the gyro reads up to {float(turns[fast].max()):.0f} rad/s from {first:.1f} to "
+        f"{last:.1f} s since the first sample, which no multirotor flies (below "
+        f"{FASTEST_TURN:.0f} was expected): a "
+        f"crash or a blow; set end = {max(first - 0.1, 0.0):.1f} before it, or start = "
+        f"{last + 0.1:.1f} after it (--start, --end)"
+    )
 
 
 def refuse_empty_window(
@@ -112,6 +152,22 @@ def refuse_empty_window(
         )
 
 
+def refuse_torn_log(uniform: UniformChannels, flights: list[tuple[int, int]]) -> None:
+    """Raise where so many rows are missing that no stretch of the flight is long enough."""
+    seconds = float(uniform.time[-1] - uniform.time[0])
+    gaps = len({start for start, _, _ in uniform.gaps})
+    longest = max(stop - start for start, stop in flights) / uniform.sample_rate
+    if longest >= LEAST_WHOLE or gaps <= MOST_TORN * seconds:
+        return
+    names = " and ".join(sorted({name for _, _, name in uniform.gaps}))
+    raise FlightError(
+        f"rows are missing all over the log: {gaps} gaps ({names}) in {seconds:.1f} s, and the "
+        f"longest stretch of flight without one is {longest:.1f} s, where {LEAST_WHOLE:g} s and "
+        "more are needed: the recorder dropped samples; log to a faster card, fewer fields or at a "
+        "lower rate, or export the log again"
+    )
+
+
 def refuse_idle_motors(motion: Motion) -> None:
     """Raise if no motor turns where the flight should be."""
     if not any(motion.rotor_speed[a:b].any() for a, b in motion.stretches):
@@ -121,8 +177,16 @@ def refuse_idle_motors(motion: Motion) -> None:
         )
 
 
-def refuse_wrong_gravity(motion: Motion) -> None:
-    """Raise unless the thrust points along +z and is of the size of the weight."""
+def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
+    """Raise unless the thrust points along +z and is of the size of the weight.
+
+    Parameters
+    ----------
+    motion
+        Of the flight.
+    takes_columns
+        Whether axes and units of this log can be declared.
+    """
     fast = fast_rows(motion, motion.thrust)
     force = np.median(motion.specific_force[fast], axis=0).astype(float)
     size = float(np.linalg.norm(force))
@@ -133,23 +197,24 @@ def refuse_wrong_gravity(motion: Motion) -> None:
     if force[2] < -0.7 * size:
         raise FrameError(
             f"{seen}, but along the thrust (z up) it must be positive; these are FRD axes: "
-            'declare axes = "FRD" for this log'
+            f"{FRD_DECLARED if takes_columns else AS_A_TABLE}"
         )
     if force[2] < 0.7 * size:
         axis = "xyz"[int(np.argmax(np.abs(force)))]
         raise FrameError(
             f"{seen}, mostly along {axis} instead of z (up along the thrust); the IMU is "
-            "mounted turned: rotate its axes in a columns map before you use the log"
+            f"mounted turned: {TURN_AXES if takes_columns else AS_A_TABLE}"
         )
     if size < 0.3 * GRAVITY:
         raise FlightError(
             f"{seen}, a tenth of gravity where about {GRAVITY:.1f} is expected: it looks like "
-            'units of g; declare the unit (columns = { accel_x = { name = "...", unit = "g" } })'
+            f"units of g: {UNIT_OF_ACCEL if takes_columns else AS_A_TABLE}"
         )
     if size > 3.0 * GRAVITY:
         raise FlightError(
             f"{seen}, {size / GRAVITY:.0f} times gravity where about {GRAVITY:.1f} m/s^2 is "
-            "expected; check the accelerometer's unit and scale in the columns map"
+            "expected; check the accelerometer's unit and scale"
+            f"{' in the columns map' if takes_columns else f': {AS_A_TABLE}'}"
         )
 
 

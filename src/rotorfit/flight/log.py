@@ -37,6 +37,17 @@ CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
 """
 
 
+OWN_FIELDS: Final = (
+    *("blackbox", "crazyflie", "ulog", "dataflash"),
+    *("qualisys", "motive", "vicon", "trajectory"),
+)
+"""Formats that name their own fields, units and axes: no columns map of units is taken for them."""
+AS_A_TABLE: Final = (
+    "this format says its own units and axes, and a columns map is not taken for it: correct them "
+    "where the log is made, or export it as a table (docs/logs.md) and declare them there"
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
     """One recorded quantity on its own clock.
@@ -96,3 +107,8 @@ class FlightLog:
     metadata: Mapping[str, str] = field(default_factory=dict[str, str])
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def takes_columns(self) -> bool:
+        """Whether a columns map names its columns and declares their units."""
+        return self.format not in OWN_FIELDS

@@ -8,6 +8,7 @@ a fast flight leans it, too, and so does a bias: who looks must tell them apart.
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.prepare import PreparedFlight
+
+LEAST_LEAN: Final = float(np.radians(5.0))
+"""Below it a bias within the usual explains the lean (sound logs: up to 4.5 degrees)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +62,20 @@ def lean(flights: Sequence[FlightData]) -> ImuTilt:
             total += data.specific_force[s.start : s.stop].sum(axis=0)
     x, y, z = total
     return ImuTilt(roll=float(np.arctan2(y, np.hypot(x, z))), pitch=float(np.arctan2(x, z)))
+
+
+def lean_words(tilt: ImuTilt) -> str:
+    """Return a mounting such as "10.1 degrees nose down"."""
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    parts = [
+        f"{abs(angle):.1f} degrees {words[angle > 0]}"
+        for angle, words in (
+            (pitch, ("nose down", "nose up")),
+            (roll, ("left side down", "right side down")),
+        )
+        if abs(angle) >= 1.0
+    ]
+    return " and ".join(parts)
 
 
 def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:

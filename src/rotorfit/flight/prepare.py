@@ -22,10 +22,12 @@ from rotorfit.flight.airborne import (
 from rotorfit.flight.checks import (
     doubts_about,
     refuse_absurd_sensors,
+    refuse_blows,
     refuse_empty_window,
     refuse_idle_motors,
     refuse_missing_battery,
     refuse_missing_channels,
+    refuse_torn_log,
     refuse_wrong_gravity,
     slow_motors_said,
     still_doubts,
@@ -140,11 +142,14 @@ class OneClock:
         Samples replaced, by channel.
     speed_step
         Smallest step of measured rotor speed [rad/s]; 0 where unknown.
+    takes_columns
+        Whether units and axes of the log can be declared.
     """
 
     uniform: UniformChannels
     spikes: dict[str, int]
     speed_step: float
+    takes_columns: bool = True
 
 
 def prepare(
@@ -198,7 +203,12 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
     uniform, spikes = _uniform(log, rotor_count, motors)
     refuse_absurd_sensors(log, uniform)
     step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
-    return OneClock(uniform=uniform, spikes=spikes, speed_step=step or 0.0)
+    return OneClock(
+        uniform=uniform,
+        spikes=spikes,
+        speed_step=step or 0.0,
+        takes_columns=log.takes_columns,
+    )
 
 
 def prepared_from(
@@ -211,7 +221,7 @@ def prepared_from(
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
     refuse_idle_motors(motion)
-    refuse_wrong_gravity(motion)
+    refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
     flights = list(motion.stretches)
     if window == (None, None):
         with slow_motors_said(uniform.rates["motor"]):
@@ -224,6 +234,8 @@ def prepared_from(
         measured=measured,
         step=recorded.speed_step,
     )
+    refuse_torn_log(uniform, flights)
+    refuse_blows(uniform, flights)
     still = still_doubts(found, uniform.time, measured=measured)
     bias = _gyro_bias(
         uniform, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)

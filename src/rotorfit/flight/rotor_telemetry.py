@@ -126,9 +126,10 @@ def telemetry(log: FlightLog) -> Telemetry | None:
     command, speed = log.channels["command"], log.channels["rotor_speed"]
     count, other = command.values.shape[1], speed.values.shape[1]
     if count != other:
+        named = "; name as many of each in a columns map" if log.takes_columns else ""
         doubt = (
             f"the log has {count} motor commands ({command.source}) but {other} measured speeds "
-            f"({speed.source}): they were not compared; name as many of each in a columns map"
+            f"({speed.source}): they were not compared{named}"
         )
         return Telemetry(seconds=0.0, lateness=None, rotors=(), doubts=(doubt,))
     pair = _paired(command, speed)

@@ -20,7 +20,7 @@ from rotorfit.checks.plausible_units import (
     slow_rotor_doubts,
 )
 from rotorfit.checks.recorded_motors import refuse_wrong_speeds
-from rotorfit.doubts.imu_mounting import mounting_sentence
+from rotorfit.doubts.imu_mounting import lean_sentence, mounting_sentence
 from rotorfit.doubts.what_numbers_hang_on import what_numbers_hang_on
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
 from rotorfit.experiment.experiment import (
@@ -118,7 +118,7 @@ def _mounted(experiment: Experiment, flown: Flown) -> tuple[Experiment, Flown, t
         return experiment, flown, ()
     tilt = found_tilt(flown, joint_fit)
     if tilt is None:
-        return experiment, flown, ()
+        return experiment, flown, lean_sentence(flown)
     flown = levelled_flights(flown, tilt)
     if flown.motor_timing is not None:
         flown = dataclasses.replace(flown, motor_timing=find_timing(flown))
@@ -141,7 +141,10 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
             flights.append(load_flight(flight, experiment))
         tell("checking axes, units and rotors")
         if source == "imu":
-            refuse_gyro_in_degrees({Path(f.entry.file).name: f.prepared.data for f in flights})
+            for f in flights:
+                refuse_gyro_in_degrees(
+                    {Path(f.entry.file).name: f.prepared.data}, takes_columns=f.log.takes_columns
+                )
         if experiment.motors.speed == "measured":
             refuse_wrong_speeds(flights, vehicle)
         check_flights(flights, vehicle, experiment.motors)
@@ -172,12 +175,12 @@ def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) ->
     law = motors.law is not None
     if motors.speed == "commanded" and not law and not any(f.speeds_commanded for f in flights):
         return flights
-    refuse_rotors_too_fast(
-        {Path(f.entry.file).name: f.prepared.data for f in flights}, arm, law=law
-    )
     sound: list[UsedFlight] = []
     for flight in flights:
-        doubts = slow_rotor_doubts(flight.prepared.data, arm, law=law)
+        data, takes = flight.prepared.data, flight.log.takes_columns
+        name = Path(flight.entry.file).name
+        refuse_rotors_too_fast({name: data}, arm, law=law, takes_columns=takes)
+        doubts = slow_rotor_doubts(data, arm, law=law, takes_columns=takes)
         said = (*flight.prepared.warnings, *doubts)
         prepared = dataclasses.replace(flight.prepared, warnings=said)
         sound.append(dataclasses.replace(flight, prepared=prepared))

@@ -7,18 +7,12 @@ flight is much likelier with its readings turned back, the IMU is turned.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
-
-import numpy as np
 
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Flown, levelled_flights
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.term_choice import LEAST_GAIN
-from rotorfit.flight.mounting import ImuTilt, lean
-
-LEAST_LEAN: Final = float(np.radians(5.0))
-"""Below it a bias within the usual explains the lean (sound logs: up to 4.5 degrees)."""
+from rotorfit.flight.mounting import LEAST_LEAN, ImuTilt, lean
 
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 

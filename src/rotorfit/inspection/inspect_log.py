@@ -84,7 +84,8 @@ def inspect_log(
     ):
         try:
             prepared = _prepared(log)
-            trouble += [*prepared.warnings, *filter(None, [gyro_in_degrees(prepared.data)])]
+            degrees = gyro_in_degrees(prepared.data, takes_columns=log.takes_columns)
+            trouble += [*prepared.warnings, *filter(None, [degrees])]
         except (LogError, FlightError) as error:
             trouble.append(str(error))
     trouble = [*log.warnings, *_missing(log, usable=prepared is not None), *trouble]

@@ -248,7 +248,7 @@ def _weighed(data: FlightData, vehicle: Vehicle) -> WeighedThrust | None:
     if held is None or held.ratio <= 0:
         return None
     kt = 1.0 / held.ratio
-    return WeighedThrust(kt=kt, std=kt * float(np.hypot(held.std * kt, INFLOW_STD)))
+    return WeighedThrust(kt=kt, std=kt * float(np.hypot(held.std, INFLOW_STD)))
 
 
 def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:

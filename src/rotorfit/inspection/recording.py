@@ -37,6 +37,10 @@ LONGEST_REPEAT: Final = 100
 EVEN: Final = 0.35
 """Variance of the intervals between new samples, over that of chance, below which they are even."""
 LEAST_REPEATED: Final = 0.8
+FEW_REPEATS: Final = 0.03
+"""Share of repeated samples that is not worth words."""
+MOST_BY_CHANCE: Final = 0.1
+"""Of repeated samples, that chance may explain where all are to count as repeats."""
 LEAST_STRAIGHT: Final = 0.1
 """Share of samples that lie on the line through their neighbours, below which none is drawn."""
 LONGEST_BEND: Final = 20
@@ -54,7 +58,7 @@ class ChannelReport:
     Attributes
     ----------
     rate
-        Of the recorded samples, by the median step [Hz].
+        Of the recorded samples, counted over the time outside of gaps [Hz].
     true_rate
         Of the samples that bring something new [Hz]: repeats and straight lines are left out.
     jitter
@@ -97,7 +101,8 @@ def channel_report(name: str, channel: Channel) -> ChannelReport:
     step = float(np.median(steps)) if len(steps) else 0.0
     late = steps > GAP_STEPS * step
     gaps = steps[late] if step > 0 else steps[:0]
-    rate = 1.0 / step if step > 0 else 0.0
+    # Not by the median step: where some samples are late or lost, fewer come than that says.
+    rate = (len(steps) - len(gaps)) / float(steps[~late].sum()) if step > 0 else 0.0
     share = new_share(x)
     return ChannelReport(
         name=name,
@@ -124,15 +129,39 @@ def new_share(values: Float[np.ndarray, "n k"]) -> float:
     """Return the share of samples that bring something new, while anything changes at all.
 
     A recorder faster than its source repeats the last sample, or draws a straight line to the
-    next, at even intervals. What changes at uneven ones is only coarse; and where a quantity
-    stands still for long (motors off), nothing can be told.
+    next. What changes at uneven intervals in steps of the resolution is only coarse; and where a
+    quantity stands still for long (motors off), nothing can be told.
     """
     if len(values) < FEWEST or np.abs(values).max() > LARGEST_VALUE:
         return 1.0
     first = np.diff(values, axis=0)
     moves = (first != 0.0).any(axis=1)
     bent = _bent(first, np.abs(values).max(axis=0))
-    return min(_share_at_even_intervals(moves), _share_of_corners(bent, moves))
+    return min(
+        _share_at_even_intervals(moves), _share_of_corners(bent, moves), _share_fine(first, moves)
+    )
+
+
+def _share_fine(first: Float[np.ndarray, "n k"], moves: Bool[np.ndarray, " n"]) -> float:
+    """Return the share of samples that change, where chance would hardly repeat any.
+
+    A column of steps of m times its resolution repeats by chance once in about 1 + m samples, and
+    all of them together once in the product.
+    """
+    steps = np.abs(first)
+    finest: Float[np.ndarray, " k"] = np.where(steps > 0, steps, np.inf).min(axis=0)
+    usual = np.array(
+        [float(np.median(column[column > 0])) if column.any() else 0.0 for column in steps.T]
+    )
+    alive = np.isfinite(finest)
+    by_chance = float(np.prod(1.0 / (1.0 + usual[alive] / finest[alive])))
+    intervals = np.diff(np.flatnonzero(moves))
+    intervals = intervals[intervals <= LONGEST_REPEAT]
+    if len(intervals) < FEWEST:
+        return 1.0
+    share = 1.0 / float(intervals.mean())
+    repeats = 1.0 - share
+    return share if repeats > FEW_REPEATS and by_chance < MOST_BY_CHANCE * repeats else 1.0
 
 
 def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"]) -> float:

@@ -124,7 +124,10 @@ def flight_words(report: LogReport) -> list[str]:
     words += lateness_words(report)
     words += [*telemetry_words(report.telemetry), *gravity_words(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
-        words.append(f"the motors answer like {report.prospects.motors}")
+        words.append(
+            f"each motor turns the vehicle the way of {report.prospects.motors}: that tells order "
+            "and spins, neither the length of the arms nor the shape of the frame; measure them"
+        )
     return words
 
 
@@ -180,7 +183,7 @@ def gravity_words(found: GravitySeen | None) -> list[str]:
     flight = (
         []
         if found.in_flight is None
-        else [f"{found.in_flight:.3f}{_plus_minus(found)} g on average in flight"]
+        else [f"{found.in_flight:.3f}{_plus_minus(found)} g on average in hover"]
     )
     return [f"the accelerometer reads {' and '.join([*rest, *flight])}"] if rest or flight else []
 

@@ -112,6 +112,10 @@ def _sha256(path: Path) -> str:
         raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
 
 
+LEAST_MOVED: Final = 0.05
+"""Change of a command, of full output, by which motors were driven."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Found:
     """What the messages mean."""
@@ -161,7 +165,7 @@ def _understood(path: Path) -> _Found:
     }
     channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
-    flown, doubts = _armed(messages)
+    flown, doubts = _armed(messages, moved=_moves(command))
     return _Found(
         channels=channels,
         metadata=_metadata(settings, said, text),
@@ -239,12 +243,26 @@ def _law_notes(settings: Parameters) -> list[str]:
     return [words]
 
 
-def _armed(messages: Messages) -> tuple[list[str], list[str]]:
-    """Return when the vehicle was armed, and a doubt where it never was."""
+def _moves(command: Channel | None) -> bool:
+    """Return whether the motors were ever driven."""
+    if command is None or not np.isfinite(command.values).any():
+        return False
+    return float(np.nanmax(command.values) - np.nanmin(command.values)) > LEAST_MOVED
+
+
+def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[str]]:
+    """Return when the vehicle was armed, and a doubt where it never was.
+
+    Logs begin while arming, and may miss its record: motors that were driven were armed.
+    """
     found = parameters.arming(messages)
     if found is None:
         return [], []
     time, states = found
+    if not any(states) and moved:
+        return [
+            f"armed before the log begins, disarmed at {time[0]:.1f} s of the autopilot's clock"
+        ], []
     if not any(states):
         return [], ["the vehicle was never armed in this log: its motors did not turn"]
     if not np.isfinite(time).all():

@@ -22,6 +22,8 @@ _FEWEST: Final = 2
 _OFF_LENGTH: Final = 0.05
 _PAIRS: Final = (("gyro", "accel"), ("position", "attitude"))
 _SHOWN: Final = 8
+MEASURED: Final = ("gyro", "accel", "position", "attitude", "velocity")
+"""Channels of which a set-point is no measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,12 +179,36 @@ def chosen(
     taken: dict[str, Candidate] = {}
     for name, topic in asked.items():
         taken[name] = _asked_for(name, topic, found.get(name, []))
+    found, aims = _without_aims(found, taken)
     for pair in _PAIRS:
         _take_pair(pair, found, taken)
     for name, options in found.items():
         if name not in taken and (best := _best(name, options, taken)) is not None:
             taken[name] = best
-    return taken, [note for name, one in taken.items() if (note := _others(name, one, found[name]))]
+    others = [note for name, one in taken.items() if (note := _others(name, one, found[name]))]
+    return taken, [*others, *aims]
+
+
+def _without_aims(
+    found: Mapping[str, list[Candidate]], taken: Mapping[str, Candidate]
+) -> tuple[dict[str, list[Candidate]], list[str]]:
+    """Return the candidates without set-points of what is measured, and notes on these.
+
+    What an autopilot was asked for is no motion. Motors may be known by what was asked of them
+    alone, and a topic that the user names is taken.
+    """
+    kept, notes = dict(found), list[str]()
+    for name in MEASURED:
+        if name in taken or name not in found:
+            continue
+        aims = [option.topic for option in found[name] if is_aim(option)]
+        kept[name] = [option for option in found[name] if not is_aim(option)]
+        if aims and not kept[name]:
+            notes.append(
+                f"no {name}: {', '.join(aims[:_SHOWN])} is a set-point, what was asked for and not "
+                f'what was measured; if it is not, choose it with columns = {{ {name} = "TOPIC" }}.'
+            )
+    return kept, notes
 
 
 def _asked_for(name: str, topic: str, options: Iterable[Candidate]) -> Candidate:

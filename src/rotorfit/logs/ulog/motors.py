@@ -29,6 +29,12 @@ MOST_MOTORS: Final = LAST_MOTOR - FIRST_MOTOR + 1
 _RPM: Final = 2.0 * math.pi / 60.0
 FASTEST: Final = 300_000
 """No rotor turns as fast [rpm]: a telemetry value beyond it is damaged."""
+VTOL_AIRFRAMES: Final = (2, 3, 4)
+"""CA_AIRFRAME of a standard VTOL, one with tilting rotors, and a tailsitter."""
+VTOL_TYPES: Final = tuple(range(19, 26))
+"""MAV_TYPE of the same."""
+VTOL_THOUSANDS: Final = 13
+"""SYS_AUTOSTART of the same is 13000 to 13999."""
 DSHOT_MOST: Final = 1999
 _AIRFRAMES: Final = {4: 4, 5: 4, 6: 6, 7: 6, 8: 8, 9: 8, 11: 6, 12: 8}
 """Motors of the airframes 4000 to 4999 and so on, before PX4 had parameters for the geometry."""
@@ -54,6 +60,17 @@ def motor_count(scan: Scan) -> int | None:
         return int(declared)
     airframe = scan.number("SYS_AUTOSTART")
     return None if airframe is None else _AIRFRAMES.get(int(airframe) // 1000)
+
+
+def is_vtol(scan: Scan) -> bool:
+    """Return whether the parameters are those of a vehicle that hovers and flies on a wing."""
+    own = {name: scan.number(name) for name in ("CA_AIRFRAME", "MAV_TYPE", "SYS_AUTOSTART")}
+    airframe = own["SYS_AUTOSTART"]
+    return (
+        own["CA_AIRFRAME"] in VTOL_AIRFRAMES
+        or own["MAV_TYPE"] in VTOL_TYPES
+        or (airframe is not None and int(airframe) // 1000 == VTOL_THOUSANDS)
+    )
 
 
 # Measured speed
@@ -257,7 +274,14 @@ class _Outputs:
 
 def _from_outputs(scan: Scan) -> Motors:
     """Return actuator_outputs, the values sent, over their ranges."""
-    wiring = _assigned(scan) or _main_outputs(scan)
+    assigned = _assigned(scan)
+    if assigned is None and motor_count(scan) is None and is_vtol(scan):
+        note = (
+            "the vehicle is a VTOL, and the log does not say which of its outputs are motors and "
+            "which servos: commands are left out; log actuator_motors (PX4 1.13 and later)."
+        )
+        return Motors(notes=(note,))
+    wiring = assigned or _main_outputs(scan)
     topic = _instance_with_motors(scan, wiring)
     values = None if topic is None else topic.vector("output", 1 + max(wiring.places))
     if topic is None or values is None:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.logs.ulog.motors import commanded_law, motor_count
+from rotorfit.logs.ulog.motors import commanded_law, is_vtol, motor_count
 from rotorfit.logs.ulog.scan import Scan
 from rotorfit.logs.ulog.topic import Topic
 
@@ -24,6 +24,11 @@ GENERIC: Final = (4001, 5001, 6001, 7001, 8001, 9001, 11001, 12001, 14001, 4601)
 """Airframes that stand for any vehicle of their layout."""
 MULTIROTORS: Final = (0, 8)
 """CA_AIRFRAME of multirotors, and of those with tilt."""
+VTOL: Final = (
+    "the vehicle is a VTOL by its parameters: its wing carries in forward flight, and some of its "
+    "outputs are servos and pushers; give start and end of a part in which it hovers, and list the "
+    "lifting rotors alone"
+)
 _AXES: Final = ("X", "Y", "Z")
 _SETTINGS: Final = (
     *("SYS_AUTOSTART", "CA_AIRFRAME", "THR_MDL_FAC", "MOT_POLE_COUNT", "DSHOT_BIDIR_EN"),
@@ -97,7 +102,9 @@ def geometry_notes(scan: Scan) -> tuple[str, ...]:
     sites = rotor_sites(scan)
     notes: list[str] = []
     kind = scan.number("CA_AIRFRAME")
-    if kind is not None and int(kind) not in MULTIROTORS:
+    if is_vtol(scan):
+        pass  # said as a warning
+    elif kind is not None and int(kind) not in MULTIROTORS:
         notes.append(f"CA_AIRFRAME = {int(kind)}: this is no multirotor with fixed rotors.")
     if not sites:
         notes.append(
@@ -189,8 +196,14 @@ def flown_notes(scan: Scan, begin: float) -> tuple[str, ...]:
 
 
 def flight_doubts(scan: Scan) -> tuple[str, ...]:
-    """Return a doubt where the vehicle never flew, by its own account."""
+    """Return a doubt where the vehicle never flew, by its own account, or not on rotors alone."""
     armed, air = _armed(scan), _in_air(scan)
+    if is_vtol(scan):
+        return (VTOL, *_never_flown(armed, air))
+    return _never_flown(armed, air)
+
+
+def _never_flown(armed: "_State | None", air: "_State | None") -> tuple[str, ...]:
     if armed is not None and not armed[1].any():
         return (
             "the vehicle was never armed in this log: there is no flight in it; give the log of a "
