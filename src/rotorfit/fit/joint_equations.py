@@ -64,6 +64,8 @@ class JointConfiguration:
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `answered` are those of
     `steering.py`: which errors of each block count, and how many rows the autopilot answers.
+    `bias_axes` are those along which what measured the motion can have a bias: an accelerometer
+    along all, motion capture only sideways, where the markers' frame is mounted turned.
     """
 
     name: str
@@ -75,6 +77,7 @@ class JointConfiguration:
     payload_of: str | None = None
     counted: Bool[np.ndarray, "b 6"] | None = None
     answered: Float[np.ndarray, "b e"] | None = None
+    bias_axes: tuple[str, ...] = ("x", "y", "z")
 
 
 def joint_estimate(
@@ -201,7 +204,7 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
         prior["rotor_drag"] = rotor_drag_std(first.mass, float(rotor_speeds(first).sum()))
     for configuration in configurations:
         at, arm = f"@{configuration.name}", configuration.vehicle.arm
-        prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
+        prior |= {f"accel_bias_{axis}{at}": BIAS_STD[axis] for axis in configuration.bias_axes}
         prior[f"twist{at}"] = TWIST_STD * arm
         offset = OFFSET_STD * configuration.mass * GRAVITY * arm
         prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
@@ -294,7 +297,8 @@ def _own_terms(
     free: dict[str, dict[tuple[int, str], float]] = {}
     if "accel_bias" in terms:
         mass = configuration.mass
-        free |= {f"accel_bias_{axis}{at}": {(c, f"F{axis}_0"): mass} for axis in "xyz"}
+        axes = configuration.bias_axes
+        free |= {f"accel_bias_{axis}{at}": {(c, f"F{axis}_0"): mass} for axis in axes}
     if "twist" in terms:
         free[f"twist{at}"] = {}
     if "drag" in terms:
@@ -339,7 +343,9 @@ def _bias_torque(
     body = f"@{configuration.payload_of or configuration.name}"
     return {
         (c, f"M{axis}_0"): [
-            (sign, f"ms{first}{body}", f"accel_bias_{second}{at}") for first, second, sign in pairs
+            (sign, f"ms{first}{body}", f"accel_bias_{second}{at}")
+            for first, second, sign in pairs
+            if second in configuration.bias_axes
         ]
         for axis, pairs in CROSS.items()
     }

@@ -29,6 +29,7 @@ from rotorfit.flight.clocks import (
     usable_samples,
 )
 from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.ground_contact import ON_THE_GROUND, aloft, ground_contact, ground_said
 from rotorfit.flight.kinematics import (
     BodyMotion,
     continuous_quaternions,
@@ -142,7 +143,8 @@ def prepare_mocap(
     motion = _windowed(data, frames, arm=arm, window=window)
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)
-    data = dataclasses.replace(data, segments=_flown(motion, motors, window))
+    flights, standing = _flown(motion, motors, window)
+    data = dataclasses.replace(data, segments=flights)
     still = _still(data, frames, measured=measured)
     return PreparedFlight(
         data=data,
@@ -153,8 +155,13 @@ def prepare_mocap(
         # Bands end at 0.4 of the slowest rate: here at the low-pass.
         slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
         motor_rate=frames.motor_rate,
-        cuts=_cuts(data, frames, window),
-        warnings=(*_doubts(data, frames, clock), *still, *_law_doubts(log, motors, data)),
+        cuts=_cuts(data, frames, window, standing),
+        warnings=(
+            *ground_said(data.time, standing),
+            *_doubts(data, frames, clock),
+            *still,
+            *_law_doubts(log, motors, data),
+        ),
     )
 
 
@@ -165,12 +172,20 @@ def _still(data: FlightData, frames: _Frames, *, measured: bool) -> tuple[str, .
     return still_doubts(found, data.time, measured=measured)
 
 
-def _flown(motion: Motion, motors: MotorModel, window: Window) -> tuple[Segment, ...]:
-    """Return the window where the user gave one, else what is found airborne."""
-    flights = list(motion.stretches)
+def _flown(
+    motion: Motion, motors: MotorModel, window: Window
+) -> tuple[tuple[Segment, ...], list[tuple[int, int]]]:
+    """Return the window where the user gave one, else what is found airborne.
+
+    And where, in the window, the vehicle stands on the ground: that is left out.
+    """
+    flights, standing = list(motion.stretches), []
     if window == (None, None):
         flights = airborne_rows(with_likely_lag(_calmed(motion), motors))
-    return tuple(Segment(start=a, stop=b) for a, b in flights)
+    else:
+        standing = ground_contact(_calmed(motion), flights)
+        flights = aloft(motion, flights, standing)
+    return tuple(Segment(start=a, stop=b) for a, b in flights), standing
 
 
 def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
@@ -366,7 +381,9 @@ def _refuse_wrong_attitude(motion: Motion, pose: Channel) -> None:
     )
 
 
-def _cuts(data: FlightData, frames: _Frames, window: Window) -> tuple[Cut, ...]:
+def _cuts(
+    data: FlightData, frames: _Frames, window: Window, standing: list[tuple[int, int]]
+) -> tuple[Cut, ...]:
     """Return what is not used, in the order of time."""
     reason = "not airborne" if window == (None, None) else "outside start and end"
     used = np.zeros(len(data.time), dtype=bool)
@@ -374,8 +391,13 @@ def _cuts(data: FlightData, frames: _Frames, window: Window) -> tuple[Cut, ...]:
     for segment in data.segments:
         used[max(segment.start - margin, 0) : segment.stop + margin] = True
     t = data.time
+    ground = [
+        Cut(start=float(t[a]), end=float(t[b - 1]), reason=ON_THE_GROUND) for a, b in standing
+    ]
+    for a, b in standing:
+        used[a:b] = True
     cuts = [Cut(start=float(t[a]), end=float(t[b - 1]), reason=reason) for a, b in true_runs(~used)]
-    return tuple(sorted([*cuts, *frames.gaps], key=lambda cut: cut.start))
+    return tuple(sorted([*cuts, *ground, *frames.gaps], key=lambda cut: cut.start))
 
 
 def _doubts(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str, ...]:

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.doubts.every_doubt import with_doubts
-from rotorfit.doubts.ground_contact import ground_sentence
-from rotorfit.doubts.weight import contradiction, vagueness
+from rotorfit.doubts.weight import contradiction, swallowed, vagueness
 from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import Experiment
@@ -18,7 +17,7 @@ from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.joint_numbers import joint_numbers
-from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
+from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.other_settings import widened
 from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
@@ -73,19 +72,23 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     choice, fit = chosen(wanted, fit, joint, refit=refit, present=present)
     terms = choice.terms
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
-    # What stands on the ground is carried by it, and weighs nothing of what thrust does.
-    ground = ground_sentence(flown.configurations)
-    weighed = None if ground is not None else kt_from_weight(flown.configurations, flown.vehicle)
+    weighed = kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     found = _kt_of(numbers)
+    biased = swallowed_weight(flown, numbers)
     if weighed is not None and (
-        weighed.contradicts(*found) or weighed.is_surer_than(*found, timed=flown.timing_told)
+        biased is not None
+        or weighed.contradicts(*found)
+        or weighed.is_surer_than(*found, timed=flown.timing_told)
     ):
         fit, joint = joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
         anchored = _joint_numbers(flown, fit, joint)
         anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)
         if weighed.contradicts(*found):
             doubts = (contradiction(weighed, found[0], flown.motors, flown.source),)
+            numbers = _holding_both(anchored, numbers)
+        elif biased is not None:
+            doubts = (swallowed(biased, weighed, found[0]),)
             numbers = _holding_both(anchored, numbers)
         else:
             doubts = (vagueness(weighed, *found),)
@@ -103,7 +106,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         warnings=(*tables.warnings, *unsettled, *choice.sentences, *doubts),
         settings={**tables.settings, **choice.settings},
     )
-    return with_doubts(tables, flown, numbers, fit=fit, joint=joint, ground=ground)
+    return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
 
 
 def _settled(
@@ -171,6 +174,8 @@ def joint_fit(
             vehicle=flown.vehicle,
             payload=configured.payload,
             payload_of=configured.entry.payload_of,
+            # Cameras know gravity: a force along z that stays is thrust.
+            bias_axes=("x", "y", "z") if flown.source == "imu" else ("x", "y"),
         )
         for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
     ]
