@@ -30,6 +30,10 @@ from rotorfit.estimation.solved import solved, solved_jacobian
 MOST_ITERATIONS = 100
 SMALLEST_STEP = 1e-3
 """The iteration ends when no parameter moves by more than this share of its deviation."""
+LEAST_WIN = 0.02
+"""Of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the iteration is
+at the bottom, too, or goes round it; a parameter there is known to a tenth of its deviation."""
+PATIENCE = 15
 LARGEST_DAMPING = 1e9
 """Where the iteration ends, too: a step along the slope of which next to nothing is left."""
 RELATIVE_FLOOR = 1e-9
@@ -172,7 +176,7 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
     state = _evaluate(problem, start)
     if any(factors.noise is not None for factors in problem.factors):
         return _finished(problem, *_settled_with_noise(problem, state))
-    damping, rise = 1e-3, 2.0
+    damping, rise, costs = 1e-3, 2.0, [state.cost]
     for iteration in range(1, MOST_ITERATIONS + 1):
         A, b = _linearised(problem, state)
         extra = _feedback_scores(problem, state.phi).sum(axis=0)
@@ -189,11 +193,14 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
         else:
             damping, rise = damping * rise, rise * 2.0
         small = bool(np.all(np.abs(taken.step) <= SMALLEST_STEP * taken.std))
-        if small or damping > LARGEST_DAMPING:
+        costs.append(state.cost)
+        still = iteration > 2 * PATIENCE and min(costs[:-PATIENCE]) - min(costs) < LEAST_WIN
+        if small or still or damping > LARGEST_DAMPING:
             return _finished(problem, state, iteration)
     raise UnsettledError(
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
-        "remove a term, or fly more motion"
+        "remove a term, or fly more motion",
+        reached=dict(zip(problem.map.names, state.phi.tolist(), strict=True)),
     )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.partial import parameter_scale
@@ -136,7 +136,10 @@ def chosen(
         gains[name] = expected_gain(fit, joint, wider)
         if gains[name] < 0.5 * least:
             continue
-        trial = refit(wider, fit)
+        try:
+            trial = refit(wider, fit)
+        except UnsettledError:
+            continue  # the flights cannot tell it from the other terms
         gains[name] = trial.log_likelihood - fit.log_likelihood
         if gains[name] >= least and _matters(name, trial, joint):
             present, fit = wider, trial

@@ -18,8 +18,9 @@ STILL: Final = 0.06
 """Deviation of the rates of a vehicle that stands, motors idling [rad/s]."""
 SLOW: Final = 0.1
 """Mean rate of a vehicle that stands: a gyro's bias at most [rad/s]."""
-LITTLE: Final = 0.6
-"""Thrust over that of the flight, below which a calm vehicle does not fly."""
+LITTLE: Final = 0.4
+"""Thrust over that of the flight, below which a calm vehicle does not fly: standing ones of the
+logs at hand have up to 0.2, a racer that glides at speed 0.55 and more."""
 FLYING_PERCENTILE: Final = 75.0
 """Of the squared rotor speeds: that of the flight even where half of a window is not."""
 CARRIED: Final = 0.2

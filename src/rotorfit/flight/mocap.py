@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.flight.airborne import GRAVITY, SHORTEST_FLIGHT, Motion, airborne_rows, fast_rows
-from rotorfit.flight.camera import NOTED_JITTER, CameraClock, camera_clock, poses
+from rotorfit.flight.camera import NOTED_JITTER, CameraClock, Tracked, camera_clock, tracked
 from rotorfit.flight.checks import (
     flown_doubts,
     refuse_empty_window,
@@ -60,6 +60,8 @@ MARGIN = 2.5
 """Cut from the ends of every run, in periods of the cut-off: what the low-pass guessed."""
 CALM = 4.0
 """Low-pass on the rates in the search for the flight [Hz]."""
+LEAST_MENDED = 1e-3
+"""Share of frames that jump and are mended, from which it is said."""
 SLOWEST = 60.0
 """Frames per second below which much of the motion of a small multirotor is lost [Hz]."""
 
@@ -134,7 +136,8 @@ def prepare_mocap(
     motors = motors or MotorModel()
     measured = motors.speed == "measured"
     name = "rotor_speed" if measured else "command"
-    pose = poses(log)
+    seen = tracked(log)
+    pose = seen.pose
     refuse_missing_motors(log, name, rotor_count)
     clock = camera_clock(pose.time)
     frames = _frames(pose, clock, _motor_channel(log, motors))
@@ -151,7 +154,7 @@ def prepare_mocap(
         phases=phases_of(data),
         motor_channel=frames.motors,
         gyro_bias=None,
-        spikes={},
+        spikes={"pose": seen.mended} if seen.mended else {},
         # Bands end at 0.4 of the slowest rate: here at the low-pass.
         slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
         motor_rate=frames.motor_rate,
@@ -419,6 +422,16 @@ def _doubts(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str,
             f"Hz: motion is used only up to {0.4 * frames.motor_rate:.0f} Hz; log motors faster"
         )
     return (*doubts, *flown_doubts(data))
+
+
+def _mended_said(seen: Tracked) -> tuple[str, ...]:
+    """Return how many frames jumped, where that is more than chance makes."""
+    if seen.mended <= LEAST_MENDED * len(seen.pose.time):
+        return ()
+    return (
+        f"{seen.mended} of {len(seen.pose.time)} frames of the motion capture jumped and returned, "
+        "and were put back on the line of their neighbours; see that no marker is confused",
+    )
 
 
 def _law_doubts(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple[str, ...]:

@@ -15,8 +15,8 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
-from rotorfit.fit.joint_numbers import joint_numbers
+from rotorfit.fit.joint_equations import JointConfiguration, at_values, joint_estimate
+from rotorfit.fit.joint_numbers import joint_numbers, physical
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.other_settings import widened
@@ -71,7 +71,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
 
     choice, fit = chosen(wanted, fit, joint, refit=refit, present=present)
     terms = choice.terms
-    numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
+    numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), joint, terms=terms)
     weighed = kt_from_weight(flown.configurations, flown.vehicle)
     doubts: tuple[str, ...] = ()
     found = _kt_of(numbers)
@@ -83,7 +83,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     ):
         fit, joint = joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
         anchored = _joint_numbers(flown, fit, joint)
-        anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)
+        anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
         if weighed.contradicts(*found):
             doubts = (contradiction(weighed, found[0], flown.motors, flown.source),)
             numbers = _holding_both(anchored, numbers)
@@ -206,10 +206,19 @@ def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfigura
     return joint_numbers(fit, joint, {c.entry.name: c.entry.mass_std for c in flown.configurations})
 
 
+def _numbers_at(
+    reached: Mapping[str, float], fit: BandedEstimate, joint: Sequence[JointConfiguration]
+) -> Float[np.ndarray, " q"]:
+    """Return the numbers of a fit at other values of its free parameters."""
+    phi = at_values(fit.problem, reached, fit.estimate.values)
+    return np.array(list(physical(phi, fit.problem.map, joint).values()))
+
+
 def _joint_widened(
     flown: Flown,
     fit: BandedEstimate,
     numbers: Numbers,
+    joint: Sequence[JointConfiguration],
     *,
     weighed: WeighedThrust | None = None,
     terms: Sequence[Term],
@@ -217,9 +226,13 @@ def _joint_widened(
     """Return the intervals widened by what settings shift that could as well be others."""
 
     def shift(other: Flown, response: MotorResponse | None, top: float) -> Float[np.ndarray, " q"]:
-        fitted = joint_fit(
-            other, response, weighed=weighed, top=top, terms=terms, begin=_values(fit)
-        )
+        try:
+            fitted = joint_fit(
+                other, response, weighed=weighed, top=top, terms=terms, begin=_values(fit)
+            )
+        except UnsettledError as error:
+            # It wanders off from the numbers: by so much at least they are open.
+            return _numbers_at(error.reached, fit, joint) - numbers.values
         return _joint_numbers(other, *fitted).values - numbers.values
 
     return dataclasses.replace(numbers, half_width=widened(numbers.half_width, flown, shift))
