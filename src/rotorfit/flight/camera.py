@@ -13,6 +13,7 @@ from scipy import ndimage
 
 from rotorfit.errors import FlightError, LogError
 from rotorfit.flight.clocks import FEWEST_SAMPLES, usable_samples
+from rotorfit.flight.kinematics import continuous_quaternions
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.pose_spikes import without_spikes
 
@@ -124,16 +125,8 @@ def _mended(
 ) -> tuple[Float[np.ndarray, "n 7"], Bool[np.ndarray, " n"]]:
     """Return the frames with single ones that jump in place or attitude put back, and which."""
     place, one = without_spikes(time, values[:, :3])
-    attitude, other = without_spikes(time, _continuous(values[:, 3:]))
+    attitude, other = without_spikes(time, continuous_quaternions(values[:, 3:]))
     return np.concatenate([place, attitude], axis=1), one | other
-
-
-def _continuous(q: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
-    """Return unit quaternions of which none is the negative of its neighbour's."""
-    q = q / np.linalg.norm(q, axis=1, keepdims=True)
-    flips = np.einsum("ni,ni->n", q[1:], q[:-1]) < 0
-    q[1:] *= np.where(flips, -1.0, 1.0).cumprod()[:, None]
-    return q
 
 
 def _jumps(
@@ -147,7 +140,7 @@ def _jumps(
     off = np.zeros((len(values), 2))
     across = (time[2:] - time[:-2])[:, None]
     share = (time[1:-1] - time[:-2])[:, None] / across
-    for k, x in enumerate((values[:, :3], 2.0 * _continuous(values[:, 3:]))):
+    for k, x in enumerate((values[:, :3], 2.0 * continuous_quaternions(values[:, 3:]))):
         middle = x[:-2] + share * (x[2:] - x[:-2])
         off[1:-1, k] = 2.0 * np.abs(x[1:-1] - middle).max(axis=1)
     noise = JUMP_DEVIATIONS * 1.4826 * np.median(off, axis=0)

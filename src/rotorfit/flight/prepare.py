@@ -41,6 +41,7 @@ from rotorfit.flight.motors import (
     speed_from_command,
     white_noise_std,
 )
+from rotorfit.flight.pose_velocity import velocity_of_pose
 from rotorfit.flight.signals import central_difference, hampel, whole_samples
 from rotorfit.flight.speed_law import SpeedLaw, law_doubts
 from rotorfit.flight.splines import smooth_motors
@@ -336,10 +337,15 @@ def _uniform(
     makers: dict[str, Channel | Callable[[], Channel]] = {
         key: partial(usable, key) for key in names
     }
-    if "velocity" in log.channels:
-        # Only looked at: a velocity that cannot be used is no reason to refuse the flight.
-        with contextlib.suppress(FlightError):
-            makers["velocity"] = usable_samples(log.channels["velocity"], "velocity")
+    # Only looked at: a velocity that cannot be used is no reason to refuse the flight.
+    with contextlib.suppress(FlightError):
+        velocity = (
+            usable_samples(log.channels["velocity"], "velocity")
+            if "velocity" in log.channels
+            else velocity_of_pose(log)
+        )
+        if velocity is not None:
+            makers["velocity"] = velocity
     return uniform_channels(makers, clock="gyro", optional=("velocity",)), counts
 
 
