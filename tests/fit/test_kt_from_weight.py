@@ -141,6 +141,10 @@ def test_a_bias_that_the_accelerometer_shows_over_gravity_is_one():
     assert swallowed(0.0, reads=G + 2.0) is not None
 
 
-def test_without_an_accelerometer_there_is_no_bias():
-    assert swallowed(3.0, source="mocap") is None
+def test_cameras_have_no_bias_along_the_vertical():
+    assert swallowed(0.49, source="mocap", reads=G + 2.0) is None
+    assert swallowed(0.51, source="mocap", reads=G + 2.0).read == 0.0
+
+
+def test_sideways_a_bias_may_be_a_turned_mounting():
     assert swallowed(3.0, name="accel_bias_x@A") is None

@@ -28,11 +28,14 @@ def contradiction(
     return f"{seen}; the law under [motors] does not hold: measure it again, or log the rotor speed"
 
 
-def swallowed(wrong: SwallowedWeight, weighed: WeighedThrust, kt: float) -> str:
-    """Return what it means that the fit makes a bias of the accelerometer out of the weight."""
+def swallowed(
+    wrong: SwallowedWeight, weighed: WeighedThrust, kt: float, source: Source = "imu"
+) -> str:
+    """Return what it means that the fit makes a bias along z out of the weight."""
+    seen = "the accelerometer reads" if source == "imu" else "motion capture sees"
     return (
-        f"{wrong.configuration}: changes of thrust give kt = {kt:.3g} and an accelerometer that "
-        f"reads {wrong.fitted:+.2f} m/s^2 off along z, but over the flight it reads gravity to "
+        f"{wrong.configuration}: changes of thrust give kt = {kt:.3g} and a bias of "
+        f"{wrong.fitted:+.2f} m/s^2 along z, but over the flight {seen} gravity to "
         f"{wrong.read:+.2f} m/s^2: no bias, but thrust that does not follow the motor data as "
         f"declared. kt is taken from the weight ({weighed.kt:.3g}), inertia with it, and the "
         "intervals hold both; give the motors' law and lag under [motors], or log the rotor speed"

@@ -34,6 +34,8 @@ LEAST_WIN = 0.02
 """Of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the iteration is
 at the bottom, too, or goes round it; a parameter there is known to a tenth of its deviation."""
 PATIENCE = 15
+FEW_STEPS = 12
+"""After which crawling steps are extrapolated."""
 LARGEST_DAMPING = 1e9
 """Where the iteration ends, too: a step along the slope of which next to nothing is left."""
 RELATIVE_FLOOR = 1e-9
@@ -177,6 +179,7 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
     if any(factors.noise is not None for factors in problem.factors):
         return _finished(problem, *_settled_with_noise(problem, state))
     damping, rise, costs = 1e-3, 2.0, [state.cost]
+    path: tuple[Float[np.ndarray, " f"], ...] = ()
     for iteration in range(1, MOST_ITERATIONS + 1):
         A, b = _linearised(problem, state)
         extra = _feedback_scores(problem, state.phi).sum(axis=0)
@@ -194,6 +197,9 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
             damping, rise = damping * rise, rise * 2.0
         small = bool(np.all(np.abs(taken.step) <= SMALLEST_STEP * taken.std))
         costs.append(state.cost)
+        if len(costs) > FEW_STEPS and iteration % 3 == 0:
+            state = _leapt(problem, state, path, taken.std)
+        path = (*path[-1:], state.phi)
         still = iteration > 2 * PATIENCE and min(costs[:-PATIENCE]) - min(costs) < LEAST_WIN
         if small or still or damping > LARGEST_DAMPING:
             return _finished(problem, state, iteration)
@@ -202,6 +208,29 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
         "remove a term, or fly more motion",
         reached=dict(zip(problem.map.names, state.phi.tolist(), strict=True)),
     )
+
+
+def _leapt(
+    problem: BandedProblem,
+    state: _State,
+    path: Sequence[Float[np.ndarray, " f"]],
+    std: Float[np.ndarray, " f"],
+) -> _State:
+    """Return the point where steps that shrink, or grow, by one share each would end, if better.
+
+    Reweighting the blocks at each step is what EM algorithms do, and crawls along valleys as they
+    do (SQUAREM: Varadhan and Roland, Scandinavian J. of Statistics 35(2), 2008).
+    """
+    if len(path) < 2:
+        return state
+    first, second = path[-1] - path[-2], state.phi - path[-1]
+    turned = (second - first) / std
+    if not turned.any():
+        return state
+    leap = max(float(np.linalg.norm(first / std) / np.linalg.norm(turned)), 1.0)
+    phi = path[-2] + 2.0 * leap * first + leap**2 * (second - first)
+    trial = _evaluate_or_none(problem, phi)
+    return state if trial is None or trial.cost >= state.cost else trial
 
 
 def error_power(

@@ -53,6 +53,8 @@ from rotorfit.model.parameters import (
     DRAG_MOMENTS,
     INERTIA,
     PARAMETERS,
+    ROTORS_AIR,
+    TURN_DAMPING,
     inertia_about,
 )
 from rotorfit.model.vehicle import Vehicle
@@ -62,10 +64,10 @@ FEWEST_FLIGHTS = 3
 """Of one configuration, from which their scatter tells anything."""
 OWN_NUMBERS = (
     *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
-    *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS),
+    *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS, *TURN_DAMPING),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
-SHARED_NUMBERS = ("kt", "kd", "Jr", "rotor_drag", "kd_over_kt", "motor_lag_total")
+SHARED_NUMBERS = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR, "kd_over_kt", "motor_lag_total")
 
 
 def joint_numbers(
@@ -133,7 +135,7 @@ def physical(
 ) -> dict[str, float]:
     """Return every physical number at the free parameters `phi`."""
     p = dict(zip(mapped.names, phi.tolist(), strict=True))
-    out = {name: p[name] for name in ("kt", "kd", "Jr", "rotor_drag") if name in p}
+    out = {name: p[name] for name in ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR) if name in p}
     out["kd_over_kt"] = p["kd"] / p["kt"]
     theta = mapped.theta(phi)
     index = configurations[0].model.names.index
@@ -280,7 +282,7 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) 
     """Return the size of a number below which its relative error does not matter."""
     base, _, owner = name.partition("@")
     base = base.removesuffix("_com")
-    if base == "rotor_drag":
+    if base in ("rotor_drag", "inflow"):
         hover = next(n for n in numbers.names if n.startswith("hover_speed"))
         speeds = len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])
         return rotor_drag_std(mass, speeds)

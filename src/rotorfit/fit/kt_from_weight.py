@@ -31,6 +31,8 @@ LARGEST_BIAS = 2.0 * ACCEL_BIAS_STD
 """By which a fitted bias along z may miss what the accelerometer reads over gravity, besides both
 deviations [m/s^2]: sound logs, of measured speeds or a known law, miss by 0.05 to 0.35 and would be
 doubted from 0.6 on; by 2 to 3 do commands of which the law is not known."""
+NO_BIAS = Held(ratio=0.0, std=0.0, seconds=0.0)
+"""Of cameras, along the vertical."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,9 +98,9 @@ def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> We
 def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:
     """Return the bias along z that cannot be one, the worst of all configurations; None if none is.
 
-    Over a whole flight an accelerometer reads gravity and its bias. A fit that finds another one
-    explains thrust that does not carry the weight: the square law of the commands, a stretch on
-    the ground or a motor channel at a wrong time.
+    Over a whole flight an accelerometer reads gravity and its bias, and cameras, which know
+    gravity, have none. A fit that finds another one explains thrust that does not carry the
+    weight: by the square law of the commands, or a motor channel at a wrong time.
 
     Parameters
     ----------
@@ -108,9 +110,9 @@ def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:
         Of their fit; the bias need not be among them.
     """
     found: list[tuple[float, SwallowedWeight]] = []
-    for configured in flown.configurations if flown.source == "imu" else ():
+    for configured in flown.configurations:
         name = f"accel_bias_z@{configured.entry.name}"
-        read = _read_over_gravity(configured)
+        read = NO_BIAS if flown.source == "mocap" else _read_over_gravity(configured)
         if name not in numbers.names or read is None:
             continue
         fitted, half = numbers.number(name)

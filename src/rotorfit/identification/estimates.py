@@ -88,7 +88,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
             doubts = (contradiction(weighed, found[0], flown.motors, flown.source),)
             numbers = _holding_both(anchored, numbers)
         elif biased is not None:
-            doubts = (swallowed(biased, weighed, found[0]),)
+            doubts = (swallowed(biased, weighed, found[0], flown.source),)
             numbers = _holding_both(anchored, numbers)
         else:
             doubts = (vagueness(weighed, *found),)
@@ -174,8 +174,6 @@ def joint_fit(
             vehicle=flown.vehicle,
             payload=configured.payload,
             payload_of=configured.entry.payload_of,
-            # Cameras know gravity: a force along z that stays is thrust.
-            bias_axes=("x", "y", "z") if flown.source == "imu" else ("x", "y"),
         )
         for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
     ]
