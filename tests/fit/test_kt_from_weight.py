@@ -127,13 +127,13 @@ def swallowed(bias, half=0.1, *, reads=G, source="imu", name="accel_bias_z@A"):
 
 
 def test_a_bias_that_gravity_contradicts_is_thrust():
-    """0.4 m/s^2 and both half-widths: 0.1, and 1.96 * 1.5 / 20 of the velocity."""
-    limit = 0.4 + np.hypot(0.1, 1.96 * 1.5 / 20.0)
-    for sign in (1.0, -1.0):
-        assert swallowed(sign * (limit - 1e-3)) is None
-        wrong = swallowed(sign * (limit + 1e-3))
-        assert wrong.fitted == pytest.approx(sign * limit, abs=2e-3)
-        assert wrong.read == pytest.approx(0.0, abs=1e-9)
+    """0.4 m/s^2, or both half-widths: its own, and 1.96 * 1.5 / 20 of the velocity."""
+    for half, limit in ((0.1, 0.4), (0.6, np.hypot(0.6, 1.96 * 1.5 / 20.0))):
+        for sign in (1.0, -1.0):
+            assert swallowed(sign * (limit - 1e-3), half) is None
+            wrong = swallowed(sign * (limit + 1e-3), half)
+            assert wrong.fitted == pytest.approx(sign * limit, abs=2e-3)
+            assert wrong.read == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_bias_that_the_accelerometer_shows_over_gravity_is_one():
@@ -142,8 +142,8 @@ def test_a_bias_that_the_accelerometer_shows_over_gravity_is_one():
 
 
 def test_cameras_have_no_bias_along_the_vertical():
-    assert swallowed(0.49, source="mocap", reads=G + 2.0) is None
-    assert swallowed(0.51, source="mocap", reads=G + 2.0).read == 0.0
+    assert swallowed(0.39, source="mocap", reads=G + 2.0) is None
+    assert swallowed(0.41, source="mocap", reads=G + 2.0).read == 0.0
 
 
 def test_sideways_a_bias_may_be_a_turned_mounting():

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial.transform import Rotation
 
 from rotorfit.flight.log import Channel
 from rotorfit.logs.blackbox.decode import BlackboxLog
@@ -24,8 +23,7 @@ GYRO_FIELDS: Final = ("gyroADC", "gyroData")
 ACCEL_FIELDS: Final = ("accUnfiltered", "accADC", "accSmooth")
 ROTOR_FIELDS: Final = ("omegaUnfiltered", "omega")
 BATTERY_FIELDS: Final = ("vbatLatest", "vbat")
-VELOCITY_FIELDS: Final = ("vel", "extVel")
-_OTHER_FIELDS: Final = ("motor", "eRPM", "extPos", "quat", "imuQuaternion", *VELOCITY_FIELDS)
+_OTHER_FIELDS: Final = ("motor", "eRPM", "extPos", "quat", "imuQuaternion")
 MAX_COLUMNS: Final = 12
 """Most rotors; INAV has as many outputs."""
 
@@ -60,7 +58,6 @@ def read_channels(log: BlackboxLog) -> tuple[dict[str, Channel], list[str]]:
         "battery": _battery,
         "position": _position,
         "attitude": _attitude,
-        "velocity": _velocity,
     }
     channels: dict[str, Channel] = {}
     notes: list[str] = []
@@ -258,19 +255,3 @@ def _attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     values = np.where(norm > 0, raw / np.maximum(norm, 1), np.nan)
     source = "quat[0..3], FRD to north-east-down turned to FLU to north-west-up, estimate on board"
     return replace(_scaled(time, raw, 1 / QUATERNION_ONE, source), values=values)
-
-
-def _velocity(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the velocity in body axes [m/s], of INDIflight north-east-down in cm/s."""
-    field = _vector(log, VELOCITY_FIELDS, 3) if _is_indiflight(log) else None
-    turned = _attitude(log, time)
-    if field is None or not field[1].any() or not isinstance(turned, Channel):
-        return ""  # most logs have none: nothing to remark
-    base, raw = field
-    known = np.isfinite(turned.values).all(axis=1)
-    values = np.full(raw.shape, np.nan)
-    body_to_world = Rotation.from_quat(turned.values[known][:, [1, 2, 3, 0]])
-    world = raw[known] * np.array([0.01, -0.01, -0.01])
-    values[known] = body_to_world.apply(world, inverse=True)
-    source = f"{base}[0..2], 1 cm/s, north-east-down turned to FLU by quat, estimate on board"
-    return Channel(time=time, values=values, source=source)
