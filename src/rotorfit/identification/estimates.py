@@ -72,27 +72,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     choice, fit = chosen(wanted, fit, joint, refit=refit, present=present)
     terms = choice.terms
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), joint, terms=terms)
-    weighed = kt_from_weight(flown.configurations, flown.vehicle)
-    doubts: tuple[str, ...] = ()
-    found = _kt_of(numbers)
-    biased = swallowed_weight(flown, numbers)
-    if weighed is not None and (
-        biased is not None
-        or weighed.contradicts(*found)
-        or weighed.is_surer_than(*found, timed=flown.timing_told)
-    ):
-        fit, joint = joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
-        anchored = _joint_numbers(flown, fit, joint)
-        anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
-        if weighed.contradicts(*found):
-            doubts = (contradiction(weighed, found[0], flown.motors, flown.source),)
-            numbers = _holding_both(anchored, numbers)
-        elif biased is not None:
-            doubts = (swallowed(biased, weighed, found[0], flown.source),)
-            numbers = _holding_both(anchored, numbers)
-        else:
-            doubts = (vagueness(weighed, *found),)
-            numbers = _reaching(anchored, numbers)
+    fit, joint, numbers, doubts = _by_weight(flown, fit, joint, numbers, terms=terms)
     tables = joint_tables(
         numbers,
         fit,
@@ -107,6 +87,39 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         settings={**tables.settings, **choice.settings},
     )
     return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
+
+
+def _by_weight(
+    flown: Flown,
+    fit: BandedEstimate,
+    joint: list[JointConfiguration],
+    numbers: Numbers,
+    *,
+    terms: Sequence[Term],
+) -> tuple[BandedEstimate, list[JointConfiguration], Numbers, tuple[str, ...]]:
+    """Return the fit with k_t from the weight where that contradicts it or is surer, in words.
+
+    Otherwise what was given, and no words.
+    """
+    weighed = kt_from_weight(flown.configurations, flown.vehicle)
+    found = _kt_of(numbers)
+    biased = swallowed_weight(flown, numbers)
+    if weighed is None:
+        return fit, joint, numbers, ()
+    contradicts = weighed.contradicts(*found)
+    surer = weighed.is_surer_than(*found, timed=flown.timing_told)
+    if not (contradicts or surer or biased is not None):
+        return fit, joint, numbers, ()
+    fit, joint = joint_fit(flown, flown.timing, weighed=weighed, terms=terms)
+    anchored = _joint_numbers(flown, fit, joint)
+    anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
+    if contradicts:
+        words = contradiction(weighed, found[0], flown.motors, flown.source)
+        return fit, joint, _holding_both(anchored, numbers), (words,)
+    if surer or biased is None:
+        return fit, joint, _reaching(anchored, numbers), (vagueness(weighed, *found),)
+    words = swallowed(biased, weighed, found[0], flown.source)
+    return fit, joint, _holding_both(anchored, numbers), (words,)
 
 
 def _settled(
