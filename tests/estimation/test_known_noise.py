@@ -8,7 +8,6 @@ import pytest
 from rotorfit.estimation.banded import (
     BandedProblem,
     _corrected_equations,
-    _damped_step,
     _evaluate,
     _known_share,
     _squares,
@@ -242,14 +241,3 @@ def test_an_answer_adds_its_rows_times_ln_of_the_slope(noise):
     found = normal_equations(fit, np.ones(BLOCKS, dtype=bool)).scores[:-1, 0]
     np.testing.assert_allclose(found, scores, rtol=1e-6)
     np.testing.assert_allclose(fit.influence[:, 0], scores / (xx / v).sum(), rtol=1e-6)
-
-
-def test_a_damped_step_solves_the_equations_with_a_score_of_its_own():
-    rng = np.random.default_rng(5)
-    A, b, extra = rng.normal(size=(30, 3)), rng.normal(size=30), 5.0 * rng.normal(size=3)
-    taken = _damped_step(A, b, 0.0, extra)
-    step, std = taken.step, taken.std
-    squares = [float((A @ x - b) @ (A @ x - b) - 2.0 * extra @ x) for x in (0.0 * step, step)]
-    assert taken.foretold == pytest.approx(squares[0] - squares[1], rel=1e-9)
-    np.testing.assert_allclose(step, np.linalg.solve(A.T @ A, A.T @ b + extra), rtol=1e-9)
-    np.testing.assert_allclose(std, np.sqrt(np.diag(np.linalg.inv(A.T @ A))), rtol=1e-9)

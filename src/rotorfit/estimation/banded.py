@@ -17,10 +17,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError, UnsettledError
+from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import Factors, borrowed_mean_square
 from rotorfit.estimation.feedback import Feedback
@@ -148,15 +148,6 @@ class _State:
     cost: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Step:
-    """A damped step, the deviations of what it moves, and what it should win of the cost."""
-
-    step: Float[np.ndarray, " f"]
-    std: Float[np.ndarray, " f"]
-    foretold: float
-
-
 def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEstimate:
     """Return the estimate, by Levenberg-Marquardt steps on the likelihood.
 
@@ -183,16 +174,15 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
     for iteration in range(1, MOST_ITERATIONS + 1):
         A, b = _linearised(problem, state)
         extra = _feedback_scores(problem, state.phi).sum(axis=0)
-        taken = _damped_step(A, b, damping, extra)
+        taken = damped_step(A, b, damping, extra)
         trial = _evaluate_or_none(problem, state.phi + taken.step)
         # With the variances of the last point: where these squares fall, the likelihood rises,
         # for log x <= x - 1; and blocks that borrow their variance cannot hold up the last steps.
         before = _squares(problem, state, state.variance)
         won = -np.inf if trial is None else before - _squares(problem, trial, state.variance)
         if trial is not None and won >= 0.0:
-            ratio = min(won / max(taken.foretold, np.finfo(float).tiny), 1.0)
             state, rise = trial, 2.0
-            damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-9)
+            damping = eased(damping, won, taken.foretold)
         else:
             damping, rise = damping * rise, rise * 2.0
         small = bool(np.all(np.abs(taken.step) <= SMALLEST_STEP * taken.std))
@@ -216,20 +206,9 @@ def _leapt(
     path: Sequence[Float[np.ndarray, " f"]],
     std: Float[np.ndarray, " f"],
 ) -> _State:
-    """Return the point where steps that shrink, or grow, by one share each would end, if better.
-
-    Reweighting the blocks at each step is what EM algorithms do, and crawls along valleys as they
-    do (SQUAREM: Varadhan and Roland, Scandinavian J. of Statistics 35(2), 2008).
-    """
-    if len(path) < 2:
-        return state
-    first, second = path[-1] - path[-2], state.phi - path[-1]
-    turned = (second - first) / std
-    if not turned.any():
-        return state
-    leap = max(float(np.linalg.norm(first / std) / np.linalg.norm(turned)), 1.0)
-    phi = path[-2] + 2.0 * leap * first + leap**2 * (second - first)
-    trial = _evaluate_or_none(problem, phi)
+    """Return the point to which crawling steps lead, where it is likelier."""
+    phi = extrapolated((*path, state.phi), std)
+    trial = None if phi is None else _evaluate_or_none(problem, phi)
     return state if trial is None or trial.cost >= state.cost else trial
 
 
@@ -374,42 +353,6 @@ def _jacobian(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.
         flat = factors.R @ dG.transpose(2, 1, 0).reshape(dG.shape[2], -1)
         parts.append(flat.reshape(len(factors), factors.R.shape[1], len(noisy), len(phi)))
     return np.concatenate(parts)
-
-
-def _damped_step(
-    A: Float[np.ndarray, "n f"],
-    b: Float[np.ndarray, " n"],
-    damping: float,
-    extra: Float[np.ndarray, " f"],
-) -> _Step:
-    """Return a Levenberg-Marquardt step, columns scaled.
-
-    `extra` is a part of the score that is no sum of squares.
-    """
-    lengths = np.linalg.norm(A, axis=0)
-    if (lengths == 0).any():
-        raise EstimationError("the flights do not move a parameter at all; remove its term")
-    R, right = _triangular(A / lengths, b)
-    f = len(lengths)
-    stacked = np.concatenate([R, np.sqrt(damping) * np.eye(f)])
-    root = np.linalg.pinv(R)
-    right = right + root.T @ (extra / lengths)
-    solution = scipy.linalg.lstsq(stacked, np.concatenate([right, np.zeros(f)]))[0]
-    moved = R @ solution
-    return _Step(
-        step=solution / lengths,
-        std=np.linalg.norm(root, axis=1) / lengths,
-        foretold=float(2.0 * moved @ right - moved @ moved),
-    )
-
-
-def _triangular(
-    A: Float[np.ndarray, "n f"], b: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, "f f"], Float[np.ndarray, " f"]]:
-    """Return R and Q^T b of A = Q R."""
-    f = A.shape[1]
-    whole = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
-    return whole[:f, :f], whole[:f, f]
 
 
 def _settled_with_noise(problem: BandedProblem, state: _State) -> tuple[_State, int]:

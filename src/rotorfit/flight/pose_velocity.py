@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
+from rotorfit.errors import FlightError
 from rotorfit.flight.camera import camera_clock, restamped
 from rotorfit.flight.clocks import usable_samples
 from rotorfit.flight.kinematics import continuous_quaternions
@@ -27,6 +28,19 @@ MARGIN: Final = 1.0
 """Left out at the ends of every run, in periods of the cut-off."""
 LONGEST_BRIDGE: Final = 0.3
 """A straight line stands for the velocity over a loss of frames up to this [s]."""
+
+
+def known_velocity(log: FlightLog) -> Channel | None:
+    """Return the velocity in body axes that a log has, else that of its pose; None without.
+
+    One that cannot be used is none: it is no reason to refuse the flight.
+    """
+    try:
+        if "velocity" in log.channels:
+            return usable_samples(log.channels["velocity"], "velocity")
+        return velocity_of_pose(log)
+    except FlightError:
+        return None
 
 
 def velocity_of_pose(log: FlightLog) -> Channel | None:

@@ -1,6 +1,5 @@
 """FlightLog to FlightData, top to bottom: one clock, despiked, airborne, differentiated."""
 
-import contextlib
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.errors import ExperimentError
 from rotorfit.flight.airborne import (
     SHORTEST_FLIGHT,
     Motion,
@@ -41,7 +40,7 @@ from rotorfit.flight.motors import (
     speed_from_command,
     white_noise_std,
 )
-from rotorfit.flight.pose_velocity import velocity_of_pose
+from rotorfit.flight.pose_velocity import known_velocity
 from rotorfit.flight.signals import central_difference, hampel, whole_samples
 from rotorfit.flight.speed_law import SpeedLaw, law_doubts
 from rotorfit.flight.splines import smooth_motors
@@ -337,15 +336,9 @@ def _uniform(
     makers: dict[str, Channel | Callable[[], Channel]] = {
         key: partial(usable, key) for key in names
     }
-    # Only looked at: a velocity that cannot be used is no reason to refuse the flight.
-    with contextlib.suppress(FlightError):
-        velocity = (
-            usable_samples(log.channels["velocity"], "velocity")
-            if "velocity" in log.channels
-            else velocity_of_pose(log)
-        )
-        if velocity is not None:
-            makers["velocity"] = velocity
+    velocity = known_velocity(log)
+    if velocity is not None:
+        makers["velocity"] = velocity
     return uniform_channels(makers, clock="gyro", optional=("velocity",)), counts
 
 
