@@ -138,11 +138,12 @@ def chosen(
     gains: dict[Term, float] = {}
     least = LEAST_GAIN * len(joint)
     known = "vx" in joint[0].model.layout
-    open_terms = [name for name in ADDED_TERMS if known or name not in OF_VELOCITY]
+    open_terms: list[Term] = [name for name in ADDED_TERMS if known or name not in OF_VELOCITY]
     while open_terms:
         # The one first that explains most: what is left for another is then its own.
-        gains |= {name: expected_gain(fit, joint, (*present, name)) for name in open_terms}
-        name = max(open_terms, key=lambda one: gains[one])
+        for one in open_terms:
+            gains[one] = expected_gain(fit, joint, (*present, one))
+        name: Term = max(open_terms, key=gains.__getitem__)
         if gains[name] < 0.5 * least:
             break
         open_terms.remove(name)

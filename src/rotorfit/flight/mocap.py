@@ -160,6 +160,7 @@ def prepare_mocap(
         motor_rate=frames.motor_rate,
         cuts=_cuts(data, frames, window, standing),
         warnings=(
+            *_mended_said(seen),
             *ground_said(data.time, standing),
             *_doubts(data, frames, clock),
             *still,

@@ -84,11 +84,21 @@ def _bridged(
     """Return the velocity with straight lines over short losses of frames."""
     steps = np.diff(time)
     short = np.flatnonzero((steps > 1.5 / rate) & (steps < LONGEST_BRIDGE + 2.0 * MARGIN / CUTOFF))
-    more = [
+    more: list[Float[np.ndarray, " k"]] = [
         np.linspace(time[i], time[i + 1], round(float(steps[i]) * rate) + 1)[1:-1] for i in short
     ]
     whole = np.sort(np.concatenate([time, *more]))
-    return whole, np.column_stack([np.interp(whole, time, v) for v in velocity.T])
+    return whole, _between(whole, time, velocity)
+
+
+def _between(
+    at: Float[np.ndarray, " m"], time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
+) -> Float[np.ndarray, "m k"]:
+    """Return the values at other times, on straight lines."""
+    result = np.empty((len(at), values.shape[1]))
+    for k in range(values.shape[1]):
+        result[:, k] = np.interp(at, time, values[:, k])
+    return result
 
 
 def _in_body(
@@ -102,6 +112,6 @@ def _in_body(
     q = continuous_quaternions(attitude.values)
     known: Bool[np.ndarray, " n"] = (time >= attitude.time[0]) & (time <= attitude.time[-1])
     time, world = time[known], world[known]
-    between = np.column_stack([np.interp(time, attitude.time, e) for e in q.T])
+    between = _between(time, attitude.time, q)
     body = Rotation.from_quat(between[:, [1, 2, 3, 0]]).apply(world, inverse=True)
     return Channel(time=time, values=body, source=source)
