@@ -76,9 +76,8 @@ ROOMS: Final[dict[str, Room]] = {
             "np.sum(<<((phi - mean)[known] / std[known]) ** 2>>)",
             "J.reshape(-1, f), np.diag(<<1.0 / std>>)])",
             "weight = <<1.0 / np.sqrt(state.variance)>>",
-            "right = right + <<root.T @ (extra / lengths)>>",
             "parts.append(<<factors.known_noise @ (G * G).T>>)",
-            "return <<float(weighted.sum())>> + _prior",
+            "return <<float((own / variance).sum())>> + _prior",
             "_prior_cost(problem, state.phi) - <<2.0 * gain>>",
             "    weight = <<1.0 / state.variance>>",
             "scores += <<_feedback_scores(problem, state.phi)>>",
@@ -96,8 +95,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("covariance = root @ (kept @ kept.T) @ root.T", "covariance = inverse"),
             ("inverse = root @ kept @ root.T", "inverse = root @ root.T"),
             ("return NormalEquations(information=plain - taken,", "return NormalEquations(information=plain,"),
-            ("own = state.variance - _known_share(problem, state.phi)", "own = state.variance"),
-            ("(own + _known_share(problem, state.phi))", "own"),
+            ("- rows[:, None] * _known_share(problem, state.phi)", ""),
             ("cost += float(np.sum(spare, where=counted & floored))", "pass"),
         ),
     ),
@@ -144,6 +142,15 @@ ROOMS: Final[dict[str, Room]] = {
     "estimation/propagate.py": Room(
         tests=("tests/estimation/test_scatter.py",),
         scaled=("(<<2.0 * shift[i]>>)",),
+    ),
+    "estimation/damped_steps.py": Room(
+        tests=("tests/estimation/test_damped_steps.py",),
+        scaled=(
+            "right = right + <<root.T @ (extra / lengths)>>",
+            "foretold=float(<<2.0 * moved @ right>> - moved @ moved),",
+            "ratio = min(<<won / max(foretold, float(np.finfo(float).tiny))>>, 1.0)",
+            "path[-3] + <<2.0 * leap * first>>",
+        ),
     ),
     "estimation/reweighted.py": Room(
         tests=("tests/estimation/test_scatter.py", "tests/estimation/test_reweighted.py"),
