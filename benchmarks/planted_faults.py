@@ -231,7 +231,7 @@ ROOMS: Final[dict[str, Room]] = {
             "\nDRAG_STD = <<0.3>>",
             "OFFSET_STD = <<0.05>>",
             "return <<ROTOR_DRAG_STD * mass / speeds>>",
-            "rotor_drag_std(first.mass, <<float(rotor_speeds(first).sum())>>)",
+            "speeds = <<float(rotor_speeds(first).sum())>>",
             '"y": MOUNTING_STD, "z": <<ACCEL_BIAS_STD>>}',
             '{"x": <<MOUNTING_STD>>, "y"',
             '"y": <<MOUNTING_STD>>, "z"',
