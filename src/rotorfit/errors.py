@@ -4,6 +4,7 @@ A message says what was met, what was expected, and what to do next.
 """
 
 import re
+from collections.abc import Mapping
 
 
 class RotorfitError(Exception):
@@ -46,7 +47,14 @@ class EstimationError(RotorfitError):
 
 
 class UnsettledError(EstimationError):
-    """The iteration of an estimator did not come to an end: the flights hardly determine it."""
+    """The iteration of an estimator did not come to an end: the flights hardly determine it.
+
+    `reached` are the free parameters where it was stopped, by name: for what only asks how far.
+    """
+
+    def __init__(self, message: str, *, reached: Mapping[str, float] | None = None) -> None:
+        super().__init__(message)
+        self.reached = dict(reached or {})
 
 
 class OutputError(RotorfitError):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import banded
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.experiment.model_terms import DEFAULT_TERMS
@@ -88,13 +89,49 @@ def test_a_fit_is_tried_from_half_of_the_gain_that_is_asked_for(
         assert chosen(None, fit, bodies, refit=refit)[0].terms == DEFAULT_TERMS
 
 
+def only(*asked):
+    """Return expected gains of 1000 for the terms that are asked for, the first one more."""
+    return lambda fit, joint, terms: 1e3 - asked.index(terms[-1]) if terms[-1] in asked else 0.0
+
+
+def test_the_term_that_explains_most_is_tried_first_and_one_that_does_not_settle_is_left_out(
+    monkeypatch,
+):
+    body = made_fit.configuration()
+    fit = made_fit.fit_of([body], std={})
+    monkeypatch.setattr(term_choice, "expected_gain", only("torque_offset", "turn_damping"))
+    tried = []
+
+    def refit(terms, begin):
+        tried.append(terms[-1])
+        raise UnsettledError("no")
+
+    choice, found = chosen(None, fit, [body], refit=refit)
+    assert tried == ["torque_offset", "turn_damping"]
+    assert choice.terms == DEFAULT_TERMS
+    assert found is fit
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "matters"),
+    [(1.1e-3, 1e-6, True), (0.9e-3, 1e-6, False), (1.1e-3, 0.3e-3, False), (-1.0, 1e-6, False)],
+)
+def test_damping_of_turns_is_a_brake_and_more_than_a_trace(value, std, matters):
+    """A thousandth of the weight at the end of an arm, at 1 rad/s; four deviations from none."""
+    body = made_fit.configuration(mass=MASS)
+    size = MASS * G * ARM
+    wide = made_fit.fit_of([body], std={"turn_damping_y@A": std * size}, terms=("turn_damping",))
+    wide = with_values(wide, {"turn_damping_y@A": value * size})
+    assert term_choice._matters("turn_damping", wide, [body]) is matters
+
+
 @pytest.mark.parametrize(("gain", "added"), [(49.9, False), (50.1, True)])
 def test_a_term_enters_for_a_gain_of_50_a_configuration(monkeypatch, gain, added):
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={})
     wide = made_fit.fit_of([body], std={}, terms=("rotor_inertia", "torque_offset"))
     wide = with_values(wide, {"torque_offset_x@A": 1.0}, gain)
-    monkeypatch.setattr(term_choice, "expected_gain", lambda *_: 1e3)
+    monkeypatch.setattr(term_choice, "expected_gain", only("torque_offset"))
     choice, found = chosen(None, fit, [body], refit=lambda terms, begin: wide)
     assert choice.least_gain == 50.0
     assert ("torque_offset" in choice.terms) is added
@@ -129,8 +166,8 @@ def test_a_torque_matters_from_a_thousandth_of_the_weight_at_the_end_of_an_arm(s
 def test_drag_sideways_matters_from_four_deviations(drag, std, matters):
     body = made_fit.configuration(mass=MASS)
     body = replace(body, model=regressor(made_fit.QUAD, velocity=True),
-                   factors=made_fit.blocks([(1.0, 2.0)], width=27))  # fmt: skip
-    assert len(body.model.layout) == 27
+                   factors=made_fit.blocks([(1.0, 2.0)], width=31))  # fmt: skip
+    assert len(body.model.layout) == 31
     stds = {f"drag_{axis}@A": std for axis in "xyz"}
     wide = with_values(made_fit.fit_of([body], std=stds, terms=("drag",)), drag)
     assert _matters("drag", wide, [body]) is matters

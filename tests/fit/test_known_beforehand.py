@@ -93,7 +93,7 @@ def test_the_rows_take_small_terms_for_as_small_as_they_are(monkeypatch):
         return fit
 
     monkeypatch.setattr(row_fits, "reweighted", noting)
-    R = triangular_factors(np.random.default_rng(0).normal(size=(8, 60, 21)))
+    R = triangular_factors(np.random.default_rng(0).normal(size=(8, 60, 24)))
     factors = replace(hovering(), R=R, rows=np.full(8, 60), segment=np.zeros(8, dtype=int),
                       band=np.tile([1.0, 2.0], (8, 1)))  # fmt: skip
     fit_rows(factors, regressor(made_fit.QUAD), mass=MASS)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
+from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
+from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.weight_balance import Held, held_up, pooled
 from rotorfit.flight.data import Segment
 
@@ -110,3 +111,40 @@ def test_the_weight_must_be_twice_as_sure():
     vague = WeighedThrust(kt=1.0, std=0.1)
     assert not vague.is_surer_than(1.0, 0.199, timed=True)
     assert vague.is_surer_than(1.0, 0.201, timed=True)
+
+
+def swallowed(bias, half=0.1, *, reads=G, source="imu", name="accel_bias_z@A"):
+    """Return what is said of a fitted bias [m/s^2] of 20 s in which the accelerometer reads so."""
+    flight = made_fit.prepared(seconds=20.0, force=np.tile([0.0, 0.0, reads], (2000, 1)))
+    numbers = Numbers(
+        names=(name,),
+        values=np.array([bias]),
+        half_width=np.array([half]),
+        correlation=np.eye(1),
+        excitation={},
+    )
+    return swallowed_weight(made_fit.flown(flight, mass=MASS, source=source), numbers)
+
+
+def test_a_bias_that_gravity_contradicts_is_thrust():
+    """0.4 m/s^2, or both half-widths: its own, and 1.96 * 1.5 / 20 of the velocity."""
+    for half, limit in ((0.1, 0.4), (0.6, np.hypot(0.6, 1.96 * 1.5 / 20.0))):
+        for sign in (1.0, -1.0):
+            assert swallowed(sign * (limit - 1e-3), half) is None
+            wrong = swallowed(sign * (limit + 1e-3), half)
+            assert wrong.fitted == pytest.approx(sign * limit, abs=2e-3)
+            assert wrong.read == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_bias_that_the_accelerometer_shows_over_gravity_is_one():
+    assert swallowed(2.0, reads=G + 2.0) is None
+    assert swallowed(0.0, reads=G + 2.0) is not None
+
+
+def test_cameras_have_no_bias_along_the_vertical():
+    assert swallowed(0.39, source="mocap", reads=G + 2.0) is None
+    assert swallowed(0.41, source="mocap", reads=G + 2.0).read == 0.0
+
+
+def test_sideways_a_bias_may_be_a_turned_mounting():
+    assert swallowed(3.0, name="accel_bias_x@A") is None

@@ -5,7 +5,7 @@ import pytest
 
 from hand_made_logs import channel, flight_log
 from rotorfit.errors import FlightError, LogError
-from rotorfit.flight.camera import camera_clock, poses
+from rotorfit.flight.camera import camera_clock, poses, tracked
 
 RATE = 120.0
 TIME = 50.0 + np.arange(600) / RATE
@@ -66,16 +66,26 @@ def test_frozen_and_missing_frames_are_cut_not_bridged():
     assert runs == [(0, 99), (140, 299), (310, 449), (451, 599)]
 
 
-def test_a_marker_swap_is_cut():
+def test_a_single_frame_that_jumps_is_put_back():
     def change(position, attitude):
         position[200] += 0.03
         attitude[400] = [0.8, 0.0, 0.6, 0.0]
 
+    seen = tracked(pose_log(change=change))
+    assert seen.mended == 2
+    assert len(seen.pose.time) == 600
+    as_flown = poses(pose_log()).values
+    np.testing.assert_allclose(seen.pose.values, as_flown, atol=1e-7)
+
+
+def test_a_marker_swap_of_some_frames_is_cut():
+    def change(position, attitude):
+        position[200:203] += 0.03
+
     kept = np.round((poses(pose_log(change=change)).time - 50) * RATE)
-    assert sorted(set(range(600)) - set(kept.astype(int).tolist())) == [
-        *(199, 200, 201),
-        *(399, 400, 401),
-    ]
+    assert {199, 200, 202, 203}.isdisjoint(kept.astype(int).tolist())
+    runs = camera_clock(poses(pose_log(change=change)).time).runs
+    assert [b - a for a, b in runs] == [199, 396]
 
 
 def test_flips_of_the_sign_are_no_jumps():
@@ -102,6 +112,21 @@ def test_more_jitter_is_refused(size):
 def test_times_off_by_a_sixth_of_a_period_are_refused():
     with pytest.raises(FlightError, match="irregular times"):
         camera_clock(TIME + np.resize([0.155, 0.155, -0.155, -0.155], 600) / RATE)
+
+
+@pytest.mark.parametrize("late", [0.6, 0.98, -0.7])
+def test_a_single_stamp_that_misses_its_frame_is_no_gap(late):
+    time = TIME.copy()
+    time[[100, 200, 201, 350]] += late / RATE
+    clock = camera_clock(time)
+    assert clock.runs == ((0, 600),)
+    np.testing.assert_allclose(clock.time, TIME, atol=1e-6)
+
+
+def test_a_lost_frame_beside_a_late_stamp_is_still_lost():
+    time = np.delete(TIME, 300)
+    time[250] += 0.7 / RATE
+    assert camera_clock(time).runs == ((0, 300), (300, 599))
 
 
 def test_jitter_of_a_queue_is_refused():

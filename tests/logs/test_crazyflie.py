@@ -8,6 +8,7 @@ import pytest
 from crazyflie_encoder import FIXED, Event, Record, encode, encode_header, encode_record
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import CHANNELS, FlightLog
@@ -403,3 +404,25 @@ def test_memory_and_time_stay_in_proportion_to_the_file(tmp_path, filling):
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 40_000_000
+
+
+@pytest.mark.parametrize("euler", [False, True])
+def test_velocity_is_turned_into_the_body(tmp_path, euler):
+    """A quarter turn left, nose 30 degrees down (the firmware writes pitch positive nose up)."""
+    turned = Rotation.from_euler("ZYX", [90.0, 30.0, 0.0], degrees=True)
+    speed = [f"stateEstimate.v{a}" for a in "xyz"]
+    if euler:
+        names, attitude = [f"stateEstimate.{a}" for a in ("roll", "pitch", "yaw")], [0, -30.0, 90.0]
+    else:
+        names = [f"stateEstimate.q{a}" for a in "wxyz"]
+        attitude = turned.as_quat(scalar_first=True).tolist()
+    log = flown(tmp_path, [*speed, *names], [(0.0, 2.0, -1.0, *attitude)] * 20)
+    ahead = np.array(
+        [2.0 * np.cos(np.pi / 6) + 0.5, 0.0, 2.0 * np.sin(np.pi / 6) - np.cos(np.pi / 6)]
+    )
+    np.testing.assert_allclose(log.channels["velocity"].values[3], ahead, atol=1e-6)
+
+
+def test_without_attitude_a_velocity_of_the_world_is_none_of_the_body(tmp_path):
+    names = [*(f"stateEstimate.v{a}" for a in "xyz"), "pm.vbat"]
+    assert "velocity" not in flown(tmp_path, names, [(0.1, 0.2, 0.3, 3.7)] * 20).channels

@@ -31,6 +31,9 @@ class Body:
     drag: np.ndarray | float = 0.0
     drag_position: np.ndarray | float = 0.0
     rotor_drag: float = 0.0
+    turn_damping: tuple[float, float] = (0.0, 0.0)
+    inflow: float = 0.0
+    translational_lift: float = 0.0
 
     @property
     def inertia_origin(self):
@@ -47,6 +50,8 @@ def theta_of(body, shared_kt=0.0):
     theta |= {f"kt_{i + 1}": k - shared_kt for i, k in enumerate(body.kt)}
     theta |= {f"kt_rotor_center_{a}": body.kt[0] * body.rotor_shift[i] for i, a in enumerate("xyz")}
     theta |= {"kt_twist": body.kt[0] * body.twist, "rotor_drag": body.rotor_drag}
+    theta |= dict(zip(("turn_damping_x", "turn_damping_y"), body.turn_damping, strict=True))
+    theta |= {"inflow": body.inflow, "translational_lift": body.translational_lift}
     theta |= dict(zip(("drag_x", "drag_y", "drag_z"), body.drag * np.ones(3), strict=True))
     # Column k: the torque about the origin of the drag at unit velocity along k.
     torque = np.cross(body.drag_position * np.ones(3), -np.diag(body.drag * np.ones(3))).T
@@ -102,6 +107,24 @@ def drag_wrench(body, v, w):
     r = body.drag_position * np.ones(3)
     torque = np.cross(r, -body.drag * v)
     return np.concatenate([-body.drag * (v + np.cross(w, r)), torque], axis=1)
+
+
+def air_wrench(body, vehicle, v, w, O):
+    """Return force and torque of the air beside drag: on the turning body, and rotor by rotor.
+
+    A rotor that moves along its axis loses thrust; one that moves across z gains it, of which each
+    has the same share and whose torques are taken to cancel.
+    """
+    force, torque = np.zeros((2, len(w), 3))
+    torque -= w * np.append(body.turn_damping, 0.0)
+    for i, rotor in enumerate(vehicle.rotors):
+        n, place = np.array(rotor.axis), np.array(rotor.position)
+        climb = (v + np.cross(w, place)) @ n
+        lost = -body.inflow * (O[:, i] * climb)[:, None] * n
+        force += lost
+        torque += np.cross(place, lost)
+    force[:, 2] += body.translational_lift * (v[:, 0] ** 2 + v[:, 1] ** 2)
+    return np.concatenate([force, torque], axis=1)
 
 
 def at_point(alpha, w, dw, p):

@@ -80,11 +80,39 @@ def test_drag_is_newton_eulers_where_the_velocity_is_known(seed, rotors, tilted,
     assert_wrench(actual, expected, size)
 
 
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans(), has_imu=st.booleans())
+def test_damping_inflow_and_lift_are_newton_eulers(seed, rotors, tilted, has_imu):
+    rng = np.random.default_rng(seed)
+    vehicle, at_imu = drawn(rng, rotors, tilted=tilted, has_imu=has_imu)
+    body = replace(
+        ne.random_body(rng, rotors),
+        turn_damping=tuple(rng.uniform(0.0, 0.1, 2)),
+        inflow=rng.uniform(0.0, 1e-3),
+        translational_lift=rng.normal(),
+    )
+    alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
+    v = rng.normal(size=(SAMPLES, 3)) * 3.0
+    expected = ne.body_wrench(body, alpha, w, dw) - ne.air_wrench(body, vehicle, v, w, O)
+    expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
+    flight = ne.flight_of(at_imu(alpha, w, dw), w, dw, O, dO, velocity=v)
+    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)
+    A = regressor(vehicle, velocity=True)
+    actual, size = residual_and_size(A, Z, ne.theta_of(body, 3e-6))
+    assert_wrench(actual, expected, size)
+
+
+def test_a_turn_is_damped_without_a_velocity():
+    names = regressor(ne.paper_vehicle()).names
+    assert {"turn_damping_x", "turn_damping_y"} <= set(names)
+    assert not {"inflow", "translational_lift", "drag_x"} & set(names)
+
+
 def test_velocity_is_a_signal_only_where_it_is_asked_for():
     vehicle = ne.paper_vehicle()
     assert "vx" not in signal_layout(vehicle) and "drag_x" not in regressor(vehicle).names
     with_it, without = signal_layout(vehicle, velocity=True), signal_layout(vehicle)
-    assert len(with_it) == len(without) + 6
+    assert len(with_it) == len(without) + 4 + 3  # velocity, its square, and inflow along z
     flight = ne.flight_of(*ne.random_motion(np.random.default_rng(2), SAMPLES, 4))
     with pytest.raises(FlightError, match="the velocity of the body is not known throughout"):
         signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)
@@ -310,7 +338,7 @@ def test_effects_can_be_left_out_and_keep_their_order():
     vehicle = ne.paper_vehicle()
     assert regressor(vehicle, effects=["torque", "mass"]).names == ("kd", "mass")
     full = regressor(vehicle)
-    assert full.tensor.shape == (len(full.names), 6, 21)
+    assert full.tensor.shape == (len(full.names), 6, 24)
     for effect, name in {"rotor_inertia": "Jr", "rotor_drag": "rotor_drag"}.items():
         kept = regressor(vehicle, effects=[e for e in EFFECTS if e != effect])
         assert set(full.names) - set(kept.names) == {name}

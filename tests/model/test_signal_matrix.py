@@ -34,8 +34,9 @@ def test_columns_are_what_their_names_say(tilted):
     columns |= {"wxH_x": wxH[:, 0], "wxH_y": wxH[:, 1], "wxH_z": wxH[:, 2]}
     arms = [np.hypot(r.position[0], r.position[1]) for r in vehicle.rotors]
     columns |= {"wzO": sum(z * O[:, i] * arm**2 for i, arm in enumerate(arms))}
+    columns |= {"wx": x, "wy": y, "wz": z}
     layout = signal_layout(vehicle)
-    assert len(layout) == 12 + 5 + (6 if tilted else 3) + 2
+    assert len(layout) == 12 + 5 + (6 if tilted else 3) + 5
     for i, name in enumerate(layout.names):
         np.testing.assert_allclose(Z[:, i], columns[name], rtol=1e-12, atol=1e-9, err_msg=name)
 

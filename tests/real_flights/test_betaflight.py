@@ -2,6 +2,7 @@
 
 import pytest
 
+import flown
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 pytestmark = pytest.mark.flights
@@ -42,3 +43,19 @@ def test_the_yaw_that_is_flown_is_found_and_nothing_else(result):
     assert result.derived_value("Jr_over_Izz").interval[0] > 0.0
     for name in ("kd", "Ixx", "Iyy", "Izz"):
         assert result.parameter(name).value is None
+
+
+def test_a_window_whose_fit_went_round_its_bottom_settles(flight_data_dir, tmp_path):
+    """Its steps ended at 0.03 to 0.05 of a deviation, up and down, and it was refused."""
+    log = flight_data_dir / "betaflight" / "LOG00037.BFL"
+    if not log.is_file():
+        pytest.skip(f"no {log}")
+    path = tmp_path / "experiment.toml"
+    commands = '[motors]\nspeed = "commanded"\n'
+    flown.experiment_file(path, PROPS_OUT, [log], mass="unknown", extra=commands)
+    whole = f'flights = ["{log}"]'
+    window = f'flights = [{{ file = "{log}", start = 0.0, end = 6.70361 }}]'
+    path.write_text(path.read_text().replace(whole, window))
+    assert window in path.read_text()
+    kt = flown.quietly_identified(path).parameter("kt")
+    assert kt.interval[0] < 20.1 < kt.interval[1]

@@ -49,7 +49,6 @@ def with_doubts(
     *,
     fit: BandedEstimate,
     joint: Sequence[JointConfiguration],
-    ground: str | None,
 ) -> Tables:
     """Return the tables with the doubts of all checks, impossible inertia taken back.
 
@@ -63,8 +62,6 @@ def with_doubts(
         Of the estimate, with their final intervals.
     fit, joint
         The fit, and its configurations.
-    ground
-        Which flights hold the ground, by `ground_sentence`; None where none do.
 
     Raises
     ------
@@ -77,7 +74,7 @@ def with_doubts(
     doubts: list[Doubt] = [
         lever_doubt(flown, fit, numbers),
         *_doubts_of_body(tables, fit, numbers, joint, flown),
-        *_doubts_of_flight(flown, fit, numbers, ground),
+        *_doubts_of_flight(flown, fit, numbers),
     ]
     doubts.append((odd_flight(flown.configurations, joint, fit), {}))
     doubts.append((changed_in_flight(flown.configurations), {}))
@@ -119,18 +116,13 @@ def _doubts_of_body(
         yield words, {f"smallest_second_moment@{name}": moment.share}
 
 
-def _doubts_of_flight(
-    flown: Flown, fit: BandedEstimate, numbers: Numbers, ground: str | None
-) -> Iterator[Doubt]:
+def _doubts_of_flight(flown: Flown, fit: BandedEstimate, numbers: Numbers) -> Iterator[Doubt]:
     """Yield what the flights say against the fit."""
     yield without_mean(fit, numbers)
     yield early_motors(flown), {}
     yield late_speeds(flown), {}
     yield accelerometer_apart(flown), {}
-    yield ground, {}
-    for words, numbers_behind in _doubts_of_thrust(flown, numbers):
-        # The ground carries what thrust and battery would be blamed for.
-        yield (words if ground is None else None), numbers_behind
+    yield from _doubts_of_thrust(flown, numbers)
     for peak in residual_peaks(flown, fit):
         yield peak_sentence(peak), {f"residual_peak@{peak.configuration}": peak.ratio}
 

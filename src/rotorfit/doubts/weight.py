@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from rotorfit.experiment.experiment import MotorsEntry, Source
-from rotorfit.fit.kt_from_weight import WeighedThrust
+from rotorfit.fit.kt_from_weight import SwallowedWeight, WeighedThrust
 from rotorfit.results.verdicts import ADVICE
 
 
@@ -26,6 +26,20 @@ def contradiction(
             "thrust stand shows it, or log the rotor speed"
         )
     return f"{seen}; the law under [motors] does not hold: measure it again, or log the rotor speed"
+
+
+def swallowed(
+    wrong: SwallowedWeight, weighed: WeighedThrust, kt: float, source: Source = "imu"
+) -> str:
+    """Return what it means that the fit makes a bias along z out of the weight."""
+    seen = "the accelerometer reads" if source == "imu" else "motion capture sees"
+    return (
+        f"{wrong.configuration}: changes of thrust give kt = {kt:.3g} and a bias of "
+        f"{wrong.fitted:+.2f} m/s^2 along z, but over the flight {seen} gravity to "
+        f"{wrong.read:+.2f} m/s^2: no bias, but thrust that does not follow the motor data as "
+        f"declared. kt is taken from the weight ({weighed.kt:.3g}), inertia with it, and the "
+        "intervals hold both; give the motors' law and lag under [motors], or log the rotor speed"
+    )
 
 
 def vagueness(weighed: WeighedThrust, kt: float, std: float) -> str:

@@ -17,10 +17,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError, UnsettledError
+from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import Factors, borrowed_mean_square
 from rotorfit.estimation.feedback import Feedback
@@ -30,6 +30,14 @@ from rotorfit.estimation.solved import solved, solved_jacobian
 MOST_ITERATIONS = 100
 SMALLEST_STEP = 1e-3
 """The iteration ends when no parameter moves by more than this share of its deviation."""
+LEAST_WIN = 0.02
+"""Of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the iteration is
+at the bottom, too, or goes round it; a parameter there is known to a tenth of its deviation."""
+PATIENCE = 15
+FEW_STEPS = 12
+"""After which crawling steps are extrapolated."""
+LARGEST_DAMPING = 1e9
+"""Where the iteration ends, too: a step along the slope of which next to nothing is left."""
 RELATIVE_FLOOR = 1e-9
 """Smallest variance, relative to the noisy signal's own: far under any sensor's, but a simulation
 may be exact, and without a floor its likelihood is a valley that the iteration crawls along."""
@@ -150,6 +158,9 @@ class _State:
 def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEstimate:
     """Return the estimate, by Levenberg-Marquardt steps on the likelihood.
 
+    The damping follows how much of the foretold gain each step makes (Nielsen, Damping parameter
+    in Marquardt's method, IMM-REP-1999-05, Technical University of Denmark, 1999).
+
     Parameters
     ----------
     problem
@@ -165,26 +176,47 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
     state = _evaluate(problem, start)
     if any(factors.noise is not None for factors in problem.factors):
         return _finished(problem, *_settled_with_noise(problem, state))
-    damping = 1e-3
+    damping, rise, costs = 1e-3, 2.0, [state.cost]
+    path: tuple[Float[np.ndarray, " f"], ...] = ()
     for iteration in range(1, MOST_ITERATIONS + 1):
         A, b = _linearised(problem, state)
         extra = _feedback_scores(problem, state.phi).sum(axis=0)
-        step, std = _damped_step(A, b, damping, extra)
-        trial = _evaluate_or_none(problem, state.phi + step)
-        settled = bool(np.all(np.abs(step) <= SMALLEST_STEP * std))
-        if trial is not None and trial.cost <= state.cost + 1e-9 * abs(state.cost):
-            state, damping = trial, max(damping / 10.0, 1e-9)
-        elif not settled:
-            damping *= 10.0
-            if damping < 1e9:
-                continue
-            settled = True
-        if settled:
+        taken = damped_step(A, b, damping, extra)
+        trial = _evaluate_or_none(problem, state.phi + taken.step)
+        # With the variances of the last point: where these squares fall, the likelihood rises,
+        # for log x <= x - 1; and blocks that borrow their variance cannot hold up the last steps.
+        before = _squares(problem, state, state.variance)
+        won = -np.inf if trial is None else before - _squares(problem, trial, state.variance)
+        if trial is not None and won >= 0.0:
+            state, rise = trial, 2.0
+            damping = eased(damping, won, taken.foretold)
+        else:
+            damping, rise = damping * rise, rise * 2.0
+        small = bool(np.all(np.abs(taken.step) <= SMALLEST_STEP * taken.std))
+        costs.append(state.cost)
+        if len(costs) > FEW_STEPS and iteration % 3 == 0:
+            state = _leapt(problem, state, path, taken.std)
+        path = (*path[-1:], state.phi)
+        still = iteration > 2 * PATIENCE and min(costs[:-PATIENCE]) - min(costs) < LEAST_WIN
+        if small or still or damping > LARGEST_DAMPING:
             return _finished(problem, state, iteration)
     raise UnsettledError(
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
-        "remove a term, or fly more motion"
+        "remove a term, or fly more motion",
+        reached=dict(zip(problem.map.names, state.phi.tolist(), strict=True)),
     )
+
+
+def _leapt(
+    problem: BandedProblem,
+    state: _State,
+    path: Sequence[Float[np.ndarray, " f"]],
+    std: Float[np.ndarray, " f"],
+) -> _State:
+    """Return the point to which crawling steps lead, where it is likelier."""
+    phi = extrapolated((*path, state.phi), std)
+    trial = None if phi is None else _evaluate_or_none(problem, phi)
+    return state if trial is None or trial.cost >= state.cost else trial
 
 
 def error_power(
@@ -340,37 +372,6 @@ def _jacobian(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.
     return np.concatenate(parts)
 
 
-def _damped_step(
-    A: Float[np.ndarray, "n f"],
-    b: Float[np.ndarray, " n"],
-    damping: float,
-    extra: Float[np.ndarray, " f"],
-) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
-    """Return a Levenberg-Marquardt step and the parameters' deviations, columns scaled.
-
-    `extra` is a part of the score that is no sum of squares.
-    """
-    lengths = np.linalg.norm(A, axis=0)
-    if (lengths == 0).any():
-        raise EstimationError("the flights do not move a parameter at all; remove its term")
-    R, right = _triangular(A / lengths, b)
-    f = len(lengths)
-    stacked = np.concatenate([R, np.sqrt(damping) * np.eye(f)])
-    root = np.linalg.pinv(R)
-    right = right + root.T @ (extra / lengths)
-    solution = scipy.linalg.lstsq(stacked, np.concatenate([right, np.zeros(f)]))
-    return solution[0] / lengths, np.linalg.norm(root, axis=1) / lengths
-
-
-def _triangular(
-    A: Float[np.ndarray, "n f"], b: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, "f f"], Float[np.ndarray, " f"]]:
-    """Return R and Q^T b of A = Q R."""
-    f = A.shape[1]
-    whole = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
-    return whole[:f, :f], whole[:f, f]
-
-
 def _settled_with_noise(problem: BandedProblem, state: _State) -> tuple[_State, int]:
     """Return the point where the regressors' known noise no longer pulls, and after how many steps.
 
@@ -378,19 +379,17 @@ def _settled_with_noise(problem: BandedProblem, state: _State) -> tuple[_State, 
     n_b dG N G^T; the corrected score takes that off (errors in variables with known N). The
     likelihood itself, with a variance free in every block, would rather have no response at all
     than a noisy one: calm flights beside a lively one would win. So every step must lower the
-    squares over the variances of the last point, of which the regressors' share moves with theta.
+    squares over the variances of the last point, without the regressors' share.
     """
     for iteration in range(1, MOST_ITERATIONS + 1):
         taken, scores, plain = _corrected_equations(problem, state)
         step = _corrected_step(plain, taken, scores.sum(axis=0))
         if float(np.max(np.abs(step) * np.sqrt(np.diagonal(plain)))) <= SMALLEST_STEP:
             return state, iteration
-        own = state.variance - _known_share(problem, state.phi)
-        own = np.maximum(own, (1.0 - MOST_NOISE) * state.variance)
-        best = _squares(problem, state, own)
+        before = _squares(problem, state, state.variance)
         for fraction in STEP_FRACTIONS:
             trial = _evaluate_or_none(problem, state.phi + fraction * step)
-            if trial is not None and _squares(problem, trial, own) < best:
+            if trial is not None and _squares(problem, trial, state.variance) < before:
                 state = trial
                 break
         else:
@@ -408,11 +407,15 @@ def _known_share(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[
     return np.concatenate(parts)
 
 
-def _squares(problem: BandedProblem, state: _State, own: Float[np.ndarray, "b k"]) -> float:
-    """Return the squared errors over their variances, those of the noisy signals being `own`."""
-    weighted = _power(state.residual) / (own + _known_share(problem, state.phi))
+def _squares(problem: BandedProblem, state: _State, variance: Float[np.ndarray, "b k"]) -> float:
+    """Return the squared errors over given variances, without what known noise adds to them.
+
+    Half its slope is the corrected score, in every block, so that a step along that lowers it.
+    """
+    rows = np.concatenate([factors.rows for factors in problem.factors])
+    own = _power(state.residual) - rows[:, None] * _known_share(problem, state.phi)
     gain = _feedback_gain(problem, state.phi)
-    return float(weighted.sum()) + _prior_cost(problem, state.phi) - 2.0 * gain
+    return float((own / variance).sum()) + _prior_cost(problem, state.phi) - 2.0 * gain
 
 
 def _corrected_step(

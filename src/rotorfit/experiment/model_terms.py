@@ -11,7 +11,16 @@ from typing import Annotated, Any, Final, Literal, cast, get_args
 from pydantic import BeforeValidator
 
 Term = Literal[
-    "rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "drag", "torque_offset"
+    "rotor_inertia",
+    "rotor_spread",
+    "accel_bias",
+    "twist",
+    "rotor_drag",
+    "drag",
+    "turn_damping",
+    "inflow",
+    "translational_lift",
+    "torque_offset",
 ]  # in the order of the documentation
 TERMS: Final[tuple[Term, ...]] = get_args(Term)
 DEFAULT_TERMS: Final[tuple[Term, ...]] = (
@@ -19,8 +28,12 @@ DEFAULT_TERMS: Final[tuple[Term, ...]] = (
 )
 """Always in the model unless the user says otherwise: every real vehicle has them, and they cost
 next to nothing where it has not."""
-ADDED_TERMS: Final[tuple[Term, ...]] = ("drag", "torque_offset")
+ADDED_TERMS: Final[tuple[Term, ...]] = (
+    *("drag", "turn_damping", "inflow", "translational_lift", "torque_offset"),
+)
 """Added where the flights ask for them."""
+OF_VELOCITY: Final[tuple[Term, ...]] = ("drag", "inflow", "translational_lift")
+"""Those that need the velocity."""
 TERM_WORDS: Final[dict[Term, str]] = {
     "rotor_inertia": "the spin inertia of the rotors (Jr)",
     "rotor_spread": "a thrust coefficient of each rotor's own (kt_1, kt_2, ...)",
@@ -28,6 +41,9 @@ TERM_WORDS: Final[dict[Term, str]] = {
     "twist": "a yaw torque in proportion to thrust, of motors tilted about their arms",
     "rotor_drag": "a yaw torque of rotors that a turn carries through the air",
     "drag": "air drag of the frame, in proportion to its velocity",
+    "turn_damping": "damping of roll and pitch, in proportion to their rates",
+    "inflow": "thrust that falls as the rotors climb",
+    "translational_lift": "thrust that rises with the square of the sideways velocity",
     "torque_offset": "a torque that does not change",
 }
 

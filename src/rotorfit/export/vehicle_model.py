@@ -25,7 +25,7 @@ from rotorfit.export.result_numbers import (
 )
 from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.model.parameters import COM, DRAG, DRAG_MOMENTS, INERTIA_COM, inertia_matrix
+from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.configurations import configuration_names, meant_configuration
@@ -271,7 +271,7 @@ def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[
 
 
 _TERMS: Final = (
-    *("motor_delay", "twist", "rotor_drag", *DRAG, *DRAG_MOMENTS),
+    *("motor_delay", "twist", "rotor_drag", *AIR),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
 

@@ -30,7 +30,7 @@ from rotorfit.fit.row_fits import (
 )
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR, TURN_DAMPING
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -57,6 +57,15 @@ ROTOR_DRAG_STD = 0.3
 DRAG_STD = 0.3
 """Known of the torque of drag before the flight: that of drag of this size over mass and velocity
 [1/s] at the end of an arm."""
+DAMPING_STD = 0.3
+"""Known of the damping of a turn before the flight: that of drag of this size over mass and
+velocity [1/s] at the end of an arm, over its rate."""
+INFLOW_STD = 1.0
+"""Known of the thrust that a climb costs: of this size over mass and velocity [1/s], a tenth of the
+weight in a climb of 1 m/s."""
+LIFT_STD = 0.05
+"""Known of the thrust that sideways velocity brings: over mass and squared velocity [1/m], a tenth
+of the weight at 4 m/s."""
 OFFSET_STD = 0.05
 """Known of a constant torque, as a share of the weight at the end of an arm."""
 CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
@@ -255,13 +264,18 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
     }
     first = configurations[0]
     if len(first.factors):
-        prior["rotor_drag"] = rotor_drag_std(first.mass, float(rotor_speeds(first).sum()))
+        speeds = float(rotor_speeds(first).sum())
+        prior["rotor_drag"] = rotor_drag_std(first.mass, speeds)
+        prior["inflow"] = INFLOW_STD * first.mass / speeds
+        prior["translational_lift"] = LIFT_STD * first.mass
     for configuration in configurations:
         at, arm = f"@{configuration.name}", configuration.vehicle.arm
         prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
         prior[f"twist{at}"] = TWIST_STD * arm
         offset = OFFSET_STD * configuration.mass * GRAVITY * arm
         prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
+        damping = DAMPING_STD * configuration.mass * arm**2
+        prior |= {f"{name}{at}": damping for name in TURN_DAMPING}
         # A velocity that hardly changes looks like a CoM elsewhere: this much, and no more.
         moment = DRAG_STD * configuration.mass * arm
         prior |= {f"{name}{at}": moment for name in DRAG_MOMENTS}
@@ -299,7 +313,7 @@ def joint_map(
     spread = spread_names(configurations[0].vehicle) if "rotor_spread" in terms else ()
     everywhere = range(len(configurations))
     shared = ("kt", "kd", "Jr") if "rotor_inertia" in terms else ("kt", "kd")
-    shared = (*shared, "rotor_drag") if "rotor_drag" in terms else shared
+    shared = (*shared, *(name for name in ("rotor_drag", *ROTORS_AIR) if name in terms))
     free: dict[str, dict[tuple[int, str], float]] = {
         name: {(c, name): 1.0 for c in everywhere} for name in shared
     }
@@ -358,6 +372,8 @@ def _own_terms(
         free[f"twist{at}"] = {}
     if "drag" in terms:
         free |= {f"{name}{at}": {(c, name): 1.0} for name in (*DRAG, *DRAG_MOMENTS)}
+    if "turn_damping" in terms:
+        free |= {f"{name}{at}": {(c, name): 1.0} for name in TURN_DAMPING}
     if "torque_offset" in terms:
         free |= {f"torque_offset_{axis}{at}": {(c, f"M{axis}_0"): 1.0} for axis in "xyz"}
     return free

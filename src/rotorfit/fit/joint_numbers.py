@@ -51,6 +51,8 @@ from rotorfit.model.parameters import (
     DRAG_MOMENTS,
     INERTIA,
     PARAMETERS,
+    ROTORS_AIR,
+    TURN_DAMPING,
     inertia_about,
 )
 from rotorfit.model.vehicle import Vehicle
@@ -64,10 +66,10 @@ ENOUGH_FLIGHTS = 5
 """From which it tells its own size too: of fewer it can only be a lower limit."""
 OWN_NUMBERS = (
     *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
-    *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS),
+    *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS, *TURN_DAMPING),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
 )
-SHARED_FREE = ("kt", "kd", "Jr", "rotor_drag")
+SHARED_FREE = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR)
 SHARED_NUMBERS = (*SHARED_FREE, "kd_over_kt", "motor_lag_total")
 
 
@@ -315,7 +317,7 @@ def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) 
     """Return the size of a number below which its relative error does not matter."""
     base, _, owner = name.partition("@")
     base = base.removesuffix("_com")
-    if base == "rotor_drag":
+    if base in ("rotor_drag", "inflow"):
         hover = next(n for n in numbers.names if n.startswith("hover_speed"))
         speeds = len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])
         return rotor_drag_std(mass, speeds)

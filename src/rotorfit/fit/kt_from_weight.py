@@ -12,8 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorfit.fit.flights import Configured
+from rotorfit.fit.flights import Configured, Flown
+from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.row_fits import ACCEL_BIAS_STD
 from rotorfit.fit.weight_balance import Held, held_up, pooled
+from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.vehicle import Vehicle
 
 INFLOW_STD = 0.02
@@ -24,6 +27,31 @@ VAGUE = 0.25
 """Share of k_t from which what changes of thrust leave open of it is taken from the weight."""
 LIKELY = 3.0
 """Deviations of chance within which they always may."""
+LARGEST_BIAS = 2.0 * ACCEL_BIAS_STD
+"""By which a fitted bias along z may miss what the accelerometer reads over gravity, where chance
+is less [m/s^2]: sound logs, of measured speeds or a known law, miss by 0.05 to 0.35; a simulated
+one whose k_t came out 8 % low by 0.9, commands of which the law is not known by 2 to 3."""
+NO_BIAS = Held(ratio=0.0, std=0.0, seconds=0.0)
+"""Of cameras, along the vertical."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwallowedWeight:
+    """A fitted bias of the accelerometer that gravity contradicts.
+
+    Attributes
+    ----------
+    configuration
+        Of the experiment.
+    fitted
+        Bias along z that the fit finds [m/s^2].
+    read
+        By how much the accelerometer reads more than gravity over the flights [m/s^2].
+    """
+
+    configuration: str
+    fitted: float
+    read: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,3 +93,44 @@ def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> We
         return None
     mean = pooled(found)
     return WeighedThrust(kt=mean.ratio, std=float(np.hypot(mean.std, INFLOW_STD * mean.ratio)))
+
+
+def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:
+    """Return the bias along z that cannot be one, the worst of all configurations; None if none is.
+
+    Over a whole flight an accelerometer reads gravity and its bias, and cameras, which know
+    gravity, have none. A fit that finds another one explains thrust that does not carry the
+    weight: by the square law of the commands, or a motor channel at a wrong time.
+
+    Parameters
+    ----------
+    flown
+        The flights.
+    numbers
+        Of their fit; the bias need not be among them.
+    """
+    found: list[tuple[float, SwallowedWeight]] = []
+    for configured in flown.configurations:
+        name = f"accel_bias_z@{configured.entry.name}"
+        read = NO_BIAS if flown.source == "mocap" else _read_over_gravity(configured)
+        if name not in numbers.names or read is None:
+            continue
+        fitted, half = numbers.number(name)
+        apart = abs(fitted - read.ratio * GRAVITY)
+        if apart > max(LARGEST_BIAS, float(np.hypot(half, 1.96 * read.std * GRAVITY))):
+            wrong = SwallowedWeight(
+                configuration=configured.entry.name, fitted=fitted, read=read.ratio * GRAVITY
+            )
+            found.append((apart, wrong))
+    return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _read_over_gravity(configured: Configured) -> Held | None:
+    """Return by how much the accelerometer reads more than gravity, as a share of it."""
+    data = [flight.prepared.data for flight in configured.flights]
+    parts = [held_up(one, one.specific_force) for one in data]
+    known = [held for held in parts if held is not None]
+    if not known:
+        return None
+    mean = pooled(known)
+    return Held(ratio=mean.ratio - 1.0, std=mean.std, seconds=mean.seconds)

@@ -13,7 +13,13 @@ from scipy import stats
 
 from rotorfit.fit.excitation import AXIS_OF
 from rotorfit.flight.airborne import GRAVITY
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, FIRST_MOMENTS, INERTIA
+from rotorfit.model.parameters import (
+    DRAG,
+    DRAG_MOMENTS,
+    FIRST_MOMENTS,
+    INERTIA,
+    TURN_DAMPING,
+)
 from rotorfit.model.vehicle import Vehicle
 
 PRODUCTS: Final = INERTIA[3:]
@@ -136,6 +142,10 @@ def plain_scale(name: str, *, mass: float, arm: float) -> float:
         return 0.3 * mass * arm / 5.0  # at 3 m/s as of a CoM that is arm / 150 off
     if name in DRAG:
         return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
+    if name in TURN_DAMPING:
+        return 0.3 * mass * arm**2
+    if name == "translational_lift":
+        return 0.1 * mass  # a tenth of the weight at 3 m/s
     if name.startswith("torque_offset_"):
         return mass * GRAVITY * arm / 50.0
     if name.startswith("accel_bias_"):

@@ -71,7 +71,7 @@ class RowFits:
         rho of roll, pitch and yaw: explained over residual power of the angular acceleration
         between 0.3 and 3 Hz. Disturbances beat the excitation where it is small.
     covariance
-        Of the concatenated parameters: from the scatter of the blocks.
+        Of the concatenated parameters: from the scatter of the blocks; of a single one `formal`.
     formal
         The same from the bands' variances, block diagonal.
     """
@@ -108,11 +108,14 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
     predicted = _rotor_made(model, first)
     fits = {row: _fit_row(factors, predicted[row], row, mass, first.get(row)) for row in ROWS}
     influence = np.concatenate([fits[row].influence for row in ROWS], axis=1)
+    formal = _block_diagonal([fits[row].estimate.covariance for row in ROWS])
+    # A flight of one block beside others is fitted with them: by itself it has no scatter.
+    several = len(influence) > 1
     return RowFits(
         fits=fits,
         excitation={row: _excitation(fits[row], factors) for row in ROWS[1:]},
-        covariance=scatter_covariance(influence),
-        formal=_block_diagonal([fits[row].estimate.covariance for row in ROWS]),
+        covariance=scatter_covariance(influence) if several else formal,
+        formal=formal,
     )
 
 

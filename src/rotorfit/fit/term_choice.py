@@ -13,14 +13,21 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.partial import parameter_scale
-from rotorfit.experiment.model_terms import ADDED_TERMS, DEFAULT_TERMS, TERM_WORDS, Term
+from rotorfit.experiment.model_terms import (
+    ADDED_TERMS,
+    DEFAULT_TERMS,
+    OF_VELOCITY,
+    TERM_WORDS,
+    Term,
+)
 from rotorfit.fit.flights import Configured, velocity_known
-from rotorfit.fit.joint_equations import JointConfiguration, joint_problem
+from rotorfit.fit.joint_equations import JointConfiguration, joint_problem, rotor_speeds
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.model.parameters import DRAG, TURN_DAMPING
 
 LEAST_GAIN = 50.0
 """Of the log-likelihood, per configuration, for which a term enters. Of chance alone the three
@@ -89,16 +96,17 @@ def velocity_wanted(terms: Sequence[Term] | None, configurations: Sequence[Confi
     Raises
     ------
     ExperimentError
-        If drag is asked for and a flight does not have its velocity throughout.
+        If a term of the velocity is asked for and a flight does not have its velocity throughout.
     """
+    asked = [name for name in OF_VELOCITY if terms is not None and name in terms]
     unknown = [f for c in configurations for f in c.flights if not velocity_known([f])]
-    if terms is None or not unknown or "drag" not in terms:
-        return not unknown and (terms is None or "drag" in terms)
+    if not unknown or not asked:
+        return not unknown and (terms is None or bool(asked))
     names = ", ".join(Path(flight.entry.file).name for flight in unknown)
     raise ExperimentError(
-        f'terms has "drag", but {names} has no velocity of the body throughout the flight: log it '
-        "(columns vel_x, vel_y, vel_z in body axes, or position and attitude of motion capture), "
-        'or take "drag" out'
+        f'terms has "{asked[0]}", but {names} has no velocity of the body throughout the flight: '
+        "log it (columns vel_x, vel_y, vel_z in body axes, or position and attitude of motion "
+        f'capture), or take "{asked[0]}" out'
     )
 
 
@@ -129,14 +137,21 @@ def chosen(
         return Choice(terms=tuple(terms)), fit
     gains: dict[Term, float] = {}
     least = LEAST_GAIN * len(joint)
-    for name in ADDED_TERMS:
-        if name == "drag" and "vx" not in joint[0].model.layout:
-            continue
-        wider = (*present, name)
-        gains[name] = expected_gain(fit, joint, wider)
+    known = "vx" in joint[0].model.layout
+    open_terms: list[Term] = [name for name in ADDED_TERMS if known or name not in OF_VELOCITY]
+    while open_terms:
+        # The one first that explains most: what is left for another is then its own.
+        for one in open_terms:
+            gains[one] = expected_gain(fit, joint, (*present, one))
+        name: Term = max(open_terms, key=gains.__getitem__)
         if gains[name] < 0.5 * least:
-            continue
-        trial = refit(wider, fit)
+            break
+        open_terms.remove(name)
+        wider = (*present, name)
+        try:
+            trial = refit(wider, fit)
+        except UnsettledError:
+            continue  # the flights cannot tell it from the other terms
         gains[name] = trial.log_likelihood - fit.log_likelihood
         if gains[name] >= least and _matters(name, trial, joint):
             present, fit = wider, trial
@@ -144,15 +159,33 @@ def chosen(
 
 
 def _matters(name: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
-    """Return whether a term is more than a trace in some configuration, and drag a drag."""
+    """Return whether a term is more than a trace in some configuration, and of the air a brake."""
     at = {n: i for i, n in enumerate(fit.estimate.names)}
+
+    def of(*names: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        places = [at[n] for n in names]
+        return fit.estimate.values[places], SURE * fit.estimate.std[places]
+
     for c in joint:
-        places = [at[f"{name}_{axis}@{c.name}"] for axis in "xyz"]
-        size, sure = fit.estimate.values[places], SURE * fit.estimate.std[places]
-        weight = c.mass * GRAVITY
-        if name == "drag" and (size > np.maximum(sure, LEAST_SHARE * weight))[:2].any():
-            return True
-        if name == "torque_offset" and abs(size).max() > LEAST_SHARE * weight * c.vehicle.arm:
+        weight = LEAST_SHARE * c.mass * GRAVITY
+        trace, own = weight * c.vehicle.arm, f"@{c.name}"
+        match name:
+            case "drag":
+                size, sure = of(*(f"{n}{own}" for n in DRAG[:2]))
+                found = (size > np.maximum(sure, weight)).any()
+            case "turn_damping":
+                size, sure = of(*(f"{n}{own}" for n in TURN_DAMPING))
+                found = (size > np.maximum(sure, trace)).any()
+            case "inflow":
+                size, sure = of("inflow")
+                found = (size > np.maximum(sure, weight / rotor_speeds(c).sum())).all()
+            case "translational_lift":
+                size, sure = of("translational_lift")
+                found = (size > np.maximum(sure, weight)).all()
+            case _:
+                size, _ = of(*(f"{name}_{axis}{own}" for axis in "xyz"))
+                found = abs(size).max() > trace
+        if found:
             return True
     return False
 

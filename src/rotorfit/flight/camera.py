@@ -9,15 +9,22 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy import ndimage
 
 from rotorfit.errors import FlightError, LogError
 from rotorfit.flight.clocks import FEWEST_SAMPLES, usable_samples
+from rotorfit.flight.kinematics import continuous_quaternions
 from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.flight.pose_spikes import without_spikes
 
 IRREGULAR_SHARE = 0.02
 """Of frames that may come further than a third of a period from where they belong."""
 WORST_JITTER = 0.12
 """Of the times about a regular clock, rms in periods, that can be mended."""
+STRAY = 0.4
+"""Of a period, from which a stamp misses its frame."""
+BESIDE, FEWEST_BESIDE = 9, 3
+"""Frames on either side of a long step that say whether one was lost, and the fewest that do."""
 NOTED_JITTER = 0.05
 """From here on mending is said, and refused unless the jitter is random from frame to frame."""
 MOST_ALIKE = 0.7
@@ -49,11 +56,32 @@ class CameraClock:
     jitter: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked:
+    """The frames in which the body was seen.
+
+    Attributes
+    ----------
+    pose
+        Position, then attitude w, x, y, z.
+    mended
+        Frames that jumped and returned, and were put back.
+    """
+
+    pose: Channel
+    mended: int
+
+
 def poses(log: FlightLog) -> Channel:
+    """Return the frames of `tracked`."""
+    return tracked(log).pose
+
+
+def tracked(log: FlightLog) -> Tracked:
     """Return the frames in which the body was seen: position, then attitude w, x, y, z.
 
     Left out are frames that only repeat the one before (a frozen pose, or a log that is faster
-    than the cameras) and frames that jump.
+    than the cameras) and frames that jump for longer than one frame; single ones are mended.
 
     Raises
     ------
@@ -85,10 +113,21 @@ def poses(log: FlightLog) -> Channel:
             f"the pose changes in only {int(fresh.sum())} of {len(fresh)} frames: the body was "
             "not tracked; check the rigid body in the motion-capture software"
         )
-    time, values = time[fresh], values[fresh]
+    time = restamped(time[fresh])
+    values, mended = _mended(time, values[fresh])
     good = ~_jumps(time, values)
     source = f"{log.channels['position'].source}; {log.channels['attitude'].source}"
-    return Channel(time=time[good], values=values[good], source=source)
+    pose = Channel(time=time[good], values=values[good], source=source)
+    return Tracked(pose=pose, mended=int(mended[good].sum()))
+
+
+def _mended(
+    time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n 7"]
+) -> tuple[Float[np.ndarray, "n 7"], Bool[np.ndarray, " n"]]:
+    """Return the frames with single ones that jump in place or attitude put back, and which."""
+    place, one = without_spikes(time, values[:, :3])
+    attitude, other = without_spikes(time, continuous_quaternions(values[:, 3:]))
+    return np.concatenate([place, attitude], axis=1), one | other
 
 
 def _jumps(
@@ -102,14 +141,7 @@ def _jumps(
     off = np.zeros((len(values), 2))
     across = (time[2:] - time[:-2])[:, None]
     share = (time[1:-1] - time[:-2])[:, None] / across
-    q = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
-    q = (
-        q
-        * np.where(np.einsum("ni,ni->n", q, np.roll(q, 1, axis=0)) < 0, -1.0, 1.0).cumprod()[
-            :, None
-        ]
-    )
-    for k, x in enumerate((values[:, :3], 2.0 * q)):
+    for k, x in enumerate((values[:, :3], 2.0 * continuous_quaternions(values[:, 3:]))):
         middle = x[:-2] + share * (x[2:] - x[:-2])
         off[1:-1, k] = 2.0 * np.abs(x[1:-1] - middle).max(axis=1)
     noise = JUMP_DEVIATIONS * 1.4826 * np.median(off, axis=0)
@@ -127,6 +159,7 @@ def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
     FlightError
         If the times are those of a network rather than of cameras.
     """
+    time = restamped(time)
     steps = np.diff(time)
     period = float(np.median(steps))
     count = np.maximum(np.round(steps / period), 1.0)
@@ -151,6 +184,44 @@ def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
     if jitter > WORST_JITTER or (jitter > NOTED_JITTER and alike > MOST_ALIKE):
         raise FlightError(_irregular(steps))
     return CameraClock(rate=1.0 / period, time=regular, runs=tuple(runs), jitter=jitter)
+
+
+def restamped(time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the times with single stamps that miss their frame put where it belongs.
+
+    A stamp may be late by most of a period while the frame is not; where that is rare, the
+    neighbours say when it was due.
+    """
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    number = np.concatenate([[0.0], np.cumsum(1.0 + _lost(time, period))])
+    off = time - period * number
+    due = ndimage.median_filter(off, BESIDE, mode="nearest")
+    stray = np.abs(off - due) > STRAY * period
+    if not 0.0 < float(stray.mean()) <= IRREGULAR_SHARE:
+        return time
+    return np.where(stray, due + period * number, time)
+
+
+def _lost(time: Float[np.ndarray, " n"], period: float) -> Float[np.ndarray, " m"]:
+    """Return how many frames are lost in each step.
+
+    A single stamp that is late makes a long step and a short one, with nothing lost: a loss
+    shifts all that follows. So the frames before a long step and those after it each say, in
+    their median, when the one after it was due.
+    """
+    steps = np.diff(time)
+    lost = np.maximum(np.round(steps / period) - 1.0, 0.0)
+    long = np.flatnonzero(lost > 0)
+    for k, i in enumerate(long.tolist()):
+        first = max(i - BESIDE + 1, 0 if k == 0 else int(long[k - 1]) + 1)
+        stop = min(i + 1 + BESIDE, len(time) if k + 1 == len(long) else int(long[k + 1]) + 1)
+        if i + 1 - first < FEWEST_BESIDE or stop - i - 1 < FEWEST_BESIDE:
+            continue
+        before = np.median(time[first : i + 1] + period * np.arange(i + 1 - first, 0, -1))
+        after = np.median(time[i + 1 : stop] - period * np.arange(stop - i - 1))
+        lost[i] = max(round(float(after - before) / period), 0)
+    return lost
 
 
 def _mean_period(time: Float[np.ndarray, " n"], runs: list[tuple[int, int]]) -> float:

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.flight.airborne import GRAVITY, SHORTEST_FLIGHT, Motion, airborne_rows, fast_rows
-from rotorfit.flight.camera import NOTED_JITTER, CameraClock, camera_clock, poses
+from rotorfit.flight.camera import NOTED_JITTER, CameraClock, Tracked, camera_clock, tracked
 from rotorfit.flight.checks import (
     flown_doubts,
     refuse_empty_window,
@@ -29,6 +29,7 @@ from rotorfit.flight.clocks import (
     usable_samples,
 )
 from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.ground_contact import ON_THE_GROUND, aloft, ground_contact, ground_said
 from rotorfit.flight.kinematics import (
     BodyMotion,
     continuous_quaternions,
@@ -59,6 +60,8 @@ MARGIN = 2.5
 """Cut from the ends of every run, in periods of the cut-off: what the low-pass guessed."""
 CALM = 4.0
 """Low-pass on the rates in the search for the flight [Hz]."""
+LEAST_MENDED = 1e-3
+"""Share of frames that jump and are mended, from which it is said."""
 SLOWEST = 60.0
 """Frames per second below which much of the motion of a small multirotor is lost [Hz]."""
 
@@ -133,7 +136,8 @@ def prepare_mocap(
     motors = motors or MotorModel()
     measured = motors.speed == "measured"
     name = "rotor_speed" if measured else "command"
-    pose = poses(log)
+    seen = tracked(log)
+    pose = seen.pose
     refuse_missing_motors(log, name, rotor_count)
     clock = camera_clock(pose.time)
     frames = _frames(pose, clock, _motor_channel(log, motors))
@@ -142,19 +146,26 @@ def prepare_mocap(
     motion = _windowed(data, frames, arm=arm, window=window)
     refuse_idle_motors(motion)
     _refuse_wrong_attitude(motion, pose)
-    data = dataclasses.replace(data, segments=_flown(motion, motors, window))
+    flights, standing = _flown(motion, motors, window)
+    data = dataclasses.replace(data, segments=flights)
     still = _still(data, frames, measured=measured)
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
         motor_channel=frames.motors,
         gyro_bias=None,
-        spikes={},
+        spikes={"pose": seen.mended} if seen.mended else {},
         # Bands end at 0.4 of the slowest rate: here at the low-pass.
         slowest_rate=min(frames.cutoff / 0.4, frames.motor_rate),
         motor_rate=frames.motor_rate,
-        cuts=_cuts(data, frames, window),
-        warnings=(*_doubts(data, frames, clock), *still, *_law_doubts(log, motors, data)),
+        cuts=_cuts(data, frames, window, standing),
+        warnings=(
+            *_mended_said(seen),
+            *ground_said(data.time, standing),
+            *_doubts(data, frames, clock),
+            *still,
+            *_law_doubts(log, motors, data),
+        ),
     )
 
 
@@ -165,12 +176,20 @@ def _still(data: FlightData, frames: _Frames, *, measured: bool) -> tuple[str, .
     return still_doubts(found, data.time, measured=measured)
 
 
-def _flown(motion: Motion, motors: MotorModel, window: Window) -> tuple[Segment, ...]:
-    """Return the window where the user gave one, else what is found airborne."""
-    flights = list(motion.stretches)
+def _flown(
+    motion: Motion, motors: MotorModel, window: Window
+) -> tuple[tuple[Segment, ...], list[tuple[int, int]]]:
+    """Return the window where the user gave one, else what is found airborne.
+
+    And where, in the window, the vehicle stands on the ground: that is left out.
+    """
+    flights, standing = list(motion.stretches), []
     if window == (None, None):
         flights = airborne_rows(with_likely_lag(_calmed(motion), motors))
-    return tuple(Segment(start=a, stop=b) for a, b in flights)
+    else:
+        standing = ground_contact(_calmed(motion), flights)
+        flights = aloft(motion, flights, standing)
+    return tuple(Segment(start=a, stop=b) for a, b in flights), standing
 
 
 def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
@@ -366,7 +385,9 @@ def _refuse_wrong_attitude(motion: Motion, pose: Channel) -> None:
     )
 
 
-def _cuts(data: FlightData, frames: _Frames, window: Window) -> tuple[Cut, ...]:
+def _cuts(
+    data: FlightData, frames: _Frames, window: Window, standing: list[tuple[int, int]]
+) -> tuple[Cut, ...]:
     """Return what is not used, in the order of time."""
     reason = "not airborne" if window == (None, None) else "outside start and end"
     used = np.zeros(len(data.time), dtype=bool)
@@ -374,8 +395,13 @@ def _cuts(data: FlightData, frames: _Frames, window: Window) -> tuple[Cut, ...]:
     for segment in data.segments:
         used[max(segment.start - margin, 0) : segment.stop + margin] = True
     t = data.time
+    ground = [
+        Cut(start=float(t[a]), end=float(t[b - 1]), reason=ON_THE_GROUND) for a, b in standing
+    ]
+    for a, b in standing:
+        used[a:b] = True
     cuts = [Cut(start=float(t[a]), end=float(t[b - 1]), reason=reason) for a, b in true_runs(~used)]
-    return tuple(sorted([*cuts, *frames.gaps], key=lambda cut: cut.start))
+    return tuple(sorted([*cuts, *ground, *frames.gaps], key=lambda cut: cut.start))
 
 
 def _doubts(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str, ...]:
@@ -397,6 +423,16 @@ def _doubts(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str,
             f"Hz: motion is used only up to {0.4 * frames.motor_rate:.0f} Hz; log motors faster"
         )
     return (*doubts, *flown_doubts(data))
+
+
+def _mended_said(seen: Tracked) -> tuple[str, ...]:
+    """Return how many frames jumped, where that is more than chance makes."""
+    if seen.mended <= LEAST_MENDED * len(seen.pose.time):
+        return ()
+    return (
+        f"{seen.mended} of {len(seen.pose.time)} frames of the motion capture jumped and returned, "
+        "and were put back on the line of their neighbours; see that no marker is confused",
+    )
 
 
 def _law_doubts(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple[str, ...]:

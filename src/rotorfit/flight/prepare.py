@@ -1,6 +1,5 @@
 """FlightLog to FlightData, top to bottom: one clock, despiked, airborne, differentiated."""
 
-import contextlib
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.errors import ExperimentError
 from rotorfit.flight.airborne import (
     SHORTEST_FLIGHT,
     Motion,
@@ -34,6 +33,7 @@ from rotorfit.flight.checks import (
 )
 from rotorfit.flight.clocks import JITTER_STEPS, UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.ground_contact import ON_THE_GROUND, aloft, ground_contact, ground_said
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.motors import (
     MotorResponse,
@@ -42,6 +42,7 @@ from rotorfit.flight.motors import (
     speed_from_command,
     white_noise_std,
 )
+from rotorfit.flight.pose_velocity import known_velocity
 from rotorfit.flight.signals import central_difference, hampel, whole_samples
 from rotorfit.flight.speed_law import SpeedLaw, law_doubts
 from rotorfit.flight.splines import smooth_motors
@@ -222,10 +223,13 @@ def prepared_from(
     motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
     refuse_idle_motors(motion)
     refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
-    flights = list(motion.stretches)
+    flights, standing = list(motion.stretches), []
     if window == (None, None):
         with slow_motors_said(uniform.rates["motor"]):
             flights = airborne_rows(with_likely_lag(motion, motors))
+    else:
+        standing = ground_contact(motion, flights)
+        flights = aloft(motion, flights, standing)
     measured = motors.speed == "measured"
     found = still_rotors(
         uniform.values["motor"],
@@ -254,8 +258,9 @@ def prepared_from(
         spikes=recorded.spikes,
         slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
         motor_rate=uniform.rates["motor"],
-        cuts=_cuts(data, uniform, window),
+        cuts=_cuts(data, uniform, window, standing),
         warnings=(
+            *ground_said(uniform.time, standing),
             *doubts_about(data, uniform, bias),
             *still,
             *_law_doubts(data, uniform, motors),
@@ -343,10 +348,9 @@ def _uniform(
     makers: dict[str, Channel | Callable[[], Channel]] = {
         key: partial(usable, key) for key in names
     }
-    if "velocity" in log.channels:
-        # Only looked at: a velocity that cannot be used is no reason to refuse the flight.
-        with contextlib.suppress(FlightError):
-            makers["velocity"] = usable_samples(log.channels["velocity"], "velocity")
+    velocity = known_velocity(log)
+    if velocity is not None:
+        makers["velocity"] = velocity
     return uniform_channels(makers, clock="gyro", optional=("velocity",)), counts
 
 
@@ -482,12 +486,17 @@ def phases_of(data: FlightData) -> tuple[Segment, ...]:
     return tuple(phases)
 
 
-def _cuts(data: FlightData, uniform: UniformChannels, window: Window) -> tuple[Cut, ...]:
+def _cuts(
+    data: FlightData, uniform: UniformChannels, window: Window, standing: list[tuple[int, int]]
+) -> tuple[Cut, ...]:
     """Return the stretches that are not used, with the reason."""
     reason = "not airborne" if window == (None, None) else "outside start and end"
     t = data.time
     cuts = [Cut(start=a, end=b, reason=f"gap in {name}") for a, b, name in uniform.gaps]
     used = np.zeros(len(t), dtype=bool)
+    for a, b in standing:
+        cuts.append(Cut(start=float(t[a]), end=float(t[b - 1]), reason=ON_THE_GROUND))
+        used[a:b] = True
     for segment in data.segments:
         used[max(segment.start - 1, 0) : segment.stop + 1] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[True], used, [True]]).astype(np.int8)))

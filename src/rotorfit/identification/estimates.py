@@ -9,17 +9,16 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.doubts.every_doubt import with_doubts
-from rotorfit.doubts.ground_contact import ground_sentence
-from rotorfit.doubts.weight import contradiction, vagueness
+from rotorfit.doubts.weight import contradiction, swallowed, vagueness
 from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.joint_equations import JointConfiguration, at_values, joint_estimate
 from rotorfit.fit.joint_fit import joint_fit
-from rotorfit.fit.joint_numbers import joint_numbers
-from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight
+from rotorfit.fit.joint_numbers import joint_numbers, physical
+from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.other_settings import widened
 from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
@@ -71,24 +70,8 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
 
     choice, fit = chosen(wanted, fit, joint, refit=refit, present=present)
     terms = choice.terms
-    numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), terms=terms)
-    # What stands on the ground is carried by it, and weighs nothing of what thrust does.
-    ground = ground_sentence(flown.configurations)
-    weighed = None if ground is not None else kt_from_weight(flown.configurations, flown.vehicle)
-    doubts: tuple[str, ...] = ()
-    found = _kt_of(numbers)
-    if weighed is not None and (
-        weighed.contradicts(*found) or weighed.is_surer_than(*found, timed=flown.timing_told)
-    ):
-        fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
-        anchored = _joint_numbers(flown, fit, joint)
-        anchored = _joint_widened(flown, fit, anchored, weighed=weighed, terms=terms)
-        if weighed.contradicts(*found):
-            doubts = (contradiction(weighed, found[0], flown.motors, flown.source),)
-            numbers = _holding_both(anchored, numbers)
-        else:
-            doubts = (vagueness(weighed, *found),)
-            numbers = _reaching(anchored, numbers)
+    numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), joint, terms=terms)
+    fit, joint, numbers, doubts = _by_weight(flown, fit, joint, numbers, terms=terms)
     tables = joint_tables(
         numbers,
         fit,
@@ -102,7 +85,40 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         warnings=(*tables.warnings, *unsettled, *choice.sentences, *doubts),
         settings={**tables.settings, **choice.settings},
     )
-    return with_doubts(tables, flown, numbers, fit=fit, joint=joint, ground=ground)
+    return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
+
+
+def _by_weight(
+    flown: Flown,
+    fit: BandedEstimate,
+    joint: list[JointConfiguration],
+    numbers: Numbers,
+    *,
+    terms: Sequence[Term],
+) -> tuple[BandedEstimate, list[JointConfiguration], Numbers, tuple[str, ...]]:
+    """Return the fit with k_t from the weight where that contradicts it or is surer, in words.
+
+    Otherwise what was given, and no words.
+    """
+    weighed = kt_from_weight(flown.configurations, flown.vehicle)
+    found = _kt_of(numbers)
+    biased = swallowed_weight(flown, numbers)
+    if weighed is None:
+        return fit, joint, numbers, ()
+    contradicts = weighed.contradicts(*found)
+    surer = weighed.is_surer_than(*found, timed=flown.timing_told)
+    if not (contradicts or surer or biased is not None):
+        return fit, joint, numbers, ()
+    fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
+    anchored = _joint_numbers(flown, fit, joint)
+    anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
+    if contradicts:
+        words = contradiction(weighed, found[0], flown.motors, flown.source)
+        return fit, joint, _holding_both(anchored, numbers), (words,)
+    if surer or biased is None:
+        return fit, joint, _reaching(anchored, numbers), (vagueness(weighed, *found),)
+    words = swallowed(biased, weighed, found[0], flown.source)
+    return fit, joint, _holding_both(anchored, numbers), (words,)
 
 
 def _settled(
@@ -159,10 +175,19 @@ def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfigura
     return joint_numbers(fit, joint, {c.entry.name: c.entry.mass_std for c in flown.configurations})
 
 
+def _numbers_at(
+    reached: Mapping[str, float], fit: BandedEstimate, joint: Sequence[JointConfiguration]
+) -> Float[np.ndarray, " q"]:
+    """Return the numbers of a fit at other values of its free parameters."""
+    phi = at_values(fit.problem, reached, fit.estimate.values)
+    return np.array(list(physical(phi, fit.problem.map, joint).values()))
+
+
 def _joint_widened(
     flown: Flown,
     fit: BandedEstimate,
     numbers: Numbers,
+    joint: Sequence[JointConfiguration],
     *,
     weighed: WeighedThrust | None = None,
     terms: Sequence[Term],
@@ -170,7 +195,12 @@ def _joint_widened(
     """Return the intervals widened by what settings shift that could as well be others."""
 
     def shift(other: Flown, top: float) -> Float[np.ndarray, " q"]:
-        fitted = joint_fit(other, weighed=weighed, top=top, terms=terms, begin=fit.estimate.by_name)
+        begin = fit.estimate.by_name
+        try:
+            fitted = joint_fit(other, weighed=weighed, top=top, terms=terms, begin=begin)
+        except UnsettledError as error:
+            # It wanders off from the numbers: by so much at least they are open.
+            return _numbers_at(error.reached, fit, joint) - numbers.values
         return _joint_numbers(other, *fitted).values - numbers.values
 
     timed = flown.free_timing is not None

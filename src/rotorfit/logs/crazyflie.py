@@ -7,9 +7,11 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.logs.axes import attitude_from_euler
 from rotorfit.logs.crazyflie_records import (
     MAGIC,
     Event,
@@ -50,6 +52,8 @@ _ATTITUDE: Final = (
     "stateEstimate.qy",
     "stateEstimate.qz",
 )
+_VELOCITY: Final = ("stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz")
+_EULER: Final = ("stateEstimate.roll", "stateEstimate.pitch", "stateEstimate.yaw")
 _ACCEL_Z: Final = "controller.accelz"
 
 LEGACY_MIXER: Final = np.array(
@@ -193,6 +197,7 @@ def _channels(recording: _Recording) -> dict[str, _Found]:
         "battery": _battery,
         "position": _position,
         "attitude": _attitude,
+        "velocity": _velocity,
     }
     made = {name: maker(recording) for name, maker in makers.items()}
     return {
@@ -307,6 +312,34 @@ def _attitude(recording: _Recording) -> _Found | None:
     values = quaternion / np.where(good, length, np.nan)
     source = f"{', '.join(_ATTITUDE)}, the vehicle's own estimate"
     return _found(recording, _ATTITUDE, values, source)
+
+
+def _velocity(recording: _Recording) -> _Found | None:
+    """Return the estimated velocity, turned from the world into the body's axes."""
+    if not recording.has(*_VELOCITY):
+        return None
+    turned = _turned(recording)
+    if turned is None:
+        return None
+    names, attitude = turned
+    known = np.isfinite(attitude).all(axis=1)
+    values = np.full((len(attitude), 3), np.nan)
+    body_to_world = Rotation.from_quat(attitude[known][:, [1, 2, 3, 0]])
+    values[known] = body_to_world.apply(recording.stack(_VELOCITY)[known], inverse=True)
+    source = f"{', '.join(_VELOCITY)} [m/s] turned by {names[0]} and so on, the vehicle's estimate"
+    return _found(recording, (*_VELOCITY, *names), values, source)
+
+
+def _turned(recording: _Recording) -> tuple[tuple[str, ...], Float[np.ndarray, "n 4"]] | None:
+    """Return the estimated attitude w, x, y, z, and the variables that it is of."""
+    found = _attitude(recording)
+    if found is not None:
+        return found.used, found.channel.values
+    if not recording.has(*_EULER):
+        return None
+    # The firmware writes pitch positive nose up, against its own axes.
+    angles = recording.stack(_EULER) * np.array([1.0, -1.0, 1.0]) * _DEGREE
+    return _EULER, attitude_from_euler(angles)
 
 
 def _no_channels(recording: _Recording, event: Event) -> str:

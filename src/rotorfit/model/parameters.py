@@ -13,6 +13,10 @@ FIRST_MOMENTS: Final = ("msx", "msy", "msz")
 MOST_ROTORS: Final = 16
 DRAG: Final = ("drag_x", "drag_y", "drag_z")
 DRAG_MOMENTS: Final = tuple(f"drag_moment_{a}{b}" for a in "xyz" for b in "xyz" if a != b)
+TURN_DAMPING: Final = ("turn_damping_x", "turn_damping_y")
+ROTORS_AIR: Final = ("inflow", "translational_lift")
+AIR: Final = (*DRAG, *DRAG_MOMENTS, *TURN_DAMPING, *ROTORS_AIR)
+"""What the air does besides thrust and drag torque, where the flights ask for it."""
 INERTIA_PLACES: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -59,6 +63,10 @@ PARAMETERS: Final[dict[str, ParameterInfo]] = {
         )
         for name in DRAG_MOMENTS
     },
+    "turn_damping_x": ParameterInfo("N m s", 1, "torque of the air over the rate about x"),
+    "turn_damping_y": ParameterInfo("N m s", 1, "torque of the air over the rate about y"),
+    "inflow": ParameterInfo("N s^2/(m rad)", 1, "thrust lost over rotor speed and climb"),
+    "translational_lift": ParameterInfo("N s^2/m^2", 1, "thrust over the squared sideways speed"),
     "torque_offset_x": ParameterInfo("N m", 1, "torque that does not change"),
     "torque_offset_y": ParameterInfo("N m", 1, "torque that does not change"),
     "torque_offset_z": ParameterInfo("N m", 1, "torque that does not change"),
@@ -90,6 +98,7 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
     "kd": "N m per squared command",
     "Jr": "N m s per command",
     "rotor_drag": "N s/m per command",
+    "inflow": "N s/m per command",
     "Ixx_over_kt": "m s^2 times squared command",
     "Iyy_over_kt": "m s^2 times squared command",
     "Izz_over_kt": "m s^2 times squared command",
@@ -100,7 +109,7 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
 
 MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
-SHARED = ("kt", "kd", "Jr", "rotor_drag", *MOTOR_TIMES)
+SHARED = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR, *MOTOR_TIMES)
 """Of the propulsion: every configuration has the same."""
 
 

@@ -22,6 +22,10 @@ the velocity v of the origin is known, the drag of the frame, -d_x v_x, -d_y v_y
 (Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018), wherever it
 acts: at a point r it has the torque :math:`Q v` too, and of the point's own velocity the force
 :math:`Q^T \omega`, with six coefficients :math:`Q_{xy} = r_z d_y, Q_{xz} = -r_y d_z` and so on.
+Linear damping of a turn about x and y; the thrust :math:`-k_u O_i u_i n_i` that a rotor loses where
+it moves by u_i along its own axis (the inflow ratio of blade elements, Leishman, Principles of
+Helicopter Aerodynamics, 2006, 3.2), and the thrust :math:`k_h (v_x^2 + v_y^2)` that all together
+gain across it (Svacha, Mohta and Kumar, ICUAS 2017).
 
 One function per effect; each returns the entries of A for its parameters. To add an effect, write
 its function and name it in `EFFECTS`.
@@ -224,6 +228,37 @@ def frame_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     return blocks
 
 
+def turn_damping(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Torque -c_x w_x, -c_y w_y of the air on a body that turns; that about z is `rotor_drag`'s."""
+    del vehicle
+    rows = {"x": MX, "y": MY}
+    return {
+        f"turn_damping_{axis}": _block(layout, {(row, f"w{axis}"): 1.0})
+        for axis, row in rows.items()
+    }
+
+
+def inflow(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Thrust -k_u O_i u_i n_i at r_i, u_i being the velocity of a rotor along its axis.
+
+    In a climb all rotors lose, in a roll those that rise: it damps both.
+    """
+    del vehicle
+    if "vx" not in layout:
+        return {}
+    rows = {"Fx": FX, "Fy": FY, "Fz": FZ, "Mx": MX, "My": MY, "Mz": MZ}
+    entries = {(row, f"Ou_{at}"): 1.0 for at, row in rows.items() if f"Ou_{at}" in layout}
+    return {"inflow": _block(layout, entries)}
+
+
+def translational_lift(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Thrust k_h (v_x^2 + v_y^2) along z that all rotors together gain in forward flight."""
+    del vehicle
+    if "vx" not in layout:
+        return {}
+    return {"translational_lift": _block(layout, {(FZ, "vxy2"): -1.0})}
+
+
 def constant_wrench(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Force and torque that do not change: what an accelerometer bias leaves, or a trim."""
     del vehicle
@@ -242,6 +277,9 @@ EFFECTS: dict[str, Callable[[Vehicle, SignalLayout], dict[str, Block]]] = {
     "twist": twist,
     "rotor_drag": rotor_drag,
     "drag": frame_drag,
+    "turn_damping": turn_damping,
+    "inflow": inflow,
+    "translational_lift": translational_lift,
     "constant_wrench": constant_wrench,
 }
 """Every effect of the model by name, in the order of its parameters."""

@@ -1,9 +1,10 @@
 """The signals of a flight: the few columns in which every equation of the model is linear.
 
 z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
-terms, yaw rate times rotor speeds and squared arms, velocity 3 and rates 3 where the velocity is
-asked for, 1). The spin terms are dH/dt and w x H of the rotors' spin H = sum s_i O_i n_i: six with
-tilted rotors, three where all axes are z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
+terms, yaw rate times rotor speeds and squared arms, rates 3, and where the velocity is asked for
+velocity 3, its square across z and what inflow takes from the rotors, 1). The spin terms are dH/dt
+and w x H of the rotors' spin H = sum s_i O_i n_i: six with tilted rotors, three where all axes are
+z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,11 @@ BODY_SIGNALS = (
 )
 SPIN_SIGNALS = ("dHx", "dHy", "dHz", "wxH_x", "wxH_y", "wxH_z")
 ALIGNED_SPIN_SIGNALS = ("dHz", "wxH_x", "wxH_y")
-VELOCITY_SIGNALS = ("vx", "vy", "vz", "wx", "wy", "wz")
+RATE_SIGNALS = ("wx", "wy", "wz")
+VELOCITY_SIGNALS = ("vx", "vy", "vz", "vxy2")
+INFLOW_SIGNALS = ("Ou_Fx", "Ou_Fy", "Ou_Fz", "Ou_Mx", "Ou_My", "Ou_Mz")
+ALIGNED_INFLOW_SIGNALS = ("Ou_Fz", "Ou_Mx", "Ou_My")
+"""Of a wrench sum O_i u_i (n_i, r_i x n_i), u_i being the velocity of rotor i along its axis."""
 DERIVATIVES = ("dwx", "dwy", "dwz", "dHx", "dHy", "dHz")
 
 
@@ -54,8 +59,9 @@ def signal_layout(vehicle: Vehicle, *, velocity: bool = False) -> SignalLayout:
     aligned = bool(np.all(vehicle.axes == [0.0, 0.0, 1.0]))
     squares = tuple(f"O2_{i + 1}" for i in range(len(vehicle.rotors)))
     spin = ALIGNED_SPIN_SIGNALS if aligned else SPIN_SIGNALS
-    drag = VELOCITY_SIGNALS if velocity else ()
-    return SignalLayout((*BODY_SIGNALS, *squares, *spin, "wzO", *drag, "one"))
+    inflow = ALIGNED_INFLOW_SIGNALS if aligned else INFLOW_SIGNALS
+    air = (*VELOCITY_SIGNALS, *inflow) if velocity else ()
+    return SignalLayout((*BODY_SIGNALS, *squares, *spin, "wzO", *RATE_SIGNALS, *air, "one"))
 
 
 def signal_matrix(
@@ -113,10 +119,10 @@ def _raw_signals(
     np.multiply(O, O, out=Z[:, 12 : 12 + N])
     _fill_spin(Z, layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
     Z[:, layout.index("wzO")] = w[:, 2] * (O @ vehicle.squared_arms)
+    first = layout.index("wx")
+    Z[:, first : first + 3] = w
     if velocity:
-        first = layout.index("vx")
-        Z[:, first : first + 3] = _known_velocity(flight, rows)
-        Z[:, first + 3 : first + 6] = w
+        _fill_air(Z, layout, vehicle, (_known_velocity(flight, rows), w, O))
     Z[:, -1] = 1.0
     return Z
 
@@ -128,6 +134,26 @@ def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]
             "leave the term drag out"
         )
     return flight.velocity[rows]
+
+
+def _fill_air(
+    Z: Float[np.ndarray, "n z"],
+    layout: SignalLayout,
+    vehicle: Vehicle,
+    motion: tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n N"]],
+) -> None:
+    """Write velocity, rates and rotor speeds into the columns of Z of what the air does."""
+    v, w, O = motion
+    first = layout.index("vx")
+    Z[:, first : first + 3] = v
+    Z[:, first + 3] = (v[:, :2] ** 2).sum(axis=1)
+    n = vehicle.axes
+    lever = np.cross(vehicle.positions, n)
+    # Velocity of each rotor along its axis: n . (v + w x r) = n . v + w . (r x n).
+    wrenches = (O * (v @ n.T + w @ lever.T)) @ np.concatenate([n, lever], axis=1)
+    for column, name in enumerate(INFLOW_SIGNALS):
+        if name in layout:
+            Z[:, layout.index(name)] = wrenches[:, column]
 
 
 def _fill_spin(

@@ -9,10 +9,15 @@ from rotorfit.results.result import Derived, Parameter
 
 WIDTH, HEIGHT, MARGIN = 132.0, 18.0, 5.0
 
+FAMILIES = (
+    *("com_", "ms", "rotor_center_", "accel_bias_"),
+    *("drag_", "turn_damping_", "torque_offset_"),
+)
+
 
 def axis_of(name: str) -> str:
     """Return the name of the axis that a number shares with its kin, so that sizes compare."""
-    for family in ("com_", "ms", "rotor_center_", "accel_bias_", "drag_", "torque_offset_"):
+    for family in FAMILIES:
         if name.startswith(family) and len(name) == len(family) + 1:
             return family
     if name in DRAG_MOMENTS:

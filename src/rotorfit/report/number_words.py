@@ -42,6 +42,10 @@ TITLES = {
         name: f"Torque of the air about {name[-2]} per velocity along {name[-1]}"
         for name in DRAG_MOMENTS
     },
+    "turn_damping_x": "Damping of roll by the air",
+    "turn_damping_y": "Damping of pitch by the air",
+    "inflow": "Thrust lost over rotor speed and climb",
+    "translational_lift": "Thrust over the squared sideways velocity",
     "torque_offset_x": "Constant torque about x",
     "torque_offset_y": "Constant torque about y",
     "torque_offset_z": "Constant torque about z",

@@ -11,9 +11,8 @@ from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.fit.motor_timing import MotorTiming, told
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.parameters import (
+    AIR,
     DERIVED,
-    DRAG,
-    DRAG_MOMENTS,
     MOST_ROTORS,
     MOTOR_TIMES,
     PARAMETERS,
@@ -30,7 +29,7 @@ ROW_ORDER = (
     *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
     *(*MOTOR_TIMES, "mass"),
     *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
-    *("rotor_center_x", "rotor_center_y", "twist", "rotor_drag", *DRAG, *DRAG_MOMENTS),
+    *("rotor_center_x", "rotor_center_y", "twist", "rotor_drag", *AIR),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
     *("accel_bias_x", "accel_bias_y", "accel_bias_z"),
 )

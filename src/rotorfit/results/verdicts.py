@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rotorfit.fit.excitation import AXIS_OF, LEAST_EXCITATION
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS
+from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR
 from rotorfit.results.result import Verdict
 
 WEAK = 0.25
@@ -31,7 +31,7 @@ PRACTICE: Final[Mapping[str, str]] = {
     **{name: "place" for name in ("com_x", "com_y", "msx", "msy")},
     **{name: "place" for name in ("rotor_center_x", "rotor_center_y")},
     **{name: "height" for name in ("com_z", "msz")},
-    **{name: "air" for name in (*DRAG, *DRAG_MOMENTS)},
+    **{name: "air" for name in (*DRAG, *DRAG_MOMENTS, *ROTORS_AIR)},
 }
 """What helps numbers that no axis of `AXIS_OF` speaks for, as `plan` finds it by the bound; all
 others by changes of thrust."""

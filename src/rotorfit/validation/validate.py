@@ -19,7 +19,7 @@ from rotorfit.experiment.experiment import (
 from rotorfit.fit.flights import UsedFlight, load_flight, retimed, velocity_known
 from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, FIRST_MOMENTS, INERTIA
+from rotorfit.model.parameters import AIR, FIRST_MOMENTS, INERTIA, TURN_DAMPING
 from rotorfit.model.reduce import LowPass, filtered_signals
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.results.configurations import configuration_names, meant_configuration
@@ -185,7 +185,7 @@ def compare_wrenches(
     known = _known(result, owner)
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    velocity = any(name in known for name in (*DRAG, *DRAG_MOMENTS)) and velocity_known([used])
+    velocity = bool((set(AIR) - set(TURN_DAMPING)) & set(known)) and velocity_known([used])
     model = regressor(vehicle, velocity=velocity)
     data = retimed(used.prepared, found_response(result))
     lowpass = LowPass(cutoff=cutoff)
@@ -302,7 +302,7 @@ def _wrenches(
         rotors[f"kt_rotor_center_{axis}"] = kt * place
     rotors["kt_twist"] = kt * known.get("twist", 0.0)
     rotors["rotor_drag"] = known.get("rotor_drag", 0.0)
-    rotors |= {name: known.get(name, 0.0) for name in (*DRAG, *DRAG_MOMENTS)}
+    rotors |= {name: known.get(name, 0.0) for name in AIR if name in model.names}
     rotors |= {f"M{axis}_0": known.get(f"torque_offset_{axis}", 0.0) for axis in "xyz"}
     return model.residual(Z, body), -model.residual(Z, rotors)
 

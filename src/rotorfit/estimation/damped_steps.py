@@ -1,0 +1,98 @@
+"""Damped steps of Gauss and Newton: how large, and where crawling ones lead."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float
+
+from rotorfit.errors import EstimationError
+
+LEAST_DAMPING: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """A damped step, the deviations of what it moves, and what it should win of the cost."""
+
+    step: Float[np.ndarray, " f"]
+    std: Float[np.ndarray, " f"]
+    foretold: float
+
+
+def damped_step(
+    A: Float[np.ndarray, "n f"],
+    b: Float[np.ndarray, " n"],
+    damping: float,
+    extra: Float[np.ndarray, " f"],
+) -> Step:
+    """Return a Levenberg-Marquardt step, columns scaled.
+
+    `extra` is a part of the score that is no sum of squares.
+    """
+    lengths = np.linalg.norm(A, axis=0)
+    if (lengths == 0).any():
+        raise EstimationError("the flights do not move a parameter at all; remove its term")
+    R, right = _triangular(A / lengths, b)
+    f = len(lengths)
+    stacked = np.concatenate([R, np.sqrt(damping) * np.eye(f)])
+    root = np.linalg.pinv(R)
+    right = right + root.T @ (extra / lengths)
+    solution = scipy.linalg.lstsq(stacked, np.concatenate([right, np.zeros(f)]))[0]
+    moved = R @ solution
+    return Step(
+        step=solution / lengths,
+        std=np.linalg.norm(root, axis=1) / lengths,
+        foretold=float(2.0 * moved @ right - moved @ moved),
+    )
+
+
+def _triangular(
+    A: Float[np.ndarray, "n f"], b: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, "f f"], Float[np.ndarray, " f"]]:
+    """Return R and Q^T b of A = Q R."""
+    f = A.shape[1]
+    whole = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
+    return whole[:f, :f], whole[:f, f]
+
+
+def eased(damping: float, won: float, foretold: float) -> float:
+    """Return the damping after a step that won so much of what was foretold.
+
+    References
+    ----------
+    Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05, Technical University of
+    Denmark, 1999.
+    """
+    ratio = min(won / max(foretold, float(np.finfo(float).tiny)), 1.0)
+    return max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), LEAST_DAMPING)
+
+
+def extrapolated(
+    path: Sequence[Float[np.ndarray, " f"]], std: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " f"] | None:
+    """Return where steps that shrink, or grow, by one share each would end; None of too few.
+
+    Reweighting at each step is what EM algorithms do, and crawls along valleys as they do.
+
+    Parameters
+    ----------
+    path
+        The last points; three are looked at.
+    std
+        Of the parameters, their common scale.
+
+    References
+    ----------
+    Varadhan and Roland, Scandinavian J. of Statistics 35(2), 2008 (SQUAREM, third step length).
+    """
+    if len(path) < 3:
+        return None
+    first, second = path[-2] - path[-3], path[-1] - path[-2]
+    turned = (second - first) / std
+    if not turned.any():
+        return None
+    leap = max(float(np.linalg.norm(first / std) / np.linalg.norm(turned)), 1.0)
+    return path[-3] + 2.0 * leap * first + leap**2 * (second - first)
