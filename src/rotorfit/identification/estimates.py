@@ -1,7 +1,7 @@
 """The three estimators, each from what was flown to the tables of a result."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
