@@ -34,7 +34,7 @@ from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import OutputError
 from rotorfit.export import units
-from rotorfit.export.motor_law import thrust_curve
+from rotorfit.flight.thrust_curve import thrust_curve
 from rotorfit.export.result_numbers import numbers_of
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin

@@ -16,6 +16,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.airframe_table import AirframeEntry, Axes, ImuEntry, RotorEntry
 from rotorfit.experiment.law_table import (
     LawEntry,
+    PowerEntry,
     SqrtEntry,
     VoltageEntry,
     speed_law_of,
@@ -487,6 +488,7 @@ _TABLES: tuple[type[BaseModel], ...] = (
     MotorsEntry,
     LawEntry,
     SqrtEntry,
+    PowerEntry,
     VoltageEntry,
     IdentificationEntry,
     ConfigurationEntry,

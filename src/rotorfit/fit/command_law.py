@@ -23,10 +23,14 @@ from rotorfit.fit.block_jackknife import (
     jackknife,
     widest,
 )
-from rotorfit.fit.command_response import Recording, Timing, answered_speed
+from rotorfit.fit.command_response import Recording, Timing, answered_speed, recording_of
+from rotorfit.fit.flights import Flown
 from rotorfit.fit.law_forms import FORMS
 from rotorfit.fit.law_model import Layout, predicted, timing_of
+from rotorfit.flight.answered_commands import spans_of, within
 
+MOST_SPEEDS: Final = 40_000
+"""Measured speeds that are fitted to, of all rotors and flights."""
 BLOCKS: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Lengths of blocks that are tried; the widest intervals count [s]."""
 CHOICE_BLOCK: Final = 1.0
@@ -140,6 +144,14 @@ class FittedLaw:
     def own(self, index: int) -> tuple[float, float]:
         """Return a parameter of the chosen form, and half of its interval."""
         return float(self.best.values[index]), self.best.half_width(lambda x: float(x[index]))
+
+
+def flown_recording(flown: Flown) -> Recording | None:
+    """Return the commands and measured speeds of all flights; None where no log has both."""
+    flights = [f for c in flown.configurations for f in c.flights if f.answers]
+    # So many that the fit takes seconds, however many flights there are.
+    most = MOST_SPEEDS // max(len(flights), 1)
+    return recording_of([within(f.answers, spans_of(f.answers), most=most) for f in flights])
 
 
 def fit_law(recording: Recording) -> FittedLaw:
@@ -319,8 +331,8 @@ def _judged(
 
 
 def _likeliest(fits: Sequence[LawFit]) -> LawFit:
-    """Return the fit that does best on what it did not see, a parameter more counting one."""
-    return min(fits, key=lambda fit: _surprise(fit, fits[0]) + fit.layout.size)
+    """Return the fit that does best on what it did not see."""
+    return min(fits, key=lambda fit: fit.error)
 
 
 def _surprise(fit: LawFit, other: LawFit) -> float:

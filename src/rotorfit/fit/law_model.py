@@ -76,6 +76,18 @@ def timing_of(layout: Layout, x: Float[np.ndarray, " p"]) -> Timing:
     return Timing(log_lag=lag, log_ratio=ratio, delay=float(x[-1]))
 
 
+def scales_of(
+    layout: Layout, values: Float[np.ndarray, " p"]
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
+    """Return the factor of each rotor's speed, and of each flight's where there is no voltage."""
+    x = values[layout.factors]
+    rotors = _contrast(np.arange(layout.rotors), layout.rotors) @ x[: layout.rotors - 1]
+    flights = np.zeros(layout.flights)
+    if not layout.voltage:
+        flights = _contrast(np.arange(layout.flights), layout.flights) @ x[layout.rotors - 1 :]
+    return np.exp(rotors), np.exp(flights)
+
+
 def predicted(
     recording: Recording, layout: Layout, x: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]:

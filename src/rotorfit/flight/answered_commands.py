@@ -107,6 +107,20 @@ def within(
     return tuple(found)
 
 
+def spans_of(answers: Sequence[Answer]) -> list[Span]:
+    """Return the spans of time in which there are speeds, those of all rotors together."""
+    spans = {
+        (float(a.speed_time[0]), float(np.nextafter(a.speed_time[-1], np.inf))) for a in answers
+    }
+    joined: list[Span] = []
+    for begin, end in sorted(spans):
+        if joined and begin <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(joined[-1][1], end))
+        else:
+            joined.append((begin, end))
+    return joined
+
+
 def _cut(answer: Answer, begin: float, end: float) -> Answer | None:
     t = answer.speed_time
     rows = slice(*np.searchsorted(t, [begin, end]).tolist())
