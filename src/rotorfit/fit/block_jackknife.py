@@ -93,7 +93,7 @@ def blocks_of(
     """
     block = np.zeros(len(time), dtype=int)
     taken = 0
-    for k in np.unique(flight):
+    for k in range(int(flight.max()) + 1):
         rows = flight == k
         since = time[rows] - time[rows].min()
         last = max(int(np.round(since.max() / seconds)) - 1, 0)

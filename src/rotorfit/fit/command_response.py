@@ -165,10 +165,10 @@ def answered_speed(
     up, down = np.exp(timing.log_lag), np.exp(timing.log_lag + timing.log_ratio)
     step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
     rising, at_command = _at_commands(recording, settled, step, up=up, down=down)
-    lag = np.where(rising, up, down)
+    lag: Float[np.ndarray, " n"] = np.where(rising, up, down)
     kept = np.exp(-step / lag)
     away = at_command - settled
-    bent = kept * step / lag * away  # by the logarithm of the lag in force
+    bent: Float[np.ndarray, " n"] = kept * step / lag * away  # by the logarithm of the lag in force
     into = np.column_stack(
         [(1.0 - kept)[:, None] * settled_slopes, bent, np.where(rising, 0.0, bent)]
     )
@@ -181,9 +181,9 @@ def answered_speed(
     speed = settled[k] + away[k] * left
     slopes = np.empty((len(k), settled_slopes.shape[1] + 3))
     slopes[:, :-1] = start[k] + (moved[k] - start[k]) * left[:, None]
-    bent = away[k] * left * since / lag[k]
-    slopes[:, -3] += bent
-    slopes[:, -2] += np.where(rising[k], 0.0, bent)
+    late: Float[np.ndarray, " m"] = away[k] * left * since / lag[k]
+    slopes[:, -3] += late
+    slopes[:, -2] += np.where(rising[k], 0.0, late)
     slopes[:, -1] = away[k] * left / lag[k]
     return speed, slopes
 

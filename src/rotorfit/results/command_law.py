@@ -124,7 +124,12 @@ def law_from_plain(entry: Mapping[str, Any] | None) -> CommandLaw | None:
     low, high = fields["commands"]
     fields["commands"] = (low, high)
     fields["numbers"] = tuple(
-        LawNumber(**{**number, "interval": tuple(number["interval"])})
+        LawNumber(
+            name=number["name"],
+            value=number["value"],
+            interval=(number["interval"][0], number["interval"][1]),
+            unit=number["unit"],
+        )
         for number in fields["numbers"]
     )
     fields["rotor_factors"] = tuple(fields["rotor_factors"])
