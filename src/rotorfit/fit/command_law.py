@@ -29,7 +29,7 @@ from rotorfit.fit.law_forms import FORMS
 from rotorfit.fit.law_model import Layout, predicted, timing_of
 from rotorfit.flight.answered_commands import spans_of, within
 
-MOST_SPEEDS: Final = 40_000
+MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
 BLOCKS: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Lengths of blocks that are tried; the widest intervals count [s]."""

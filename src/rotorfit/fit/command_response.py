@@ -17,6 +17,9 @@ from rotorfit.flight.answered_commands import Answer
 
 SETTLING: Final = 0.5
 """After the beginning of a stretch, where the speed before it is not known, nothing counts [s]."""
+FASTEST: Final = 125.0
+"""Of the measured speeds that count [Hz]: the error between two of them lasts longer than their
+distance, so that more of them tell no more (lags from 12 Hz are as sharp as from 500)."""
 MOST_ROUNDS: Final = 40
 SETTLED: Final = 1e-9
 APART: Final = 1e4
@@ -102,7 +105,7 @@ def recording_of(flights: Sequence[Sequence[Answer]]) -> Recording | None:
     begins = np.zeros(sum(sizes), dtype=bool)
     begins[np.cumsum([0, *sizes[:-1]])] = True
     offsets = [i * APART - float(a.command_time[0]) for i, a in enumerate(stretches)]
-    used = [a.speed_time >= a.command_time[0] + SETTLING for a in stretches]
+    used = [_counting(a) for a in stretches]
     counts = [int(rows.sum()) for rows in used]
     flight = np.array([present.index(k) for k, _ in listed])
     number = np.array([rotors.index(a.rotor) for a in stretches])
@@ -131,6 +134,15 @@ def recording_of(flights: Sequence[Sequence[Answer]]) -> Recording | None:
             [a.speed_time[rows] for a, rows in zip(stretches, used, strict=True)]
         ),
     )
+
+
+def _counting(answer: Answer) -> Bool[np.ndarray, " m"]:
+    """Return which speeds of a stretch are fitted to."""
+    time = answer.speed_time
+    step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    stride = max(int(1.0 / (FASTEST * step)), 1) if step > 0.0 else 1
+    every = np.arange(len(time)) % stride == 0
+    return every & (time >= answer.command_time[0] + SETTLING)
 
 
 def answered_speed(

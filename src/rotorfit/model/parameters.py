@@ -98,6 +98,7 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
     "kd_over_Izz": "1/s^2 per squared command",
     "Jr_over_Izz": "1/s per command",
     "hover_speed": "command",
+    "max_speed": "command",
 }
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
 
