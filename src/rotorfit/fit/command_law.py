@@ -174,21 +174,20 @@ def fit_law(recording: Recording) -> FittedLaw:
         form="offset power", voltage=False, two_way=False, rotors=rotors, flights=flights
     )
     rough = _fitted(recording, general, _first(general, recording))
-    scale = 1.4826 * float(np.median(np.abs(rough.residuals)))
-    fits = [_refitted(recording, replace(general, form=name), rough, scale) for name in FORMS]
-    plain = _likeliest(fits)
-    others = tuple(fit for fit in fits if fit is not plain)
-    best = plain
     if recording.voltage is not None and float(recording.voltage.std()) > LEAST_VOLTS:
-        layout = replace(best.layout, voltage=True)
-        best = _likeliest([best, _refitted(recording, layout, best, scale)])
+        layout = replace(general, voltage=True)
+        rough = _likeliest([rough, _refitted(recording, layout, rough, np.inf)])
+    scale = 1.4826 * float(np.median(np.abs(rough.residuals)))
+    fits = [_refitted(recording, replace(rough.layout, form=name), rough, scale) for name in FORMS]
+    best = _likeliest(fits)
+    others = tuple(fit for fit in fits if fit is not best)
     apart = _refitted(recording, replace(best.layout, two_way=True), best, scale)
     ratio, half = float(apart.values[-2]), apart.half_width(lambda x: float(x[-2]))
     return FittedLaw(
         recording=recording,
         best=apart if abs(ratio) > half else best,
         others=others,
-        rivals=tuple(f for f in others if _surprise(f, plain) < CLEAR),
+        rivals=tuple(f for f in others if _surprise(f, best) < CLEAR),
     )
 
 

@@ -172,7 +172,7 @@ def _motors(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
         case _:
             raise TypeError(f"no entry for {law.curve}")
     match law.voltage:
-        case VoltageFactor(nominal, exponent) if exponent > 0.0:
+        case VoltageFactor(nominal, exponent) if 0.0 < exponent <= 3.0:
             entry["voltage"] = {"nominal": _short(nominal), "exponent": _short(exponent)}
         case _:
             pass
