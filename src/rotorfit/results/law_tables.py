@@ -88,7 +88,11 @@ def _times(fitted: FittedLaw) -> tuple[Parameter, ...]:
     of = {"motor_lag": _mean_lag} | (
         {"motor_lag_up": _rising_lag, "motor_lag_down": _falling_lag} if two_way else {}
     )
-    found = {name: fitted.number(lag) for name, lag in of.items()}
+    # Other forms have one lag for both ways.
+    alone = replace(fitted, rivals=())
+    found = {
+        name: (fitted if name == "motor_lag" else alone).number(lag) for name, lag in of.items()
+    }
     delay, half = fitted.own(fitted.best.layout.size - 1)
     # Of a faster loop the log keeps some commands: those between may be half a step older.
     step = float(np.median(np.diff(fitted.recording.command_time)))
