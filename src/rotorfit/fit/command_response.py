@@ -174,7 +174,8 @@ def answered_speed(
     slopes
         By the law's parameters, then log lag, log ratio, delay.
     """
-    up, down = np.exp(timing.log_lag), np.exp(timing.log_lag + timing.log_ratio)
+    up = float(np.exp(timing.log_lag))
+    down = float(np.exp(timing.log_lag + timing.log_ratio))
     step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
     rising, at_command = _at_commands(recording, settled, step, up=up, down=down)
     lag: Float[np.ndarray, " n"] = np.where(rising, up, down)

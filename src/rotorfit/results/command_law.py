@@ -17,7 +17,15 @@ from rotorfit.flight.speed_law import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawNumber:
-    """One number of the law with its 95 % interval, SI."""
+    """One number of the law.
+
+    Attributes
+    ----------
+    name, unit
+        Such as ``full_speed`` in rad/s.
+    value, interval
+        SI; the interval is 95 %.
+    """
 
     name: str
     value: float
