@@ -97,7 +97,7 @@ def blocks_of(
         rows = flight == k
         since = time[rows] - time[rows].min()
         last = max(int(np.round(since.max() / seconds)) - 1, 0)
-        number = np.minimum((since / seconds).astype(int), last)
+        number: Int[np.ndarray, " k"] = np.minimum((since / seconds).astype(int), last)
         found = np.searchsorted(np.unique(number), number)
         block[rows] = taken + found
         taken = int(block[rows].max()) + 1
