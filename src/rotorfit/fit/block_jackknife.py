@@ -95,8 +95,8 @@ def blocks_of(
     taken = 0
     for k in range(int(flight.max()) + 1):
         rows = flight == k
-        since = time[rows] - time[rows].min()
-        last = max(int(np.round(since.max() / seconds)) - 1, 0)
+        since: Float[np.ndarray, " k"] = time[rows] - float(time[rows].min())
+        last = max(round(float(since.max()) / seconds) - 1, 0)
         number: Int[np.ndarray, " k"] = np.minimum((since / seconds).astype(int), last)
         found = np.searchsorted(np.unique(number), number)
         block[rows] = taken + found
