@@ -30,7 +30,6 @@ from rotorfit.experiment.experiment import (
     vehicle_of,
     with_imu_tilt,
 )
-from rotorfit.fit.command_law import fit_law, flown_recording
 from rotorfit.fit.flights import (
     Configured,
     Flown,
@@ -43,6 +42,7 @@ from rotorfit.fit.timing_search import find_timing
 from rotorfit.identification.estimates import ESTIMATES, joint_fit, resolved_method
 from rotorfit.identification.mounting import found_tilt
 from rotorfit.model.regressor import regressor
+from rotorfit.motor_law.fit_law import bounded_recording, fit_law
 from rotorfit.results.command_law import CommandLaw
 from rotorfit.results.command_units import of_commanded_speed
 from rotorfit.results.law_tables import law_tables, with_law
@@ -119,7 +119,8 @@ def _with_command_law(
     tables: Tables, flown: Flown, tell: Progress
 ) -> tuple[Tables, CommandLaw | None]:
     """Return the tables with the motors' law, where commands stand beside measured speeds."""
-    recording = flown_recording(flown)
+    flights = [f.answers for c in flown.configurations for f in c.flights]
+    recording = bounded_recording(flights)
     if recording is None:
         return tables, None
     tell("fitting the motors' law to commands and speeds")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.fit.block_jackknife import blocks_of, jackknife, widest
+from rotorfit.motor_law.block_jackknife import blocks_of, jackknife, widest
 
 
 def test_it_is_the_refit_without_each_block():

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.fit.command_response import Recording, Timing, answered_speed
-from rotorfit.fit.law_forms import FORMS, FormName
 from rotorfit.flight.speed_law import SpeedLaw, VoltageFactor
+from rotorfit.motor_law.command_response import Recording, Timing, answered_speed
+from rotorfit.motor_law.law_forms import FORMS, FormName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,18 +16,17 @@ import scipy.optimize
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.fit.block_jackknife import (
+from rotorfit.flight.answered_commands import Answer, spans_of, within
+from rotorfit.motor_law.block_jackknife import (
     FEWEST_BLOCKS,
     Jackknife,
     blocks_of,
     jackknife,
     widest,
 )
-from rotorfit.fit.command_response import Recording, Timing, answered_speed, recording_of
-from rotorfit.fit.flights import Flown
-from rotorfit.fit.law_forms import FORMS
-from rotorfit.fit.law_model import Layout, predicted, timing_of
-from rotorfit.flight.answered_commands import spans_of, within
+from rotorfit.motor_law.command_response import Recording, Timing, answered_speed, recording_of
+from rotorfit.motor_law.law_forms import FORMS
+from rotorfit.motor_law.law_model import Layout, predicted, timing_of
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
@@ -146,12 +145,18 @@ class FittedLaw:
         return float(self.best.values[index]), self.best.half_width(lambda x: float(x[index]))
 
 
-def flown_recording(flown: Flown) -> Recording | None:
-    """Return the commands and measured speeds of all flights; None where no log has both."""
-    flights = [f for c in flown.configurations for f in c.flights if f.answers]
+def bounded_recording(answers: Sequence[Sequence[Answer]]) -> Recording | None:
+    """Return the commands and measured speeds of all flights; None where none has both.
+
+    Parameters
+    ----------
+    answers
+        Of each flight; none of a flight whose log lacks either.
+    """
+    flights = [one for one in answers if one]
     # So many that the fit takes seconds, however many flights there are.
     most = MOST_SPEEDS // max(len(flights), 1)
-    return recording_of([within(f.answers, spans_of(f.answers), most=most) for f in flights])
+    return recording_of([within(one, spans_of(one), most=most) for one in flights])
 
 
 def fit_law(recording: Recording) -> FittedLaw:
