@@ -51,6 +51,9 @@ if TYPE_CHECKING:
     from rotorfit.report.plan_card import write_card as write_card
     from rotorfit.report.plan_text import plan_text as plan_text
     from rotorfit.report.text import result_text as result_text
+    from rotorfit.results.command_law import CommandLaw as CommandLaw
+    from rotorfit.results.command_law import LawNumber as LawNumber
+    from rotorfit.results.command_law import LawPoint as LawPoint
     from rotorfit.results.compare import Comparison as Comparison
     from rotorfit.results.compare import compare_results as compare_results
     from rotorfit.results.physical_inertia import Projected as Projected
@@ -82,6 +85,7 @@ else:
         "rotorfit.flight.data": ("FlightData", "Segment"),
         "rotorfit.flight.log": ("Channel", "FlightLog"),
         "rotorfit.flight.prepare": ("MotorModel", "PreparedFlight", "prepare"),
+        "rotorfit.results.command_law": ("CommandLaw", "LawNumber", "LawPoint"),
         "rotorfit.results.compare": ("Comparison", "compare_results"),
         "rotorfit.validation.wrench_comparison": ("WrenchComparison",),
         "rotorfit.experiment.experiment": (

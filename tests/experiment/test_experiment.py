@@ -1,5 +1,6 @@
 """The experiment file: what is accepted, and what is refused in which words."""
 
+import json
 import re
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from rotorfit.experiment.experiment import (
 from rotorfit.experiment.read_options import read_options_of
 from rotorfit.flight.speed_law import (
     PolynomialLaw,
+    PowerLaw,
     SpeedLaw,
     SquareRootLaw,
     TableLaw,
@@ -358,6 +360,11 @@ def test_an_experiment_file_is_an_airframe_file(tmp_path):
             TableLaw((0.1, 0.5, 1.0), (0.0, 400.5, 900.0)),
         ),
         ("sqrt = { full_speed = 900, thr_mdl_fac = 0.3 }", SquareRootLaw(900.0, 0.3)),
+        ("power = { full_speed = 900, exponent = 0.7 }", PowerLaw(900.0, 0.0, 0.7)),
+        (
+            "power = { full_speed = 900, offset = 0.1, exponent = 0.7 }",
+            PowerLaw(900.0, 0.1, 0.7),
+        ),
     ],
 )
 def test_every_law_of_the_motors_is_read(tmp_path, law, curve):
@@ -395,9 +402,67 @@ def test_every_law_of_the_motors_is_read(tmp_path, law, curve):
             "linear = [0, 1], voltage = { nominal = 4, exponent = 0 }",
             "exponent: should be greater than 0",
         ),
+        ("power = { full_speed = 900 }", "law.power.exponent is missing"),
+        ("power = { full_speed = 9, offset = 1, exponent = 1 }", "should be less than 1"),
         ("linear = [0, nan]", "should be a finite number"),
     ],
 )
 def test_wrong_laws_are_refused(tmp_path, law, words):
     motors = f'speed = "commanded"\nlaw = {{ {law} }}'
     assert words in refusal(written(tmp_path, motors=motors))
+
+
+KNOWN = {
+    "speed": "commanded",
+    "law": {"power": {"full_speed": 4400.0, "offset": 0.05, "exponent": 0.74}},
+    "lag": 0.023,
+    "lag_std": 0.001,
+}
+
+
+def with_result(folder, found, motors='result = "known.json"'):
+    (folder / "known.json").write_text(json.dumps({"command_law": found}), encoding="utf-8")
+    return written(folder, motors=motors)
+
+
+def test_law_and_lag_are_taken_from_a_result(tmp_path):
+    motors = load_experiment(with_result(tmp_path, {"motors": KNOWN})).motors
+    assert motors.speed == "commanded"
+    assert motor_model_of(motors).law == SpeedLaw(curve=PowerLaw(4400.0, 0.05, 0.74))
+    assert (motors.lag, motors.lag_std) == (0.023, 0.001)
+
+
+def test_what_stands_beside_a_result_goes_before(tmp_path):
+    beside = 'result = "known.json"\nlag = 0.03\ndelay = 0.002'
+    motors = load_experiment(with_result(tmp_path, {"motors": KNOWN}, beside)).motors
+    assert (motors.lag, motors.lag_std, motors.delay) == (0.03, 0.0, 0.002)
+
+
+def test_an_airframe_file_takes_a_result_too(tmp_path):
+    with_result(tmp_path, {"motors": KNOWN})
+    airframe = tmp_path / "airframe.toml"
+    airframe.write_text(
+        f'[airframe]\n{LAYOUT}\n[motors]\nresult = "known.json"\n', encoding="utf-8"
+    )
+    one = single_flight_experiment(Path("a.csv"), mass=1.0, airframe=airframe)
+    assert one.motors.lag == 0.023
+
+
+@pytest.mark.parametrize(
+    ("found", "motors", "words"),
+    [
+        (None, 'result = "known.json"', "known.json tells no law from command to rotor speed"),
+        ({"motors": {}}, 'result = "known.json"', "known.json tells no law"),
+        ({"motors": KNOWN}, 'result = "other.json"', "other.json is not a result with the motors"),
+        ([], 'result = "known.json"', "is not a result with the motors' law"),
+        ({"motors": KNOWN}, "result = 3", "motors.result is 3, expected the path"),
+        (
+            {"motors": KNOWN},
+            'speed = "measured"\nresult = "known.json"',
+            'motors.result gives law and lag for flights on commands: speed = "commanded"',
+        ),
+        ({"motors": {**KNOWN, "lag": -1}}, 'result = "known.json"', "motors.lag: should be"),
+    ],
+)
+def test_results_without_a_law_are_refused(tmp_path, found, motors, words):
+    assert words in refusal(with_result(tmp_path, found, motors))

@@ -20,7 +20,9 @@ NAMES = {
     "mujoco": "mujoco.xml",
     "urdf": "vehicle.urdf",
     "rotorpy": "rotorpy_params.py.txt",
+    "ardupilot": "ardupilot.param",
     "ardupilot-sitl": "ardupilot.json",
+    "betaflight": "betaflight.txt",
     "crazyflow": "crazyflow.toml",
     "casadi": "casadi_dynamics.py.txt",
 }

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from rotorfit.errors import LogError
 from rotorfit.flight.speed_law import (
     PolynomialLaw,
+    PowerLaw,
     SpeedLaw,
     SquareRootLaw,
     TableLaw,
@@ -120,3 +121,12 @@ def test_a_law_that_falls_where_it_is_used_is_doubted():
     assert law_doubts(law, COMMANDS[:21]) == ()
     assert "falls somewhere between the commands 0 and 1" in law_doubts(law, COMMANDS)[0]
     assert law_doubts(SpeedLaw(curve=SquareRootLaw(900.0, 0.3)), COMMANDS) == ()
+
+
+@given(full=st.floats(100, 5000), b=st.floats(-0.3, 0.5), p=st.floats(0.3, 1.5))
+def test_a_power_law_has_its_ends_and_its_dead_zone(full, b, p):
+    speed = speed_from_command(COMMANDS, SpeedLaw(curve=PowerLaw(full, b, p)))
+    assert speed[-1, 0] == pytest.approx(full)
+    assert speed[0, 0] == pytest.approx(full * max(b, 0.0) ** p)
+    assert (np.diff(speed[:, 0]) >= 0.0).all()
+    assert law_doubts(SpeedLaw(curve=PowerLaw(full, b, p)), COMMANDS) == ()

@@ -168,6 +168,29 @@ def test_a_calm_log_says_that_roll_and_pitch_are_weak_and_refuses_yaw(joint):
         assert result.derived_value(name).value is None
 
 
+@pytest.mark.parametrize("name", [LIVELY, SHORT, CALM])
+def test_commands_and_speeds_give_the_motors_law(joint, name):
+    """Bench: a time constant of 20 to 25 ms. DShot's idle is 5.5 % of the range."""
+    result = joint[name]
+    lag, full = result.parameter("motor_lag"), result.parameter("max_speed")
+    assert lag.verdict == full.verdict == "identified"
+    assert 0.020 < lag.value < 0.025
+    assert 4250.0 < full.value < 4650.0
+    law = result.command_law
+    assert law.form == "offset power"
+    assert inside(law.number("offset"), 0.053)
+    assert inside(law.number("exponent"), 0.74)
+    assert law.relative_error < 0.02
+    assert law.commands[1] == pytest.approx(0.86, abs=0.02)
+
+
+def test_three_flights_together_give_a_sharper_law(joint):
+    together = joint["all"]
+    for name in ("max_speed", "motor_lag"):
+        assert together.parameter(name).std < joint[CALM].parameter(name).std
+        assert inside(joint[CALM].parameter(name), together.parameter(name).value)
+
+
 def refusal(indiflight_logs, tmp_path, vehicle):
     path = flown.experiment_file(
         tmp_path / "wrong.toml", vehicle, [indiflight_logs / LIVELY], mass=0.428, extra=BY_ROWS

@@ -16,6 +16,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.airframe_table import AirframeEntry, Axes, ImuEntry, RotorEntry
 from rotorfit.experiment.law_table import (
     LawEntry,
+    PowerEntry,
     SqrtEntry,
     VoltageEntry,
     speed_law_of,
@@ -24,7 +25,12 @@ from rotorfit.experiment.model_terms import Terms
 from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.problems import problems_in_words
 from rotorfit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
-from rotorfit.experiment.toml_files import file_as_table, files_as_tables, read_toml
+from rotorfit.experiment.toml_files import (
+    file_as_table,
+    files_as_tables,
+    read_toml,
+    with_known_motors,
+)
 from rotorfit.flight.mounting import ImuTilt
 from rotorfit.flight.prepare import MotorModel
 from rotorfit.model.layouts import layout_rotors
@@ -266,7 +272,8 @@ def load_experiment(path: Path) -> Experiment:
     ExperimentError
         If the file is missing, not TOML, or not an experiment; every place that is wrong is named.
     """
-    experiment = _checked(Experiment, read_toml(path), path)
+    tables = with_known_motors(read_toml(path), path.parent)
+    experiment = _checked(Experiment, tables, path)
     return experiment.model_copy(
         update={"configuration": tuple(_absolute(c, path.parent) for c in experiment.configuration)}
     )
@@ -298,7 +305,8 @@ def single_flight_experiment(
     ExperimentError
         As `load_experiment`.
     """
-    known = _checked(AirframeFile, _without_flights(read_toml(airframe)), airframe)
+    tables = with_known_motors(_without_flights(read_toml(airframe)), airframe.parent)
+    known = _checked(AirframeFile, tables, airframe)
     described = {
         "name": log.stem,
         "airframe": known.airframe,
@@ -487,6 +495,7 @@ _TABLES: tuple[type[BaseModel], ...] = (
     MotorsEntry,
     LawEntry,
     SqrtEntry,
+    PowerEntry,
     VoltageEntry,
     IdentificationEntry,
     ConfigurationEntry,

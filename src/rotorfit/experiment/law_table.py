@@ -7,7 +7,9 @@ from pydantic import Field, model_validator
 
 from rotorfit.experiment.strict_tables import Finite, Positive, Strict
 from rotorfit.flight.speed_law import (
+    Curve,
     PolynomialLaw,
+    PowerLaw,
     SpeedLaw,
     SquareRootLaw,
     TableLaw,
@@ -17,7 +19,7 @@ from rotorfit.flight.speed_law import (
 Share = Annotated[Finite, Field(ge=0, le=1)]
 Row = tuple[Share, Annotated[Finite, Field(ge=0)]]
 
-CURVES = ("linear", "polynomial", "table", "sqrt")
+CURVES = ("linear", "polynomial", "table", "sqrt", "power")
 
 
 class SqrtEntry(Strict):
@@ -25,6 +27,14 @@ class SqrtEntry(Strict):
 
     full_speed: Positive
     thr_mdl_fac: Share
+
+
+class PowerEntry(Strict):
+    """Speed full_speed (offset + (1 - offset) u)^exponent, as rotorfit finds it from flights."""
+
+    full_speed: Positive
+    offset: Annotated[Finite, Field(gt=-1, lt=1)] = 0.0
+    exponent: Annotated[Finite, Field(gt=0, le=3)]
 
 
 class VoltageEntry(Strict):
@@ -41,6 +51,7 @@ class LawEntry(Strict):
     polynomial: tuple[Finite, ...] | None = Field(default=None, min_length=2, max_length=6)
     table: tuple[Row, ...] | None = Field(default=None, min_length=2)
     sqrt: SqrtEntry | None = None
+    power: PowerEntry | None = None
     voltage: VoltageEntry | None = None
 
     @model_validator(mode="after")
@@ -50,7 +61,8 @@ class LawEntry(Strict):
             found = f"{' and '.join(given)} are given" if given else "none is given"
             raise ValueError(
                 "give exactly one of linear = [offset, slope], polynomial = [c0, c1, ...], "
-                "table = [[command, speed], ...] and sqrt = { full_speed = , thr_mdl_fac = }; "
+                "table = [[command, speed], ...], sqrt = { full_speed = , thr_mdl_fac = } and "
+                "power = { full_speed = , offset = , exponent = }; "
                 f"{found}"
             )
         if self.table is not None:
@@ -76,10 +88,12 @@ def speed_law_of(entry: LawEntry) -> SpeedLaw:
     )
 
 
-def _curve_of(entry: LawEntry) -> PolynomialLaw | TableLaw | SquareRootLaw:
+def _curve_of(entry: LawEntry) -> Curve:
     if entry.table is not None:
         commands, speeds = zip(*entry.table, strict=True)
         return TableLaw(commands, speeds)
     if entry.sqrt is not None:
         return SquareRootLaw(entry.sqrt.full_speed, entry.sqrt.thr_mdl_fac)
+    if entry.power is not None:
+        return PowerLaw(entry.power.full_speed, entry.power.offset, entry.power.exponent)
     return PolynomialLaw(entry.linear or entry.polynomial or ())

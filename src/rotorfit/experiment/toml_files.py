@@ -1,5 +1,6 @@
 """A TOML file to plain tables, its short forms written out."""
 
+import json
 import tomllib
 from pathlib import Path
 from typing import Any, Final, cast
@@ -31,6 +32,59 @@ def files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
             rows = cast("list[Any]", entries)
             table[key] = [{"file": row} if isinstance(row, str) else row for row in rows]
     return table
+
+
+def with_known_motors(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the tables with law and lag of ``[motors]`` from a result, where one is named.
+
+    Parameters
+    ----------
+    tables
+        Of an experiment or airframe file. What its ``[motors]`` says itself stands.
+    folder
+        From which the result's path is.
+
+    Raises
+    ------
+    ExperimentError
+        If the file is not a result that tells the motors' law.
+    """
+    motors = tables.get("motors")
+    if not isinstance(motors, dict) or "result" not in motors:
+        return tables
+    own = dict(cast("dict[str, Any]", motors))
+    known = _known_motors(own.pop("result"), folder)
+    if own.get("speed", "commanded") != "commanded":
+        raise ExperimentError(
+            'motors.result gives law and lag for flights on commands: speed = "commanded", or '
+            "leave result out"
+        )
+    if "lag" in own:
+        known.pop("lag_std", None)
+    return {**tables, "motors": {**known, **own}}
+
+
+def _known_motors(name: Any, folder: Path) -> dict[str, Any]:
+    """Return the table ``[motors]`` that a result has for flights without rotor speed."""
+    if not isinstance(name, str):
+        raise ExperimentError(
+            f"motors.result is {name!r}, expected the path of a result that identify -o wrote"
+        )
+    path = folder / name
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))["command_law"]
+        motors = None if found is None else dict(cast("dict[str, Any]", found["motors"]))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise ExperimentError(
+            f"motors.result: {path} is not a result with the motors' law ({error}); give the JSON "
+            "file that identify -o wrote of a log with commands and measured rotor speeds"
+        ) from error
+    if not motors:
+        raise ExperimentError(
+            f"motors.result: {path.name} tells no law from command to rotor speed; identify a log "
+            "with commands and measured rotor speeds, or give law under [motors]"
+        )
+    return motors
 
 
 def read_toml(path: Path) -> dict[str, Any]:

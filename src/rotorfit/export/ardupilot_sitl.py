@@ -16,11 +16,11 @@ import numpy as np
 
 from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.motor_law import ThrustCurve, dead_zone, thrust_curve
 from rotorfit.export.px4 import hover_thrust
 from rotorfit.export.units import frd, listed, text
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
+from rotorfit.flight.thrust_curve import ThrustCurve, dead_zone, thrust_curve
 from rotorfit.model.layouts import layout_rotors
 
 NEEDS = (*BODY, *ROTORS)

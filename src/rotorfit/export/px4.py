@@ -15,11 +15,11 @@ import numpy as np
 
 from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.motor_law import ThrustCurve, speeds, thrust_curve
 from rotorfit.export.units import frd, text
 from rotorfit.export.vehicle import ROTORS, VehicleModel
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw
+from rotorfit.flight.thrust_curve import ThrustCurve, speeds, thrust_curve
 from rotorfit.model.parameters import COM
 
 NEEDS = ("mass", *COM, *ROTORS)

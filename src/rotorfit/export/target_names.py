@@ -10,7 +10,9 @@ TargetName = Literal[
     "mujoco",
     "urdf",
     "rotorpy",
+    "ardupilot",
     "ardupilot-sitl",
+    "betaflight",
     "crazyflow",
     "casadi",
 ]

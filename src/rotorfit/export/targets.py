@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from rotorfit.export import (
+    ardupilot,
     ardupilot_sitl,
+    betaflight,
     casadi,
     crazyflow,
     gazebo,
@@ -53,6 +55,8 @@ TARGETS: Final[Mapping[TargetName, Target]] = {
     "mujoco": Target(write=mjcf.write_mujoco, needs=mjcf.NEEDS),
     "urdf": Target(write=urdf.write_urdf, needs=urdf.NEEDS),
     "rotorpy": Target(write=rotorpy.write_rotorpy, needs=rotorpy.NEEDS),
+    "ardupilot": Target(write=ardupilot.write_ardupilot, needs=ardupilot.NEEDS),
+    "betaflight": Target(write=betaflight.write_betaflight, needs=betaflight.NEEDS),
     "ardupilot-sitl": Target(
         write=ardupilot_sitl.write_ardupilot_sitl, needs=ardupilot_sitl.NEEDS, speed="full-command"
     ),

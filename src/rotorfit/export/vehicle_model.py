@@ -14,7 +14,6 @@ from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.experiment.experiment import Experiment, experiment_of_settings, vehicle_of
 from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.export.assumptions import unit_of
-from rotorfit.export.motor_law import full_speed_of
 from rotorfit.export.possible import impossible_words, is_possible, projected, refuse_signs
 from rotorfit.export.result_numbers import (
     FULL_COMMAND,
@@ -25,6 +24,7 @@ from rotorfit.export.result_numbers import (
 )
 from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
+from rotorfit.flight.thrust_curve import full_speed_of
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.command_units import is_per_command
@@ -69,7 +69,7 @@ def vehicle_model(
     refuse_unsound(result)
     owner = owner_of(result, configuration)
     experiment = described_by(result)
-    law = None if experiment.motors.law is None else speed_law_of(experiment.motors.law)
+    law = _law(result, experiment)
     given = dict(assumed or {})
     _refuse_other_mass(result, owner, given)
     full = _full_speed(result, law, speed)
@@ -85,8 +85,18 @@ def vehicle_model(
     return projected(model, result)
 
 
+def _law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | None:
+    """Return the law of the motors: declared, or found between commands and measured speeds."""
+    if experiment.motors.law is not None:
+        return speed_law_of(experiment.motors.law)
+    found = result.command_law
+    return found.law if found is not None and found.known else None
+
+
 def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed) -> Number | None:
     """Return the speed at full command, as far as the motors' law gives it."""
+    if any(p.name == "max_speed" for p in result.parameters):
+        return None  # a number of the result itself, with an interval
     if law is not None:
         value, unit, remark = full_speed_of(law), "rad/s", "the law of [motors] at full command"
     elif speed == "full-command" and is_per_command(result):
@@ -188,7 +198,7 @@ def _absent(name: str) -> Missing:
 
 
 _WHY_ABSENT: Final = {
-    "motor_lag": "measured rotor speed shows none of it",
+    "motor_lag": "measured rotor speed shows none of it without the commands beside it",
     "max_speed": "no law from command to rotor speed is given",
 }
 

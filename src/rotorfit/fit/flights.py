@@ -25,6 +25,7 @@ from rotorfit.experiment.read_options import read_options_of, recording_options_
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
 from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming
 from rotorfit.flight.align import with_poses
+from rotorfit.flight.answered_commands import Answer, answered_commands, within
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import FlightLog
 from rotorfit.flight.mocap import prepare_mocap
@@ -36,11 +37,14 @@ from rotorfit.flight.prepare import (
     prepared_from,
     with_motors,
 )
-from rotorfit.flight.rotor_telemetry import Telemetry, telemetry
+from rotorfit.flight.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
+
+NOT_ANSWERING: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
+"""States of a measured speed from which no law can be learnt."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +52,8 @@ class UsedFlight:
     """A flight as it enters the estimate; of its log no channels are kept.
 
     `speeds_commanded`: its commands are rotor speeds [rad/s], not shares of full output.
-    `telemetry`: how measured speeds go with the commands, where the log has both.
+    `telemetry`: how measured speeds go with the commands, where the log has both; `answers`: the
+    two themselves, in flight.
     """
 
     entry: FlightEntry
@@ -56,6 +61,7 @@ class UsedFlight:
     prepared: PreparedFlight
     speeds_commanded: bool = False
     telemetry: Telemetry | None = None
+    answers: tuple[Answer, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,6 +200,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
     log, speeds_commanded = with_commanded_speeds(log, motors)
     seen = telemetry(log) if motors.speed == "measured" else None
+    answers = () if seen is None else answered_commands(log, left_out=_not_answering(seen))
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
@@ -208,6 +215,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
             prepared=prepared,
             speeds_commanded=speeds_commanded,
             telemetry=seen,
+            answers=_in_flight(answers, prepared),
         )
     tilt = imu_tilt_of(experiment.airframe)
     recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
@@ -220,6 +228,20 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         prepared=prepared,
         speeds_commanded=speeds_commanded,
         telemetry=seen,
+        answers=_in_flight(answers, prepared),
+    )
+
+
+def _not_answering(seen: Telemetry) -> list[int]:
+    """Return the rotors, from 0, whose speed is not what their command makes it."""
+    return [r.rotor - 1 for r in seen.rotors if r.state in NOT_ANSWERING]
+
+
+def _in_flight(answers: tuple[Answer, ...], prepared: PreparedFlight) -> tuple[Answer, ...]:
+    """Return commands and speeds of the airborne stretches, on the log's own clocks."""
+    time = prepared.data.time
+    return within(
+        answers, [(float(time[s.start]), float(time[s.stop - 1])) for s in prepared.data.segments]
     )
 
 

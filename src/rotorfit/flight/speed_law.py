@@ -57,6 +57,27 @@ class SquareRootLaw:
 
 
 @dataclass(frozen=True, slots=True)
+class PowerLaw:
+    """Speed that goes with a power of the command, or of the command beyond an idle one.
+
+    full_speed (b + (1 - b) u)^p: with b = 0 a power of the command, with p = 1 a straight line.
+
+    Attributes
+    ----------
+    full_speed
+        At full command [rad/s].
+    offset
+        b, what the motors get at command 0 as a share of full command; below 0 a dead zone.
+    exponent
+        p.
+    """
+
+    full_speed: float
+    offset: float
+    exponent: float
+
+
+@dataclass(frozen=True, slots=True)
 class VoltageFactor:
     """What the battery does to the speed: a factor (V / nominal)^exponent.
 
@@ -72,6 +93,9 @@ class VoltageFactor:
     exponent: float
 
 
+Curve = PolynomialLaw | TableLaw | SquareRootLaw | PowerLaw
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLaw:
     """From command to rotor speed.
@@ -84,7 +108,7 @@ class SpeedLaw:
         None: the speed does not depend on the battery, or the firmware compensates for it.
     """
 
-    curve: PolynomialLaw | TableLaw | SquareRootLaw
+    curve: Curve
     voltage: VoltageFactor | None = None
 
 
@@ -123,9 +147,7 @@ def speed_from_command(
     return speed * relative**law.voltage.exponent
 
 
-def _curve_speed(
-    command: Float[np.ndarray, "n N"], curve: PolynomialLaw | TableLaw | SquareRootLaw
-) -> Float[np.ndarray, "n N"]:
+def _curve_speed(command: Float[np.ndarray, "n N"], curve: Curve) -> Float[np.ndarray, "n N"]:
     match curve:
         case PolynomialLaw(coefficients):
             return np.polynomial.polynomial.polyval(command, np.asarray(coefficients))
@@ -134,6 +156,8 @@ def _curve_speed(
         case SquareRootLaw(full_speed, f):
             u = np.maximum(command, 0.0)
             return full_speed * np.sqrt(f * u**2 + (1.0 - f) * u)
+        case PowerLaw(full_speed, b, p):
+            return full_speed * np.maximum(b + (1.0 - b) * command, 0.0) ** p
 
 
 def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, ...]:

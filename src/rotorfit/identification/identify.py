@@ -43,7 +43,10 @@ from rotorfit.fit.timing_fit import find_timing
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.mounting import found_tilt
 from rotorfit.model.regressor import regressor
+from rotorfit.motor_law.fit_law import bounded_recording, fit_law
+from rotorfit.results.command_law import CommandLaw
 from rotorfit.results.command_units import of_commanded_speed
+from rotorfit.results.law_tables import law_tables, with_law
 from rotorfit.results.parameter_tables import ORIGIN_IS_IMU, Tables, with_timing_total
 from rotorfit.results.result import FlightRecord, IdentificationResult
 from rotorfit.validation.validate import validation_comparisons, validation_rows
@@ -98,18 +101,37 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     experiment, flown, turned = _mounted(experiment, flown)
     tables = of_commanded_speed(ESTIMATES[method](experiment, flown), flown)
     tables = with_timing_total(tables, flown.motor_timing)
+    tables, law = _with_command_law(tables, flown, tell)
     tables = dataclasses.replace(
         tables,
         warnings=(*turned, *tables.warnings),
         settings={**tables.settings, "hangs_on": list(what_numbers_hang_on(tables, flown))},
     )
-    result = _result(experiment, flown, tables)
+    result = dataclasses.replace(_result(experiment, flown, tables), command_law=law)
     if not any(entry.validation for entry in experiment.configuration):
         return result
     tell("validating on flights kept apart")
     comparisons = validation_comparisons(result, experiment)
     written = [entry.written for c in experiment.configuration for entry in c.validation]
     return dataclasses.replace(result, validation=validation_rows(comparisons, written))
+
+
+def _with_command_law(
+    tables: Tables, flown: Flown, tell: Progress
+) -> tuple[Tables, CommandLaw | None]:
+    """Return the tables with the motors' law, where commands stand beside measured speeds."""
+    flights = [f.answers for c in flown.configurations for f in c.flights]
+    recording = bounded_recording(flights)
+    if recording is None:
+        return tables, None
+    tell("fitting the motors' law to commands and speeds")
+    try:
+        fitted = fit_law(recording)
+    except EstimationError as error:
+        words = f"no law from command to rotor speed was found: {error}"
+        return dataclasses.replace(tables, warnings=(*tables.warnings, words)), None
+    law, parameters = law_tables(fitted, len(flown.vehicle.rotors))
+    return with_law(tables, parameters, law), law
 
 
 def _mounted(experiment: Experiment, flown: Flown) -> tuple[Experiment, Flown, tuple[str, ...]]:

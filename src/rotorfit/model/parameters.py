@@ -74,6 +74,8 @@ PARAMETERS: Final[dict[str, ParameterInfo]] = {
     "motor_lag_up": ParameterInfo("s", 0, "time constant of rising motor speed"),
     "motor_lag_down": ParameterInfo("s", 0, "time constant of falling motor speed"),
     "motor_delay": ParameterInfo("s", 0, "time by which motor data lead their effect"),
+    "command_delay": ParameterInfo("s", 0, "time by which commands lead the measured speeds"),
+    "max_speed": ParameterInfo("rad/s", 0, "rotor speed at full command"),
 }
 """Everything that stands under ``parameters`` of a result."""
 
@@ -105,11 +107,12 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
     "kd_over_Izz": "1/s^2 per squared command",
     "Jr_over_Izz": "1/s per command",
     "hover_speed": "command",
+    "max_speed": "command",
 }
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
 
 MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
-SHARED = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR, *MOTOR_TIMES)
+SHARED = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR, *MOTOR_TIMES, "command_delay", "max_speed")
 """Of the propulsion: every configuration has the same."""
 
 

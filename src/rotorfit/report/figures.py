@@ -11,6 +11,7 @@ from pathlib import Path
 from rotorfit.errors import OutputError
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.correlations import correlation_section
+from rotorfit.report.motor_law import law_picture
 from rotorfit.report.page_templates import template_text
 from rotorfit.report.series import series_of
 from rotorfit.report.svg import standalone
@@ -92,6 +93,8 @@ def figure_texts(
     for number, comparison in enumerate(comparisons, 1):
         name = f"wrench-{number}-{_plain(comparison.configuration)}-{_plain(comparison.flight)}"
         out[name] = standalone(wrench_svg(comparison, series_of(comparison)), style)
+    if result.command_law is not None:
+        out["motor-law"] = standalone(law_picture(result.command_law), style)
     heat_map = correlation_section(result).heat_map
     if heat_map is not None:
         out["correlations"] = standalone(heat_map, style)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
+from rotorfit.report.motor_law import law_section
 from rotorfit.report.number_words import PREDICTED_WELL, VERDICT_MEANING, configurations
 from rotorfit.report.page_templates import page_template, template_text
 from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
@@ -51,6 +52,7 @@ def report_html(
         summary=summary_of(result),
         tables=parameter_tables(result),
         vehicle=vehicle_drawings(result),
+        law=law_section(result),
         figures=wrench_figures(comparisons),
         validation=validation_rows(result),
         components=SHOWN,

@@ -6,6 +6,7 @@ from typing import Any
 
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import DRAG_MOMENTS
+from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
 from rotorfit.report.number_words import (
     VERDICT_MEANING,
     configurations,
@@ -36,6 +37,7 @@ def result_text(result: IdentificationResult) -> str:
     sections = [
         textwrap.wrap(_title(result), WIDTH),
         _table("Rotors", _rotor_lines(result)),
+        _law_lines(result),
         *(
             _table(f"Body, configuration {name}", _body_lines(result, name))
             for name in configurations(result)
@@ -64,6 +66,25 @@ def _rotor_lines(result: IdentificationResult) -> list[Line]:
     # Numbers of one configuration stand with the rotors where there is no other.
     own = {None, *configurations(result)} if len(configurations(result)) < 2 else {None}
     return [*map(_of_parameter, shared), *_rotor_derived(result, own)]
+
+
+def _law_lines(result: IdentificationResult) -> list[str]:
+    """Return the motors' law with its numbers, and what to write for flights without speeds."""
+    law = result.command_law
+    if law is None:
+        return []
+    rows = [
+        f"  {n.name:<16} {with_interval(n.value, n.interval):>23}  {n.unit.removeprefix('1')}"
+        for n in law.numbers
+    ]
+    motors = motors_lines(law)
+    paste = [f"      {line}" for line in motors]
+    return [
+        f"Motors, u being the command: {formula_of(law)}",
+        *(row.rstrip() for row in rows),
+        *(line for words in law_sentences(law) for line in _wrapped(words)),
+        *(["  - for flights of this vehicle without rotor speed:", *paste] if motors else []),
+    ]
 
 
 def _rotor_derived(result: IdentificationResult, owners: Container[str | None]) -> list[Line]:

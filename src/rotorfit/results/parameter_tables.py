@@ -27,7 +27,7 @@ TIME_SCALE = 0.008
 """A motor delay of this size matters [s]: known to a quarter of it, it is identified."""
 ROW_ORDER = (
     *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
-    *(*MOTOR_TIMES, "mass"),
+    *(*MOTOR_TIMES, "command_delay", "max_speed", "mass"),
     *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
     *("rotor_center_x", "rotor_center_y", "twist", "rotor_drag", *AIR),
     *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
@@ -194,7 +194,7 @@ def motor_parameters(motors: MotorsEntry, timing: MotorTiming | None) -> list[Pa
         for name, value in declared.items()
         if value is not None and name not in found
     ]
-    return [*given, *(_found_time(name, *number) for name, number in found.items())]
+    return [*given, *(found_time(name, *number) for name, number in found.items())]
 
 
 def _given_time(name: str, value: float) -> Parameter:
@@ -209,12 +209,12 @@ def _given_time(name: str, value: float) -> Parameter:
     )
 
 
-def _found_time(name: str, value: float, std: float) -> Parameter:
+def found_time(name: str, value: float, std: float) -> Parameter:
     """Return a time that the flights gave; sharp to a quarter of the time scale that matters."""
     half = 1.96 * std
     sharp, known = half <= WEAK * max(abs(value), TIME_SCALE), told(value, std)
     # No rotor follows before its command; a delay is negative where motors are recorded late.
-    low = value - half if name == "motor_delay" else max(value - half, 0.0)
+    low = value - half if name.endswith("_delay") else max(value - half, 0.0)
     return Parameter(
         name=name,
         configuration=None,

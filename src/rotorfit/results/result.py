@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import OutputError
 from rotorfit.logs.files import write_whole
+from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
 
 Verdict = Literal["identified", "weak", "ratio-only", "not-identified", "given", "removed"]
 SCHEMA = 1
@@ -135,6 +136,8 @@ class IdentificationResult:
         Of every vector.
     diagnostics
         The numbers behind the warnings.
+    command_law
+        The motors' law from command to speed, where a log has both; None elsewhere.
     """
 
     name: str
@@ -150,6 +153,7 @@ class IdentificationResult:
     warnings: tuple[str, ...] = ()
     axes: str = "FLU"
     diagnostics: Mapping[str, float] = field(default_factory=dict[str, float])
+    command_law: CommandLaw | None = None
 
     def parameter(self, name: str, configuration: str | None = None) -> Parameter:
         """Return one parameter; the configuration may be left out where there is one.
@@ -249,6 +253,7 @@ def _plain(result: IdentificationResult) -> dict[str, Any]:
         "versions": dict(result.versions),
         "warnings": list(result.warnings),
         "diagnostics": dict(result.diagnostics),
+        "command_law": law_to_plain(result.command_law),
     }
     return cast("dict[str, Any]", _without_nan(plain))
 
@@ -293,6 +298,7 @@ def _from_plain(data: Any, path: Path) -> IdentificationResult:
             versions=data["versions"],
             warnings=tuple(data["warnings"]),
             diagnostics=data.get("diagnostics", {}),
+            command_law=law_from_plain(data.get("command_law")),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise OutputError(

@@ -263,6 +263,9 @@ def found_response(result: IdentificationResult) -> MotorResponse | None:
     Where the flights did not tell the lag, that is the usual one, by which they were fitted.
     """
     times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
+    if experiment_of_settings(result.settings).motors.speed == "measured":
+        # The lag is between command and speed: measured speeds have it behind them.
+        times = {name: p for name, p in times.items() if name == "motor_delay"}
     if all(p.verdict == "given" for p in times.values()):
         return None
     at = {name: p.value for name, p in times.items() if p.value is not None}

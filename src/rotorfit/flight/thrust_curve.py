@@ -1,8 +1,9 @@
-"""What autopilots ask of the law from command to rotor speed: full speed, curve, hover."""
+"""What autopilots ask of the law from command to rotor speed: full speed, curve of thrust."""
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.optimize
 from jaxtyping import Float
 
 from rotorfit.flight.speed_law import SpeedLaw, speed_from_command
@@ -50,6 +51,27 @@ def dead_zone(law: SpeedLaw) -> float:
     """Return the largest command at which a law's rotor stands; 0 where it turns at any."""
     standing = np.flatnonzero(speeds(law, GRID) <= 0.0)
     return float(GRID[standing[-1]]) if len(standing) else 0.0
+
+
+def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
+    """Return the factor by which Betaflight's ``thrust_linear`` makes thrust linear, 0 to 1.5.
+
+    Betaflight moves each motor's output x to x (1 + c (1 - x)^2), c being thrust_linear / 100
+    (src/main/flight/pid.c, pidApplyThrustLinearization): the c for which thrust between idle and
+    full is nearest to a straight line.
+    """
+    x = GRID
+    found = scipy.optimize.minimize_scalar(
+        lambda c: float(np.mean(_bend(law, x, float(c)) ** 2)), bounds=(0.0, 1.5), method="bounded"
+    )
+    c = float(found.x)
+    return ThrustCurve(factor=c, error=float(np.abs(_bend(law, x, c)).max()))
+
+
+def _bend(law: SpeedLaw, x: Float[np.ndarray, " n"], c: float) -> Float[np.ndarray, " n"]:
+    """Return how far thrust is from a straight line, as a share of full thrust over idle."""
+    thrust = speeds(law, np.clip(x * (1.0 + c * (1.0 - x) ** 2), 0.0, 1.0)) ** 2
+    return (thrust - thrust[0]) / (thrust[-1] - thrust[0]) - x
 
 
 def thrust_curve(law: SpeedLaw, *, start: float = 0.0) -> ThrustCurve:

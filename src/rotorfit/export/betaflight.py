@@ -1,0 +1,46 @@
+"""Betaflight: what its CLI takes of the motors' law.
+
+Source: betaflight, src/main/flight/pid.c (pidApplyThrustLinearization: output x becomes
+x (1 + c (1 - x)^2), c = thrust_linear / 100, between idle and full output) and cli/settings.c
+(thrust_linear 0 to 150, of a PID profile).
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from rotorfit.errors import OutputError
+from rotorfit.export.header import hash_comment, noted
+from rotorfit.export.vehicle import SPEED, VehicleModel
+from rotorfit.flight.speed_law import SpeedLaw
+from rotorfit.flight.thrust_curve import betaflight_linear
+
+NEEDS: Final = SPEED
+
+
+def write_betaflight(model: VehicleModel, head: Sequence[str]) -> str:
+    """Return lines for the CLI tab of the configurator."""
+    linear = betaflight_linear(required_law(model, "betaflight"))
+    comment = noted(
+        head,
+        "paste into the CLI tab with the PID profile chosen that it is for, then  save",
+        f"with thrust_linear thrust is within {100 * linear.error:.2g} % of full thrust of a "
+        "straight line of the motor output, from idle to full",
+        "it turns the loop gain up at low throttle: lower the PID gains if motors get warm there",
+    )
+    return hash_comment(comment) + f"\nset thrust_linear = {round(100 * linear.factor)}\n"
+
+
+def required_law(model: VehicleModel, target: str) -> SpeedLaw:
+    """Return the law of the motors.
+
+    Raises
+    ------
+    OutputError
+        If there is none.
+    """
+    if model.law is None:
+        raise OutputError(
+            f"no law from command to rotor speed is known, and {target} is written from it: "
+            "identify a log with commands and measured rotor speeds, or give law under [motors]"
+        )
+    return model.law

@@ -1,0 +1,1 @@
+"""From commands and the speeds that answer them to the motors' law, lag and delay."""

@@ -1,0 +1,112 @@
+"""Intervals of a least-squares fit whose residuals are correlated: one block of time left out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import scipy.stats
+from jaxtyping import Float, Int
+
+FEWEST_BLOCKS: Final = 8
+"""With fewer, the scatter between blocks is hardly known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jackknife:
+    """What leaving out one block after the other does.
+
+    Attributes
+    ----------
+    shifts
+        Of the parameters, one row per block.
+    held_out
+        Residuals of each block under the fit to all others, squared and summed.
+    """
+
+    shifts: Float[np.ndarray, "B p"]
+    held_out: Float[np.ndarray, " B"]
+
+    def half_width(self, gradient: Float[np.ndarray, " p"]) -> float:
+        """Return half of the 95 % interval of a linear function of the parameters."""
+        blocks = len(self.shifts)
+        moved = self.shifts @ gradient
+        std = np.sqrt((blocks - 1) / blocks * float(moved @ moved))
+        return float(scipy.stats.t.ppf(0.975, blocks - 1) * std)
+
+
+def jackknife(
+    slopes: Float[np.ndarray, "m p"],
+    residuals: Float[np.ndarray, " m"],
+    block: Int[np.ndarray, " m"],
+) -> Jackknife:
+    r"""Return the jackknife of a least-squares fit over blocks of rows.
+
+    With G = J'J and, of one block, G_b and s_b = J_b' e_b, the fit to all other blocks is off by
+    :math:`-(G - G_b)^{-1} s_b`, to first order, and the residuals of the block under that fit are
+    :math:`e_b + J_b (G - G_b)^{-1} s_b`. The scatter of the former is the estimator CR3 of the
+    covariance, which holds for any correlation within a block, and errs to the wide side where
+    blocks are few or unlike.
+
+    Parameters
+    ----------
+    slopes
+        J, of the prediction by the parameters.
+    residuals
+        e, measured less predicted, at the minimum.
+    block
+        To which each row belongs, 0, 1, ...
+
+    References
+    ----------
+    Bell and McCaffrey, Survey Methodology 28(2), 2002; MacKinnon, Nielsen and Webb, J. of Applied
+    Econometrics 38(5), 2023.
+    """
+    size = np.sqrt((slopes * slopes).sum(axis=0))
+    J = slopes / np.where(size > 0.0, size, 1.0)
+    order = np.argsort(block, kind="stable")
+    J, e, edges = J[order], residuals[order], np.flatnonzero(np.diff(block[order])) + 1
+    parts = list(zip(np.split(J, edges), np.split(e, edges), strict=True))
+    G = J.T @ J
+    shifts = np.empty((len(parts), J.shape[1]))
+    held_out = np.empty(len(parts))
+    for b, (J_b, e_b) in enumerate(parts):
+        shift = -np.linalg.pinv(G - J_b.T @ J_b, hermitian=True, rcond=1e-10) @ (J_b.T @ e_b)
+        left = e_b - J_b @ shift
+        shifts[b], held_out[b] = shift, left @ left
+    return Jackknife(shifts=shifts / np.where(size > 0.0, size, np.inf), held_out=held_out)
+
+
+def blocks_of(
+    flight: Int[np.ndarray, " m"], time: Float[np.ndarray, " m"], seconds: float
+) -> Int[np.ndarray, " m"]:
+    """Return the number of the block that each row is in: equal stretches of each flight's time.
+
+    Parameters
+    ----------
+    flight
+        Of each row.
+    time
+        On the clock of that flight [s].
+    seconds
+        Length of a block; a rest at the end that is shorter than half of one joins the last.
+    """
+    block = np.zeros(len(time), dtype=int)
+    taken = 0
+    for k in range(int(flight.max()) + 1):
+        rows = flight == k
+        since: Float[np.ndarray, " k"] = time[rows] - float(time[rows].min())
+        last = max(round(float(since.max()) / seconds) - 1, 0)
+        number: Int[np.ndarray, " k"] = np.minimum((since / seconds).astype(int), last)
+        found = np.searchsorted(np.unique(number), number)
+        block[rows] = taken + found
+        taken = int(block[rows].max()) + 1
+    return block
+
+
+def widest(jackknives: Sequence[Jackknife], gradient: Float[np.ndarray, " p"]) -> float:
+    """Return the largest half-width of those of several lengths of blocks.
+
+    Correlation that outlasts a block shows as more scatter between longer ones.
+    """
+    return max((one.half_width(gradient) for one in jackknives), default=float("inf"))

@@ -1,0 +1,242 @@
+"""The speeds that commands lead to, at the instants of measured ones; and their slopes.
+
+A command is held until the next one. Between two of them a rotor approaches the speed that its
+command settles at exponentially, so that its speed at any instant is exact on any two clocks,
+however they jitter: no channel is resampled, and a delay is any number of seconds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.linalg import lapack
+
+from rotorfit.flight.answered_commands import Answer
+
+SETTLING: Final = 0.5
+"""After the beginning of a stretch, where the speed before it is not known, nothing counts [s]."""
+FASTEST: Final = 125.0
+"""Of the measured speeds that count [Hz]: the error between two of them lasts longer than their
+distance, so that more of them tell no more (lags from 12 Hz are as sharp as from 500)."""
+MOST_ROUNDS: Final = 40
+SETTLED: Final = 1e-9
+APART: Final = 1e4
+"""Between two stretches on the common clock: longer than any of them [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """All stretches of all rotors, one after the other on one clock.
+
+    Attributes
+    ----------
+    command_time
+        Rising throughout [s].
+    command
+        0 to 1.
+    voltage
+        Over its median, at the commands; None where there is none.
+    nominal_voltage
+        That median [V].
+    rotor
+        Of each command, among `rotors`.
+    rotors
+        Those that are there, from 0 in the log's order.
+    flight, since
+        In which flight each command was given, and how long after its middle [s].
+    begins
+        Commands at which a stretch begins.
+    time
+        Of the measured speeds, on the same clock [s].
+    speed
+        [rad/s]
+    speed_rotor, speed_flight
+        Of each speed.
+    flight_time
+        When it was measured on the flight's own clock [s].
+    """
+
+    command_time: Float[np.ndarray, " n"]
+    command: Float[np.ndarray, " n"]
+    voltage: Float[np.ndarray, " n"] | None
+    nominal_voltage: float | None
+    rotor: Int[np.ndarray, " n"]
+    rotors: tuple[int, ...]
+    flight: Int[np.ndarray, " n"]
+    since: Float[np.ndarray, " n"]
+    begins: Bool[np.ndarray, " n"]
+    time: Float[np.ndarray, " m"]
+    speed: Float[np.ndarray, " m"]
+    speed_rotor: Int[np.ndarray, " m"]
+    speed_flight: Int[np.ndarray, " m"]
+    flight_time: Float[np.ndarray, " m"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """Logarithms of the rising lag [s] and of falling over rising, and the delay [s]."""
+
+    log_lag: float
+    log_ratio: float
+    delay: float
+
+
+def recording_of(flights: Sequence[Sequence[Answer]]) -> Recording | None:
+    """Return the answers of all flights on one clock; None where nothing is left.
+
+    Parameters
+    ----------
+    flights
+        Of each its stretches (`answered_commands`).
+    """
+    listed = [(k, a) for k, answers in enumerate(flights) for a in answers]
+    if not listed:
+        return None
+    stretches = [a for _, a in listed]
+    volts = [a.voltage for a in stretches if a.voltage is not None]
+    nominal = None
+    if len(volts) == len(stretches):
+        nominal = float(np.median(np.concatenate(volts)))
+    rotors = tuple(sorted({a.rotor for a in stretches}))
+    present = sorted({k for k, _ in listed})  # a flight may have no stretch that is left
+    sizes = [len(a.command) for a in stretches]
+    begins = np.zeros(sum(sizes), dtype=bool)
+    begins[np.cumsum([0, *sizes[:-1]])] = True
+    offsets = [i * APART - float(a.command_time[0]) for i, a in enumerate(stretches)]
+    used = [_counting(a) for a in stretches]
+    counts = [int(rows.sum()) for rows in used]
+    flight = np.array([present.index(k) for k, _ in listed])
+    number = np.array([rotors.index(a.rotor) for a in stretches])
+    clock = np.concatenate([a.command_time for a in stretches])
+    owner = np.repeat(flight, sizes)
+    middle = [
+        0.5 * (clock[owner == k].min() + clock[owner == k].max()) for k in range(len(present))
+    ]
+    return Recording(
+        command_time=clock + np.repeat(offsets, sizes),
+        command=np.concatenate([a.command for a in stretches]),
+        voltage=None if nominal is None else np.concatenate(volts) / nominal,
+        nominal_voltage=nominal,
+        rotor=np.repeat(number, sizes),
+        rotors=rotors,
+        flight=owner,
+        since=clock - np.array(middle)[owner],
+        begins=begins,
+        time=np.concatenate(
+            [a.speed_time[rows] + o for a, o, rows in zip(stretches, offsets, used, strict=True)]
+        ),
+        speed=np.concatenate([a.speed[rows] for a, rows in zip(stretches, used, strict=True)]),
+        speed_rotor=np.repeat(number, counts),
+        speed_flight=np.repeat(flight, counts),
+        flight_time=np.concatenate(
+            [a.speed_time[rows] for a, rows in zip(stretches, used, strict=True)]
+        ),
+    )
+
+
+def _counting(answer: Answer) -> Bool[np.ndarray, " m"]:
+    """Return which speeds of a stretch are fitted to."""
+    time = answer.speed_time
+    step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    stride = max(int(1.0 / (FASTEST * step)), 1) if step > 0.0 else 1
+    every = np.arange(len(time)) % stride == 0
+    return every & (time >= answer.command_time[0] + SETTLING)
+
+
+def answered_speed(
+    recording: Recording,
+    settled: Float[np.ndarray, " n"],
+    settled_slopes: Float[np.ndarray, "n p"],
+    timing: Timing,
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m q"]]:
+    r"""Return the speed at the instants of measurement, and its derivatives.
+
+    :math:`O(t) = g_k + (O_k - g_k) e^{-(t - t_k)/\tau}` while command k is in force, g_k being
+    the speed that it settles at, and tau that of the way it goes.
+
+    Parameters
+    ----------
+    recording
+        Commands and instants.
+    settled
+        Speed that each command settles at [rad/s].
+    settled_slopes
+        Its derivatives by the parameters of the law.
+    timing
+        Lag and delay.
+
+    Returns
+    -------
+    speed
+        [rad/s]
+    slopes
+        By the law's parameters, then log lag, log ratio, delay.
+    """
+    up = float(np.exp(timing.log_lag))
+    down = float(np.exp(timing.log_lag + timing.log_ratio))
+    step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
+    rising, at_command = _at_commands(recording, settled, step, up=up, down=down)
+    lag: Float[np.ndarray, " n"] = np.where(rising, up, down)
+    kept = np.exp(-step / lag)
+    away = at_command - settled
+    bent: Float[np.ndarray, " n"] = kept * step / lag * away  # by the logarithm of the lag in force
+    into = np.column_stack(
+        [(1.0 - kept)[:, None] * settled_slopes, bent, np.where(rising, 0.0, bent)]
+    )
+    start = np.column_stack([settled_slopes, np.zeros((len(settled), 2))])
+    moved = _solved(kept, into, start, recording.begins)
+    k = np.searchsorted(recording.command_time, recording.time - timing.delay, side="right") - 1
+    k = np.clip(k, 0, len(settled) - 1)
+    since = np.maximum(recording.time - timing.delay - recording.command_time[k], 0.0)
+    left = np.exp(-since / lag[k])
+    speed = settled[k] + away[k] * left
+    slopes = np.empty((len(k), settled_slopes.shape[1] + 3))
+    slopes[:, :-1] = start[k] + (moved[k] - start[k]) * left[:, None]
+    late: Float[np.ndarray, " m"] = away[k] * left * since / lag[k]
+    slopes[:, -3] += late
+    slopes[:, -2] += np.where(rising[k], 0.0, late)
+    slopes[:, -1] = away[k] * left / lag[k]
+    return speed, slopes
+
+
+def _at_commands(
+    recording: Recording,
+    settled: Float[np.ndarray, " n"],
+    step: Float[np.ndarray, " n"],
+    *,
+    up: float,
+    down: float,
+) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return whether each command makes its rotor rise, and the speed at which it finds it.
+
+    As `flight.motors.two_way_lag`: Newton's iteration on a piecewise linear recursion.
+    """
+    rising = np.diff(settled, prepend=settled[:1]) >= 0.0
+    speed = settled
+    for _ in range(1 if up == down else MOST_ROUNDS):
+        kept = np.exp(-step / np.where(rising, up, down))
+        into = ((1.0 - kept) * settled)[:, None]
+        speed = _solved(kept, into, settled[:, None], recording.begins)[:, 0]
+        changed = (settled > speed) != rising
+        if not (changed & (np.abs(settled - speed) > SETTLED * np.abs(settled))).any():
+            break
+        rising = rising ^ changed
+    return rising, speed
+
+
+def _solved(
+    kept: Float[np.ndarray, " n"],
+    into: Float[np.ndarray, "n p"],
+    start: Float[np.ndarray, "n p"],
+    begins: Bool[np.ndarray, " n"],
+) -> Float[np.ndarray, "n p"]:
+    """Return x of x_k+1 = a_k x_k + b_k, anew from `start` where a stretch begins."""
+    bands = np.ones((2, len(kept)))
+    bands[1, :-1] = np.where(begins[1:], 0.0, -kept[:-1])
+    right = np.empty(into.shape, order="F")
+    right[1:] = into[:-1]
+    right[begins] = start[begins]
+    # Triangular: a general banded solver takes five times as long.
+    return np.asarray(lapack.dtbtrs(bands, right, uplo="L", diag="U", overwrite_b=1)[0])

@@ -1,0 +1,121 @@
+"""The speeds that a law with lag and delay predicts, over all its parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rotorfit.flight.speed_law import SpeedLaw, VoltageFactor
+from rotorfit.motor_law.command_response import Recording, Timing, answered_speed
+from rotorfit.motor_law.law_forms import FORMS, FormName
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Which parameters a fit has, and where they are.
+
+    Attributes
+    ----------
+    form
+        Of the curve.
+    voltage, two_way
+        Whether there is an exponent of the battery's voltage, and a lag of its own when falling.
+    rotors, flights
+        How many: all but one have a factor of their own, and each flight a drift, where there is
+        no voltage.
+    """
+
+    form: FormName
+    voltage: bool
+    two_way: bool
+    rotors: int
+    flights: int
+
+    @property
+    def curve(self) -> slice:
+        """Parameters of the form, after the logarithm of the full speed."""
+        return slice(1, 1 + len(FORMS[self.form].start))
+
+    @property
+    def exponent(self) -> int:
+        """Where the exponent of the voltage is, where there is one."""
+        return self.curve.stop
+
+    @property
+    def factors(self) -> slice:
+        """Logarithms of the rotors' factors, then of the flights'."""
+        first = self.curve.stop + int(self.voltage)
+        scales = 0 if self.voltage else self.flights - 1
+        return slice(first, first + self.rotors - 1 + scales)
+
+    @property
+    def drifts(self) -> slice:
+        """Relative change of speed per second, one for each flight without voltage."""
+        first = self.factors.stop
+        return slice(first, first + (0 if self.voltage else self.flights))
+
+    @property
+    def size(self) -> int:
+        """How many parameters there are; the last ones are log lag, log ratio (if any), delay."""
+        return self.drifts.stop + 2 + int(self.two_way)
+
+
+def law_of(recording: Recording, layout: Layout, values: Float[np.ndarray, " p"]) -> SpeedLaw:
+    """Return the law that some parameters make, of the mean rotor."""
+    curve = FORMS[layout.form].curve(float(np.exp(values[0])), values[layout.curve])
+    if not layout.voltage or recording.nominal_voltage is None:
+        return SpeedLaw(curve=curve)
+    exponent = float(values[layout.exponent])
+    return SpeedLaw(curve=curve, voltage=VoltageFactor(recording.nominal_voltage, exponent))
+
+
+def timing_of(layout: Layout, x: Float[np.ndarray, " p"]) -> Timing:
+    """Return lag and delay among the parameters."""
+    ratio = float(x[-2]) if layout.two_way else 0.0
+    lag = float(x[-2 - int(layout.two_way)])
+    return Timing(log_lag=lag, log_ratio=ratio, delay=float(x[-1]))
+
+
+def scales_of(
+    layout: Layout, values: Float[np.ndarray, " p"]
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
+    """Return the factor of each rotor's speed, and of each flight's where there is no voltage."""
+    x = values[layout.factors]
+    rotors = _contrast(np.arange(layout.rotors), layout.rotors) @ x[: layout.rotors - 1]
+    flights = np.zeros(layout.flights)
+    if not layout.voltage:
+        flights = _contrast(np.arange(layout.flights), layout.flights) @ x[layout.rotors - 1 :]
+    return np.exp(rotors), np.exp(flights)
+
+
+def predicted(
+    recording: Recording, layout: Layout, x: Float[np.ndarray, " p"]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]:
+    """Return the speeds that the parameters predict, and the slopes."""
+    logarithm, curve = FORMS[layout.form].logarithm(recording.command, x[layout.curve])
+    columns = [np.ones((len(logarithm), 1)), curve]
+    logarithm = logarithm + x[0]
+    if layout.voltage and recording.voltage is not None:
+        columns.append(np.log(recording.voltage)[:, None])
+        logarithm = logarithm + x[layout.exponent] * columns[-1][:, 0]
+    columns.append(_contrast(recording.rotor, layout.rotors))
+    if not layout.voltage:
+        columns.append(_contrast(recording.flight, layout.flights))
+        since = recording.since
+        columns += [
+            np.where(recording.flight == k, since, 0.0)[:, None] for k in range(layout.flights)
+        ]
+    by_law = np.column_stack(columns)
+    linear = slice(layout.factors.start, layout.drifts.stop)
+    logarithm = logarithm + by_law[:, linear] @ x[linear]
+    settled = np.exp(np.minimum(logarithm, 30.0))
+    speed, slopes = answered_speed(
+        recording, settled, settled[:, None] * by_law, timing_of(layout, x)
+    )
+    return speed, slopes if layout.two_way else np.delete(slopes, -2, axis=1)
+
+
+def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n c"]:
+    """Return columns of factors whose logarithms sum to zero: the last has what the others lack."""
+    columns = np.vstack([np.eye(count - 1), -np.ones((1, count - 1))])
+    return columns[member]

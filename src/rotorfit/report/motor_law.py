@@ -1,0 +1,168 @@
+"""The motors' law in words and as a picture: measured speeds over commands, and the curve."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, cast
+
+import numpy as np
+
+from rotorfit.flight.thrust_curve import speeds
+from rotorfit.report.number_words import Number, number_of, unit_words
+from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
+from rotorfit.results.command_law import CommandLaw, LawNumber
+from rotorfit.results.result import IdentificationResult
+
+WIDTH, HEIGHT = 640.0, 320.0
+LEFT, RIGHT, TOP, BOTTOM = 70.0, 16.0, 14.0, 46.0
+CURVE_POINTS: Final = 101
+NAMES: Final = {
+    "full_speed": "speed at full command",
+    "offset": "offset: what the motors get at command 0, of full",
+    "exponent": "exponent",
+    "thr_mdl_fac": "factor of the square",
+    "voltage_exponent": "exponent of the battery's voltage",
+    "thrust_factor": "THR_MDL_FAC (PX4), MOT_THST_EXPO (ArduPilot)",
+    "thrust_linear": "thrust_linear (Betaflight) over 100",
+}
+FORMULAS: Final = {
+    "linear": "full_speed (offset + (1 - offset) u)",
+    "power": "full_speed u^exponent",
+    "offset power": "full_speed (offset + (1 - offset) u)^exponent",
+    "sqrt": "full_speed sqrt(f u^2 + (1 - f) u), f = thr_mdl_fac",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawRow:
+    """One number of the law as it is shown."""
+
+    name: str
+    title: str
+    number: Number | None
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawSection:
+    """The law as the page shows it."""
+
+    formula: str
+    rows: tuple[LawRow, ...]
+    sentences: tuple[str, ...]
+    motors: tuple[str, ...]
+    picture: str
+
+
+def law_section(result: IdentificationResult) -> LawSection | None:
+    """Return the section of a page; None where a result has no law of its own."""
+    law = result.command_law
+    if law is None:
+        return None
+    return LawSection(
+        formula=formula_of(law),
+        rows=tuple(_row(number) for number in law.numbers),
+        sentences=law_sentences(law),
+        motors=motors_lines(law),
+        picture=law_picture(law),
+    )
+
+
+def _row(number: LawNumber) -> LawRow:
+    return LawRow(
+        name=number.name,
+        title=NAMES.get(number.name, number.name),
+        number=number_of(number.value, number.interval),
+        unit=unit_words(number.unit),
+    )
+
+
+def formula_of(law: CommandLaw) -> str:
+    """Return the law's equation, u being the command."""
+    voltage = ""
+    if law.nominal_voltage is not None:
+        voltage = f" (V / {law.nominal_voltage:.4g} V)^voltage_exponent"
+    return f"speed = {FORMULAS.get(law.form, law.form)}{voltage}"
+
+
+def law_sentences(law: CommandLaw) -> tuple[str, ...]:
+    """Return how well the law holds, and where it was seen."""
+    best = min(law.held_out.values(), default=float("nan"))
+    others = [
+        f"{name} {error / best:.2g} times"
+        for name, error in sorted(law.held_out.items(), key=lambda item: item[1])
+        if name != law.form
+    ]
+    said = [
+        f"measured speeds are within {100.0 * law.relative_error:.2g} % of it (root mean square); "
+        "error on stretches left out, over this form's: " + ", ".join(others),
+        f"commands in flight were {law.commands[0]:.2f} to {law.commands[1]:.2f}: beyond, the law "
+        "is continued",
+    ]
+    factors = [f"{i} {f:.3f}" for i, f in enumerate(law.rotor_factors, 1) if f is not None]
+    if len(factors) > 1:
+        said.append(f"speed of each rotor over the mean at the same command: {', '.join(factors)}")
+    return tuple(said)
+
+
+def motors_lines(law: CommandLaw) -> tuple[str, ...]:
+    """Return the TOML of ``[motors]`` for flights of this vehicle without rotor speed."""
+    if not law.motors:
+        return ()
+    lines = [f"{key} = {_toml(value)}" for key, value in law.motors.items()]
+    return ("[motors]", *lines)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, Mapping):
+        table = cast("Mapping[str, object]", value)
+        return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in table.items()) + " }"
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def law_picture(law: CommandLaw) -> str:
+    """Return the curve over the measured speeds: medians, and bars that hold 90 % of them."""
+    u = np.linspace(0.0, 1.0, CURVE_POINTS)
+    speed = speeds(law.law, u)
+    top = float(max(speed.max(), *(point.high for point in law.points), 1.0))
+    values = ticks(0.0, top, 6)
+    top = max(top, values[-1])
+    wide, high = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
+
+    def at(command: float, rate: float) -> tuple[float, float]:
+        return LEFT + command * wide, TOP + (1.0 - rate / top) * high
+
+    parts = [
+        tag("rect", {"class": "frame", "x": LEFT, "y": TOP, "width": wide, "height": high}),
+        *_seen(law, at),
+    ]
+    for value in values:
+        x, y = at(0.0, value)
+        parts.append(tag("path", {"class": "grid", "d": f"M{x:.1f} {y:.1f}h{wide:.1f}"}))
+        words = tick_label(value, values[1] - values[0])
+        parts.append(label(words, {"class": "tick right", "x": x - 6, "y": y + 4}))
+    for value in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
+        x, y = at(value, 0.0)
+        parts.append(label(f"{value:g}", {"class": "tick middle", "x": x, "y": y + 16}))
+    for point in law.points:
+        (x, low), (_, mid), (_, up) = (
+            at(point.command, rate) for rate in (point.low, point.median, point.high)
+        )
+        words = f"command {point.command:.2f}: {point.median:.0f} rad/s"
+        title = tag("title", {}, text(words))
+        parts.append(tag("path", {"class": "bar", "d": f"M{x:.1f} {low:.1f}V{up:.1f}"}))
+        parts.append(tag("circle", {"class": "point", "cx": x, "cy": mid, "r": 3}, title))
+    line = "L".join("{:.1f} {:.1f}".format(*at(a, b)) for a, b in zip(u, speed, strict=True))
+    parts.append(tag("path", {"class": "curve rotor", "d": f"M{line}"}))
+    middle = LEFT + 0.5 * wide
+    parts.append(label("command", {"class": "axis-name middle", "x": middle, "y": HEIGHT - 8}))
+    parts.append(label("rad/s", {"class": "axis-name", "x": 8, "y": TOP + 12}))
+    name = "Rotor speed over command: measured, and the law"
+    shown = {"class": "motor-law wrench", "role": "img", "aria-label": name}
+    return drawing(WIDTH, HEIGHT, shown, *parts)
+
+
+def _seen(law: CommandLaw, at: Callable[[float, float], tuple[float, float]]) -> list[str]:
+    """Return the range of commands in flight as a shade."""
+    (x, y), (right, _) = at(law.commands[0], 0.0), at(law.commands[1], 0.0)
+    box: dict[str, str | float] = {"x": x, "y": TOP, "width": max(right - x, 1.0)}
+    return [tag("rect", {"class": "seen", **box, "height": y - TOP})]

@@ -1,0 +1,150 @@
+"""The motors' law, lag and delay between command and measured speed, as a result keeps them."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rotorfit.flight.speed_law import (
+    Curve,
+    PowerLaw,
+    SpeedLaw,
+    SquareRootLaw,
+    VoltageFactor,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawNumber:
+    """One number of the law.
+
+    Attributes
+    ----------
+    name, unit
+        Such as ``full_speed`` in rad/s.
+    value, interval
+        SI; the interval is 95 %.
+    """
+
+    name: str
+    value: float
+    interval: tuple[float, float]
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawPoint:
+    """What was measured about one command: the median speed, and where 90 % of the speeds are.
+
+    Attributes
+    ----------
+    command
+        As the motors have it after lag and delay, 0 to 1.
+    low, median, high
+        Of the mean rotor, at the nominal voltage [rad/s].
+    """
+
+    command: float
+    low: float
+    median: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandLaw:
+    """The speed that motors settle at over their command, fitted to measured speeds.
+
+    Attributes
+    ----------
+    form
+        ``linear``, ``power`` or ``offset power``: full_speed (offset + (1 - offset) u)^exponent;
+        ``sqrt``: full_speed sqrt(f u^2 + (1 - f) u), f being thr_mdl_fac.
+    numbers
+        Of the form, of the battery's voltage, of the curve of thrust.
+    nominal_voltage
+        At which full_speed holds [V]; None where the flights tell nothing of the voltage.
+    known
+        Whether full speed is known well enough to be used.
+    commands
+        Between which 99.8 % of the commands in flight were.
+    relative_error
+        Root mean square of measured over predicted speed, less one.
+    held_out
+        By form: error on blocks of time that the fit had not seen [rad/s].
+    rotor_factors
+        Speed of each rotor over the mean one's at the same command; None where it has none.
+    points
+        For a picture.
+    motors
+        The ``[motors]`` table for later flights of the vehicle without rotor speed.
+    estimator
+        How law and intervals were made.
+    """
+
+    form: str
+    numbers: tuple[LawNumber, ...]
+    nominal_voltage: float | None
+    known: bool
+    commands: tuple[float, float]
+    relative_error: float
+    held_out: Mapping[str, float]
+    rotor_factors: tuple[float | None, ...]
+    points: tuple[LawPoint, ...]
+    motors: Mapping[str, Any]
+    estimator: str
+
+    def number(self, name: str) -> LawNumber | None:
+        """Return one number of the law; None where its form has none of the name."""
+        return next((number for number in self.numbers if number.name == name), None)
+
+    @property
+    def law(self) -> SpeedLaw:
+        """From command to speed, of the mean rotor."""
+        at = {number.name: number.value for number in self.numbers}
+        curve: Curve
+        if self.form == "sqrt":
+            curve = SquareRootLaw(at["full_speed"], at["thr_mdl_fac"])
+        else:
+            curve = PowerLaw(at["full_speed"], at.get("offset", 0.0), at.get("exponent", 1.0))
+        if self.nominal_voltage is None:
+            return SpeedLaw(curve=curve)
+        voltage = VoltageFactor(self.nominal_voltage, at["voltage_exponent"])
+        return SpeedLaw(curve=curve, voltage=voltage)
+
+
+def law_to_plain(law: CommandLaw | None) -> dict[str, Any] | None:
+    """Return a law as a result's file has it."""
+    return None if law is None else dataclasses.asdict(law)
+
+
+def law_from_plain(entry: Mapping[str, Any] | None) -> CommandLaw | None:
+    """Return the law of a result's file.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If it is not one.
+    """
+    if entry is None:
+        return None
+    fields: dict[str, Any] = dict(entry)
+    low, high = fields["commands"]
+    fields["commands"] = (low, high)
+    fields["numbers"] = tuple(
+        LawNumber(
+            name=number["name"],
+            value=number["value"],
+            interval=(number["interval"][0], number["interval"][1]),
+            unit=number["unit"],
+        )
+        for number in fields["numbers"]
+    )
+    fields["rotor_factors"] = tuple(fields["rotor_factors"])
+    fields["points"] = tuple(LawPoint(**point) for point in fields["points"])
+    law = CommandLaw(**fields)
+    values: list[Any] = [v for n in law.numbers for v in (n.value, *n.interval)]
+    if not all(isinstance(v, int | float) and math.isfinite(v) for v in values):
+        raise ValueError("command_law holds what is no number")
+    _ = law.law  # all that it needs is there
+    return law

@@ -1,0 +1,219 @@
+"""From the fitted law of the motors to what a result says of it: numbers, verdicts, a picture."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.fit.motor_timing import told
+from rotorfit.flight.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.flight.thrust_curve import ThrustCurve, betaflight_linear, speeds, thrust_curve
+from rotorfit.model.parameters import PARAMETERS
+from rotorfit.motor_law.command_response import Recording, answered_speed
+from rotorfit.motor_law.fit_law import FittedLaw, LawFit
+from rotorfit.motor_law.law_model import law_of, scales_of, timing_of
+from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
+from rotorfit.results.parameter_tables import ROW_ORDER, Tables, found_time
+from rotorfit.results.result import Parameter
+from rotorfit.results.verdicts import judge
+
+ESTIMATOR: Final = (
+    "least squares of the measured speeds over lag, delay and law together, glitches counting "
+    "less; the form by its error on blocks of 1 s left out; intervals by a jackknife over blocks "
+    "of 0.5 to 8 s, the widest (CR3, Bell and McCaffrey 2002), those of full speed and thrust "
+    "reaching to every form that does as well"
+)
+SEEN: Final = (0.1, 99.9)
+"""Percentiles of the commands between which the law was seen."""
+POINTS: Final = 16
+FEWEST_IN_POINT: Final = 20
+SURE_LAG: Final = 0.05
+"""Of the lag: a deviation that stands for what the next flight may differ in, at least."""
+NO_VOLTAGE: Final = (
+    "the motors' law (command_law) holds at the charge of the battery that was flown: the log "
+    "tells nothing of its voltage; log it for a law of any charge"
+)
+
+Vector = Float[np.ndarray, " p"]
+
+
+def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[Parameter, ...]]:
+    """Return the law of the motors, and the parameters that it gives.
+
+    Parameters
+    ----------
+    fitted
+        From `fit_law`.
+    rotor_count
+        Of the vehicle; some may have had no speeds to fit.
+    """
+    times = _times(fitted)
+    full, half = fitted.number(_full_speed)
+    verdict = judge(full, half, scale=0.0, axis="force")
+    known = verdict.verdict != "not-identified"
+    speed = Parameter(
+        name="max_speed",
+        configuration=None,
+        value=full if known else None,
+        std=half / 1.96 if known else None,
+        interval=(max(full - half, 0.0), full + half) if known else None,
+        unit=PARAMETERS["max_speed"].unit,
+        verdict=verdict.verdict,
+        reason=verdict.reason,
+        advice=verdict.advice,
+    )
+    return _law(fitted, rotor_count, known=known, times=times), (*times, speed)
+
+
+def with_law(tables: Tables, parameters: tuple[Parameter, ...], law: CommandLaw) -> Tables:
+    """Return the tables with what the motors' law gives, and what is to be said of it."""
+    there = {p.name for p in tables.parameters}
+    every = [*tables.parameters, *(p for p in parameters if p.name not in there)]
+    shared = [p for p in every if p.configuration is None]
+    shared.sort(key=lambda p: ROW_ORDER.index(p.name))
+    own = [p for p in every if p.configuration is not None]
+    said = () if law.nominal_voltage is not None else (NO_VOLTAGE,)
+    return replace(tables, parameters=(*shared, *own), warnings=(*tables.warnings, *said))
+
+
+def _full_speed(fit: LawFit, x: Vector) -> float:
+    return float(np.exp(x[0]))
+
+
+def _times(fitted: FittedLaw) -> tuple[Parameter, ...]:
+    """Return lag and delay with their intervals."""
+    two_way = fitted.best.layout.two_way
+    of = {"motor_lag": _mean_lag} | (
+        {"motor_lag_up": _rising_lag, "motor_lag_down": _falling_lag} if two_way else {}
+    )
+    # Other forms have one lag for both ways.
+    alone = replace(fitted, rivals=())
+    found = {
+        name: (fitted if name == "motor_lag" else alone).number(lag) for name, lag in of.items()
+    }
+    delay, half = fitted.own(fitted.best.layout.size - 1)
+    # Of a faster loop the log keeps some commands: those between may be half a step older.
+    step = float(np.median(np.diff(fitted.recording.command_time)))
+    found["command_delay"] = delay, half + 0.5 * step
+    return tuple(found_time(name, value, half / 1.96) for name, (value, half) in found.items())
+
+
+def _rising_lag(fit: LawFit, x: Vector) -> float:
+    return float(np.exp(timing_of(fit.layout, x).log_lag))
+
+
+def _falling_lag(fit: LawFit, x: Vector) -> float:
+    timing = timing_of(fit.layout, x)
+    return float(np.exp(timing.log_lag + timing.log_ratio))
+
+
+def _mean_lag(fit: LawFit, x: Vector) -> float:
+    return 0.5 * (_rising_lag(fit, x) + _falling_lag(fit, x))
+
+
+def _law(
+    fitted: FittedLaw, rotor_count: int, *, known: bool, times: tuple[Parameter, ...]
+) -> CommandLaw:
+    best, recording = fitted.best, fitted.recording
+    layout = best.layout
+    numbers = [_number("full_speed", fitted.number(_full_speed), "rad/s")]
+    names = {"sqrt": ("thr_mdl_fac",), "linear": ("offset",), "power": ("exponent",)}
+    own = names.get(layout.form, ("offset", "exponent"))
+    numbers += [
+        _number(name, fitted.own(layout.curve.start + i), "1") for i, name in enumerate(own)
+    ]
+    if layout.voltage:
+        numbers.append(_number("voltage_exponent", fitted.own(layout.exponent), "1"))
+    for name, of in (("thrust_factor", thrust_curve), ("thrust_linear", betaflight_linear)):
+        numbers.append(_number(name, fitted.number(_curve_factor(recording, of)), "1"))
+    factors: list[float | None] = [None] * rotor_count
+    rotors, _ = scales_of(layout, best.values)
+    for i, factor in zip(recording.rotors, rotors.tolist(), strict=True):
+        factors[i] = factor
+    low, high = np.percentile(recording.command, SEEN).tolist()
+    return CommandLaw(
+        form=layout.form,
+        numbers=tuple(numbers),
+        nominal_voltage=recording.nominal_voltage if layout.voltage else None,
+        known=known,
+        commands=(low, high),
+        relative_error=float(np.sqrt(np.mean((recording.speed / best.speed - 1.0) ** 2))),
+        held_out={fit.layout.form: fit.error for fit in (best, *fitted.others)},
+        rotor_factors=tuple(factors),
+        points=_points(recording, best),
+        motors=_motors(fitted, times) if known else {},
+        estimator=ESTIMATOR,
+    )
+
+
+def _curve_factor(
+    recording: Recording, curve: Callable[[SpeedLaw], ThrustCurve]
+) -> Callable[[LawFit, Vector], float]:
+    """Return the factor of a curve of thrust as a function of a fit and its parameters."""
+    return lambda fit, x: curve(law_of(recording, fit.layout, x)).factor
+
+
+def _number(name: str, number: tuple[float, float], unit: str) -> LawNumber:
+    value, half = number
+    return LawNumber(name=name, value=value, interval=(value - half, value + half), unit=unit)
+
+
+def _motors(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
+    """Return the table ``[motors]`` of the vehicle for flights without measured speeds."""
+    law = law_of(fitted.recording, fitted.best.layout, fitted.best.values)
+    entry: dict[str, Any] = {}
+    match law.curve:
+        case PowerLaw(full_speed, offset, exponent):
+            entry["power"] = {
+                "full_speed": _short(full_speed),
+                "offset": _short(offset),
+                "exponent": _short(exponent),
+            }
+        case SquareRootLaw(full_speed, factor):
+            entry["sqrt"] = {"full_speed": _short(full_speed), "thr_mdl_fac": _short(factor)}
+        case _:
+            raise TypeError(f"no entry for {law.curve}")
+    match law.voltage:
+        case VoltageFactor(nominal, exponent) if 0.0 < exponent <= 3.0:
+            entry["voltage"] = {"nominal": _short(nominal), "exponent": _short(exponent)}
+        case _:
+            pass
+    table: dict[str, Any] = {"speed": "commanded", "law": entry}
+    lag = next(p for p in times if p.name == "motor_lag")
+    if lag.value is not None and lag.std is not None and told(lag.value, lag.std):
+        table["lag"] = _short(lag.value)
+        table["lag_std"] = _short(max(lag.std, SURE_LAG * lag.value))
+    return table
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _points(recording: Recording, fit: LawFit) -> tuple[LawPoint, ...]:
+    """Return the measured speeds over the command that the motors had, in bins of it."""
+    none = np.zeros((len(recording.command), 0))
+    command, _ = answered_speed(recording, recording.command, none, fit.timing)
+    steady, _ = answered_speed(recording, *_nominal(recording, fit), fit.timing)
+    speed = recording.speed / fit.speed * steady
+    edges = np.linspace(float(command.min()), float(command.max()), POINTS + 1)
+    bins = np.clip(np.searchsorted(edges, command, side="right") - 1, 0, POINTS - 1)
+    points: list[LawPoint] = []
+    for b in range(POINTS):
+        rows = bins == b
+        if rows.sum() < FEWEST_IN_POINT:
+            continue
+        low, median, high = np.percentile(speed[rows], [5.0, 50.0, 95.0]).tolist()
+        at = float(np.median(command[rows]))
+        points.append(LawPoint(command=at, low=low, median=median, high=high))
+    return tuple(points)
+
+
+def _nominal(
+    recording: Recording, fit: LawFit
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 0"]]:
+    """Return the speed that each command settles at of the mean rotor at nominal voltage."""
+    law = law_of(recording, fit.layout, fit.values)
+    return speeds(law, recording.command), np.zeros((len(recording.command), 0))

@@ -1,0 +1,84 @@
+"""Speeds after commands: an independent solver's, and their slopes by differences."""
+
+import numpy as np
+import pytest
+from motor_answers import motor_answers
+from scipy.integrate import solve_ivp
+
+from rotorfit.flight.answered_commands import Answer
+from rotorfit.motor_law.command_response import Timing, answered_speed, recording_of
+from rotorfit.motor_law.law_model import Layout, predicted
+
+NONE = np.zeros((40, 0))
+
+
+def one_answer(seed):
+    """Irregular commands, and speeds at instants of their own."""
+    rng = np.random.default_rng(seed)
+    command_time = np.sort(rng.uniform(0.0, 1.0, 40))
+    command_time[0] = 0.0
+    speed_time = np.sort(rng.uniform(0.55, 0.95, 25))
+    return Answer(
+        rotor=0,
+        command_time=command_time,
+        command=rng.uniform(0.1, 0.9, 40),
+        voltage=None,
+        speed_time=speed_time,
+        speed=np.ones(25),
+    )
+
+
+@pytest.mark.parametrize(("up", "down", "delay"), [(0.05, 0.05, 0.0), (0.05, 0.02, 0.013)])
+def test_speeds_are_those_of_an_ode_solver(up, down, delay):
+    answer = one_answer(3)
+    settled = 1000.0 * answer.command
+    timing = Timing(log_lag=np.log(up), log_ratio=np.log(down / up), delay=delay)
+    speed, _ = answered_speed(recording_of([[answer]]), settled, NONE, timing)
+
+    expected, now = [], settled[0]
+    edges = [*answer.command_time, 1.1]
+    for begin, end, goal in zip(edges[:-1], edges[1:], settled, strict=True):
+        lag = up if goal > now else down
+        found = solve_ivp(
+            lambda _, x, goal=goal, lag=lag: (goal - x) / lag,
+            (begin, end),
+            [now],
+            dense_output=True,
+            rtol=1e-10,
+            atol=1e-8,
+        )
+        inside = (answer.speed_time - delay >= begin) & (answer.speed_time - delay < end)
+        if inside.any():
+            expected += found.sol(answer.speed_time[inside] - delay)[0].tolist()
+        now = found.y[0, -1]
+    assert speed == pytest.approx(np.array(expected), rel=1e-6)
+
+
+@pytest.mark.parametrize("form", ["linear", "power", "sqrt", "offset power"])
+@pytest.mark.parametrize("voltage", [False, True])
+def test_slopes_are_those_of_differences(form, voltage):
+    flights = [motor_answers(1, seconds=4.0, rate=100.0), motor_answers(2, seconds=3.0, rate=100.0)]
+    recording = recording_of(flights)
+    layout = Layout(form=form, voltage=voltage, two_way=True, rotors=4, flights=2)
+    rng = np.random.default_rng(0)
+    x = 0.01 * rng.normal(size=layout.size)
+    x[0] = np.log(4000.0)
+    x[layout.curve] = {"linear": 0.1, "power": 0.7, "sqrt": 0.4}.get(form, (0.06, 0.8))
+    x[-3:] = np.log(0.03), -0.2, 0.0041
+    _, slopes = predicted(recording, layout, x)
+    for i in range(layout.size):
+        step = 1e-6 * np.eye(layout.size)[i]
+        up, down = (predicted(recording, layout, x + s)[0] for s in (step, -step))
+        # A measurement at the instant of a command has no slope by the delay there.
+        wrong = np.abs((up - down) / 2e-6 - slopes[:, i]) > 1e-3 * np.abs(slopes[:, i]).max()
+        assert wrong.mean() < 0.002, i
+
+
+def test_a_stretch_knows_nothing_of_the_one_before():
+    alone = recording_of([[one_answer(4)]])
+    both = recording_of([[one_answer(3), one_answer(4)]])
+    timing = Timing(log_lag=np.log(0.05), log_ratio=0.0, delay=0.0)
+    speed, _ = answered_speed(alone, 1000.0 * alone.command, NONE, timing)
+    joined, _ = answered_speed(both, 1000.0 * both.command, np.zeros((80, 0)), timing)
+    # The second stretch is 1e4 s later on the clock of both: its times are rounded to 1e-12 s.
+    assert joined[-len(speed) :] == pytest.approx(speed, rel=1e-9)

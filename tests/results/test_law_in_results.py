@@ -1,0 +1,152 @@
+"""The motors' law in a result: from a simulated flight with commands and speeds, saved, read."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+import flown
+from rotorfit.errors import OutputError
+from rotorfit.export.targets import TARGETS, export
+from rotorfit.report.html import report_html
+from rotorfit.report.text import result_text
+from rotorfit.results.result import IdentificationResult
+from rotorfit.results.sound_result import load_sound
+from rotorfit.simulation import write_flight_table
+from rotorfit.validation.validate import found_response
+
+BOTH = ("gyro", "accel", "rotor_speed", "command")
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return flown.simulated("A", "real", seed=5, seconds=20.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("law")
+
+
+@pytest.fixture(scope="module")
+def result(flight, folder):
+    write_flight_table(flight, folder / "flight.csv", channels=BOTH)
+    path = flown.experiment_file(
+        folder / "both.toml", flight.vehicle, [folder / "flight.csv"], mass=flight.truth.mass
+    )
+    return flown.quietly_identified(path)
+
+
+def inside(number, truth):
+    return number.interval[0] <= truth <= number.interval[1]
+
+
+def test_lag_and_full_speed_are_those_of_the_simulated_motors(result, flight):
+    assert inside(result.parameter("motor_lag"), flight.truth.motor_lag)
+    assert inside(result.parameter("max_speed"), flight.max_speed)
+    assert result.parameter("max_speed").value == pytest.approx(flight.max_speed, rel=0.05)
+    # The simulated speed is in proportion to the command.
+    assert inside(result.command_law.number("thrust_factor"), 1.0)
+    assert result.command_law.relative_error < 0.02
+
+
+def test_the_lag_of_the_commands_is_not_applied_to_measured_speeds(result):
+    response = found_response(result)
+    assert response.lag == 0.0
+    assert response.delay == pytest.approx(result.parameter("motor_delay").value)
+
+
+@pytest.mark.parametrize("target", sorted(set(TARGETS) - {"px4-sih", "ardupilot-sitl"}))
+def test_every_export_goes_without_assumptions(result, target):
+    text = export(result, target).text
+    assert "ASSUMED" not in text
+    if target == "px4":
+        assert "\tTHR_MDL_FAC\t" in text
+    if target == "gazebo-motors":
+        lag = result.parameter("motor_lag").value
+        assert f"<timeConstantUp>{lag:.12g}</timeConstantUp>" in text
+
+
+def test_a_law_that_is_not_known_is_not_exported(result):
+    lost = replace(
+        result,
+        command_law=replace(result.command_law, known=False),
+        parameters=tuple(
+            replace(p, value=None, std=None, interval=None, verdict="not-identified", reason="wide")
+            if p.name == "max_speed"
+            else p
+            for p in result.parameters
+        ),
+    )
+    with pytest.raises(OutputError, match=r"max_speed is not-identified \(wide\)"):
+        export(lost, "gazebo-motors")
+    with pytest.raises(OutputError, match="--assume max_speed=VALUE"):
+        export(lost, "betaflight")
+    assert "THR_MDL_FAC and MPC_THR_HOVER are left out" in export(lost, "px4").text
+
+
+def test_it_is_saved_and_read_as_it_is(result, folder):
+    result.save(folder / "result.json", force=True)
+    again = load_sound(folder / "result.json")
+    assert again.command_law == result.command_law
+    assert again.command_law.law == result.command_law.law
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda law: law.pop("numbers"),
+        lambda law: law["numbers"].clear(),
+        lambda law: law["numbers"][0].update(value=None),
+        lambda law: law.update(commands=[0.1]),
+        lambda law: law.update(form=[]),
+    ],
+)
+def test_a_damaged_law_is_refused(result, folder, spoil):
+    data = json.loads(result.to_json())
+    spoil(data["command_law"])
+    path = folder / "damaged.json"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(OutputError, match="is not a rotorfit result"):
+        load_sound(path)
+
+
+def test_text_and_page_say_it(result):
+    text = result_text(result)
+    assert "Motors, u being the command: speed = full_speed" in text
+    assert '      speed = "commanded"' in text
+    page = report_html(result)
+    assert '<section id="motor-law"' in page
+    assert "Rotor speed over command: measured, and the law" in page
+    assert "motor-law" not in report_html(replace(result, command_law=None)).split("</style>")[1]
+
+
+def test_a_later_flight_on_commands_takes_the_law(result, flight, folder):
+    result.save(folder / "known.json", force=True)
+    write_flight_table(flight, folder / "later.csv", channels=("gyro", "accel", "command"))
+    path = flown.experiment_file(
+        folder / "later.toml",
+        flight.vehicle,
+        [folder / "later.csv"],
+        mass=flight.truth.mass,
+        extra='[motors]\nresult = "known.json"\n',
+    )
+    later = flown.quietly_identified(path)
+    assert isinstance(later.command_law, type(None))
+    kt = later.parameter("kt")
+    assert kt.unit == "N s^2/rad^2"
+    assert kt.value == pytest.approx(flight.truth.kt, rel=0.05)
+    assert later.settings["motors"]["law"] == result.command_law.motors["law"]
+
+
+def test_a_flight_without_commands_has_no_law(flight, folder):
+    later = flown.identified(folder, [flight])
+    assert later.command_law is None
+    assert "max_speed" not in {p.name for p in later.parameters}
+    assert IdentificationResult.load(_saved(later, folder)).command_law is None
+
+
+def _saved(result, folder):
+    path = folder / "without.json"
+    result.save(path, force=True)
+    return path
