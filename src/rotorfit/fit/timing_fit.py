@@ -9,6 +9,8 @@ running away. Rotors that rise and fall at different rates get a lag for each wh
 for it.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -69,6 +71,24 @@ def find_timing(flown: Flown, *, lag: bool = True) -> MotorTiming | None:
             continue
         return found
     return None
+
+
+def timed_again(flown: Flown, terms: Sequence[Term]) -> Flown:
+    """Return the flights at the timing that other terms of the model ask for.
+
+    Damping of the turns that the model lacks makes the motors look quick. Where the fit does not
+    settle with the terms, the timing stays.
+    """
+    found = flown.motor_timing
+    if found is None or not found.free:
+        return flown
+    try:
+        names = tuple(name for name in found.free if name != "motor_skew")
+        start = MotorResponse(lag=found.response.mean_lag, delay=found.response.delay)
+        again = _fitted(flown, start, names, tuple(terms))
+    except UnsettledError:
+        return flown
+    return flown if again is None else replace(flown, motor_timing=again)
 
 
 def _fitted(

@@ -25,9 +25,10 @@ from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.fit.row_parameters import row_numbers
 from rotorfit.fit.term_choice import chosen
+from rotorfit.fit.timing_fit import timed_again
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
-from rotorfit.results.parameter_tables import Tables
+from rotorfit.results.parameter_tables import Tables, with_timing_total
 from rotorfit.results.row_tables import row_tables
 
 FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
@@ -70,6 +71,9 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
 
     choice, fit = chosen(wanted, fit, joint, refit=refit, present=present)
     terms = choice.terms
+    if set(terms) - set(present):
+        flown = timed_again(flown, terms)
+        fit, joint = joint_fit(flown, terms=terms, begin=_unmoved(flown, fit))
     numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), joint, terms=terms)
     fit, joint, numbers, doubts = _by_weight(flown, fit, joint, numbers, terms=terms)
     tables = joint_tables(
@@ -85,7 +89,15 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         warnings=(*tables.warnings, *unsettled, *choice.sentences, *doubts),
         settings={**tables.settings, **choice.settings},
     )
+    tables = with_timing_total(tables, flown.motor_timing)
     return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
+
+
+def _unmoved(flown: Flown, fit: BandedEstimate) -> dict[str, float]:
+    """Return where a fit ended, but for the timing, at which the signals are made anew."""
+    free = flown.free_timing
+    moved = () if free is None else free.names
+    return {name: value for name, value in fit.estimate.by_name.items() if name not in moved}
 
 
 def _by_weight(
@@ -219,7 +231,7 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
 
     half = widened(numbers.half_width, flown, shift, timed=False)
 
-    return row_tables(
+    tables = row_tables(
         dataclasses.replace(numbers, half_width=half),
         fits,
         configured.entry,
@@ -227,6 +239,7 @@ def row_result(experiment: Experiment, flown: Flown) -> Tables:
         motors=experiment.motors,
         timing=flown.motor_timing,
     )
+    return with_timing_total(tables, flown.motor_timing)
 
 
 def _rows_at(flown: Flown, *, top: float = np.inf) -> RowFits:
@@ -245,7 +258,8 @@ def _row_numbers(flown: Flown, fits: RowFits) -> Numbers:
 def paper_result(experiment: Experiment, flown: Flown) -> Tables:
     """Return the tables of total least squares, the paper's way."""
     settings = _paper_settings(experiment)
-    return paper_tables(paper_estimate(flown, settings=settings), flown, settings=settings)
+    tables = paper_tables(paper_estimate(flown, settings=settings), flown, settings=settings)
+    return with_timing_total(tables, flown.motor_timing)
 
 
 def _paper_settings(experiment: Experiment) -> PaperSettings:

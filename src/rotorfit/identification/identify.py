@@ -47,7 +47,7 @@ from rotorfit.motor_law.fit_law import bounded_recording, fit_law
 from rotorfit.results.command_law import CommandLaw
 from rotorfit.results.command_units import of_commanded_speed
 from rotorfit.results.law_tables import law_tables, with_law
-from rotorfit.results.parameter_tables import ORIGIN_IS_IMU, Tables, with_timing_total
+from rotorfit.results.parameter_tables import ORIGIN_IS_IMU, Tables
 from rotorfit.results.result import FlightRecord, IdentificationResult
 from rotorfit.validation.validate import validation_comparisons, validation_rows
 
@@ -100,7 +100,6 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     tell("fitting")
     experiment, flown, turned = _mounted(experiment, flown)
     tables = of_commanded_speed(ESTIMATES[method](experiment, flown), flown)
-    tables = with_timing_total(tables, flown.motor_timing)
     tables, law = _with_command_law(tables, flown, tell)
     tables = dataclasses.replace(
         tables,
