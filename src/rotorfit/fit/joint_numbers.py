@@ -34,6 +34,7 @@ from rotorfit.fit.joint_equations import (
     rotor_drag_std,
     spread_names,
 )
+from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.number_intervals import (
     PRODUCTS,
     Numbers,
@@ -103,8 +104,9 @@ def joint_numbers(
         correlation=correlation_of(formal),
         excitation=excitation(fit, configurations),
     )
-    answered = np.abs(answer_shifts(fit) @ jacobian.T).sum(axis=0)
-    numbers = _with_systematic(numbers, configurations, mass_std, answered)
+    shifts = [np.abs(answer_shifts(fit) @ jacobian.T).sum(axis=0)]
+    shifts += [1.96 * jacobian @ shift for shift in _timing_shifts(fit, configurations[0].timing)]
+    numbers = _with_systematic(numbers, configurations, mass_std, np.linalg.norm(shifts, axis=0))
     return hanging_on_roll_and_pitch(numbers, configurations)
 
 
@@ -130,6 +132,19 @@ def _between_flights(
         if m >= ENOUGH_FLIGHTS:
             degrees = min(degrees, m - 1)
     return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
+
+
+def _timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[np.ndarray, " f"]]:
+    """Return how far the parameters move where the motors' times are off by their faults."""
+    if timing is None:
+        return []
+    names, covariance = fit.estimate.names, fit.estimate.covariance
+    shifts: list[Float[np.ndarray, " f"]] = []
+    for fault in timing.faults():
+        at = [names.index(name) for name in fault]
+        held = np.linalg.solve(covariance[np.ix_(at, at)], np.array(list(fault.values())))
+        shifts.append(covariance[:, at] @ held)
+    return shifts
 
 
 def _between_phases(
@@ -259,15 +274,18 @@ def _with_systematic(
     numbers: Numbers,
     configurations: Sequence[JointConfiguration],
     mass_std: Mapping[str, float],
-    answered: Float[np.ndarray, " q"],
+    shifts: Float[np.ndarray, " q"],
 ) -> Numbers:
-    """Return the numbers with the half-width of what no scatter within the flights shows."""
+    """Return the numbers with the half-width of what no scatter within the flights shows.
+
+    `shifts`: of what is assumed of autopilot and motors.
+    """
     by_name = {c.name: c for c in configurations}
     extra = np.zeros(len(numbers.names))
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
         value = abs(float(numbers.values[i]))
-        parts = [float(answered[i])]
+        parts = [float(shifts[i])]
         rho = numbers.rho(name)
         if rho is not None and not rho > NO_EXCITATION:
             parts.append(float("inf"))

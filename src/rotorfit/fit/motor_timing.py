@@ -9,6 +9,11 @@ from rotorfit.flight.motors import MotorResponse
 LAG_PRIOR: Final = (0.035, 0.03)
 """Mean and deviation of a motor's time constant before the flight [s]."""
 
+SUM_FAULT: Final = 1e-4
+SPLIT_FAULT: Final = 3e-4
+"""Deviations that no curvature shows [s], of a delay or of lag plus delay, and of their split: drag
+without a velocity, and motors that are no first-order lag."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeTiming:
@@ -36,6 +41,15 @@ class FreeTiming:
         if skew == 0.0:
             return MotorResponse(lag=lag, delay=delay)
         return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
+
+    def faults(self) -> list[dict[str, float]]:
+        """Return by how much the times may be wrong together, and no curvature shows it."""
+        if "motor_lag" not in self.names:
+            return [{"motor_delay": SUM_FAULT}]
+        if "motor_delay" not in self.names:
+            return [{"motor_lag": SUM_FAULT}]
+        split = {"motor_lag": SPLIT_FAULT, "motor_delay": -SPLIT_FAULT}
+        return [split, {"motor_lag": 0.0, "motor_delay": SUM_FAULT}]
 
     def prior(self) -> dict[str, tuple[float, float]]:
         """Return mean and deviation of how far each may move."""

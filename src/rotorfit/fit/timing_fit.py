@@ -22,7 +22,7 @@ from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_fit import joint_fit
-from rotorfit.fit.motor_timing import FreeTiming, MotorTiming
+from rotorfit.fit.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
 from rotorfit.fit.timing_search import coarse_timing, pull_of_gusts
 from rotorfit.flight.motors import MotorResponse
 
@@ -41,9 +41,6 @@ UNTOLD_PULL: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
 residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
 instead of 39 in a hover)."""
-SUM_FAULT: Final = 1e-4
-SPLIT_FAULT: Final = 5e-4
-"""Deviations that no curvature shows [s], of a delay or of lag plus delay, and of their split."""
 HOLD_FAULT: Final = 0.25
 """Of a sample: half of the half-sample that lies between the two ways a command may have held."""
 FEWEST_TERMS: Final[tuple[Term, ...]] = ("accel_bias",)
