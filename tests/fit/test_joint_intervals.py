@@ -145,9 +145,7 @@ def test_flights_are_taken_whole_whatever_their_blocks_do():
 def test_phases_pull_as_the_jackknife_and_the_sandwich_in_the_mean(monkeypatch, phases):
     """Of three and more: pull p of each, its bands together, times the move d without it."""
     factors = made_fit.blocks([(1.0, 2.0), (2.0, 3.0)] * phases)
-    body = made_fit.configuration(
-        factors=replace(factors, segment=np.repeat(np.arange(phases), 2))
-    )
+    body = made_fit.configuration(factors=replace(factors, segment=np.repeat(np.arange(phases), 2)))
     p = 1e-8 * np.array([1.0, -2.0, 3.0, 5.0])[:phases]
     d = 1e-8 * np.array([-4.0, 2.0, -5.0, 7.0])[:phases]
     inside = np.array([1e-7, -1e-7] * phases)  # within the phases, and no matter

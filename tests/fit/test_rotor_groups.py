@@ -22,7 +22,9 @@ def identified(folder, name, *, spread, groups=(), kind="noisy", seed=3, sticks=
     """Fly a layout whose rotors differ by `spread`, declare `groups`, and identify."""
     (truth, vehicle), sensors = variant(flown.simulated_vehicle(name), kind)
     truth = replace(truth, kt_spread=tuple(spread))
-    flight = simulate_flight(truth, vehicle, Scenario(sensors=sensors, sticks=sticks, **SHORT), seed=seed)
+    flight = simulate_flight(
+        truth, vehicle, Scenario(sensors=sensors, sticks=sticks, **SHORT), seed=seed
+    )
     rotors = [replace(r, group=g) for r, g in zip(vehicle.rotors, groups, strict=False)]
     known = replace(vehicle, rotors=tuple(rotors)) if groups else vehicle
     result = flown.identified(folder, [flight], vehicle=known, extra=DELAY)
