@@ -92,7 +92,8 @@ def _fitted(
     flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
     timed, fit = _settled(flown.at(start, names), terms)
-    if "motor_lag" in names:
+    # Low-passed beside motion capture, motor data rise and fall alike.
+    if "motor_lag" in names and flown.source == "imu":
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
@@ -111,11 +112,11 @@ def _settled(flown: Flown, terms: tuple[Term, ...]) -> tuple[Flown, BandedEstima
     """Return the fit whose signals are made where it ends, and the flights at that timing."""
     begin: dict[str, float] | None = None
     fit: BandedEstimate | None = None
-    for _ in range(MOST_ROUNDS):
+    for left in reversed(range(MOST_ROUNDS)):
         free = flown.free_timing
         assert free is not None
         fit, _ = joint_fit(flown, terms=terms, begin=begin)
-        if _near(free, fit):
+        if not left or _near(free, fit):
             break
         begin = {k: v for k, v in fit.estimate.by_name.items() if k not in free.names}
         flown = flown.at(_moved(free, fit), free.names)
