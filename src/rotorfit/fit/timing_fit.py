@@ -93,8 +93,7 @@ def _fitted(
     flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
     timed, fit = _settled(flown.at(start, names), terms)
-    # Low-passed beside motion capture, motor data rise and fall alike.
-    if "motor_lag" in names and flown.source == "imu":
+    if "motor_lag" in names:
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
@@ -145,6 +144,9 @@ def _with_skew(
     """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
     free = flown.free_timing
     assert free is not None
+    # Low-passed beside motion capture, motor data rise and fall alike; and so do those without lag.
+    if flown.source == "mocap" or free.at.mean_lag == 0.0:
+        return flown, fit
     wide = flown.at(free.at, (*free.names, "motor_skew"))
     first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
     if first.log_likelihood - fit.log_likelihood <= LEAST_GAIN:
