@@ -1,120 +1,382 @@
-"""The deviations of the motors' timing, from costs whose curvature is known."""
+"""The deviations of the motors' timing, and the way to it, from fits that are made up."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import made_fit
+from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit import timing_search
+from rotorfit.fit import timing_fit, timing_search
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.motor_timing import MotorTiming, told
-from rotorfit.fit.timing_search import (
-    _find_delay,
-    _find_lag,
+from rotorfit.fit.motor_timing import FreeTiming, MotorTiming, skew_of, told
+from rotorfit.fit.timing_fit import (
+    _fitted,
     _hold_fault,
-    _no_wider,
-    _penalised,
-    _pull,
+    _settled,
     _untold,
     _with_deviations,
     _with_skew,
+    find_timing,
+    timed_again,
 )
+from rotorfit.fit.timing_search import coarse_timing, pull_of_gusts
 from rotorfit.flight.motors import MotorResponse
 
 MS = 1e-3
 COMMANDED = MotorsEntry(speed="commanded")
-BOTTOM = np.array([0.040, 0.010])
-COVARIANCE = MS**2 * np.array([[16.0, -6.0], [-6.0, 9.0]])
-"""Of lag and delay: 4 and 3 ms, and 13 ms^2 of their sum."""
-INFORMATION = np.linalg.inv(COVARIANCE)
-
-
-def bowl(bottom):
-    def cost(point):
-        away = np.asarray(point)[:2] - bottom
-        return 7.0 + 0.5 * float(away @ INFORMATION @ away)
-
-    return cost
-
-
-def deviations(*, delay_free=True, pull=0.0, hold=0.0, apart=0.0, cost=None):
-    """Return the timing found from 1 ms beside the bottom, the slow bands' being `apart` off."""
-    off = np.array([0.0, 1.0] if delay_free else [1.0, 0.0]) * MS
-    shift = off / MS * apart
-    return _with_deviations(
-        cost or bowl(BOTTOM),
-        cost or bowl(BOTTOM + shift),
-        BOTTOM + off,
-        delay_free=delay_free,
-        pull=pull,
-        hold=hold,
-    )
+AT = MotorResponse(lag=0.040, delay=0.010)
+BOTH = ("motor_lag", "motor_delay")
 
 
 def norm(*parts):
     return MS * np.sqrt(np.sum(np.square(parts)))
 
 
-@pytest.mark.parametrize(
-    ("pull", "sum_fault", "split_fault"), [(0.0, 1, 5), (3.0, 3, 5), (7, 7, 7)]
-)
-def test_lag_and_delay_have_the_deviations_of_their_curvature_and_their_faults(
-    pull, sum_fault, split_fault
-):
-    """1 ms of the sum and 5 ms of the split that no curvature shows, or what gusts pull by."""
-    found = deviations(pull=pull * MS, hold=1.5 * MS, apart=2.0 * MS)
-    assert found.lag_std == pytest.approx(norm(4, 2, split_fault), rel=1e-6)
-    assert found.delay_std == pytest.approx(norm(3, 2, split_fault, 1.5), rel=1e-6)
-    assert found.total_std == pytest.approx(norm(13**0.5, 2, sum_fault, 1.5), rel=1e-6)
-    assert (found.response.lag, found.response.delay) == pytest.approx(BOTTOM)
+def flown(*, motors=COMMANDED, **more):
+    return made_fit.flown(made_fit.prepared(), motors=motors, **more)
 
 
-def test_a_lag_alone_has_the_faults_of_the_sum():
-    own = 1.0 / np.sqrt(INFORMATION[0, 0]) / MS
-    found = deviations(delay_free=False, pull=2.0 * MS, hold=1.5 * MS, apart=3.0 * MS)
-    assert found.lag_std == found.total_std == pytest.approx(norm(own, 3, 2, 1.5), rel=1e-6)
+def fit_at(free, *, moved, covariance=None, influence=None):
+    """Return a fit that has moved the times by so much [ms], with their covariance [ms^2]."""
+    body = made_fit.configuration(timing=free)
+    fit = made_fit.fit_of([body], std={}, influence=influence)
+    at = [fit.estimate.names.index(name) for name in free.names]
+    values, spread = fit.estimate.values.copy(), fit.estimate.covariance.copy()
+    values[at] = MS * np.asarray(moved, dtype=float)
+    if covariance is not None:
+        spread[np.ix_(at, at)] = MS**2 * np.asarray(covariance)
+    return replace(fit, estimate=replace(fit.estimate, values=values, covariance=spread))
+
+
+COVARIANCE = [[16.0, -6.0], [-6.0, 9.0]]
+"""Of lag and delay: 4 and 3 ms, and 13 ms^2 of their sum."""
+
+
+def deviations(monkeypatch, *, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence=None):
+    monkeypatch.setattr(timing_fit, "_hold_fault", lambda _: hold * MS)
+    free = FreeTiming(at=AT, names=names)
+    covariance = COVARIANCE if len(names) == 2 else [[16.0 if names[0] == "motor_lag" else 9.0]]
+    fit = fit_at(free, moved=[0.5] * len(names), covariance=covariance, influence=influence)
+    if shifts is not None:
+        rows = np.zeros((len(shifts), len(fit.estimate.names)))
+        rows[:, [fit.estimate.names.index(name) for name in names]] = MS * np.array(shifts)
+        monkeypatch.setattr(timing_fit, "answer_shifts", lambda fit: rows)
+    return _with_deviations(flown(motors=motors), free, fit, 0.0)
+
+
+def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults(monkeypatch):
+    """.1 ms of the sum and .3 ms of the split that no curvature shows."""
+    found = deviations(monkeypatch, hold=1.5)
+    assert found.lag_std == pytest.approx(norm(4, 0.3), rel=1e-6)
+    assert found.delay_std == pytest.approx(norm(3, 0.3, 1.5), rel=1e-6)
+    assert found.total_std == pytest.approx(norm(13**0.5, 0.1, 1.5), rel=1e-6)
+    assert (found.response.lag, found.response.delay) == pytest.approx((0.0405, 0.0105))
+    assert found.free == BOTH
+
+
+def test_what_is_assumed_of_the_autopilot_is_in_the_deviations(monkeypatch):
+    """Its answers' shifts over 1.96: of each time their sum, of lag plus delay that of both."""
+    found = deviations(monkeypatch, shifts=[[1.96, 3.92], [-1.96, 0.98]])
+    assert found.lag_std == pytest.approx(norm(4, 2, 0.3), rel=1e-6)
+    assert found.delay_std == pytest.approx(norm(3, 2.5, 0.3), rel=1e-6)
+    assert found.total_std == pytest.approx(norm(13**0.5, 3.5, 0.1), rel=1e-6)
+
+
+def test_blocks_that_scatter_more_than_the_covariance_says_count_instead(monkeypatch):
+    """12 blocks that pull by 2 ms either way: a deviation of sqrt(12 * 12/11) * 2 ms."""
+    pulls = {"motor_delay": 2.0 * MS * np.tile([1.0, -1.0], 6)}
+    found = deviations(monkeypatch, influence=pulls)
+    scatter = 2.0 * np.sqrt(144 / 11)
+    assert found.delay_std == pytest.approx(norm(scatter, 0.3), rel=1e-6)
+    assert found.lag_std == pytest.approx(norm(4, 0.3), rel=1e-6)
+    assert found.total_std == pytest.approx(norm(scatter, 0.1), rel=1e-6)
+
+
+def test_a_lag_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
+    """With the delay given, what a command held longer than logged is taken for lag."""
+    found = deviations(monkeypatch, names=("motor_lag",), hold=1.5)
+    assert found.lag_std == found.total_std == pytest.approx(norm(4, 0.1, 1.5), rel=1e-6)
     assert found.delay_std is None
-    assert deviations(delay_free=False).total_std == pytest.approx(norm(own, 1), rel=1e-6)
-    assert found.response.lag == pytest.approx(BOTTOM[0])
 
 
-def test_a_lag_that_nothing_tells_is_as_unsure_as_the_longest_one():
-    found = deviations(delay_free=False, cost=lambda point: 3.0)
-    assert found.lag_std == pytest.approx(norm(200, 1), rel=1e-9)
+def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
+    found = deviations(monkeypatch, names=("motor_delay",), hold=1.5, motors=MotorsEntry())
+    assert found.delay_std == found.total_std == pytest.approx(norm(3, 0.1, 1.5), rel=1e-6)
+    assert found.lag_std is None
 
 
-def given(monkeypatch, *, counted, slow, pull=0.0, hold=0.0, std=2.0):
-    """Let the cost of a delay be least at `counted`, that of the pilot's band alone at `slow`."""
-
-    def cost(flown, response, which):
-        bottom = slow if which is None else counted
-        return 0.5 * ((response.delay - bottom * MS) / (std * MS)) ** 2
-
-    # What stands for the bands at a timing is the timing itself.
-    monkeypatch.setattr(Flown, "bands", lambda self, response: response)
-    monkeypatch.setattr(timing_search, "_cost_of_bands", cost)
-    monkeypatch.setattr(timing_search, "_counted", lambda flown, response: ())
-    monkeypatch.setattr(timing_search, "_pull", lambda *_: pull * MS)
-    monkeypatch.setattr(timing_search, "_hold_fault", lambda _: hold * MS)
+def test_no_lag_is_less_sure_than_it_was_beforehand(monkeypatch):
+    bench = MotorsEntry(speed="commanded", lag=0.04, lag_std=0.002)
+    found = deviations(monkeypatch, motors=bench)
+    assert found.lag_std == 0.002
+    assert found.delay_std == pytest.approx(norm(3, 0.3))
 
 
-@pytest.mark.parametrize(("pull", "fault"), [(0.0, 1.0), (0.5, 1.0), (4.0, 4.0)])
-def test_a_delay_has_its_curvature_its_fault_and_what_slow_bands_say_otherwise(
-    monkeypatch, pull, fault
-):
-    given(monkeypatch, counted=3.0, slow=4.5, pull=pull, hold=2.5)
-    found = _find_delay(made_fit.flown(made_fit.prepared()))
-    assert found.response.delay == pytest.approx(3.0 * MS, rel=1e-4)
-    assert found.delay_std == found.total_std == pytest.approx(norm(2, 1.5, fault, 2.5), rel=1e-4)
+def test_how_long_a_command_held_is_unknown_by_a_quarter_of_the_slowest_logs_sample():
+    flights = made_fit.prepared(motor_rate=100.0), made_fit.prepared(motor_rate=50.0)
+    assert _hold_fault(made_fit.flown(*flights, motors=COMMANDED)) == pytest.approx(0.005)
+    assert _hold_fault(made_fit.flown(*flights)) == 0.0
 
 
-def test_a_delay_that_nothing_tells_is_as_unsure_as_the_search_is_wide(monkeypatch):
-    """From -12 to 12 ms; a cost that is all but flat."""
-    given(monkeypatch, counted=0.0, slow=0.0, std=1e4)
-    found = _find_delay(made_fit.flown(made_fit.prepared()))
-    assert found.delay_std == pytest.approx(norm(24, 1), rel=1e-3)
+def test_untold_motors_have_the_usual_lag_and_30_ms_of_delay():
+    both = _untold(flown(), delay_free=True)
+    assert (both.lag_std, both.delay_std) == (0.03, 0.03)
+    assert both.total_std == pytest.approx(0.03 * 2**0.5)
+    lag = _untold(flown(), delay_free=False)
+    assert (lag.lag_std, lag.delay_std, lag.total_std) == (0.03, None, 0.03)
+    assert both.response == MotorResponse(lag=0.035)
+    assert both.free == lag.free == ()
+
+
+# The way there: fits that move the times to where they are least.
+
+
+def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
+    """Let every fit move the times by a share of the way to the bottom; return where it was."""
+    seen = []
+
+    def joint_fit(flown, *, terms, begin):
+        free = flown.free_timing
+        seen.append((free, begin))
+        way = {
+            "motor_lag": bottom.mean_lag - free.at.mean_lag,
+            "motor_delay": bottom.delay - free.at.delay,
+            "motor_skew": skew - skew_of(free.at),
+        }
+        moved = [share * way[name] / MS for name in free.names]
+        fit = fit_at(free, moved=moved, covariance=np.eye(len(free.names)))
+        won = gain if "motor_skew" in free.names else 0.0
+        return replace(fit, log_likelihood=5.0 + won), []
+
+    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
+    monkeypatch.setattr(timing_fit, "pull_of_gusts", lambda *_: 0.0)
+    return seen
+
+
+def test_a_fit_that_has_moved_far_begins_again_there_and_not_with_the_times(monkeypatch):
+    """No further than 20 ms a round, which is how far the slopes reach."""
+    seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
+    timed, fit = _settled(flown().at(MotorResponse(lag=0.005), BOTH), ())
+    places = [(free.at.lag, free.at.delay) for free, _ in seen]
+    expected = [(0.005, 0.0), (0.025, 0.012), (0.045, 0.012), (0.055, 0.012)]
+    assert np.array(places) == pytest.approx(np.array(expected))
+    assert seen[0][1] is None
+    assert not set(seen[1][1]) & set(BOTH)
+    assert "kt" in seen[1][1]
+    assert timed.free_timing.at == seen[-1][0].at
+    assert [fit.estimate.value(name) for name in BOTH] == pytest.approx([0.0, 0.0])
+
+
+def test_a_tenth_of_a_deviation_needs_no_other_round(monkeypatch):
+    for off, rounds in ((0.09, 1), (0.11, 2)):
+        seen = fits_to(monkeypatch, AT)
+        start = MotorResponse(lag=AT.lag + off * MS, delay=AT.delay)
+        _settled(flown().at(start, BOTH), ())
+        assert len(seen) == rounds
+
+
+def test_a_timing_that_does_not_come_to_rest_is_where_the_last_fit_says(monkeypatch):
+    """Steps of 5 ms for ever: ten of them, none counted twice."""
+    seen = fits_to(monkeypatch, MotorResponse(lag=0.040, delay=10.0), share=5e-4)
+    timed, fit = _settled(flown().at(AT, ("motor_delay",)), ())
+    assert len(seen) == 10
+    assert timed.free_timing.at == seen[-1][0].at
+    moved = fit.estimate.value("motor_delay")
+    assert timed.free_timing.at.delay + moved == pytest.approx(0.010 + 0.05, rel=0.01)
+
+
+@pytest.mark.parametrize(("gain", "skewed"), [(9.9, False), (10.1, True)])
+def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, gain, skewed):
+    fits_to(monkeypatch, AT, gain=gain, skew=0.3)
+    found = _fitted(flown(), AT, BOTH, ())
+    assert ("motor_skew" in found.free) is skewed
+    assert found.response.mean_lag == pytest.approx(0.040)
+    assert skew_of(found.response) == pytest.approx(0.3 if skewed else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("source", "lag"), [("mocap", 0.04), ("imu", 0.0)], ids=["motion capture", "no lag"]
+)
+def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, lag):
+    seen = fits_to(monkeypatch, AT, gain=1e3, skew=0.3)
+    free = FreeTiming(at=MotorResponse(lag=lag), names=BOTH)
+    fit = fit_at(free, moved=[0.0, 0.0])
+    whole = flown(source=source).at(free.at, free.names)
+    assert _with_skew(whole, fit, ()) == (whole, fit)
+    assert seen == []
+
+
+@pytest.mark.parametrize(("pull", "known"), [(29.9, True), (30.1, False)])
+def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, pull, known):
+    fits_to(monkeypatch, AT)
+    monkeypatch.setattr(timing_fit, "pull_of_gusts", lambda *_: pull * MS)
+    found = _fitted(flown(), AT, BOTH, ())
+    assert found.free == (BOTH if known else ())
+    assert found.response == (AT if known else MotorResponse(lag=0.035))
+    # Measured speeds have no lag that could be taken for the autopilot's answer.
+    assert _fitted(flown(motors=MotorsEntry()), AT, ("motor_delay",), ()).free == ("motor_delay",)
+
+
+def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
+    fits_to(monkeypatch, MotorResponse(lag=0.0, delay=-0.001))
+    found = _fitted(flown(), AT, BOTH, ())
+    assert (found.free, found.response) == ((), MotorResponse(lag=0.035))
+
+
+@pytest.mark.parametrize(
+    "bottom",
+    [
+        MotorResponse(lag=0.21),
+        MotorResponse(lag=0.04, delay=0.17),
+        MotorResponse(lag=0.04, delay=-0.17),
+    ],
+)
+def test_times_beyond_any_motors_are_none(monkeypatch, bottom):
+    fits_to(monkeypatch, bottom)
+    assert _fitted(flown(), AT, BOTH, ()) is None
+
+
+def unsettled(monkeypatch, *, settles):
+    """Let fits settle only with these terms; return which were tried."""
+    tried = []
+
+    def fitted(flown, start, names, terms):
+        tried.append((names, terms))
+        if terms != settles:
+            raise UnsettledError("no")
+        return MotorTiming(response=AT, total_std=MS, free=names)
+
+    monkeypatch.setattr(timing_fit, "_fitted", fitted)
+    monkeypatch.setattr(timing_fit, "coarse_timing", lambda *_: AT)
+    return tried
+
+
+def test_where_a_fit_does_not_settle_fewer_terms_are_tried(monkeypatch):
+    tried = unsettled(monkeypatch, settles=("accel_bias",))
+    assert find_timing(flown()).free == BOTH
+    assert [terms for _, terms in tried] == [timing_fit.DEFAULT_TERMS, ("accel_bias",)]
+
+
+def test_flights_that_settle_nowhere_tell_no_lag(monkeypatch):
+    """None at all would say that commands are followed at once."""
+    unsettled(monkeypatch, settles=None)
+    assert find_timing(flown()) == _untold(flown(), delay_free=True)
+    bench = MotorsEntry(speed="commanded", delay=0.01)
+    assert find_timing(flown(motors=bench)) == _untold(flown(motors=bench), delay_free=False)
+    assert find_timing(flown(motors=MotorsEntry())) is None
+
+
+def test_with_other_terms_the_timing_is_found_again_from_where_it_was(monkeypatch):
+    """Damping that the model lacks makes motors look quick; without a skew, to begin with."""
+    terms = (*timing_fit.DEFAULT_TERMS, "turn_damping")
+    found = MotorTiming(
+        response=MotorResponse(lag=0.03, delay=0.01, lag_down=0.05),
+        total_std=MS,
+        free=(*BOTH, "motor_skew"),
+    )
+    whole = flown(motor_timing=found)
+    tried = unsettled(monkeypatch, settles=terms)
+    again = timed_again(whole, terms)
+    assert tried == [(BOTH, terms)]
+    assert again.motor_timing.free == BOTH
+    assert timed_again(whole, ("drag",)) is whole  # it does not settle: the timing stays
+    for kept in (None, replace(found, free=())):
+        given_ = flown(motor_timing=kept)
+        assert timed_again(given_, terms) is given_
+
+
+# What a fit may move.
+
+RESPONSES = st.builds(
+    MotorResponse, lag=st.floats(0.0, 0.1), delay=st.floats(-0.1, 0.1), lag_down=st.none()
+)
+
+
+@given(at=RESPONSES, lag=st.floats(-0.05, 0.05), delay=st.floats(-0.1, 0.1))
+def test_times_move_by_so_much_and_a_lag_not_below_zero(at, lag, delay):
+    moved = FreeTiming(at=at, names=BOTH).moved({"motor_lag": lag, "motor_delay": delay})
+    assert moved.lag == pytest.approx(max(at.lag + lag, 0.0))
+    assert moved.delay == pytest.approx(at.delay + delay)
+    assert moved.lag_down is None
+
+
+@given(mean=st.floats(0.01, 0.1), skew=st.floats(-0.5, 0.5), by=st.floats(-0.4, 0.4))
+def test_a_skew_makes_rising_quicker_and_falling_slower_about_their_mean(mean, skew, by):
+    at = MotorResponse(lag=mean * (1 - skew), lag_down=mean * (1 + skew))
+    free = FreeTiming(at=at, names=("motor_lag", "motor_skew"))
+    moved = free.moved({"motor_skew": by, "motor_lag": 0.002})
+    assert moved.mean_lag == pytest.approx(mean + 0.002)
+    assert skew_of(moved) == pytest.approx(skew + by, abs=1e-9)
+    assert free.moved({}).mean_lag == pytest.approx(mean)
+
+
+def test_what_is_known_of_a_lag_beforehand_is_seen_from_where_the_signals_were_made():
+    assert FreeTiming(at=AT, names=BOTH).prior() == pytest.approx(
+        {"motor_lag": pytest.approx((-0.005, 0.03))}
+    )
+    bench = FreeTiming(at=AT, names=BOTH, lag_prior=(0.05, 0.002))
+    assert bench.prior()["motor_lag"] == pytest.approx((0.010, 0.002))
+    assert FreeTiming(at=AT, names=("motor_delay",)).prior() == {}
+    bench = MotorsEntry(speed="commanded", lag=0.05, lag_std=0.002)
+    assert flown(motors=bench).at(AT, BOTH).free_timing.lag_prior == (0.05, 0.002)
+
+
+def test_times_may_be_off_by_a_tenth_and_their_split_by_three_tenths_of_a_millisecond():
+    split, total = FreeTiming(at=AT, names=BOTH).faults()
+    assert split == {"motor_lag": 3e-4, "motor_delay": -3e-4}
+    assert total == {"motor_lag": 0.0, "motor_delay": 1e-4}
+    for name in BOTH:
+        assert FreeTiming(at=AT, names=(name,)).faults() == [{name: 1e-4}]
+
+
+def test_a_timing_that_is_given_or_untold_is_not_moved():
+    assert flown().free_timing is None
+    assert flown(motor_timing=MotorTiming(response=AT, total_std=MS)).free_timing is None
+    assert flown().at(AT).free_timing is None
+
+
+# Where it begins, and whether the flights tell any of it.
+
+
+def costs(monkeypatch, cost):
+    monkeypatch.setattr(timing_search, "_cost", lambda flown, response: cost(response))
+
+
+@pytest.mark.parametrize(("bottom", "found"), [(0.045, 0.04), (0.001, 0.005), (0.13, None)])
+def test_a_lag_begins_at_the_best_trial(monkeypatch, bottom, found):
+    """None where that is the last one: the motion follows something slower than motors."""
+    costs(monkeypatch, lambda response: 1e6 * (response.lag - bottom) ** 2)
+    start = coarse_timing(flown(), ("lag", "delay"))
+    assert (start is None) if found is None else start == MotorResponse(lag=found)
+
+
+def test_what_is_known_of_the_lag_decides_between_trials_that_fit_alike(monkeypatch):
+    costs(monkeypatch, lambda response: 0.0)
+    assert coarse_timing(flown(), ("lag",)).lag == 0.04
+    bench = MotorsEntry(speed="commanded", lag=0.07, lag_std=0.002, delay=0.003)
+    assert coarse_timing(flown(motors=bench), ("lag",)) == MotorResponse(lag=0.07, delay=0.003)
+
+
+@pytest.mark.parametrize(
+    ("bottom", "gain", "found"),
+    [
+        (0.004, 1e3, 0.004),
+        (0.040, 11.0, 0.040),  # further out than usual, and clearly better there
+        (0.040, 9.0, None),
+        (-0.040, 11.0, -0.040),
+        (0.5, 1e3, None),
+    ],
+)
+def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, gain, found):
+    edge = 0.012 * np.sign(bottom)
+    scale = gain / max((bottom - edge) ** 2, 1e-9)
+    costs(monkeypatch, lambda response: scale * (response.delay - bottom) ** 2)
+    start = coarse_timing(flown(motors=MotorsEntry()), ("delay",))
+    assert (start is None) if found is None else start.delay == pytest.approx(found, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -128,114 +390,31 @@ def test_a_delay_that_nothing_tells_is_as_unsure_as_the_search_is_wide(monkeypat
 def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(monkeypatch, ratios, expected):
     """Of the turn and the configuration that are flown most; not beyond a rho of 0.1."""
     factors = made_fit.blocks([(1.0, 2.0)])
-    whole = made_fit.flown(made_fit.prepared())
+    whole = flown()
     whole = replace(whole, configurations=whole.configurations * len(ratios))
     told_ratios = iter(ratios)
     monkeypatch.setattr(Flown, "bands", lambda self, response: (factors,) * len(ratios))
     monkeypatch.setattr(timing_search, "turn_ratios", lambda *_, mass: np.array(next(told_ratios)))
-    counted = (np.ones((1, 3), dtype=bool),) * len(ratios)
-    assert _pull(whole, MotorResponse(), counted) == pytest.approx(expected)
+    monkeypatch.setattr(timing_search, "flown_turns", lambda *_, mass: np.ones((1, 3), dtype=bool))
+    assert pull_of_gusts(whole, MotorResponse()) == pytest.approx(expected)
 
 
 def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(monkeypatch):
     factors = made_fit.blocks([(1.0, 2.0), (3.0, 4.0)])
+    turns = np.array([[True] * 3, [False, False, True]])
+    seen = []
+
+    def ratios(factors, model, *, mass):
+        seen.append(factors.band.tolist())
+        return np.ones(3)
+
     monkeypatch.setattr(Flown, "bands", lambda self, response: (factors,))
-    monkeypatch.setattr(timing_search, "turn_ratios", lambda *_, mass: np.ones(3))
-    counted = np.array([[True] * 3, [False, False, True]])
-    assert _pull(made_fit.flown(made_fit.prepared()), MotorResponse(), (counted,)) == 0.0
-    counted[1] = False
-    assert _pull(made_fit.flown(made_fit.prepared()), MotorResponse(), (counted,)) == 0.15
-
-
-def test_how_long_a_command_held_is_unknown_by_a_quarter_of_the_slowest_logs_sample():
-    flights = made_fit.prepared(motor_rate=100.0), made_fit.prepared(motor_rate=50.0)
-    assert _hold_fault(made_fit.flown(*flights, motors=COMMANDED)) == pytest.approx(0.005)
-    assert _hold_fault(made_fit.flown(*flights)) == 0.0
-
-
-def test_a_lag_of_35_ms_give_or_take_30_is_usual(monkeypatch):
-    monkeypatch.setattr(timing_search, "_cost", lambda *_: 0.0)
-    cost = _penalised(made_fit.flown(made_fit.prepared(), motors=COMMANDED), None)
-    assert cost(np.array([0.035, 0.02])) == pytest.approx(0.0, abs=1e-12)
-    assert cost(np.array([0.065, 0.0])) == pytest.approx(0.5)
-    assert cost(np.array([0.005, 0.0])) == pytest.approx(0.5)
-    bench = MotorsEntry(speed="commanded", lag=0.05, lag_std=0.002)
-    cost = _penalised(made_fit.flown(made_fit.prepared(), motors=bench), None)
-    assert cost(np.array([0.054, 0.0])) == pytest.approx(2.0)
-
-
-def test_untold_motors_have_the_usual_lag_and_30_ms_of_delay():
-    flown = made_fit.flown(made_fit.prepared(), motors=COMMANDED)
-    both = _untold(flown, delay_free=True)
-    assert (both.lag_std, both.delay_std) == (0.03, 0.03)
-    assert both.total_std == pytest.approx(0.03 * 2**0.5)
-    lag = _untold(flown, delay_free=False)
-    assert (lag.lag_std, lag.delay_std, lag.total_std) == (0.03, None, 0.03)
-    assert both.response == MotorResponse(lag=0.035)
-
-
-def test_a_skew_gains_what_its_parabola_falls_by():
-    """A cost of 1/2 k (s - s0)^2 falls by 1/2 k s0^2 from no skew to the best one."""
-
-    def cost(point):
-        return 5.0 + 0.5 * 200.0 * (point[2] - 0.3) ** 2
-
-    place = np.array([0.04, 0.01, 0.0])
-    found, gain = _with_skew(cost, place, cost(place))
-    assert found[2] == pytest.approx(0.3)
-    assert gain == pytest.approx(9.0)
-
-
-def searched(monkeypatch, *, gain, pull=1.0):
-    """Search where a skew of 0.3 gains so much, the rest being a bowl of 1 ms."""
-
-    def cost(flown, response, counted):
-        down = response.lag if response.lag_down is None else response.lag_down
-        lag, skew = response.mean_lag, (down - response.lag) / max(down + response.lag, 1e-9)
-        bent = gain / 0.3**2 * (skew - 0.3) ** 2
-        away = np.array([lag, response.delay]) - BOTTOM
-        return bent + 0.5 * float(away @ away) / MS**2
-
-    monkeypatch.setattr(timing_search, "_cost", cost)
-    monkeypatch.setattr(timing_search, "_counted", lambda *_: ())
-    monkeypatch.setattr(timing_search, "_counted_at_any", lambda *_: (np.ones((1, 3), dtype=bool),))
-    monkeypatch.setattr(timing_search, "_pull", lambda *_: pull * MS)
-    return _find_lag(made_fit.flown(made_fit.prepared(), motors=COMMANDED), delay_free=True)
-
-
-@pytest.mark.parametrize(("gain", "skewed"), [(9.0, False), (11.0, True)])
-def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, gain, skewed):
-    found = searched(monkeypatch, gain=gain)
-    assert (found.response.lag_down is not None) is skewed
-    assert found.response.mean_lag == pytest.approx(BOTTOM[0], abs=2 * MS)
-
-
-@pytest.mark.parametrize(("pull", "std"), [(29.0, 0.029), (31.0, 0.03)])
-def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, pull, std):
-    found = searched(monkeypatch, gain=0.0, pull=pull)
-    assert found.lag_std == pytest.approx(std, rel=0.01)
-    assert (found.response.delay == 0.0) is (pull > 30.0)
-
-
-def timing(lag_std, delay_std, total_std):
-    return MotorTiming(
-        response=MotorResponse(lag=0.04, delay=0.01),
-        lag_std=lag_std,
-        delay_std=delay_std,
-        total_std=total_std,
-    )
-
-
-def test_no_lag_is_less_sure_than_it_was_beforehand():
-    sure = timing(0.02, 0.02, 0.001)
-    assert _no_wider(sure, 0.03) is sure
-    narrowed = _no_wider(timing(0.05, 0.05, 0.004), 0.03)
-    assert narrowed.lag_std == 0.03
-    assert narrowed.delay_std == pytest.approx(np.hypot(0.004, 0.03))
-    assert narrowed.total_std == 0.004
-    assert _no_wider(timing(0.05, 0.01, 0.004), 0.03).delay_std == 0.01
-    alone = _no_wider(timing(0.05, None, 0.05), 0.03)
-    assert (alone.lag_std, alone.delay_std, alone.total_std) == (0.03, None, 0.03)
+    monkeypatch.setattr(timing_search, "turn_ratios", ratios)
+    monkeypatch.setattr(timing_search, "flown_turns", lambda *_, mass: turns)
+    assert pull_of_gusts(flown(), MotorResponse()) == 0.0
+    turns[1] = False
+    assert pull_of_gusts(flown(), MotorResponse()) == 0.15
+    assert seen == [[[1.0, 2.0]]]
 
 
 @pytest.mark.parametrize(
