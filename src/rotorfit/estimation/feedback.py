@@ -93,7 +93,7 @@ class Feedback:
         moved = dG[:, list(self.errors)][:, :, list(self.inputs)]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # found by who asks
             slope = np.einsum("fei,bei->bef", moved, own.moves) / self._effect(own, G)[:, :, None]
-        return own.rows[:, :, None] * np.real(own.share[:, :, None] * slope)
+            return own.rows[:, :, None] * np.real(own.share[:, :, None] * slope)
 
     def _effect(self, own: Answers, G: Float[np.ndarray, "k z"]) -> Complex[np.ndarray, "b e"]:
         return np.einsum("ei,bei->be", G[np.ix_(self.errors, self.inputs)], own.moves)

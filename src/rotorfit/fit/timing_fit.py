@@ -67,7 +67,7 @@ def find_timing(flown: Flown, *, lag: bool = True) -> MotorTiming | None:
         except UnsettledError:
             continue
         return found
-    # Neither settles: the flights do not tell the lag, and without any they would be fitted wrongly.
+    # Neither settles: the flights do not tell the lag. Without any the fit would be wrong and sure.
     return _untold(flown, delay_free="delay" in unknown) if "lag" in unknown else None
 
 
