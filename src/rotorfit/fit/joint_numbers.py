@@ -22,9 +22,11 @@ from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.excitation import (
     HEIGHTS,
-    NO_EXCITATION,
+    LEAST_EXCITATION,
     SCALED,
     YAW_PRODUCTS,
+    attenuation_allowance,
+    link_allowance,
     product_allowance,
     scale_stretch,
 )
@@ -61,6 +63,8 @@ from rotorfit.model.vehicle import Vehicle
 AXES = ("roll", "pitch", "yaw")
 FEWEST_PHASES = 3
 """Whose scatter tells anything."""
+MOST_LEVERAGE = 4.0
+"""Of a phase that has three quarters of the information."""
 FEWEST_FLIGHTS = 3
 """Of one configuration, from which their scatter tells anything."""
 ENOUGH_FLIGHTS = 5
@@ -155,7 +159,8 @@ def _between_phases(
     What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
     their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
     moves by d; p is too small where a phase has most of the information, and d too large: the
-    variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2).
+    variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
+    more than a few times p: without the one phase that tells anything, nothing is told at all.
     """
     first, parts = 0, list[Bool[np.ndarray, " b"]]()
     blocks = sum(len(factors) for factors in fit.problem.factors)
@@ -170,7 +175,9 @@ def _between_phases(
         return np.zeros(len(jacobian))
     pulls = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
     moves = np.array([_step_without(fit, own) for own in parts]) @ jacobian.T
-    return 1.96 * np.sqrt(np.abs(pulls * moves).sum(axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leverage = np.clip(np.nan_to_num(np.abs(moves / pulls), nan=1.0), 1.0, MOST_LEVERAGE)
+    return 1.96 * np.sqrt((leverage * pulls**2).sum(axis=0))
 
 
 def _step_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Float[np.ndarray, " f"]:
@@ -287,8 +294,10 @@ def _with_systematic(
         value = abs(float(numbers.values[i]))
         parts = [float(shifts[i])]
         rho = numbers.rho(name)
-        if rho is not None and not rho > NO_EXCITATION:
-            parts.append(float("inf"))
+        if rho is not None and not rho > LEAST_EXCITATION:
+            c = by_name[owner] if owner else configurations[0]
+            size = max(value, number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle))
+            parts.append(attenuation_allowance(base, size, rho, answered=False))
         if base in YAW_PRODUCTS:
             parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
         if (PARAMETERS | DERIVED)[base].mass_power:
@@ -313,8 +322,8 @@ def hanging_on_roll_and_pitch(
         base, _, owner = name.partition("@")
         link = numbers.link(owner if base in HEIGHTS and not weighed else None)
         hangs = base in HEIGHTS or (base in SCALED and not weighed)
-        if hangs and not link > NO_EXCITATION:
-            half[i] = np.inf
+        if hangs and not link > LEAST_EXCITATION:
+            half[i] = np.hypot(half[i], link_allowance(float(numbers.values[i]), link))
     return replace(numbers, half_width=half * _stretches(numbers, half))
 
 
