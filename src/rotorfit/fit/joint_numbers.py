@@ -6,11 +6,11 @@ estimate hangs on what is assumed of the autopilot, which answers disturbances
 (`banded.answer_shifts`). What a change of settings shifts is added by the recipe.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy import stats
 
 from rotorfit.estimation.banded import BandedEstimate, answer_shifts, normal_equations
@@ -110,8 +110,10 @@ def joint_numbers(
     )
     shifts = [np.abs(answer_shifts(fit) @ jacobian.T).sum(axis=0)]
     shifts += [1.96 * jacobian @ shift for shift in _timing_shifts(fit, configurations[0].timing)]
-    numbers = _with_systematic(numbers, configurations, mass_std, np.linalg.norm(shifts, axis=0))
-    return hanging_on_roll_and_pitch(numbers, configurations)
+    told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
+    told = _with_systematic(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
+    told = hanging_on_roll_and_pitch(told, configurations)
+    return replace(told, excitation=numbers.excitation)
 
 
 def _between_flights(
@@ -245,6 +247,30 @@ def excitation(
     Of several flights the mean, each for as long as it is: the fit gives every flight the weight
     of its own noise, so that a calm one beside a lively one does no harm.
     """
+    return _ratios(fit, configurations, lambda factors: factors.recording)
+
+
+def weighed_excitation(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, float]:
+    """Return the same, the mean over single blocks, each with the weight it has in the fit.
+
+    A short lively phase of a long calm flight is what tells of the vehicle.
+    """
+    return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
+
+
+def _telling(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
+    """Return the excitation by weight where that is enough, else over the whole flights."""
+    plain = numbers.excitation
+    return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
+
+
+def _ratios(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    parts: Callable[[Factors], Int[np.ndarray, " b"]],
+) -> dict[str, float]:
     rho: dict[str, float] = {}
     first = 0
     for configuration in configurations:
@@ -252,7 +278,8 @@ def excitation(
         signal = fit.signal_power[first : first + count, 3:]
         residual = fit.residual_power[first : first + count, 3:]
         first += count
-        means = _flight_ratios(configuration.factors, signal, residual)
+        factors = configuration.factors
+        means = _mean_ratios(factors, signal, residual, parts(factors))
         rho |= {
             f"{axis}@{configuration.name}": float(mean)
             for axis, mean in zip(AXES, means, strict=True)
@@ -260,15 +287,18 @@ def excitation(
     return rho
 
 
-def _flight_ratios(
-    factors: Factors, signal: Float[np.ndarray, "b 3"], residual: Float[np.ndarray, "b 3"]
+def _mean_ratios(
+    factors: Factors,
+    signal: Float[np.ndarray, "b 3"],
+    residual: Float[np.ndarray, "b 3"],
+    parts: Int[np.ndarray, " b"],
 ) -> Float[np.ndarray, " 3"]:
-    """Return the mean over flights of explained over residual power in the pilot's band."""
+    """Return the mean over parts of explained over residual power in the pilot's band."""
     low, high = PILOT_BAND
     inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
     total, weight = np.zeros(3), 0.0
-    for number in np.unique(factors.recording):
-        own = inside & (factors.recording == number)
+    for number in np.unique(parts):
+        own = inside & (parts == number)
         left = residual[own].sum(axis=0)
         explained = np.maximum(signal[own].sum(axis=0) - left, 0.0)
         rows = float(factors.rows[own].sum())
