@@ -17,7 +17,7 @@ from rotorfit.estimation.banded import (
     normal_equations,
 )
 from rotorfit.estimation.factors import Factors, triangular_factors
-from rotorfit.estimation.feedback import Feedback
+from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import parameter_map
 
 ROWS, BLOCKS = 400, 5
@@ -185,18 +185,20 @@ def test_what_noise_adds_to_the_errors_is_its_variance_times_the_squared_slope()
 
 def answered(problem, rows):
     """Return the problem with as many rows of each block answered through x."""
-    return replace(
-        problem,
-        feedback=Feedback(
-            errors=(0,), inputs=(1,), mixer=np.ones((1, 1)), rows=(np.full((BLOCKS, 1), rows),)
-        ),
+    answers = Answers(
+        rows=np.full((BLOCKS, 1), rows),
+        moves=np.ones((BLOCKS, 1, 1), dtype=complex),
+        share=np.ones((BLOCKS, 1), dtype=complex),
+        doubt=np.ones((BLOCKS, 1), dtype=complex),
+        late=np.zeros((BLOCKS, 0), dtype=complex),
     )
+    return replace(problem, feedback=Feedback(errors=(0,), inputs=(1,), answers=(answers,)))
 
 
 def test_squares_are_without_what_known_noise_adds():
     """0.25 * 3^2 in every row; the prior's square; twice ln 3 in 7 rows a block."""
     y, x = points()
-    problem = answered(slope_problem(y, x, noise=0.25, prior=(2.0, 0.5)), 7.0)
+    problem = answered(slope_problem(y, x, noise=0.25, prior=(2.0, 0.5)), 7)
     residual = (y - 3.0 * x)[:, :, None]
     state = _State(phi=np.array([3.0]), residual=residual, variance=np.ones((BLOCKS, 1)), cost=0.0)
     own = (residual**2).sum() - 2.25 * y.size
@@ -207,7 +209,7 @@ def test_squares_are_without_what_known_noise_adds():
 def test_half_the_slope_of_the_squares_is_the_corrected_score():
     """In blocks, too, in which nearly all is known noise: 0.04 * 2^2 of 0.17."""
     y, x = points(error=0.1)
-    problem = answered(slope_problem(y, x, noise=0.04, prior=(2.0, 0.5)), 7.0)
+    problem = answered(slope_problem(y, x, noise=0.04, prior=(2.0, 0.5)), 7)
     state = _evaluate(problem, np.array([1.9]))
     _, scores, _ = _corrected_equations(problem, state)
     ends = [
@@ -230,7 +232,7 @@ def test_an_answer_adds_its_rows_times_ln_of_the_slope(noise):
     """Then the score is rows / slope a block; both ways of solving settle where all is zero."""
     y, x = points(3, noise=0.0)
     problem = slope_problem(y, x, noise=noise)
-    with_answer = answered(problem, 40.0)
+    with_answer = answered(problem, 40)
     gain = log_likelihood(with_answer, np.array([3.0])) - log_likelihood(problem, np.array([3.0]))
     assert gain == pytest.approx(40.0 * BLOCKS * np.log(3.0))
     fit = banded(with_answer, np.array([1.5]))

@@ -14,9 +14,6 @@ from rotorfit.fit.excitation import (
     RATIO_PULL,
     SCALE_PULL,
     attenuation_allowance,
-    damping_allowance,
-    height_allowance,
-    link_allowance,
     product_allowance,
 )
 from rotorfit.fit.frequency_bands import PILOT_BAND
@@ -28,15 +25,17 @@ PULLS = {"Ixx_com": INERTIA_PULL, "Iyy": INERTIA_PULL, "Izz": SCALE_PULL, "kd": 
     ("name", "rho", "answered", "share"),
     [
         ("Ixx_com", 7.5, False, 0.25),  # 2.5 / (rho + 2.5)
-        ("Iyy", 7.5, True, 1 / 6),  # 1.5 / (rho + 1.5)
-        ("Ixx", 2.95, True, 2.5 / 5.45),
-        ("Ixx", 3.05, True, 1.5 / 4.55),
-        ("kd_over_Izz", 16.5, True, 0.1),  # 1.5 / (rho - 1.5)
+        ("Iyy", 7.5, True, 1 / 8.5),  # 1 / (rho + 1)
+        ("Ixx", 1.51, True, 1 / 2.51),
+        ("kd_over_Izz", 16.5, True, 1 / 17.5),
+        ("Jr", 3.0, True, 0.25),
+        ("kd_over_Izz", 16.5, False, 0.1),  # 1.5 / (rho - 1.5)
         ("Jr_over_Izz", 3.0, False, 1.0),
-        ("kd", 12.0, True, 0.2),  # 3 / (rho + 3), the larger of the two
-        ("Izz_com", 27.0, True, 0.1),
-        ("Jr", 3.0, True, 1.0),  # 1.5 / (rho - 1.5)
+        ("kd", 12.0, False, 0.2),  # 3 / (rho + 3), the larger of the two
+        ("Izz_com", 27.0, False, 0.1),
+        ("Jr", 3.0, False, 1.0),  # 1.5 / (rho - 1.5)
         ("Ixx", 1.49, False, np.inf),
+        ("Ixx", 1.49, True, np.inf),
         ("Ixx", 1.51, False, 2.5 / 4.01),
     ],
 )
@@ -45,21 +44,9 @@ def test_the_pulls_are_those_of_the_method(name, rho, answered, share):
     assert attenuation_allowance(name, -2.0, rho, answered=answered) == pytest.approx(2 * share)
 
 
-def test_what_hangs_on_yaw_or_on_roll_and_pitch_in_figures():
+def test_what_hangs_on_yaw_in_figures():
     assert product_allowance(2.0, 12.0) == pytest.approx(0.4)  # 3 / (12 + 3)
     assert product_allowance(2.0, 0.0) == product_allowance(2.0, -1.0) == 2.0
-    assert link_allowance(2.0, 27.0) == pytest.approx(0.2)
-    assert np.isinf(link_allowance(2.0, 1.5))
-    assert np.isfinite(link_allowance(2.0, 1.51))
-    assert height_allowance(0.25, 12.5) == pytest.approx(0.01)  # half an arm / rho
-    assert np.isinf(height_allowance(0.25, 1.5))
-
-
-def test_the_rotors_drag_becomes_1_plus_15_over_rho_times_as_wide():
-    for rho in (2.0, 5.0, 15.0, 150.0):
-        whole = np.hypot(0.3, damping_allowance(0.3, rho))
-        assert whole == pytest.approx(0.3 * (1.0 + 15.0 / rho))
-    assert np.isinf(damping_allowance(0.3, 1.5))
 
 
 def test_below_a_rho_of_5_disturbances_are_what_limits():
@@ -87,11 +74,10 @@ def test_the_allowance_holds_the_truth_of_a_number_pulled_up(true, rho, share, n
     rho=st.floats(NO_EXCITATION * 1.01, 1e3),
     share=st.floats(0.0, 1.0),
     name=st.sampled_from(["kd_over_Izz", "Jr_over_Izz", "Jr", "kd"]),
-    answered=st.booleans(),
 )
-def test_the_allowance_holds_the_truth_of_a_number_pulled_down(true, rho, share, name, answered):
+def test_the_allowance_holds_the_truth_of_a_number_pulled_down(true, rho, share, name):
     found = true * (1.0 - share * RATIO_PULL / rho)
-    allowed = attenuation_allowance(name, found, rho, answered=answered)
+    allowed = attenuation_allowance(name, found, rho, answered=False)
     assert true - found <= allowed * (1 + 1e-9)
 
 
@@ -107,14 +93,13 @@ def test_without_excitation_nothing_is_bounded(name, answered):
     assert allowed(1.0, 1e6) < 1e-5
 
 
-@given(rho=st.floats(3.01, 1e3), share=st.floats(0.0, 1.0), name=st.sampled_from(["Ixx", "Iyy"]))
+@given(
+    rho=st.floats(NO_EXCITATION * 1.01, 1e3),
+    share=st.floats(0.0, 1.0),
+    name=st.sampled_from(sorted(AXIS_OF)),
+)
 def test_the_term_for_the_answer_leaves_less_to_allow_for(rho, share, name):
     found = 1.0 + share * ANSWERED_PULL / rho
     allowed = attenuation_allowance(name, found, rho, answered=True)
     assert found - 1.0 <= allowed * (1 + 1e-9)
     assert allowed < attenuation_allowance(name, found, rho, answered=False)
-
-
-def test_where_no_band_is_flown_the_term_is_not_there():
-    one, other = (attenuation_allowance("Ixx", 1.0, 2.9, answered=a) for a in (False, True))
-    assert one == other

@@ -10,14 +10,7 @@ from hypothesis import strategies as st
 import flown
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.excitation import (
-    NO_EXCITATION,
-    SCALE_PULL,
-    height_allowance,
-    link_allowance,
-    product_allowance,
-    scale_stretch,
-)
+from rotorfit.fit.excitation import SCALE_PULL, product_allowance, scale_stretch
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.joint_numbers import hanging_on_roll_and_pitch
 from rotorfit.fit.number_intervals import Numbers
@@ -130,13 +123,6 @@ def test_a_known_payload_gives_the_scale_without_roll_and_pitch(tmp_path, turned
 
 def flown_number(result, name):
     return next(n for n in (*result.parameters, *result.derived) if n.name == name)
-
-
-def test_the_allowances_end_where_nothing_is_flown():
-    assert link_allowance(2.0, NO_EXCITATION) == np.inf
-    assert link_allowance(-2.0, SCALE_PULL) == 1.0
-    assert height_allowance(0.25, NO_EXCITATION) == np.inf
-    assert height_allowance(0.25, 50.0) == pytest.approx(0.0025)
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3, 0.9])

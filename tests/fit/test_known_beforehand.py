@@ -10,7 +10,9 @@ from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.experiment.payload import PointMass
 from rotorfit.fit import row_fits
 from rotorfit.fit.joint_equations import joint_prior, joint_problem, rotor_speeds
+from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.row_fits import fit_rows
+from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.regressor import regressor
 
 MASS, G = 1.4, 9.80665
@@ -47,7 +49,7 @@ def test_rotors_turn_as_fast_as_their_mean_square_says():
 @pytest.mark.parametrize(
     ("name", "std"),
     [
-        ("spread_2", 0.015),
+        ("spread_2", 0.04),
         ("rotor_drag", 0.3 * MASS / 2000.0),
         ("accel_bias_x@A", 0.5),
         ("accel_bias_y@A", 0.5),
@@ -55,6 +57,9 @@ def test_rotors_turn_as_fast_as_their_mean_square_says():
         ("twist@A", np.radians(2.0) * 0.25),
         ("torque_offset_x@A", 0.05 * MASS * G * 0.25),
         ("drag_moment_yz@A", 0.3 * MASS * 0.25),
+        ("turn_damping_x@A", 0.3 * MASS * 0.25**2),
+        ("inflow", MASS / 2000.0),
+        ("translational_lift", 0.05 * MASS),
     ],
 )
 def test_deviations_before_the_flight_are_those_of_the_method(name, std):
@@ -65,7 +70,7 @@ def test_groups_of_rotors_may_differ_by_a_tenth():
     groups = ("upper", "upper", None, None)
     rotors = [replace(r, group=g) for r, g in zip(made_fit.QUAD.rotors, groups, strict=True)]
     found = prior(replace(made_fit.QUAD, rotors=tuple(rotors)))
-    assert [found[f"spread_{i}"] for i in (1, 2, 3, 4)] == [0.1, 0.1, 0.015, 0.015]
+    assert [found[f"spread_{i}"] for i in (1, 2, 3, 4)] == [0.1, 0.1, 0.04, 0.04]
 
 
 def test_a_payload_is_known_to_its_tolerances():
@@ -80,6 +85,18 @@ def test_a_thrust_coefficient_from_elsewhere_comes_with_its_deviation():
     problem = joint_problem([body], known_kt=(2e-6, 3e-8))
     assert (problem.prior_mean, problem.prior_std["kt"]) == ({"kt": 2e-6}, 3e-8)
     assert "kt" not in joint_problem([body]).prior_std
+
+
+def test_times_are_known_from_where_their_signals_were_made():
+    """A lag of 35 give or take 30 ms, seen from 50; of a delay nothing is known."""
+    timing = FreeTiming(at=MotorResponse(lag=0.05), names=("motor_lag", "motor_delay"))
+    body = made_fit.configuration(mass=MASS, factors=hovering(), timing=timing)
+    problem = joint_problem([body], known_kt=(2e-6, 3e-8))
+    assert problem.prior_mean == pytest.approx({"kt": 2e-6, "motor_lag": -0.015})
+    assert problem.prior_std["motor_lag"] == 0.03
+    assert "motor_delay" not in problem.prior_std
+    assert problem.moving == ("motor_lag", "motor_delay")
+    assert set(problem.moving) <= set(problem.map.names)
 
 
 def test_the_rows_take_small_terms_for_as_small_as_they_are(monkeypatch):
@@ -103,6 +120,6 @@ def test_the_rows_take_small_terms_for_as_small_as_they_are(monkeypatch):
     assert first_roll[0] == first_pitch[0] == small
     assert first_yaw[0] == yaw[0] == {}
     for (first, again), row in zip(((first_roll, roll), (first_pitch, pitch)), "xy", strict=True):
-        spread = 0.015 * abs(first[1].value("kt"))
+        spread = 0.04 * abs(first[1].value("kt"))
         own = {f"kt_{i}": spread for i in (1, 2, 3, 4)}
         assert again[0] == pytest.approx({**small, **own}), row

@@ -5,17 +5,26 @@ from dataclasses import replace
 import pytest
 
 import flown
-from rotorfit.simulation import Scenario, simulate_flight, variant
+from rotorfit.simulation import Scenario, Sticks, simulate_flight, variant
 
+FULL = Sticks()
+HALF = Sticks(
+    **{
+        name: replace(getattr(FULL, name), rms=0.5 * getattr(FULL, name).rms)
+        for name in ("roll", "pitch", "yaw", "climb")
+    }
+)
 SHORT = {"seconds": 30.0, "ground_seconds": 2.0, "physics_rate": 200.0}
 DELAY = "[motors]\ndelay = 0.0\n"
 
 
-def identified(folder, name, *, spread, groups=(), kind="noisy", seed=3):
+def identified(folder, name, *, spread, groups=(), kind="noisy", seed=3, sticks=FULL):
     """Fly a layout whose rotors differ by `spread`, declare `groups`, and identify."""
     (truth, vehicle), sensors = variant(flown.simulated_vehicle(name), kind)
     truth = replace(truth, kt_spread=tuple(spread))
-    flight = simulate_flight(truth, vehicle, Scenario(sensors=sensors, **SHORT), seed=seed)
+    flight = simulate_flight(
+        truth, vehicle, Scenario(sensors=sensors, sticks=sticks, **SHORT), seed=seed
+    )
     rotors = [replace(r, group=g) for r, g in zip(vehicle.rotors, groups, strict=False)]
     known = replace(vehicle, rotors=tuple(rotors)) if groups else vehicle
     result = flown.identified(folder, [flight], vehicle=known, extra=DELAY)
@@ -26,9 +35,12 @@ def rotor_parameters(result):
     return [p for p in result.parameters if p.name.startswith("kt_")]
 
 
-@pytest.mark.parametrize(("name", "rotors"), [("hexa-x", 6), ("octo", 8)])
-def test_what_a_mixer_never_moves_apart_is_not_identified(tmp_path, name, rotors):
-    result, true = identified(tmp_path, name, spread=(1.0, 0.97) * (rotors // 2))
+MANY = pytest.mark.parametrize(("name", "rotors"), [("hexa-x", 6), ("octo", 8)])
+
+
+@MANY
+def test_what_a_mixer_hardly_moves_apart_is_not_identified(tmp_path, name, rotors):
+    result, true = identified(tmp_path, name, spread=(1.0, 0.97) * (rotors // 2), sticks=HALF)
     found = rotor_parameters(result)
     assert len(found) == rotors
     for parameter in found:
@@ -38,6 +50,21 @@ def test_what_a_mixer_never_moves_apart_is_not_identified(tmp_path, name, rotors
     kt = result.parameter("kt")
     assert kt.verdict == "identified"
     assert kt.interval[0] < true.mean() < kt.interval[1]
+
+
+@MANY
+def test_large_motion_tells_it_to_a_few_percent(tmp_path, name, rotors):
+    """Speeds answer commands, thrust their squares: large ones leave the mixer's four directions.
+
+    Errors of 1.4 % rms were measured over 8 flights of each, and no interval that did not hold.
+    """
+    result, true = identified(tmp_path, name, spread=(1.0, 0.97) * (rotors // 2))
+    found = rotor_parameters(result)
+    assert len(found) == rotors
+    for parameter, own in zip(found, true, strict=True):
+        low, high = parameter.interval
+        assert low < own < high
+        assert 0.04 * own < high - low < 0.09 * own
 
 
 def test_groups_of_a_hexarotor_share_a_coefficient_that_is_found(tmp_path):

@@ -9,8 +9,8 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.frequency_bands import EDGES, LEAST_RATIO, counted_bands, flown_bands
 from rotorfit.fit.joint_equations import ANSWERED, NOISY
+from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.steering import _with_counted
-from rotorfit.identification.estimates import joint_fit
 from rotorfit.identification.identify import _flown
 from rotorfit.simulation import Stick, Sticks, write_flight_table
 
@@ -53,17 +53,19 @@ def test_what_counts():
     assert counted[:, 1].all()
 
 
-def test_every_row_of_a_band_that_is_flown_is_answered_up_to_3_hz_and_once():
-    """Roll is flown from 1 to 4 Hz, with 9 and 11 rows a block; in yaw the autopilot is slow."""
+def test_bands_that_are_flown_are_answered_and_count():
+    """Roll and yaw are flown from 1 to 4 Hz, pitch nowhere."""
     bands = [(0.0, 0.3), (1.0, 1.5), (2.0, 2.9), (3.0, 4.0), (11.0, 15.0)]
     rows = [2, 9, 11, 13, 15]
     body = made_fit.configuration(factors=made_fit.blocks(bands, rows=rows))
     signal, residual = np.ones((5, 6)), np.ones((5, 6))
     signal[1:4, [ROLL, YAW]] = 1.0 + LEAST_RATIO + 0.1
     steered = _with_counted(body, signal, residual, commanded=False)
-    assert ANSWERED == ("dwx", "dwy")
-    assert steered.answered.tolist() == [[0, 0], [9, 0], [11, 0], [0, 0], [0, 0]]
+    assert ANSWERED == ("dwx", "dwy", "dwz")
+    roll = yaw = [False, True, True, True, False]
+    assert steered.answered.T.tolist() == [roll, [False] * 5, yaw]
     assert steered.counted[:, ROLL].tolist() == [True, True, True, True, False]
+    assert steered.counted[:, PITCH].all()
 
 
 def test_a_band_is_flown_where_rotors_explain_over_three_times_the_rest():
@@ -85,7 +87,7 @@ def rolled(tmp_path_factory):
         folder / "experiment.toml", flight.vehicle, ["flight.csv"], mass=flight.truth.mass
     )
     loaded = _flown(load_experiment(path), lambda words: None)
-    _, (configuration,) = joint_fit(loaded, None)
+    _, (configuration,) = joint_fit(loaded)
     return configuration
 
 
@@ -106,5 +108,4 @@ def test_an_axis_that_is_not_flown_counts_but_has_no_answer(rolled):
     assert not rolled.answered[:, ANSWERED.index("dwy")].any()
     answered = rolled.answered[:, ANSWERED.index("dwx")]
     assert answered.any()
-    assert not answered[rolled.factors.band[:, 0] >= 3.0].any()
-    assert (answered <= rolled.factors.rows).all()
+    assert (answered <= rolled.counted[:, ROLL]).all()

@@ -9,7 +9,7 @@ import flown
 from rotorfit.errors import FlightWarning
 from rotorfit.experiment.experiment import MotorsEntry, load_experiment
 from rotorfit.fit.motor_timing import LAG_PRIOR
-from rotorfit.fit.timing_search import find_timing
+from rotorfit.fit.timing_fit import find_timing
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.identification.identify import _flown, identify
 from rotorfit.results.parameter_tables import motor_parameters

@@ -67,7 +67,8 @@ def find_timing(flown: Flown, *, lag: bool = True) -> MotorTiming | None:
         except UnsettledError:
             continue
         return found
-    return None
+    # Neither settles: the flights do not tell the lag, and without any they would be fitted wrongly.
+    return _untold(flown, delay_free="delay" in unknown) if "lag" in unknown else None
 
 
 def timed_again(flown: Flown, terms: Sequence[Term]) -> Flown:
@@ -92,7 +93,8 @@ def _fitted(
     flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
     timed, fit = _settled(flown.at(start, names), terms)
-    if "motor_lag" in names:
+    # Low-passed beside motion capture, motor data rise and fall alike.
+    if "motor_lag" in names and flown.source == "imu":
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
@@ -111,11 +113,11 @@ def _settled(flown: Flown, terms: tuple[Term, ...]) -> tuple[Flown, BandedEstima
     """Return the fit whose signals are made where it ends, and the flights at that timing."""
     begin: dict[str, float] | None = None
     fit: BandedEstimate | None = None
-    for _ in range(MOST_ROUNDS):
+    for left in reversed(range(MOST_ROUNDS)):
         free = flown.free_timing
         assert free is not None
         fit, _ = joint_fit(flown, terms=terms, begin=begin)
-        if _near(free, fit):
+        if not left or _near(free, fit):
             break
         begin = {k: v for k, v in fit.estimate.by_name.items() if k not in free.names}
         flown = flown.at(_moved(free, fit), free.names)
@@ -172,9 +174,11 @@ def _with_deviations(
     total = _std(fit, np.sum([row for row in (lag, delay) if row is not None], axis=0))
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
     prior = flown.lag_prior[1]
+    # With a delay that is given, what a command held too long or too short is taken for lag.
+    held = hold if delay is None else 0.0
     return MotorTiming(
         response=_moved(free, fit),
-        lag_std=None if lag is None else min(_norm(_std(fit, lag), split), prior),
+        lag_std=None if lag is None else min(_norm(_std(fit, lag), split, held), prior),
         delay_std=None if delay is None else _norm(_std(fit, delay), split, hold),
         total_std=_norm(total, SUM_FAULT, hold),
         free=free.names,

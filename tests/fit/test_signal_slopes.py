@@ -1,0 +1,143 @@
+"""Signals that a fit moves: to first order as they would be made anew."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+import made_fit
+from rotorfit.estimation.factors import Factors, stack_factors, triangular_factors
+from rotorfit.fit.flights import prepared_bands
+from rotorfit.fit.motor_timing import FreeTiming
+from rotorfit.flight.data import Segment
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.model.regressor import regressor
+from rotorfit.model.signals import rotor_columns
+
+RATE = 200.0
+AT = MotorResponse(lag=0.04, delay=0.01)
+SKEWED = MotorResponse(lag=0.03, delay=0.01, lag_down=0.05)
+LARGE = {"motor_lag": 6e-3, "motor_delay": 6e-3, "motor_skew": 0.1}
+
+
+def slow_noise(rng, *shape, top=2.0):
+    b, a = signal.butter(4, top / (RATE / 2))
+    return np.asarray(signal.filtfilt(b, a, rng.normal(size=shape), axis=0)) * 5.0
+
+
+def moving(seed, *, differentiation="central"):
+    """A flight of 20 s that turns, its four rotors at speeds of their own."""
+    rng = np.random.default_rng(seed)
+    n = round(20.0 * RATE)
+    flight = made_fit.prepared(rate=RATE, segments=(Segment(start=100, stop=n - 100),))
+    data = replace(
+        flight.data,
+        specific_force=slow_noise(rng, n, 3) + np.array([0.0, 0.0, 9.8]),
+        angular_velocity=slow_noise(rng, n, 3),
+        angular_acceleration=slow_noise(rng, n, 3),
+        differentiation=differentiation,
+    )
+    speed = 500.0 + 60.0 * slow_noise(rng, n, 4)
+    return replace(flight, data=data, motor_channel=speed)
+
+
+def gram(rows):
+    return np.einsum("bmi,bmj->bij", rows, rows)
+
+
+def left(flight, free, by):
+    """Return what moved rows leave of the change that making the signals anew makes."""
+    factors = prepared_bands(flight, made_fit.QUAD, free.at, free=free)
+    moved = factors.moved(np.array([by.get(name, 0.0) for name in free.names]))
+    anew = prepared_bands(flight, made_fit.QUAD, free.moved(by))
+    squares = np.einsum("bii->bi", gram(anew.R)).sum(axis=0)
+    scale = np.where(squares > 0.0, np.sqrt(squares), 1.0)
+
+    def size(G):
+        return np.linalg.norm(G.sum(axis=0) / np.outer(scale, scale))
+
+    away = size(gram(moved) - gram(anew.R))
+    return float(away), float(size(gram(factors.R) - gram(anew.R)))
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "differentiation"),
+    [
+        *((name, AT, way) for name in ("motor_lag", "motor_delay") for way in ("central", "exact")),
+        *((name, SKEWED, "central") for name in LARGE),
+        ("motor_skew", AT, "central"),
+    ],
+)
+def test_moved_rows_are_those_of_signals_made_anew_to_second_order(name, at, differentiation):
+    """Half of the move leaves a quarter of the error."""
+    flight = moving(3, differentiation=differentiation)
+    free = FreeTiming(at=at, names=(name,))
+    large, change = left(flight, free, {name: LARGE[name]})
+    small, _ = left(flight, free, {name: 0.5 * LARGE[name]})
+    assert large < 0.15 * change
+    assert 3.0 < large / small < 5.0
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    seed=st.integers(0, 1000),
+    share=st.tuples(*[st.floats(-1.0, 1.0)] * 2).filter(lambda s: max(map(abs, s)) > 0.2),
+)
+def test_both_times_move_together(seed, share):
+    free = FreeTiming(at=AT, names=("motor_delay", "motor_lag"))
+    by = {"motor_lag": 2e-3 * share[0], "motor_delay": 2e-3 * share[1]}
+    away, _ = left(moving(seed), free, by)
+    assert away < 4e-3  # 2 ms of each change it by up to 0.05
+
+
+def test_rows_that_do_not_move_are_those_without_slopes():
+    flight = moving(1)
+    free = FreeTiming(at=AT, names=("motor_lag", "motor_delay"))
+    with_slopes = prepared_bands(flight, made_fit.QUAD, AT, free=free)
+    without = prepared_bands(flight, made_fit.QUAD, AT)
+    assert without.slopes is None
+    assert without.moved(np.zeros(0)) is without.R
+    at_rest = with_slopes.moved(np.zeros(2))
+    np.testing.assert_allclose(with_slopes.R, without.R, atol=1e-6 * np.abs(without.R).max())
+    np.testing.assert_array_equal(at_rest[:, : with_slopes.R.shape[1]], with_slopes.R)
+    assert not at_rest[:, with_slopes.R.shape[1] :].any()
+    still = np.delete(
+        np.arange(with_slopes.R.shape[2]), rotor_columns(regressor(made_fit.QUAD).layout)
+    )
+    assert not with_slopes.slopes[..., still].any()
+
+
+def with_slopes(rng, blocks):
+    """Factors of rows Z, with the slopes that Z has, by one factor of both side by side."""
+    Z, D = rng.normal(size=(blocks, 50, 4)), rng.normal(size=(blocks, 50, 2))
+    R = triangular_factors(np.concatenate([Z, D], axis=2))
+    slopes = np.zeros((blocks, 1, 6, 4))
+    slopes[:, 0, :, [1, 3]] = R[:, :, 4:].transpose(2, 0, 1)
+    factors = Factors(
+        R=R[:, :4, :4],
+        rows=np.full(blocks, 50),
+        segment=np.zeros(blocks, dtype=np.int64),
+        band=np.tile([0.0, 1.0], (blocks, 1)),
+        slopes=slopes,
+    )
+    return factors, Z, D
+
+
+@given(seed=st.integers(0, 1000), by=st.floats(-2.0, 2.0))
+def test_moved_factors_hold_the_gram_matrix_of_moved_rows(seed, by):
+    factors, Z, D = with_slopes(np.random.default_rng(seed), 3)
+    Z[:, :, [1, 3]] += by * D
+    np.testing.assert_allclose(gram(factors.moved(np.array([by]))), gram(Z), atol=1e-9)
+
+
+def test_slopes_go_with_their_blocks():
+    rng = np.random.default_rng(0)
+    one, other = with_slopes(rng, 3)[0], with_slopes(rng, 2)[0]
+    both = stack_factors([one, other])
+    np.testing.assert_array_equal(both.slopes, np.concatenate([one.slopes, other.slopes]))
+    kept = both.select(np.array([False, True, False, False, True]))
+    np.testing.assert_array_equal(kept.slopes, both.slopes[[1, 4]])
+    assert stack_factors([one, replace(other, slopes=None)]).slopes is None
