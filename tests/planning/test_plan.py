@@ -9,8 +9,8 @@ import pytest
 import flown
 from rotorfit.errors import ExperimentError
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
-from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
-from rotorfit.fit.row_fits import ROTOR_SPREAD_STD, fit_rows
+from rotorfit.fit.joint_equations import ROTOR_SPREAD_STD, JointConfiguration, joint_estimate
+from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import regressor
@@ -203,7 +203,7 @@ def test_a_known_payload_sharpens_kd_most_where_the_flight_does_not():
 def test_quick_wiggles_sharpen_roll_and_pitch_inertia_and_height():
     wiggles = predicted(problem(), combined([(piece("wiggles"), 75.0)]))
     sticks = predicted(problem(), combined([(piece("sticks"), 75.0)]))
-    for name in ("Iyy_com@A", "com_z@A"):
+    for name in ("Iyy_over_kt@A", "com_z@A"):
         assert wiggles.half_width[wiggles.index(name)] < sticks.half_width[sticks.index(name)]
 
 
