@@ -94,14 +94,14 @@ def test_a_gusty_hover_is_no_wrong_spin(name, kind):
     assert judged(data, vehicle) is None
 
 
-def numbers(**values):
+def numbers(*, yaw=20.0, **values):
     names = tuple(f"{name}@A" for name in values)
     return Numbers(
         names=names,
         values=np.array([value for value, _ in values.values()]),
         half_width=np.array([half for _, half in values.values()]),
         correlation=np.eye(len(names)),
-        excitation={},
+        excitation={"roll@A": 50.0, "pitch@A": 50.0, "yaw@A": yaw},
     )
 
 
@@ -112,6 +112,9 @@ def numbers(**values):
         (numbers(kd_over_Izz=(-1e-6, 2e-6), Jr_over_Izz=(-3.1, 1.4)), "Jr / Izz of A"),
         (numbers(kd_over_Izz=(-1e-6, 2e-6), Jr_over_Izz=(-2.0, 1.4)), None),
         (numbers(kd_over_Izz=(2e-6, 1e-6), Jr_over_Izz=(-3.1, 1.4)), None),
+        # A hover in gusts: the answer to them looks like reversed rotors.
+        (numbers(yaw=4.9, kd_over_Izz=(-1e-6, 2e-6), Jr_over_Izz=(-3.1, 1.4)), None),
+        (numbers(yaw=4.9, kd_over_Izz=(-2e-6, 1e-6)), "kd / Izz of A"),
         (numbers(kd_over_Izz=(-2e-6, np.inf)), None),
     ],
 )

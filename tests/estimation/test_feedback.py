@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import (
     BandedProblem,
     _corrected_equations,
@@ -288,14 +287,13 @@ def test_an_answer_that_is_wrong_moves_inertia_and_lateness_by_the_answers_shift
     assert (np.abs(shift) > 4.0 * error).any()
 
 
-def test_inputs_without_effect_leave_nothing_to_fit():
-    """Where an estimate runs away to, of flights in which nobody steers."""
+def test_inputs_without_effect_answer_nothing():
+    """Where an estimate may run away to, of flights in which nobody steers."""
     problem = axis_problem(closed_loop(1, gain=1.0), answered=1.0)
     (own,) = problem.feedback.answers
     none = replace(problem.feedback, answers=(replace(own, moves=0.0 * own.moves),))
-    with pytest.raises(UnsettledError, match="fly more motion") as raised:
-        banded(replace(problem, feedback=none), START)
-    assert raised.value.reached == {"m": 0.4}
+    one, other = (banded(replace(problem, feedback=f), START).estimate for f in (none, None))
+    np.testing.assert_allclose(one.values, other.values, atol=2e-3 * float(one.std[0]))
 
 
 def test_known_noise_of_the_inputs_and_the_term_together():

@@ -127,8 +127,8 @@ def swallowed(bias, half=0.1, *, reads=G, source="imu", name="accel_bias_z@A"):
 
 
 def test_a_bias_that_gravity_contradicts_is_thrust():
-    """0.4 m/s^2, or both half-widths: its own, and 1.96 * 1.5 / 20 of the velocity."""
-    for half, limit in ((0.1, 0.4), (0.6, np.hypot(0.6, 1.96 * 1.5 / 20.0))):
+    """0.4 m/s^2, or half of its half-width, and 1.96 * 1.5 / 20 of the velocity."""
+    for half, limit in ((0.1, 0.4), (1.2, np.hypot(0.6, 1.96 * 1.5 / 20.0))):
         for sign in (1.0, -1.0):
             assert swallowed(sign * (limit - 1e-3), half) is None
             wrong = swallowed(sign * (limit + 1e-3), half)

@@ -19,7 +19,6 @@ from rotorfit.fit.timing_fit import (
     _settled,
     _untold,
     _with_deviations,
-    _with_skew,
     find_timing,
     timed_again,
 )
@@ -199,15 +198,26 @@ def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, g
 
 
 @pytest.mark.parametrize(
-    ("source", "lag"), [("mocap", 0.04), ("imu", 0.0)], ids=["motion capture", "no lag"]
+    ("source", "lag"), [("mocap", 0.04), ("imu", 0.0009)], ids=["motion capture", "quick motors"]
 )
 def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, lag):
-    seen = fits_to(monkeypatch, AT, gain=1e3, skew=0.3)
-    free = FreeTiming(at=MotorResponse(lag=lag), names=BOTH)
-    fit = fit_at(free, moved=[0.0, 0.0])
-    whole = flown(source=source).at(free.at, free.names)
-    assert _with_skew(whole, fit, ()) == (whole, fit)
-    assert seen == []
+    seen = fits_to(monkeypatch, MotorResponse(lag=lag, delay=0.01), gain=1e3, skew=0.3)
+    found = _fitted(flown(source=source), MotorResponse(lag=lag, delay=0.01), BOTH, ())
+    assert found.free == BOTH
+    assert [free.names for free, _ in seen] == [BOTH]
+
+
+def test_where_a_skew_does_not_settle_there_is_none(monkeypatch):
+    fits_to(monkeypatch, AT, gain=1e3, skew=0.3)
+    plain = timing_fit.joint_fit
+
+    def joint_fit(flown, **more):
+        if "motor_skew" in flown.free_timing.names:
+            raise UnsettledError("no")
+        return plain(flown, **more)
+
+    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
+    assert _fitted(flown(), AT, BOTH, ()).free == BOTH
 
 
 @pytest.mark.parametrize(("pull", "known"), [(29.9, True), (30.1, False)])

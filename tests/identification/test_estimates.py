@@ -9,7 +9,6 @@ import made_fit
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_numbers import Numbers
 from rotorfit.fit.kt_from_weight import WeighedThrust
-from rotorfit.identification import estimates
 from rotorfit.identification.estimates import _holding_both, _kt_of, _reaching, joint_fit
 
 
@@ -53,9 +52,9 @@ def test_a_weighed_thrust_coefficient_is_held_to_a_ten_thousandth(monkeypatch):
         held.append(known_kt)
         raise Held
 
-    monkeypatch.setattr(estimates, "steered", steered)
-    monkeypatch.setattr(Flown, "bands", lambda self, response: (made_fit.blocks([(1.0, 2.0)]),))
+    monkeypatch.setattr("rotorfit.fit.joint_fit.steered", steered)
+    monkeypatch.setattr(Flown, "timed_bands", lambda self: (made_fit.blocks([(1.0, 2.0)]),))
     flown = replace(made_fit.flown(made_fit.prepared()))
     with pytest.raises(Held):
-        joint_fit(flown, None, weighed=WeighedThrust(kt=2e-6, std=1e-7), begin={"kt": 2e-6})
+        joint_fit(flown, weighed=WeighedThrust(kt=2e-6, std=1e-7), begin={"kt": 2e-6})
     assert held[0] == pytest.approx((2e-6, 2e-10))

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float, Int
 from rotorfit.checks.declared_rotors import BAND, reversed_rotor
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
+from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.fit.flights import Flown, flight_bands
 from rotorfit.fit.frequency_bands import EDGES, flown_bands
 from rotorfit.fit.joint_equations import JointConfiguration
@@ -125,7 +126,8 @@ def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None
         low, high = numbers.interval(f"kd_over_Izz@{name}")
         if high < 0.0:
             return _reversed_said("kd / Izz", name, low, high)
-        if low > 0.0:
+        # Where nobody yaws, an autopilot's answer to gusts looks like reversed rotors' spin-up.
+        if low > 0.0 or not (numbers.rho(f"Jr_over_Izz@{name}") or 0.0) > LEAST_EXCITATION:
             continue
         low, high = numbers.interval(f"Jr_over_Izz@{name}")
         if high + 0.5 * (CERTAIN - 1.0) * (high - low) < 0.0:

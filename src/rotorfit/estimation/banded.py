@@ -181,8 +181,6 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
     for iteration in range(1, MOST_ITERATIONS + 1):
         A, b = _linearised(problem, state)
         extra = _feedback_scores(problem, state.phi).sum(axis=0)
-        if not np.isfinite(extra).all():
-            break  # it runs away to where the inputs have no effect at all
         taken = damped_step(A, b, damping, extra)
         trial = _evaluate_or_none(problem, state.phi + taken.step)
         # With the variances of the last point: where these squares fall, the likelihood rises,

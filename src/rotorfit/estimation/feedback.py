@@ -91,9 +91,10 @@ class Feedback:
         """Return the derivative of `gain` along dG, block by block and error by error."""
         own = self.answers[c]
         moved = dG[:, list(self.errors)][:, :, list(self.inputs)]
-        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # found by who asks
-            slope = np.einsum("fei,bei->bef", moved, own.moves) / self._effect(own, G)[:, :, None]
-            return own.rows[:, :, None] * np.real(own.share[:, :, None] * slope)
+        effect = self._effect(own, G)
+        effect = np.where(effect == 0, np.inf, effect)  # nothing to answer with
+        slope = np.einsum("fei,bei->bef", moved, own.moves) / effect[:, :, None]
+        return own.rows[:, :, None] * np.real(own.share[:, :, None] * slope)
 
     def _effect(self, own: Answers, G: Float[np.ndarray, "k z"]) -> Complex[np.ndarray, "b e"]:
         return np.einsum("ei,bei->be", G[np.ix_(self.errors, self.inputs)], own.moves)

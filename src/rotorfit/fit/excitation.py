@@ -76,6 +76,21 @@ def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool)
     return share * abs(size)
 
 
+def link_allowance(size: float, link: float) -> float:
+    """Return the half-width that too little roll and pitch adds to a number that hangs on them.
+
+    Parameters
+    ----------
+    size
+        Of the number as found.
+    link
+        The larger rho of roll and pitch.
+    """
+    if not link > NO_EXCITATION:
+        return float("inf")
+    return SCALE_PULL / (link + SCALE_PULL) * abs(size)
+
+
 def product_allowance(size: float, rho: float) -> float:
     """Return the half-width that too little yaw adds to a number of `YAW_PRODUCTS`.
 

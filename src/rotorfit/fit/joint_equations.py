@@ -24,7 +24,6 @@ from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.row_fits import (
     ACCEL_BIAS_STD,
     MOUNTING_STD,
-    ROTOR_SPREAD_STD,
     RowFits,
     fit_rows,
 )
@@ -46,6 +45,9 @@ TAKEN = np.array([1.0, 1.0, 0.0])
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 """Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
 IMU and rotor plane look the same."""
+ROTOR_SPREAD_STD = 0.04
+"""Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
+2 %, one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
 GROUP_SPREAD_STD = 0.1
 """Thrust coefficients of groups that the user tells apart differ by about this share: lower rotors
 in the wake of upper ones, other propellers."""

@@ -6,11 +6,11 @@ estimate hangs on what is assumed of the autopilot, which answers disturbances
 (`banded.answer_shifts`). What a change of settings shifts is added by the recipe.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy import stats
 
 from rotorfit.estimation.banded import BandedEstimate, answer_shifts, normal_equations
@@ -22,9 +22,11 @@ from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.excitation import (
     HEIGHTS,
-    NO_EXCITATION,
+    LEAST_EXCITATION,
     SCALED,
     YAW_PRODUCTS,
+    attenuation_allowance,
+    link_allowance,
     product_allowance,
     scale_stretch,
 )
@@ -61,6 +63,8 @@ from rotorfit.model.vehicle import Vehicle
 AXES = ("roll", "pitch", "yaw")
 FEWEST_PHASES = 3
 """Whose scatter tells anything."""
+MOST_LEVERAGE = 4.0
+"""Of a phase that has three quarters of the information."""
 FEWEST_FLIGHTS = 3
 """Of one configuration, from which their scatter tells anything."""
 ENOUGH_FLIGHTS = 5
@@ -106,8 +110,10 @@ def joint_numbers(
     )
     shifts = [np.abs(answer_shifts(fit) @ jacobian.T).sum(axis=0)]
     shifts += [1.96 * jacobian @ shift for shift in _timing_shifts(fit, configurations[0].timing)]
-    numbers = _with_systematic(numbers, configurations, mass_std, np.linalg.norm(shifts, axis=0))
-    return hanging_on_roll_and_pitch(numbers, configurations)
+    told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
+    told = _with_systematic(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
+    told = hanging_on_roll_and_pitch(told, configurations)
+    return replace(told, excitation=numbers.excitation)
 
 
 def _between_flights(
@@ -155,7 +161,8 @@ def _between_phases(
     What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
     their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
     moves by d; p is too small where a phase has most of the information, and d too large: the
-    variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2).
+    variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
+    more than a few times p: without the one phase that tells anything, nothing is told at all.
     """
     first, parts = 0, list[Bool[np.ndarray, " b"]]()
     blocks = sum(len(factors) for factors in fit.problem.factors)
@@ -170,7 +177,9 @@ def _between_phases(
         return np.zeros(len(jacobian))
     pulls = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
     moves = np.array([_step_without(fit, own) for own in parts]) @ jacobian.T
-    return 1.96 * np.sqrt(np.abs(pulls * moves).sum(axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leverage = np.clip(np.nan_to_num(np.abs(moves / pulls), nan=1.0), 1.0, MOST_LEVERAGE)
+    return 1.96 * np.sqrt((leverage * pulls**2).sum(axis=0))
 
 
 def _step_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Float[np.ndarray, " f"]:
@@ -238,6 +247,30 @@ def excitation(
     Of several flights the mean, each for as long as it is: the fit gives every flight the weight
     of its own noise, so that a calm one beside a lively one does no harm.
     """
+    return _ratios(fit, configurations, lambda factors: factors.recording)
+
+
+def weighed_excitation(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, float]:
+    """Return the same, the mean over single blocks, each with the weight it has in the fit.
+
+    A short lively phase of a long calm flight is what tells of the vehicle.
+    """
+    return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
+
+
+def _telling(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
+    """Return the excitation by weight where that is enough, else over the whole flights."""
+    plain = numbers.excitation
+    return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
+
+
+def _ratios(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    parts: Callable[[Factors], Int[np.ndarray, " b"]],
+) -> dict[str, float]:
     rho: dict[str, float] = {}
     first = 0
     for configuration in configurations:
@@ -245,7 +278,8 @@ def excitation(
         signal = fit.signal_power[first : first + count, 3:]
         residual = fit.residual_power[first : first + count, 3:]
         first += count
-        means = _flight_ratios(configuration.factors, signal, residual)
+        factors = configuration.factors
+        means = _mean_ratios(factors, signal, residual, parts(factors))
         rho |= {
             f"{axis}@{configuration.name}": float(mean)
             for axis, mean in zip(AXES, means, strict=True)
@@ -253,15 +287,18 @@ def excitation(
     return rho
 
 
-def _flight_ratios(
-    factors: Factors, signal: Float[np.ndarray, "b 3"], residual: Float[np.ndarray, "b 3"]
+def _mean_ratios(
+    factors: Factors,
+    signal: Float[np.ndarray, "b 3"],
+    residual: Float[np.ndarray, "b 3"],
+    parts: Int[np.ndarray, " b"],
 ) -> Float[np.ndarray, " 3"]:
-    """Return the mean over flights of explained over residual power in the pilot's band."""
+    """Return the mean over parts of explained over residual power in the pilot's band."""
     low, high = PILOT_BAND
     inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
     total, weight = np.zeros(3), 0.0
-    for number in np.unique(factors.recording):
-        own = inside & (factors.recording == number)
+    for number in np.unique(parts):
+        own = inside & (parts == number)
         left = residual[own].sum(axis=0)
         explained = np.maximum(signal[own].sum(axis=0) - left, 0.0)
         rows = float(factors.rows[own].sum())
@@ -287,8 +324,10 @@ def _with_systematic(
         value = abs(float(numbers.values[i]))
         parts = [float(shifts[i])]
         rho = numbers.rho(name)
-        if rho is not None and not rho > NO_EXCITATION:
-            parts.append(float("inf"))
+        if rho is not None and not rho > LEAST_EXCITATION:
+            c = by_name[owner] if owner else configurations[0]
+            size = max(value, number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle))
+            parts.append(attenuation_allowance(base, size, rho, answered=False))
         if base in YAW_PRODUCTS:
             parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
         if (PARAMETERS | DERIVED)[base].mass_power:
@@ -313,8 +352,8 @@ def hanging_on_roll_and_pitch(
         base, _, owner = name.partition("@")
         link = numbers.link(owner if base in HEIGHTS and not weighed else None)
         hangs = base in HEIGHTS or (base in SCALED and not weighed)
-        if hangs and not link > NO_EXCITATION:
-            half[i] = np.inf
+        if hangs and not link > LEAST_EXCITATION:
+            half[i] = np.hypot(half[i], link_allowance(float(numbers.values[i]), link))
     return replace(numbers, half_width=half * _stretches(numbers, half))
 
 

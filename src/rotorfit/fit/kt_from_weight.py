@@ -25,6 +25,8 @@ LEAST_CONFLICT = 0.08
 """Share by which k_t of changes and of the weight may differ before the square law is doubted."""
 VAGUE = 0.25
 """Share of k_t from which what changes of thrust leave open of it is taken from the weight."""
+OWN_SHARE = 0.5
+"""Of a bias's half-width that counts as chance: thrust that is taken for one makes it scatter."""
 LIKELY = 3.0
 """Deviations of chance within which they always may."""
 LARGEST_BIAS = 2.0 * ACCEL_BIAS_STD
@@ -117,7 +119,8 @@ def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:
             continue
         fitted, half = numbers.number(name)
         apart = abs(fitted - read.ratio * GRAVITY)
-        if apart > max(LARGEST_BIAS, float(np.hypot(half, 1.96 * read.std * GRAVITY))):
+        chance = float(np.hypot(OWN_SHARE * half, 1.96 * read.std * GRAVITY))
+        if apart > max(LARGEST_BIAS, chance):
             wrong = SwallowedWeight(
                 configuration=configured.entry.name, fitted=fitted, read=read.ratio * GRAVITY
             )

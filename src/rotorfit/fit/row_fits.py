@@ -54,9 +54,9 @@ NUISANCE_STD = {
     "Jr": 0.003,
 }
 """Deviation of the small terms of the roll and pitch rows, relative to that row's inertia."""
-ROTOR_SPREAD_STD = 0.04
-"""Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
-2 %, one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
+ROW_SPREAD_STD = 0.015
+"""Thrust coefficients of one vehicle's new propellers differ by about this share. One row by itself
+cannot tell more than that from products of inertia."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,7 +171,7 @@ def _fit_row(
         mapped = _moment_map(model, row, own_rotors)
         prior = dict(NUISANCE_STD) if row != "yaw" else {}
         if first is not None and own_rotors:
-            spread = ROTOR_SPREAD_STD * abs(first.estimate.value("kt"))
+            spread = ROW_SPREAD_STD * abs(first.estimate.value("kt"))
             prior |= dict.fromkeys(own_rotors, spread)
     weights = np.array([EQUATIONS[row]])
     problem = LinearProblem(

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.errors import UnsettledError
+from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, answer_shifts
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
@@ -36,6 +36,8 @@ LONGEST_LAG: Final = 0.2
 LONGEST_DELAY: Final = 0.16
 LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, for which rising and falling speed get a lag each."""
+LEAST_LAG: Final = 1e-3
+"""Of rotors whose rising and falling may differ [s]."""
 LARGEST_SKEW: Final = 0.8
 UNTOLD_PULL: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
@@ -67,7 +69,7 @@ def find_timing(flown: Flown, *, lag: bool = True) -> MotorTiming | None:
         except UnsettledError:
             continue
         return found
-    # Neither settles: the flights do not tell the lag. Without any the fit would be wrong and sure.
+    # Neither settles: the flights do not tell the lag, and without one they would be fitted wrong.
     return _untold(flown, delay_free="delay" in unknown) if "lag" in unknown else None
 
 
@@ -93,7 +95,10 @@ def _fitted(
     flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
     timed, fit = _settled(flown.at(start, names), terms)
-    if "motor_lag" in names:
+    # Low-passed beside motion capture, motor data rise and fall alike.
+    at = timed.timing
+    lagging = "motor_lag" in names and at is not None and at.mean_lag > LEAST_LAG
+    if lagging and flown.source == "imu":
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
@@ -144,14 +149,13 @@ def _with_skew(
     """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
     free = flown.free_timing
     assert free is not None
-    # Low-passed beside motion capture, motor data rise and fall alike; and so do those without lag.
-    if flown.source == "mocap" or free.at.mean_lag == 0.0:
-        return flown, fit
     wide = flown.at(free.at, (*free.names, "motor_skew"))
-    first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
-    if first.log_likelihood - fit.log_likelihood <= LEAST_GAIN:
-        return flown, fit
-    return _settled(wide, terms)
+    try:
+        first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
+        gain = first.log_likelihood - fit.log_likelihood
+        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, terms)
+    except EstimationError:
+        return flown, fit  # motors too quick to tell their rising from their falling
 
 
 def _untold(flown: Flown, *, delay_free: bool) -> MotorTiming:

@@ -62,6 +62,8 @@ DELAY_STEP: Final = 1e-4
 """For the derivative by the motors' delay [s]."""
 VAGUE: Final = 10.0
 """Nothing is known beforehand: a deviation of this many times a parameter's size."""
+UNSURE_DELAY = 2e-4
+"""Deviation of the motors' delay that a flight leaves open [s]: .16 ms in simulated gusts, and .1."""
 TRIALS: Final = 3
 """Settings that `identify` tries for its intervals; two of them shift the timing."""
 
@@ -238,7 +240,7 @@ def predicted(
         Information from earlier flights.
     """
     covariance, jacobian = _covariance(problem, flown, known), problem.jacobian
-    shift = jacobian @ covariance @ flown.timing * (0.5 / problem.assumed.log_rate)
+    shift = jacobian @ covariance @ flown.timing * UNSURE_DELAY
     timing = 2.0 * np.abs(shift) * np.sqrt((TRIALS - 1) / TRIALS) * float(problem.timed)
     std = np.sqrt(np.maximum(np.einsum("if,fg,ig->i", jacobian, covariance, jacobian), 0.0))
     numbers = Numbers(
