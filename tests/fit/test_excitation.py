@@ -14,6 +14,7 @@ from rotorfit.fit.excitation import (
     RATIO_PULL,
     SCALE_PULL,
     attenuation_allowance,
+    link_allowance,
     product_allowance,
 )
 from rotorfit.fit.frequency_bands import PILOT_BAND
@@ -47,6 +48,12 @@ def test_the_pulls_are_those_of_the_method(name, rho, answered, share):
 def test_what_hangs_on_yaw_in_figures():
     assert product_allowance(2.0, 12.0) == pytest.approx(0.4)  # 3 / (12 + 3)
     assert product_allowance(2.0, 0.0) == product_allowance(2.0, -1.0) == 2.0
+
+
+def test_what_hangs_on_roll_and_pitch_in_figures():
+    assert link_allowance(-2.0, 27.0) == pytest.approx(0.2)  # 3 / (27 + 3)
+    assert link_allowance(2.0, 1.51) == pytest.approx(6.0 / 4.51)
+    assert np.isinf(link_allowance(2.0, 1.5))
 
 
 def test_below_a_rho_of_5_disturbances_are_what_limits():

@@ -22,6 +22,7 @@ from rotorfit.fit.joint_numbers import (
     hanging_on_roll_and_pitch,
     joint_numbers,
     number_scale,
+    weighed_excitation,
 )
 from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.flight.motors import MotorResponse
@@ -147,7 +148,7 @@ def test_phases_pull_as_the_jackknife_and_the_sandwich_in_the_mean(monkeypatch, 
     factors = made_fit.blocks([(1.0, 2.0), (2.0, 3.0)] * phases)
     body = made_fit.configuration(factors=replace(factors, segment=np.repeat(np.arange(phases), 2)))
     p = 1e-8 * np.array([1.0, -2.0, 3.0, 5.0])[:phases]
-    d = 1e-8 * np.array([-4.0, 2.0, -5.0, 7.0])[:phases]
+    d = 1e-8 * np.array([-3.0, 2.0, -5.0, 7.0])[:phases]
     inside = np.array([1e-7, -1e-7] * phases)  # within the phases, and no matter
     fit = made_fit.fit_of([body], std={}, influence={"kt": np.repeat(p / 2, 2) + inside})
     place = fit.estimate.names.index("kt")
@@ -161,6 +162,24 @@ def test_phases_pull_as_the_jackknife_and_the_sandwich_in_the_mean(monkeypatch, 
     expected = 1.96 * np.sqrt(np.sum(np.abs(p * d))) if phases > 2 else 0.0
     assert found[place] == pytest.approx(expected)
     assert np.delete(found, place) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(("ratio", "counted"), [(0.5, 1.0), (3.9, 3.9), (10.0, 4.0)])
+def test_a_phase_without_which_nothing_is_told_counts_four_times_at_most(
+    monkeypatch, ratio, counted
+):
+    """And one that pulls nowhere does not count, wherever the others go without it."""
+    factors = made_fit.blocks([(1.0, 2.0)] * 4)
+    body = made_fit.configuration(factors=replace(factors, segment=np.arange(4)))
+    pulls = 1e-8 * np.array([3.0, -2.0, 1.0, 0.0])
+    fit = made_fit.fit_of([body], std={}, influence={"kt": pulls})
+    place = fit.estimate.names.index("kt")
+    moves = np.array([ratio, 1.0, 1.0, 1.0]) * np.where(pulls == 0.0, 1e-6, -pulls)
+    monkeypatch.setattr(
+        module, "_step_without", lambda fit, own: (moves @ own) * np.eye(FREE)[place]
+    )
+    expected = 1.96e-8 * np.sqrt(counted * 9.0 + 4.0 + 1.0)
+    assert _between_phases(fit, np.eye(FREE))[place] == pytest.approx(expected)
 
 
 def factors_of(body):
@@ -333,15 +352,31 @@ def test_a_shared_number_hangs_on_the_least_known_mass():
     assert half["kt"] == pytest.approx(1.96 * 0.03)
 
 
-@pytest.mark.parametrize(("yaw", "bounded"), [(1.49, False), (1.51, True)])
-def test_an_axis_that_is_not_flown_bounds_nothing(yaw, bounded):
-    """Its rho at most 1.5: what is its own has no end; roll and what needs no motion have."""
+@pytest.mark.parametrize(
+    ("yaw", "kd", "ratio"),
+    [
+        (5.01, 0.0, 0.0),
+        (4.99, 1.5 / 3.49, 1.5 / 3.49),  # the larger of 3 / (rho + 3) and 1.5 / (rho - 1.5)
+        (1.49, np.inf, np.inf),
+    ],
+)
+def test_from_a_rho_of_5_down_the_fixed_allowances_are_added(yaw, kd, ratio):
+    """For what is the axis' own; roll and what needs no motion are as they were."""
     entries = {"kt": (1.0, 0.1), "kd": (1.0, 0.1), "kd_over_Izz@A": (1.0, 0.1)}
     half = widened(entries, rho={**RHO, "yaw@A": yaw})
-    for name in ("kd", "kd_over_Izz@A"):
-        assert half[name] == pytest.approx(0.1 if bounded else np.inf)
+    assert half["kd"] == pytest.approx(np.hypot(0.1, kd))
+    assert half["kd_over_Izz@A"] == pytest.approx(np.hypot(0.1, ratio))
     assert half["kt"] == 0.1
     assert half["Ixx_com@A"] == 0.3
+
+
+def test_a_number_near_zero_is_pulled_as_one_that_matters():
+    """At a rho of 4.5: of 1/1000 of Izz = 10 a half; of sqrt(16) / 20 2.5 / (4.5 + 2.5)."""
+    rho = {"roll@A": 4.5, "pitch@A": 4.5, "yaw@A": 4.5}
+    half = widened({"Jr": (0.0, 0.0), "Ixy_com@A": (0.0, 0.0)}, rho=rho)
+    assert half["Jr"] == pytest.approx(0.5 * 0.01)
+    assert half["Ixy_com@A"] == pytest.approx(2.5 / 7.0 * 0.2)
+    assert widened({"Jr": (0.5, 0.0)}, rho=rho)["Jr"] == pytest.approx(0.25)
 
 
 def test_a_shared_number_goes_by_the_configuration_that_yaws_most():
@@ -389,11 +424,12 @@ def test_sizes_that_matter_are_those_of_the_method(name, size):
 
 HANGING = {
     "kt": (1.0, 0.1), "kd": (1.0, 0.2), "Izz_com@A": (4.0, 0.4), "Izz_com@B": (5.0, 0.5),
-    "com_z@A": (0.0, 0.003), "com_z@B": (0.0, 0.003), "msz@B": (0.0, 0.004),
+    "com_z@A": (0.02, 0.003), "com_z@B": (0.02, 0.003), "msz@B": (0.04, 0.004),
 }  # fmt: skip
 YAWED = {"yaw@A": 50.0, "yaw@B": 50.0}
-A_ALONE = {"roll@A": 1.51, "pitch@A": 0.1, "roll@B": 1.49, "pitch@B": 0.1, **YAWED}
-NEITHER = {**A_ALONE, "roll@A": 1.49}
+A_ALONE = {"roll@A": 5.01, "pitch@A": 0.1, "roll@B": 4.99, "pitch@B": 0.1, **YAWED}
+LITTLE = {**A_ALONE, "roll@A": 4.98}
+NEITHER = {**A_ALONE, "roll@A": 1.49, "roll@B": 1.48}
 
 
 def hanging(rho, payload=False):
@@ -407,10 +443,13 @@ def hanging(rho, payload=False):
 
 
 def test_the_scale_of_yaw_hangs_on_the_best_flown_of_all_turns():
-    """A rho above 1.5 anywhere is enough; then it is as long as the interval of the inverse."""
+    """A rho above 5 anywhere is enough; then it is as long as the interval of the inverse."""
     half = hanging(A_ALONE)
     assert half["kd"] == pytest.approx(0.2 / (1.0 - 0.2**2))
     assert half["Izz_com@B"] == pytest.approx(0.5 / (1.0 - 0.1**2))
+    half = hanging(LITTLE)
+    kd = np.hypot(0.2, 3.0 / 7.99)
+    assert half["kd"] == pytest.approx(kd / (1.0 - kd**2))
     half = hanging(NEITHER)
     assert half["kd"] == half["Izz_com@A"] == half["Izz_com@B"] == np.inf
     assert half["kt"] == 0.1
@@ -419,7 +458,10 @@ def test_the_scale_of_yaw_hangs_on_the_best_flown_of_all_turns():
 def test_heights_hang_on_the_turns_of_their_own_configuration():
     half = hanging(A_ALONE)
     assert half["com_z@A"] == 0.003
-    assert half["com_z@B"] == half["msz@B"] == np.inf
+    assert half["com_z@B"] == pytest.approx(np.hypot(0.003, 0.02 * 3.0 / 7.99))
+    assert half["msz@B"] == pytest.approx(np.hypot(0.004, 0.04 * 3.0 / 7.99))
+    half = hanging(NEITHER)
+    assert half["com_z@A"] == half["com_z@B"] == half["msz@B"] == np.inf
 
 
 def test_a_known_payload_gives_the_scale_and_shares_the_height():
@@ -428,6 +470,27 @@ def test_a_known_payload_gives_the_scale_and_shares_the_height():
     half = hanging(NEITHER, payload=True)
     assert half["kd"] == pytest.approx(0.2 / (1.0 - 0.2**2))
     assert half["com_z@A"] == half["com_z@B"] == np.inf
+
+
+def test_a_short_lively_phase_of_a_calm_flight_is_what_tells():
+    """Of 40 rows 10 at a rho of 60, the rest at none: 15 by block, 2.4 as a whole."""
+    factors = made_fit.blocks([(1.0, 2.0)] * 2, rows=[10, 30])
+    body = made_fit.configuration(factors=factors)
+    residual = np.array([[1.0], [24.0]]) * np.ones((2, 6))
+    fit = made_fit.fit_of([body], std={}, powers=([[61.0], [24.0]] * np.ones((2, 6)), residual))
+    assert weighed_excitation(fit, [body]) == pytest.approx(dict.fromkeys(RHO, 15.0))
+    assert excitation(fit, [body]) == pytest.approx(dict.fromkeys(RHO, 60.0 / 25.0))
+    found = joint_numbers(fit, [body], {"A": 0.0})
+    assert found.excitation == pytest.approx(dict.fromkeys(RHO, 2.4))
+    assert half_of(found, "kd_over_Izz@A") < 1e-6  # no allowance, as by 15
+    lively = [[19.0], [24.0]] * np.ones((2, 6))
+    little = made_fit.fit_of([body], std={}, powers=(lively, residual))  # 4.5 by block: not enough
+    half = half_of(joint_numbers(little, [body], {"A": 0.0}), "kd_over_Izz@A")
+    assert half == np.inf  # as by the whole flight, 0.72
+
+
+def half_of(numbers, name):
+    return numbers.number(name)[1]
 
 
 def test_all_terms_stand_together_in_the_interval_of_a_flight(monkeypatch):

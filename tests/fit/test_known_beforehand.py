@@ -120,6 +120,6 @@ def test_the_rows_take_small_terms_for_as_small_as_they_are(monkeypatch):
     assert first_roll[0] == first_pitch[0] == small
     assert first_yaw[0] == yaw[0] == {}
     for (first, again), row in zip(((first_roll, roll), (first_pitch, pitch)), "xy", strict=True):
-        spread = 0.04 * abs(first[1].value("kt"))
+        spread = 0.015 * abs(first[1].value("kt"))
         own = {f"kt_{i}": spread for i in (1, 2, 3, 4)}
         assert again[0] == pytest.approx({**small, **own}), row
