@@ -250,6 +250,13 @@ def test_times_beyond_any_motors_are_none(monkeypatch, bottom):
     assert _fitted(flown(), AT, BOTH, ()) is None
 
 
+@pytest.mark.parametrize("bottom", [MotorResponse(lag=0.19), MotorResponse(lag=0.04, delay=0.15)])
+def test_motors_may_be_as_slow_as_200_ms_and_as_late_as_160(monkeypatch, bottom):
+    fits_to(monkeypatch, bottom)
+    found = _fitted(flown(), AT, BOTH, ()).response
+    assert (found.lag, found.delay) == pytest.approx((bottom.lag, bottom.delay))
+
+
 def unsettled(monkeypatch, *, settles):
     """Let fits settle only with these terms; return which were tried."""
     tried = []
@@ -367,6 +374,10 @@ def test_a_lag_begins_at_the_best_trial(monkeypatch, bottom, found):
 def test_what_is_known_of_the_lag_decides_between_trials_that_fit_alike(monkeypatch):
     costs(monkeypatch, lambda response: 0.0)
     assert coarse_timing(flown(), ("lag",)).lag == 0.04
+    # 100 ms are 2.2 deviations from the usual 35, and unlikelier by 2.3 than the best trial.
+    for gain, lag in ((2.2, 0.04), (2.5, 0.1)):
+        costs(monkeypatch, lambda response, gain=gain: -gain * (response.lag == 0.1))
+        assert coarse_timing(flown(), ("lag",)).lag == lag
     bench = MotorsEntry(speed="commanded", lag=0.07, lag_std=0.002, delay=0.003)
     assert coarse_timing(flown(motors=bench), ("lag",)) == MotorResponse(lag=0.07, delay=0.003)
 
@@ -379,6 +390,8 @@ def test_what_is_known_of_the_lag_decides_between_trials_that_fit_alike(monkeypa
         (0.040, 9.0, None),
         (-0.040, 11.0, -0.040),
         (0.5, 1e3, None),
+        (0.164, 1e3, 0.164),
+        (0.172, 1e3, None),
     ],
 )
 def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, gain, found):
