@@ -63,7 +63,7 @@ DELAY_STEP: Final = 1e-4
 VAGUE: Final = 10.0
 """Nothing is known beforehand: a deviation of this many times a parameter's size."""
 UNSURE_DELAY = 2e-4
-"""Deviation of the motors' delay that a flight leaves open [s]: .16 ms in simulated gusts, and .1."""
+"""Deviation of the motors' delay that a flight leaves open [s]: .16 ms in simulated gusts."""
 TRIALS: Final = 3
 """Settings that `identify` tries for its intervals; two of them shift the timing."""
 
