@@ -2,12 +2,13 @@
 
     python -m benchmarks.same_numbers -o before.json
     (change the code)
-    python -m benchmarks.same_numbers -o after.json --against before.json
+    python -m benchmarks.same_numbers -o after.json --against before.json [--table table.md]
 
 Runs the command line on every log of the real data ($ROTORFIT_DATA, ../shared/data) and on
 `simulate paper` in all variants, and keeps what was printed and how it ended. With --against it
 prints, case by case, whether the two are equal to the last bit, and where not, the largest step of
-a parameter in units of its standard deviation before.
+a parameter in units of its standard deviation before. --table writes what both find on the real
+logs side by side, values with half of their intervals.
 """
 
 import argparse
@@ -80,6 +81,15 @@ TABLES = {
     + ", "
     + ", ".join(f'quat_{a} = "q{a}"' for a in "wxyz"),
 }
+ALL_THREE = """name = "all three"
+[[configuration]]
+mass = 0.428
+flights = [
+  "data/tudelft-indiflight/LOG00267.BFL",
+  "data/tudelft-indiflight/LOG00271.BFL",
+  "data/tudelft-indiflight/LOG00340.BFL",
+]
+"""
 THREE_FLIGHTS = """name = "three flights"
 [[configuration]]
 mass = 0.428
@@ -105,6 +115,9 @@ def prepared(folder: Path, data: Path, seconds: float) -> list[Case]:
     (folder / "three.toml").write_text(
         THREE_FLIGHTS.replace("[[conf", f"{cinerat}[[conf", 1), encoding="utf-8"
     )
+    (folder / "all.toml").write_text(
+        ALL_THREE.replace("[[conf", f"{cinerat}[[conf", 1), encoding="utf-8"
+    )
     return [*_real_cases(folder, data), *_table_cases(folder, data), *_simulated_cases(seconds)]
 
 
@@ -120,6 +133,7 @@ def _real_cases(folder: Path, data: Path) -> list[Case]:
             told = (f"data/{name}", "--mass", "0.03", "--airframe", "crazyflie.toml")
             cases += [_case(f"inspect {name}", "inspect", f"data/{name}"),
                       _case(f"identify {name}", "identify", *told)]  # fmt: skip
+    cases.append(_case("identify LOG00267, 271 and 340 together", "identify", "all.toml"))
     made = ("identify", "three.toml", "-o", "three.json")
     paper = ("identify", "three.toml", "--preset", "paper", "-o", "paper.json")
     for what, *rest in (
@@ -230,10 +244,46 @@ def _parameters(run: dict[str, object]) -> dict[str, tuple[float, float]]:
         return {}
 
 
+SHOWN = ("kt", "kd", "Jr", "Ixx_com", "Iyy_com", "Izz_com", "motor_lag", "motor_delay")
+
+
+def table(before: dict[str, dict[str, object]], after: dict[str, dict[str, object]]) -> str:
+    """Return what two versions find on the real logs, as Markdown."""
+    lines = ["| log | | " + " | ".join(SHOWN) + " |", "|---|---|" + "---|" * len(SHOWN)]
+    for name, run in after.items():
+        if not name.startswith("identify ") or name not in before:
+            continue
+        for version, of in (("before", before[name]), ("after", run)):
+            found = _shown(of)
+            said = [found.get(n, "") for n in SHOWN] if found else ["refused", *[""] * 7]
+            log = f"`{name.removeprefix('identify ')}`" if version == "before" else ""
+            lines.append(f"| {log} | {version} | " + " | ".join(said) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _shown(run: dict[str, object]) -> dict[str, str]:
+    try:
+        result = json.loads(run["out"][0])  # type: ignore[index]
+    except (ValueError, KeyError, TypeError):
+        return {}
+    found = {}
+    for entry in (*result["parameters"], *result["derived"]):
+        if entry["value"] is None or entry["interval"] is None:
+            continue
+        half = 0.5 * (entry["interval"][1] - entry["interval"][0])
+        share = 100.0 * half / max(abs(entry["value"]), 1e-300)
+        times = entry["name"].startswith("motor_")
+        shown = f"{1e3 * half:.2g} ms" if times else f"{share:.2g} %"
+        value = f"{1e3 * entry['value']:.3g} ms" if times else f"{entry['value']:.3g}"
+        found[entry["name"]] = f"{value} +- {shown}"
+    return found or {"kt": "nothing"}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--against", type=Path, help="an earlier output")
+    parser.add_argument("--table", type=Path, help="real logs side by side, as Markdown")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--seconds", type=float, default=75.0, help="of each simulated flight")
     parser.add_argument("--only", default="", help="cases with this in their name")
@@ -255,6 +305,8 @@ def main() -> None:
             )
     options.output.write_text(json.dumps(found, indent=1), encoding="utf-8")
     before = json.loads(options.against.read_text(encoding="utf-8")) if options.against else {}
+    if options.table:
+        options.table.write_text(table(before, found), encoding="utf-8")
     for name, run in found.items():
         digest = hashlib.sha256(json.dumps(run).encode()).hexdigest()[:12]
         compared = difference(before[name], run) if name in before else ""

@@ -100,7 +100,7 @@ def _band(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarray, "n
 
 
 def _lateness(
-    pairs: Sequence[tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]],
+    pairs: Sequence[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]],
     reach: int,
     data: FlightData,
 ) -> Lateness:
@@ -126,7 +126,7 @@ def _lateness(
 
 
 def _share(
-    pairs: Sequence[tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]],
+    pairs: Sequence[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]],
     shift: int,
     reach: int,
 ) -> float:
