@@ -182,6 +182,19 @@ def test_a_phase_without_which_nothing_is_told_counts_four_times_at_most(
     assert _between_phases(fit, np.eye(FREE))[place] == pytest.approx(expected)
 
 
+def test_phases_that_differ_widen_an_interval(monkeypatch):
+    """Blocks alone make 8.83e-8; four phases, each pulling by 3e-8 and moving by 12e-8, more."""
+    factors = made_fit.blocks([(1.0, 2.0)] * 12)
+    body = made_fit.configuration(factors=replace(factors, segment=np.repeat(np.arange(4), 3)))
+    pulls = np.repeat([1e-8, -1e-8, 1e-8, -1e-8], 3)
+    fit = made_fit.fit_of([body], std={}, influence={"kt": pulls})
+    place = fit.estimate.names.index("kt")
+    monkeypatch.setattr(
+        module, "_step_without", lambda fit, own: -4.0 * (pulls @ own) * np.eye(FREE)[place]
+    )
+    assert half_width(fit, [body]) == pytest.approx(1.96 * np.sqrt(4 * 4 * 9) * 1e-8, rel=1e-3)
+
+
 def factors_of(body):
     return body.factors
 
