@@ -359,14 +359,13 @@ def _moved(
     prepared: PreparedFlight, free: FreeTiming
 ) -> list[tuple[FlightData, FlightData, float]]:
     """Return the flight with each free time a step later and earlier, and how far that is apart."""
-    return [
-        (
-            retimed(prepared, free.moved({name: STEPS[name]})),
-            retimed(prepared, free.moved({name: -STEPS[name]})),
-            2.0 * STEPS[name],
-        )
-        for name in free.names
-    ]
+    moved: list[tuple[FlightData, FlightData, float]] = []
+    for name in free.names:
+        later, earlier = (free.moved({name: side * STEPS[name]}) for side in (1.0, -1.0))
+        # A lag ends at nothing.
+        apart = later.mean_lag - earlier.mean_lag if name == "motor_lag" else 2.0 * STEPS[name]
+        moved.append((retimed(prepared, later), retimed(prepared, earlier), apart))
+    return moved
 
 
 def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:

@@ -108,7 +108,8 @@ def _fitted(
     pull = pull_of_gusts(flown, response)
     total = response.mean_lag + response.delay
     # Before the command no motor answers: there the autopilot answers the noise of its gyro.
-    if "motor_lag" in names and (pull > UNTOLD_PULL or total <= 0.0):
+    late = response.mean_lag > LEAST_LAG and total > 0.0
+    if "motor_lag" in names and (pull > UNTOLD_PULL or not late):
         return _untold(flown, delay_free="motor_delay" in names)
     return _with_deviations(flown, free, fit, pull)
 
