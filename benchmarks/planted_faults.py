@@ -491,7 +491,7 @@ ROOMS: Final[dict[str, Room]] = {
             "if gains[name] < <<0.5 * least>>:",
         ),
     ),
-    "fit/timing_fit.py": Room(
+    "timing/timing_fit.py": Room(
         tests=("tests/fit/test_timing_deviations.py",),
         scaled=(
             "MOST_ROUNDS: Final = <<10>>",
@@ -534,7 +534,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT", "SPLIT_FAULT"),
         ),
     ),
-    "fit/timing_search.py": Room(
+    "timing/timing_search.py": Room(
         tests=("tests/fit/test_timing_deviations.py",),
         scaled=(
             "LEAST_GAIN: Final = <<10.0>>",

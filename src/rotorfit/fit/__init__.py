@@ -1,1 +1,1 @@
-"""From declared flights to estimated numbers with intervals: timing, equations, likelihood."""
+"""From declared flights to estimated numbers with intervals: factors, equations, likelihood."""

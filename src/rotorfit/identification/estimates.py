@@ -25,11 +25,11 @@ from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.fit.row_parameters import row_numbers
 from rotorfit.fit.term_choice import chosen
-from rotorfit.fit.timing_fit import timed_again
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables, with_timing_total
 from rotorfit.results.row_tables import row_tables
+from rotorfit.timing.timing_fit import timed_again
 
 FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
     (),

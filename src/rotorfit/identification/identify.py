@@ -39,7 +39,6 @@ from rotorfit.fit.flights import (
 )
 from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.term_choice import velocity_wanted
-from rotorfit.fit.timing_fit import find_timing
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.mounting import found_tilt
 from rotorfit.model.regressor import regressor
@@ -49,6 +48,7 @@ from rotorfit.results.command_units import of_commanded_speed
 from rotorfit.results.law_tables import law_tables, with_law
 from rotorfit.results.parameter_tables import ORIGIN_IS_IMU, Tables
 from rotorfit.results.result import FlightRecord, IdentificationResult
+from rotorfit.timing.timing_fit import find_timing
 from rotorfit.validation.validate import validation_comparisons, validation_rows
 
 Progress = Callable[[str], None]

@@ -6,9 +6,9 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float
 
-from rotorfit.fit.timing_search import DELAYS_TRIED
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.signals import central_difference, smooth, whole_samples
+from rotorfit.timing.timing_search import DELAYS_TRIED
 
 LATEST: Final = 0.1
 SEARCHED: Final = DELAYS_TRIED["imu"][1]

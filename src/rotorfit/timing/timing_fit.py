@@ -23,8 +23,8 @@ from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
-from rotorfit.fit.timing_search import coarse_timing, pull_of_gusts
 from rotorfit.flight.motors import MotorResponse
+from rotorfit.timing.timing_search import coarse_timing, pull_of_gusts
 
 MOST_ROUNDS: Final = 10
 """Of fitting, and of making the signals anew where the fit has moved to."""

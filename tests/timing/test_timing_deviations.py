@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 import made_fit
 from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit import timing_fit, timing_search
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.motor_timing import FreeTiming, MotorTiming, skew_of, told
-from rotorfit.fit.timing_fit import (
+from rotorfit.flight.motors import MotorResponse
+from rotorfit.timing import timing_fit, timing_search
+from rotorfit.timing.timing_fit import (
     _fitted,
     _hold_fault,
     _settled,
@@ -22,8 +23,7 @@ from rotorfit.fit.timing_fit import (
     find_timing,
     timed_again,
 )
-from rotorfit.fit.timing_search import coarse_timing, pull_of_gusts
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.timing.timing_search import coarse_timing, pull_of_gusts
 
 MS = 1e-3
 COMMANDED = MotorsEntry(speed="commanded")

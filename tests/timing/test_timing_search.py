@@ -9,7 +9,6 @@ import flown
 from rotorfit.errors import FlightWarning
 from rotorfit.experiment.experiment import MotorsEntry, load_experiment
 from rotorfit.fit.motor_timing import LAG_PRIOR
-from rotorfit.fit.timing_fit import find_timing
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.identification.identify import _flown, identify
 from rotorfit.results.parameter_tables import motor_parameters
@@ -25,6 +24,7 @@ from rotorfit.simulation import (
 )
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
+from rotorfit.timing.timing_fit import find_timing
 from rotorfit.validation.validate import found_response, validate_file
 
 
