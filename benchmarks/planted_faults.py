@@ -393,7 +393,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "fit/motor_timing.py": Room(
-        tests=("tests/fit/test_timing_deviations.py",),
+        tests=("tests/timing/test_timing_deviations.py",),
         scaled=(
             "LAG_PRIOR: Final = (<<0.035>>, 0.03)",
             "LAG_PRIOR: Final = (0.035, <<0.03>>)",
@@ -492,7 +492,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "timing/timing_fit.py": Room(
-        tests=("tests/fit/test_timing_deviations.py",),
+        tests=("tests/timing/test_timing_deviations.py",),
         scaled=(
             "MOST_ROUNDS: Final = <<10>>",
             "LONGEST_MOVE: Final = <<0.02>>",
@@ -535,7 +535,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "timing/timing_search.py": Room(
-        tests=("tests/fit/test_timing_deviations.py",),
+        tests=("tests/timing/test_timing_deviations.py",),
         scaled=(
             "LEAST_GAIN: Final = <<10.0>>",
             "GUST_PULL: Final = <<0.15>>",
