@@ -12,6 +12,7 @@ from rotorfit.doubts.lever_arms import lever_doubt
 from rotorfit.doubts.payload import payload_checks, payload_sentence
 from rotorfit.doubts.residual_peaks import peak_sentence, residual_peaks
 from rotorfit.doubts.rotor_size import unusual_loading
+from rotorfit.doubts.saturated_sensors import saturated_sensors
 from rotorfit.doubts.second_opinions import (
     accelerometer_against_gravity,
     hover_thrusts,
@@ -122,6 +123,7 @@ def _doubts_of_flight(flown: Flown, fit: BandedEstimate, numbers: Numbers) -> It
     yield early_motors(flown), {}
     yield late_speeds(flown), {}
     yield accelerometer_apart(flown), {}
+    yield saturated_sensors(flown), {}
     yield from _doubts_of_thrust(flown, numbers)
     for peak in residual_peaks(flown, fit):
         yield peak_sentence(peak), {f"residual_peak@{peak.configuration}": peak.ratio}

@@ -11,6 +11,7 @@ from scipy import signal
 from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.log import CHANNELS, Channel
+from rotorfit.flight.sensor_limits import LEAST_LIMIT, share_at_limit
 from rotorfit.flight.signals import true_runs
 
 Lack = Literal[
@@ -27,11 +28,6 @@ Lack = Literal[
 
 FAST_ENOUGH: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""
-LEAST_LIMIT: Final = {"gyro": 4.0, "accel": 35.0}
-"""Sensors end at 250 deg/s and 4 g at the least: values that stay the same below are no limit."""
-LIMIT_RUN: Final = 3
-STEEP: Final = 5.0
-"""A step of so many times the smallest one is no rounded peak's."""
 FEWEST: Final = 50
 LONGEST_REPEAT: Final = 100
 EVEN: Final = 0.35
@@ -210,36 +206,6 @@ def _share_at_even_intervals(fresh: Bool[np.ndarray, " n"]) -> float:
     p = 1.0 / float(intervals.mean())
     even = float(intervals.var()) < EVEN * (1.0 - p) / p**2
     return p if even and p < LEAST_REPEATED else 1.0
-
-
-def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1) -> float:
-    """Return the share of samples that a sensor's end cut off.
-
-    Such stand at one extreme three times in a row or more, and come to it or leave it steeply. A
-    rounded peak stands still for a while, too, but a step of the resolution above its neighbours.
-
-    Parameters
-    ----------
-    values
-        Of a channel.
-    least
-        Sizes below are no sensor's end.
-    repeats
-        How often the recorder writes each sample.
-    """
-    stuck = np.zeros(len(values), dtype=bool)
-    for column in values.T:
-        steps = np.abs(np.diff(column))
-        if not (steps > 0.0).any():
-            continue
-        steep = STEEP * float(steps[steps > 0.0].min())
-        for extreme in (column.max(), column.min()):
-            if abs(extreme) < least:
-                continue
-            for a, b in true_runs(np.abs(column - extreme) <= 1e-4 * abs(extreme)):
-                beside = steps[[k for k in (a - 1, b - 1) if 0 <= k < len(steps)]]
-                stuck[a:b] |= b - a >= LIMIT_RUN * repeats and bool((beside > steep).any())
-    return float(stuck.mean()) if len(stuck) else 0.0
 
 
 def lacks(

@@ -1,0 +1,43 @@
+"""A gyro or an accelerometer that reached the end of its range in flight."""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from rotorfit.fit.flights import Flown, UsedFlight
+from rotorfit.flight.sensor_limits import LEAST_LIMIT, share_at_limit
+
+LEAST_SHARE: Final = 1e-3
+"""Of the flight that must be cut off: real flights without a fault have none."""
+
+
+def saturated_sensors(flown: Flown) -> str | None:
+    """Return that a sensor's end cut off part of a flight, in words; of the worst flight."""
+    if flown.source != "imu":
+        return None
+    found = [said for c in flown.configurations for f in c.flights for said in _cut_off(f)]
+    return max(found)[1] if found else None
+
+
+def _cut_off(flight: UsedFlight) -> list[tuple[float, str]]:
+    """Return the share of the flight that each sensor's end cut off, and what is to be said."""
+    data = flight.prepared.data
+    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    file = Path(flight.entry.file).name
+    found: list[tuple[float, str]] = []
+    for name, values, unit in (
+        ("gyro", data.angular_velocity, "rad/s"),
+        ("accel", data.specific_force, "m/s^2"),
+    ):
+        share = share_at_limit(values[rows], LEAST_LIMIT[name])
+        if share > LEAST_SHARE:
+            end = float(np.abs(values[rows]).max())
+            sensor = "gyro" if name == "gyro" else "accelerometer"
+            words = (
+                f"{file}: the {sensor} is at the end of its range ({end:.3g} {unit}) for "
+                f"{100 * share:.1f} % of the flight: what is faster or harder is cut off, and "
+                "inertia or thrust comes out wrong; set a wider range, or fly more gently"
+            )
+            found.append((share, words))
+    return found
