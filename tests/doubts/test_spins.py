@@ -10,7 +10,7 @@ from rotorfit.doubts.spins import better_spins, negative_drag
 from rotorfit.errors import FrameError
 from rotorfit.fit.frequency_bands import EDGES
 from rotorfit.fit.number_intervals import Numbers
-from rotorfit.model.reduce import BandPlan, band_factors
+from rotorfit.model.reduce import BandPlan, yaw_factors
 from rotorfit.simulation import (
     PERFECT,
     STILL,
@@ -28,7 +28,7 @@ GUSTS = {
 
 
 def judged(data, vehicle):
-    return better_spins(vehicle, lambda other: [band_factors(data, other, plan=PLAN)])
+    return better_spins(vehicle, [yaw_factors(data, len(vehicle.rotors), plan=PLAN)])
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
 def test_adamped_step_solves_the_equations_with_a_score_of_its_own():
     rng = np.random.default_rng(5)
     A, b, extra = rng.normal(size=(30, 3)), rng.normal(size=30), 5.0 * rng.normal(size=3)
-    taken = damped_step(A, b, 0.0, extra)
+    taken = damped_step(A, A.T @ b + extra, 0.0)
     step, std = taken.step, taken.std
     squares = [float((A @ x - b) @ (A @ x - b) - 2.0 * extra @ x) for x in (0.0 * step, step)]
     assert taken.foretold == pytest.approx(squares[0] - squares[1], rel=1e-9)

@@ -9,14 +9,17 @@ from hypothesis import strategies as st
 
 from rotorfit.estimation.banded import (
     BandedProblem,
-    _corrected_equations,
-    _evaluate,
-    _feedback_gain,
-    _feedback_scores,
     answer_shifts,
     banded,
     log_likelihood,
     normal_equations,
+)
+from rotorfit.estimation.banded_equations import (
+    corrected_equations,
+    evaluated,
+    feedback_gain,
+    feedback_scores,
+    solutions,
 )
 from rotorfit.estimation.factors import Factors, time_block_factors, triangular_factors
 from rotorfit.estimation.feedback import Answers, Feedback
@@ -82,11 +85,12 @@ def test_scores_of_the_answers_are_the_derivative_of_what_they_gain(seed):
     problem = two_axes(seed)
     phi = 0.1 * np.random.default_rng(seed + 1).normal(size=5)
     without = replace(problem, feedback=None)
-    score = _feedback_scores(problem, phi).sum(axis=0)
-    slope = slope_of(lambda at: _feedback_gain(problem, at), phi)
+    found = solutions(problem, phi)
+    score = feedback_scores(problem, problem.feedback, found).sum(axis=(0, 1))
+    slope = slope_of(lambda at: feedback_gain(problem, at), phi)
     np.testing.assert_allclose(score, slope, rtol=1e-4, atol=1e-4 * np.abs(score).max())
     gain = log_likelihood(problem, phi) - log_likelihood(without, phi)
-    assert gain == pytest.approx(_feedback_gain(problem, phi), rel=1e-6)
+    assert gain == pytest.approx(feedback_gain(problem, phi), rel=1e-6)
 
 
 @settings(max_examples=25, deadline=None)
@@ -95,8 +99,7 @@ def test_all_scores_together_are_the_derivative_of_the_likelihood(seed):
     """Of moved signals, of their answers and of what is known beforehand."""
     problem = two_axes(seed)
     phi = 0.1 * np.random.default_rng(seed + 1).normal(size=5)
-    _, scores, _ = _corrected_equations(problem, _evaluate(problem, phi))
-    score = scores.sum(axis=0)
+    score = corrected_equations(problem, evaluated(problem, phi)).score
     slope = slope_of(lambda at: log_likelihood(problem, at), phi)
     np.testing.assert_allclose(score, slope, rtol=1e-4, atol=1e-4 * np.abs(score).max())
 
@@ -344,4 +347,4 @@ def test_errors_that_do_not_count_are_as_if_they_were_not_there(seed):
     assert found.values[0] == pytest.approx(all_.values[0], abs=1e-3 * float(all_.std[0]))
     assert found.values[1] == pytest.approx(part.values[1], abs=1e-3 * float(part.std[1]))
     assert found.std[1] == pytest.approx(part.std[1], rel=1e-3)
-    assert np.isinf(_evaluate(problem, start).variance[3:, 1]).all()
+    assert np.isinf(evaluated(problem, start).variance[3:, 1]).all()

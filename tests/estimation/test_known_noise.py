@@ -7,15 +7,13 @@ import pytest
 
 from rotorfit.estimation.banded import (
     BandedProblem,
-    _corrected_equations,
-    _evaluate,
     _known_share,
     _squares,
-    _State,
     banded,
     log_likelihood,
     normal_equations,
 )
+from rotorfit.estimation.banded_equations import State, corrected_equations, evaluated
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import parameter_map
@@ -200,7 +198,7 @@ def test_squares_are_without_what_known_noise_adds():
     y, x = points()
     problem = answered(slope_problem(y, x, noise=0.25, prior=(2.0, 0.5)), 7)
     residual = (y - 3.0 * x)[:, :, None]
-    state = _State(phi=np.array([3.0]), residual=residual, variance=np.ones((BLOCKS, 1)), cost=0.0)
+    state = State(phi=np.array([3.0]), residual=residual, variance=np.ones((BLOCKS, 1)), cost=0.0)
     own = (residual**2).sum() - 2.25 * y.size
     expected = own / 2.0 + 4.0 - 2.0 * 7.0 * BLOCKS * np.log(3.0)
     assert _squares(problem, state, np.full((BLOCKS, 1), 2.0)) == pytest.approx(expected)
@@ -210,13 +208,13 @@ def test_half_the_slope_of_the_squares_is_the_corrected_score():
     """In blocks, too, in which nearly all is known noise: 0.04 * 2^2 of 0.17."""
     y, x = points(error=0.1)
     problem = answered(slope_problem(y, x, noise=0.04, prior=(2.0, 0.5)), 7)
-    state = _evaluate(problem, np.array([1.9]))
-    _, scores, _ = _corrected_equations(problem, state)
+    state = evaluated(problem, np.array([1.9]))
+    score = corrected_equations(problem, state).score
     ends = [
-        _squares(problem, _evaluate(problem, np.array([1.9 + off])), state.variance)
+        _squares(problem, evaluated(problem, np.array([1.9 + off])), state.variance)
         for off in (-1e-5, 1e-5)
     ]
-    assert -0.5 * (ends[1] - ends[0]) / 2e-5 == pytest.approx(scores.sum(), rel=1e-6)
+    assert -0.5 * (ends[1] - ends[0]) / 2e-5 == pytest.approx(score[0], rel=1e-6)
 
 
 def test_blocks_of_nearly_all_known_noise_do_not_stop_the_iteration():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rotorfit.estimation.partial import parameter_scale
+from rotorfit.estimation.banded import parameter_scale
 
 
 def test_each_parameter_gets_order_one():

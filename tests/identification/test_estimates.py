@@ -53,7 +53,7 @@ def test_a_weighed_thrust_coefficient_is_held_to_a_ten_thousandth(monkeypatch):
         raise Held
 
     monkeypatch.setattr("rotorfit.fit.joint_fit.steered", steered)
-    monkeypatch.setattr(Flown, "timed_bands", lambda self: (made_fit.blocks([(1.0, 2.0)]),))
+    monkeypatch.setattr(Flown, "timed_bands", (made_fit.blocks([(1.0, 2.0)]),))
     flown = replace(made_fit.flown(made_fit.prepared()))
     with pytest.raises(Held):
         joint_fit(flown, weighed=WeighedThrust(kt=2e-6, std=1e-7), begin={"kt": 2e-6})

@@ -20,6 +20,9 @@ SEARCH = 0.02
 KNOWN = ("kt", "kd", "msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 DRAG = ("ulog",)
 """Formats whose log of this flight has a velocity; the parameters of drag are then found too."""
+COMMANDED = ("ulog", "dataflash", "crazyflie", "blackbox")
+"""Formats whose log has commands beside speeds; the motors' law is then found too."""
+LAW = {"motor_lag", "command_delay", "max_speed"}
 POSED = ("ros1", "ulog")
 """The clock of the ULog begins at 12.5 s, which changes the cameras' rate in its last digit."""
 IMU = ("gyro", "accel", "rotor_speed")
@@ -92,8 +95,8 @@ def scale_of(name, parameters, flight):
     }.get(name, 0.0)
 
 
-def check_alike(mine, other, flight):
-    assert mine.keys() == other.keys()
+def check_alike(mine, other, flight, *, beside=frozenset()):
+    assert mine.keys() == other.keys() | beside
     assert set(KNOWN) <= {name for name, p in mine.items() if p.value is not None}
     for name, parameter in other.items():
         assert mine[name].verdict == parameter.verdict, name
@@ -111,7 +114,8 @@ def test_every_format_gives_the_parameters_of_the_table(name, flight, folder, id
     file, write = WRITERS[name]
     write(flight, folder / file)
     table = "imu_velocity.csv" if name in DRAG else "imu.csv"
-    check_alike(identify_once(f'"{file}"'), identify_once(f'"{table}"'), flight)
+    law = LAW if name in COMMANDED else set()
+    check_alike(identify_once(f'"{file}"'), identify_once(f'"{table}"'), flight, beside=law)
 
 
 @pytest.mark.parametrize("name", POSED)
@@ -119,7 +123,8 @@ def test_poses_in_a_log_give_the_parameters_of_the_table(name, flight, folder, i
     file, write = WRITERS[name]
     if not (folder / file).exists():
         write(flight, folder / file)
-    check_alike(identify_once(f'"{file}"', "mocap"), identify_once('"posed.csv"', "mocap"), flight)
+    mine, table = identify_once(f'"{file}"', "mocap"), identify_once('"posed.csv"', "mocap")
+    check_alike(mine, table, flight, beside=LAW if name in COMMANDED else set())
 
 
 @pytest.mark.parametrize("start", [0.003, 1000.0])

@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 
 from rotorfit.errors import FlightError
 from rotorfit.model.regressor import regressor
-from rotorfit.model.signals import DERIVATIVES, signal_layout, signal_matrix
+from rotorfit.model.signals import (
+    DERIVATIVES,
+    rotor_columns,
+    rotor_signals,
+    signal_layout,
+    signal_matrix,
+    yaw_signals,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -124,3 +131,21 @@ def test_central_needs_a_row_on_both_sides(start, stop):
     with pytest.raises(FlightError, match="neighbour"):
         signal_matrix(flight, vehicle, start, stop)
     assert len(signal_matrix(flight, vehicle, 1, 29)) == 28
+
+
+@pytest.mark.parametrize("differentiation", ["exact", "central"])
+@pytest.mark.parametrize("tilted", [False, True])
+def test_signals_of_the_rotors_and_of_yaw_are_columns_of_all(tilted, differentiation):
+    rng = np.random.default_rng(7)
+    vehicle = ne.random_vehicle(rng, 4, tilted=tilted)
+    data = ne.flight_of(*ne.random_motion(rng, 30, 4), differentiation=differentiation)
+    layout = signal_layout(vehicle)
+    every = signal_matrix(data, vehicle, 1, 29)
+    rotors = rotor_signals(data, vehicle, 1, 29)
+    np.testing.assert_array_equal(rotors, every[:, rotor_columns(layout)])
+    yaw = yaw_signals(data, 4, 1, 29)
+    np.testing.assert_array_equal(yaw[:, 0], every[:, layout.index("dwz")])
+    squares = [layout.index(f"O2_{i + 1}") for i in range(4)]
+    np.testing.assert_allclose(yaw[:, 1:5], every[:, squares], rtol=1e-12)
+    spin_up = yaw[:, 5:] @ (vehicle.spins * vehicle.axes[:, 2])
+    np.testing.assert_allclose(spin_up, every[:, layout.index("dHz")], rtol=1e-9, atol=1e-9)

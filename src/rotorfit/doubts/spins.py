@@ -8,7 +8,7 @@ rotor can only turn the body against it: k_d, and J_r where k_d does not speak a
 positive.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -20,11 +20,10 @@ from rotorfit.checks.declared_rotors import BAND, reversed_rotor
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.excitation import LEAST_EXCITATION
-from rotorfit.fit.flights import Flown, flight_bands
+from rotorfit.fit.flights import Flown
 from rotorfit.fit.frequency_bands import EDGES, flown_bands
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.number_intervals import Numbers
-from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Vehicle
 
 BETTER: Final = 0.75
@@ -36,8 +35,6 @@ PASSES: Final = 4
 CERTAIN: Final = 2.0
 """Half-widths by which J_r must be below zero: it may be about zero, and follows the timing."""
 REVERSED: Final = "reverse all spins (props out instead of in, or in instead of out)"
-
-Bands = Callable[[Vehicle], Sequence[Factors]]
 
 _TINY: Final = float(np.finfo(float).tiny)
 
@@ -81,18 +78,16 @@ def refuse_wrong_spins(flown: Flown, joint: Sequence[JointConfiguration], number
     FrameError
         With the spins that would fit.
     """
-
-    def bands(vehicle: Vehicle) -> list[Factors]:
-        return [flight_bands(c.flights, vehicle, flown.timing) for c in flown.configurations]
-
     if not flown.timing_told:
         return  # nobody flies: what yaw does is the autopilot's answer to gusts and noise
-    words = better_spins(flown.vehicle, bands) or negative_drag([c.name for c in joint], numbers)
+    words = better_spins(flown.vehicle, flown.yaw_bands()) or negative_drag(
+        [c.name for c in joint], numbers
+    )
     if words is not None:
         raise FrameError(words)
 
 
-def better_spins(declared: Vehicle, bands: Bands) -> str | None:
+def better_spins(declared: Vehicle, bands: Sequence[Factors]) -> str | None:
     """Return which other spins explain yaw much better; None where none do, or yaw is not flown.
 
     Parameters
@@ -100,7 +95,7 @@ def better_spins(declared: Vehicle, bands: Bands) -> str | None:
     declared
         The vehicle with the spins to be looked at.
     bands
-        From a vehicle to the band factors of each configuration.
+        Factors of the signals of yaw (`model.signals.yaw_signals`) of each configuration.
     """
     plain = _fits(declared, bands)
     gains: list[tuple[float, str]] = []
@@ -152,25 +147,24 @@ def _other_spins(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
         yield replace(vehicle, rotors=others), f"rotor {i + 1} {rotor.spin}"
 
 
-def _fits(vehicle: Vehicle, bands: Bands) -> list[_Fit]:
+def _fits(vehicle: Vehicle, bands: Sequence[Factors]) -> list[_Fit]:
     """Return the fit of every configuration to its yaw, with the spins of a vehicle."""
-    return [_fit(_yaw(factors, vehicle)) for factors in bands(vehicle)]
+    return [_fit(_yaw(factors, vehicle)) for factors in bands]
 
 
 def _yaw(factors: Factors, vehicle: Vehicle) -> _Yaw:
     """Return the yaw row in the band that a vehicle answers its rotors in."""
     factors = factors.select((factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1]))
-    layout, R = signal_layout(vehicle), factors.R
-    squares = R[:, :, [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]]
     n, s = vehicle.axes, vehicle.spins
-    drives = [squares @ (-s * n[:, 2]), -R[:, :, layout.index("dHz")]]
+    squares, spin_up = np.split(factors.R[:, :, 1:], [len(s)], axis=2)
+    drives = [squares @ (-s * n[:, 2]), spin_up @ (-s * n[:, 2])]
     lever = np.cross(vehicle.positions, n)[:, 2]
     if lever.any():
         drives.append(squares @ lever)
     middle: Float[np.ndarray, " b"] = factors.band.mean(axis=1)
     band: Int[np.ndarray, " b"] = (middle[:, None] >= np.array(EDGES)).sum(axis=1)
     return _Yaw(
-        target=R[:, :, layout.index("dwz")],
+        target=factors.R[:, :, 0],
         drives=np.stack(drives, axis=-1),
         thrust=squares @ n[:, 2],
         band=band,

@@ -13,19 +13,33 @@ flight and frequency band) is estimated from the residuals themselves, and theta
 of every band unknown.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.errors import EstimationError, UnsettledError
+from rotorfit.errors import UnsettledError
+from rotorfit.estimation.banded_equations import (
+    BandedProblem as BandedProblem,
+)
+from rotorfit.estimation.banded_equations import (
+    State,
+    corrected_equations,
+    evaluated,
+    evaluated_or_none,
+    feedback_gain,
+    feedback_scores,
+    power_of,
+    prior_cost,
+    root_of,
+    selected,
+    signal_power,
+    solutions,
+)
 from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
 from rotorfit.estimation.estimate import Estimate, scaled_singular
-from rotorfit.estimation.factors import Factors, borrowed_mean_square
-from rotorfit.estimation.feedback import Feedback
-from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.estimation.solved import solved, solved_jacobian
+from rotorfit.estimation.solved import solved
 
 MOST_ITERATIONS = 100
 SMALLEST_STEP = 1e-3
@@ -38,58 +52,12 @@ FEW_STEPS = 12
 """After which crawling steps are extrapolated."""
 LARGEST_DAMPING = 1e9
 """Where the iteration ends, too: a step along the slope of which next to nothing is left."""
-RELATIVE_FLOOR = 1e-9
-"""Smallest variance, relative to the noisy signal's own: far under any sensor's, but a simulation
-may be exact, and without a floor its likelihood is a valley that the iteration crawls along."""
-
-
 MOST_NOISE = 0.7
 """Share of the regressors' noise in the information on a direction, over which the correction for
 it is larger than what it corrects: nothing is known there."""
 STEP_FRACTIONS = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 1e-3)
 UNKNOWN = 10.0
 """Factor on the deviation of such a direction."""
-BLOCKS_AT_ONCE = 256
-"""In the products of a long flight's rows."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BandedProblem:
-    """What the estimator is handed; it knows of no drone.
-
-    Attributes
-    ----------
-    factors
-        One per configuration, a block per stretch and frequency band.
-    tensors
-        A_p of each configuration.
-    map
-        From the free parameters to each configuration's theta.
-    noisy
-        Which signals carry the noise, as many as there are equations.
-    prior_mean, prior_std
-        Of free parameters that are known beforehand.
-    counted
-        Which errors of each block count, one array per configuration; all where there is none.
-    feedback
-        Where a controller answers the errors.
-    moving
-        Free parameters that move the signals, in the order of the factors' slopes.
-    """
-
-    factors: tuple[Factors, ...]
-    tensors: tuple[Float[np.ndarray, "p j z"], ...]
-    map: ParameterMap
-    noisy: tuple[int, ...]
-    prior_mean: Mapping[str, float]
-    prior_std: Mapping[str, float]
-    counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
-    feedback: Feedback | None = None
-    moving: tuple[str, ...] = ()
-
-    def moves(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " t"]:
-        """Return how far the signals are moved at `phi`."""
-        return phi[[self.map.names.index(name) for name in self.moving]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,22 +105,19 @@ class NormalEquations:
     information
         Of the free parameters, the prior's included.
     scores
-        What each block asks for, zeros for blocks left out; last what the prior asks for. The
-        step of these blocks alone is information^-1 times their sum.
+        What each block asks for, zeros for blocks left out; last what the prior asks for.
     """
 
     information: Float[np.ndarray, "f f"]
     scores: Float[np.ndarray, "c f"]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _State:
-    """The likelihood and its linearisation at one point."""
-
-    phi: Float[np.ndarray, " f"]
-    residual: Float[np.ndarray, "b m k"]
-    variance: Float[np.ndarray, "b k"]
-    cost: float
+    @property
+    def step(self) -> Float[np.ndarray, " f"]:
+        """The step of these blocks alone, at rest in directions that nothing is known of."""
+        size = 1.0 / parameter_scale(self.information)
+        inverse = np.linalg.pinv(self.information * np.outer(size, size), hermitian=True)
+        found: Float[np.ndarray, " f"] = inverse @ (self.scores.sum(axis=0) * size)
+        return found * size
 
 
 def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEstimate:
@@ -173,16 +138,15 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
     EstimationError
         If the equations cannot be solved for the noisy signals, or the iteration does not settle.
     """
-    state = _evaluate(problem, start)
+    state = evaluated(problem, start)
     if any(factors.noise is not None for factors in problem.factors):
         return _finished(problem, *_settled_with_noise(problem, state))
     damping, rise, costs = 1e-3, 2.0, [state.cost]
     path: tuple[Float[np.ndarray, " f"], ...] = ()
     for iteration in range(1, MOST_ITERATIONS + 1):
-        A, b = _linearised(problem, state)
-        extra = _feedback_scores(problem, state.phi).sum(axis=0)
-        taken = damped_step(A, b, damping, extra)
-        trial = _evaluate_or_none(problem, state.phi + taken.step)
+        asked = corrected_equations(problem, state)
+        taken = damped_step(root_of(problem, state, asked.plain), asked.score, damping)
+        trial = evaluated_or_none(problem, state.phi + taken.step)
         # With the variances of the last point: where these squares fall, the likelihood rises,
         # for log x <= x - 1; and blocks that borrow their variance cannot hold up the last steps.
         before = _squares(problem, state, state.variance)
@@ -209,13 +173,13 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
 
 def _leapt(
     problem: BandedProblem,
-    state: _State,
+    state: State,
     path: Sequence[Float[np.ndarray, " f"]],
     std: Float[np.ndarray, " f"],
-) -> _State:
+) -> State:
     """Return the point to which crawling steps lead, where it is likelier."""
     phi = extrapolated((*path, state.phi), std)
-    trial = None if phi is None else _evaluate_or_none(problem, phi)
+    trial = None if phi is None else evaluated_or_none(problem, phi)
     return state if trial is None or trial.cost >= state.cost else trial
 
 
@@ -223,156 +187,16 @@ def error_power(
     problem: BandedProblem, phi: Float[np.ndarray, " f"]
 ) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
     """Return the sums of squares of each noisy signal, and of its error at `phi`, per block."""
-    return _signal_power(problem), _power(_evaluate(problem, phi).residual)
-
-
-def _signal_power(problem: BandedProblem) -> Float[np.ndarray, "b k"]:
-    noisy = list(problem.noisy)
-    return np.concatenate([_power(factors.R[:, :, noisy]) for factors in problem.factors])
-
-
-def _power(rows: Float[np.ndarray, "b m k"]) -> Float[np.ndarray, "b k"]:
-    """Return the sum of squares of every column of each block."""
-    return np.einsum("bmk,bmk->bk", rows, rows)
+    return signal_power(problem), power_of(evaluated(problem, phi).residual)
 
 
 def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
     """Return the log-likelihood at `phi`, minus infinity where the equations have no solution."""
-    state = _evaluate_or_none(problem, phi)
+    state = evaluated_or_none(problem, phi)
     return -np.inf if state is None else -0.5 * state.cost
 
 
-def _evaluate_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State | None:
-    try:
-        return _evaluate(problem, phi)
-    except EstimationError:
-        return None
-
-
-def _evaluate(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> _State:
-    """Return residuals, variances and cost at `phi`."""
-    theta = problem.map.theta(phi)
-    residuals: list[Float[np.ndarray, "b m k"]] = []
-    variances: list[Float[np.ndarray, "b k"]] = []
-    cost = _prior_cost(problem, phi)
-    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        G, _ = solved(tensor, theta[c], problem.noisy)
-        e = factors.moved(problem.moves(phi)) @ G.T
-        power = _power(e)
-        v, floored = _variance(power, factors, problem.noisy)
-        counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
-        cost += float(np.sum(factors.rows[:, None] * np.log(v), where=counted))
-        # At its floor a variance is no longer that of the errors: they have a cost of their own,
-        # or the likelihood of exact flights would be flat.
-        spare = np.minimum(power / v - factors.rows[:, None], 0.0)
-        cost += float(np.sum(spare, where=counted & floored))
-        v = np.where(counted, v, np.inf)
-        residuals.append(e)
-        variances.append(v)
-    cost -= 2.0 * _feedback_gain(problem, phi)
-    if not np.isfinite(cost):
-        raise EstimationError("the likelihood is not finite here")
-    return _State(
-        phi=phi,
-        residual=np.concatenate(residuals),
-        variance=np.concatenate(variances),
-        cost=cost,
-    )
-
-
-def _feedback_gain(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
-    """Return what the answers of a controller add to the log-likelihood."""
-    if problem.feedback is None:
-        return 0.0
-    theta, moves = problem.map.theta(phi), problem.moves(phi)
-    gain = 0.0
-    for c, (tensor, own) in enumerate(zip(problem.tensors, theta, strict=True)):
-        G, _ = solved(tensor, own, problem.noisy)
-        gain += problem.feedback.gain(c, G)
-        gain += float(problem.feedback.answers[c].drift.sum(axis=(0, 1)) @ moves)
-    return gain
-
-
-def _feedback_scores(
-    problem: BandedProblem, phi: Float[np.ndarray, " f"]
-) -> Float[np.ndarray, "b f"]:
-    """Return the derivative of the same by the free parameters, block by block."""
-    if problem.feedback is None:
-        return np.zeros((sum(len(factors) for factors in problem.factors), len(phi)))
-    parts: list[Float[np.ndarray, "b f"]] = []
-    theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
-    places = [problem.map.names.index(name) for name in problem.moving]
-    for c, tensor in enumerate(problem.tensors):
-        G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
-        own = problem.feedback.slope(c, G, dG).sum(axis=1)
-        own[:, places] += problem.feedback.answers[c].drift.sum(axis=1)
-        parts.append(own)
-    return np.concatenate(parts)
-
-
-def _variance(
-    power: Float[np.ndarray, "b k"], factors: Factors, noisy: Sequence[int]
-) -> tuple[Float[np.ndarray, "b k"], Bool[np.ndarray, "b k"]]:
-    """Return each block's mean square error per noisy signal, and where it is at its floor.
-
-    Blocks of few rows borrow from their neighbours.
-    """
-    signal = np.einsum("bmk,bmk->k", factors.R[:, :, list(noisy)], factors.R[:, :, list(noisy)])
-    floor = RELATIVE_FLOOR * signal / factors.rows.sum() + np.finfo(float).tiny
-    own = borrowed_mean_square(power, factors)
-    return np.maximum(own, floor), own < floor
-
-
-def _prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
-    mean, std = _prior(problem)
-    known = np.isfinite(std)
-    return float(np.sum(((phi - mean)[known] / std[known]) ** 2))
-
-
-def _prior(
-    problem: BandedProblem,
-) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
-    names = problem.map.names
-    mean = np.array([problem.prior_mean.get(name, 0.0) for name in names])
-    std = np.array([problem.prior_std.get(name, np.inf) for name in names])
-    return mean, std
-
-
-def _linearised(
-    problem: BandedProblem, state: _State
-) -> tuple[Float[np.ndarray, "n f"], Float[np.ndarray, " n"]]:
-    """Return the weighted equations A step = b, the prior's below them."""
-    J = _jacobian(problem, state.phi)
-    weight = 1.0 / np.sqrt(state.variance)
-    f = J.shape[-1]
-    mean, std = _prior(problem)
-    J *= weight[:, None, :, None]
-    A = np.concatenate([J.reshape(-1, f), np.diag(1.0 / std)])
-    del J
-    b = np.concatenate(
-        [-(state.residual * weight[:, None, :]).reshape(-1), (mean - state.phi) / std]
-    )
-    return A, b
-
-
-def _jacobian(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "b m k f"]:
-    """Return d e / d phi: d (M^-1 B) = M^-1 (dB - dM M^-1 B)."""
-    theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
-    noisy = list(problem.noisy)
-    parts: list[Float[np.ndarray, "b m k f"]] = []
-    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        G, dG = solved_jacobian(tensor, theta[c], dtheta[c], noisy)
-        rows = factors.moved(problem.moves(phi))
-        flat = rows @ dG.transpose(2, 1, 0).reshape(dG.shape[2], -1)
-        J = flat.reshape(len(factors), rows.shape[1], len(noisy), len(phi))
-        for t, name in enumerate(problem.moving):
-            assert factors.slopes is not None
-            J[..., problem.map.names.index(name)] = factors.slopes[:, t] @ G.T
-        parts.append(J)
-    return np.concatenate(parts)
-
-
-def _settled_with_noise(problem: BandedProblem, state: _State) -> tuple[_State, int]:
+def _settled_with_noise(problem: BandedProblem, state: State) -> tuple[State, int]:
     """Return the point where the regressors' known noise no longer pulls, and after how many steps.
 
     Noise n of the regressors makes J^T e differ from zero at the truth by its own product
@@ -382,13 +206,13 @@ def _settled_with_noise(problem: BandedProblem, state: _State) -> tuple[_State, 
     squares over the variances of the last point, without the regressors' share.
     """
     for iteration in range(1, MOST_ITERATIONS + 1):
-        taken, scores, plain = _corrected_equations(problem, state)
-        step = _corrected_step(plain, taken, scores.sum(axis=0))
-        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(plain)))) <= SMALLEST_STEP:
+        asked = corrected_equations(problem, state)
+        step = _corrected_step(asked.plain, asked.taken, asked.score)
+        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(asked.plain)))) <= SMALLEST_STEP:
             return state, iteration
         before = _squares(problem, state, state.variance)
         for fraction in STEP_FRACTIONS:
-            trial = _evaluate_or_none(problem, state.phi + fraction * step)
+            trial = evaluated_or_none(problem, state.phi + fraction * step)
             if trial is not None and _squares(problem, trial, state.variance) < before:
                 state = trial
                 break
@@ -407,15 +231,15 @@ def _known_share(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[
     return np.concatenate(parts)
 
 
-def _squares(problem: BandedProblem, state: _State, variance: Float[np.ndarray, "b k"]) -> float:
+def _squares(problem: BandedProblem, state: State, variance: Float[np.ndarray, "b k"]) -> float:
     """Return the squared errors over given variances, without what known noise adds to them.
 
     Half its slope is the corrected score, in every block, so that a step along that lowers it.
     """
     rows = np.concatenate([factors.rows for factors in problem.factors])
-    own = _power(state.residual) - rows[:, None] * _known_share(problem, state.phi)
-    gain = _feedback_gain(problem, state.phi)
-    return float((own / variance).sum()) + _prior_cost(problem, state.phi) - 2.0 * gain
+    own = power_of(state.residual) - rows[:, None] * _known_share(problem, state.phi)
+    gain = feedback_gain(problem, state.phi)
+    return float((own / variance).sum()) + prior_cost(problem, state.phi) - 2.0 * gain
 
 
 def _corrected_step(
@@ -431,48 +255,12 @@ def _corrected_step(
     return root @ (V @ (gain * (V.T @ (root.T @ score))))
 
 
-def _corrected_equations(
-    problem: BandedProblem, state: _State
-) -> tuple[Float[np.ndarray, "f f"], Float[np.ndarray, "b f"], Float[np.ndarray, "f f"]]:
-    """Return the information that is only noise, each block's corrected score, and all of it."""
-    J = _jacobian(problem, state.phi)
-    weight = 1.0 / state.variance
-    f = J.shape[-1]
-    plain, scores = np.zeros((f, f)), np.empty((len(J), f))
-    for first in range(0, len(J), BLOCKS_AT_ONCE):
-        some = slice(first, first + BLOCKS_AT_ONCE)
-        part, w = J[some], weight[some]
-        plain += np.einsum("bmkf,bk,bmkg->fg", part, w, part, optimize=True)
-        scores[some] = -np.einsum("bmkf,bk,bmk->bf", part, w, state.residual[some], optimize=True)
-    del J
-    scores += _feedback_scores(problem, state.phi)
-    mean, std = _prior(problem)
-    plain += np.diag(std**-2.0)
-    taken = np.zeros_like(plain)
-    theta, dtheta = problem.map.theta(state.phi), problem.map.jacobian(state.phi)
-    first = 0
-    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        rows = slice(first, first + len(factors))
-        first += len(factors)
-        G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
-        N = factors.rows[:, None] * factors.known_noise
-        w = weight[rows]
-        scores[rows] += np.einsum("bk,fkz,bz,kz->bf", w, dG, N, G, optimize=True)
-        taken += np.einsum("bk,fkz,bz,gkz->fg", w, dG, N, dG, optimize=True)
-    pull = (mean - state.phi) * std**-2.0
-    return taken, np.concatenate([scores, pull[None]]), plain
-
-
-def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedEstimate:
+def _finished(problem: BandedProblem, state: State, iterations: int) -> BandedEstimate:
     """Return the estimate at the minimum, with covariance and influences."""
-    # The rows of a long flight are many: of them R is kept, with the same singular values.
-    rows = np.asarray(np.linalg.qr(_linearised(problem, state)[0], mode="r"))
-    svd = scaled_singular(rows, problem.map.names)
-    taken, scores, _ = _corrected_equations(problem, state)
-    # From the rows, not from their squares: what only a prior determines would drown beside
-    # what exact flights do.
+    asked = corrected_equations(problem, state)
+    svd = scaled_singular(root_of(problem, state, asked.plain), problem.map.names)
     root = svd.inverse_root
-    share, V = np.linalg.eigh(root.T @ taken @ root)
+    share, V = np.linalg.eigh(root.T @ asked.taken @ root)
     widening = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), UNKNOWN)
     kept = (V * widening) @ V.T
     inverse = root @ kept @ root.T
@@ -486,10 +274,10 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
             weak_directions=svd.Vt[::-1][:3],
             weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
         ),
-        influence=scores[:-1] @ inverse,
+        influence=asked.scores @ inverse,
         variance=state.variance,
-        signal_power=_signal_power(problem),
-        residual_power=_power(state.residual),
+        signal_power=signal_power(problem),
+        residual_power=power_of(state.residual),
         log_likelihood=-0.5 * state.cost,
         iterations=iterations,
         problem=problem,
@@ -499,16 +287,56 @@ def _finished(problem: BandedProblem, state: _State, iterations: int) -> BandedE
 
 def normal_equations(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> NormalEquations:
     """Return the equations of the chosen blocks, with the variances of the whole fit."""
-    # Infinite variance is no weight: the block stays in its place and says nothing.
-    state = _State(
+    asked = corrected_equations(*selected(fit.problem, _state_of(fit), blocks))
+    scores = np.zeros((len(blocks) + 1, len(asked.pull)))
+    scores[:-1][blocks] = asked.scores
+    scores[-1] = asked.pull
+    return NormalEquations(information=asked.plain - asked.taken, scores=scores)
+
+
+def _state_of(fit: BandedEstimate) -> State:
+    return State(
         phi=fit.estimate.values,
         residual=fit.residual,
-        variance=np.where(blocks[:, None], fit.variance, np.inf),
-        cost=0.0,
+        variance=fit.variance,
+        cost=-2.0 * fit.log_likelihood,
     )
-    taken, scores, plain = _corrected_equations(fit.problem, state)
-    scores[:-1][~blocks] = 0.0
-    return NormalEquations(information=plain - taken, scores=scores)
+
+
+def steps_without(
+    fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]
+) -> Float[np.ndarray, "p f"]:
+    """Return how far the parameters move without each part of the blocks, to first order.
+
+    In one pass: what all others ask for is a sum before the part and one behind it.
+    """
+    none = normal_equations(fit, np.zeros(len(fit.influence), dtype=bool))
+    prior, pull = none.information, none.scores[-1]
+    own = [normal_equations(fit, part) for part in parts]
+    information = np.array([equations.information - prior for equations in own])
+    scores = np.array([equations.scores[:-1].sum(axis=0) for equations in own])
+    rest = zip(_sums_of_others(information), _sums_of_others(scores), strict=True)
+    return np.array(
+        [NormalEquations(information=H + prior, scores=np.array([s, pull])).step for H, s in rest]
+    )
+
+
+def _sums_of_others(parts: Float[np.ndarray, "p ..."]) -> Float[np.ndarray, "p ..."]:
+    """Return for each part the sum of all others, without taking any away again."""
+    nothing = np.zeros_like(parts[:1])
+    before = np.concatenate([nothing, np.cumsum(parts, axis=0)[:-1]])
+    behind = np.concatenate([np.cumsum(parts[::-1], axis=0)[:-1][::-1], nothing])
+    return before + behind
+
+
+def parameter_scale(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, " f"]:
+    """Return the root of the information of each parameter alone, for a matrix of order one.
+
+    Less than nothing may be left of a parameter that the flight does not move, after what the noise
+    of its signals makes up: that is as little, and 1 stands for nothing at all.
+    """
+    size = np.sqrt(np.abs(np.diagonal(information)))
+    return np.where(size > 0.0, size, 1.0)
 
 
 def answer_shifts(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:
@@ -520,12 +348,6 @@ def answer_shifts(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:
     problem, phi = fit.problem, fit.estimate.values
     if problem.feedback is None:
         return np.zeros((0, len(phi)))
-    theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
-    scores = np.zeros((len(problem.feedback.errors), len(phi)))
-    places = [problem.map.names.index(name) for name in problem.moving]
     doubtful = problem.feedback.doubtful()
-    for c, tensor in enumerate(problem.tensors):
-        G, dG = solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
-        scores += doubtful.slope(c, G, dG).sum(axis=0)
-        scores[:, places] += doubtful.answers[c].drift.sum(axis=0)
-    return scores @ fit.estimate.covariance
+    asked = feedback_scores(problem, doubtful, solutions(problem, phi)).sum(axis=0)
+    return asked @ fit.estimate.covariance

@@ -8,8 +8,6 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float
 
-from rotorfit.errors import EstimationError
-
 LEAST_DAMPING: Final = 1e-9
 
 
@@ -23,39 +21,32 @@ class Step:
 
 
 def damped_step(
-    A: Float[np.ndarray, "n f"],
-    b: Float[np.ndarray, " n"],
-    damping: float,
-    extra: Float[np.ndarray, " f"],
+    root: Float[np.ndarray, "n f"], score: Float[np.ndarray, " f"], damping: float
 ) -> Step:
     """Return a Levenberg-Marquardt step, columns scaled.
 
-    `extra` is a part of the score that is no sum of squares.
+    Parameters
+    ----------
+    root
+        R of which R^T R is the information.
+    score
+        Half the slope of what should rise.
+    damping
+        In units of the scaled information.
     """
-    lengths = np.linalg.norm(A, axis=0)
-    if (lengths == 0).any():
-        raise EstimationError("the flights do not move a parameter at all; remove its term")
-    R, right = _triangular(A / lengths, b)
+    lengths = np.linalg.norm(root, axis=0)
+    R: Float[np.ndarray, "n f"] = root / lengths
+    inverse = np.asarray(np.linalg.pinv(R))
+    right = inverse.T @ (score / lengths)
     f = len(lengths)
     stacked = np.concatenate([R, np.sqrt(damping) * np.eye(f)])
-    root = np.linalg.pinv(R)
-    right = right + root.T @ (extra / lengths)
     solution = scipy.linalg.lstsq(stacked, np.concatenate([right, np.zeros(f)]))[0]
     moved = R @ solution
     return Step(
         step=solution / lengths,
-        std=np.linalg.norm(root, axis=1) / lengths,
+        std=np.linalg.norm(inverse, axis=1) / lengths,
         foretold=float(2.0 * moved @ right - moved @ moved),
     )
-
-
-def _triangular(
-    A: Float[np.ndarray, "n f"], b: Float[np.ndarray, " n"]
-) -> tuple[Float[np.ndarray, "f f"], Float[np.ndarray, " f"]]:
-    """Return R and Q^T b of A = Q R."""
-    f = A.shape[1]
-    whole = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode="r"))
-    return whole[:f, :f], whole[:f, f]
 
 
 def eased(damping: float, won: float, foretold: float) -> float:

@@ -8,6 +8,7 @@ scatter) or merged in any order: R of stacked R's.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -22,7 +23,7 @@ FEW_ROWS = 28
 """Blocks with fewer rows (14 lines) borrow from the neighbouring bands of their stretch."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Factors:
     """Upper triangular factors of blocks of a signal matrix.
 
@@ -94,13 +95,48 @@ class Factors:
             slopes=None if self.slopes is None else self.slopes[keep],
         )
 
-    def moved(self, by: Float[np.ndarray, " t"]) -> Float[np.ndarray, "b m z"]:
-        """Return the rows of every block with the signals moved `by` so much."""
+    @cached_property
+    def columns(self) -> Float[np.ndarray, "b m a"]:
+        """The rows of every block: its signals and, beside them, the slopes of those that move."""
         if self.slopes is None:
             return self.R
-        rows: Float[np.ndarray, "b m z"] = np.einsum("t,btmz->bmz", by, self.slopes)
-        rows[:, : self.R.shape[1]] += self.R
-        return rows
+        b, t, m, z = self.slopes.shape
+        signals = np.zeros((b, m, z))
+        signals[:, : self.R.shape[1]] = self.R
+        slopes = self.slopes[..., self._moving].transpose(0, 2, 1, 3)
+        return np.concatenate([signals, slopes.reshape(b, m, t * len(self._moving))], axis=2)
+
+    @cached_property
+    def gram(self) -> Float[np.ndarray, "b a a"]:
+        """The Gram matrix of every block's columns."""
+        return self.columns.transpose(0, 2, 1) @ self.columns
+
+    @cached_property
+    def _moving(self) -> Int[np.ndarray, " s"]:
+        """Which signals have a slope."""
+        assert self.slopes is not None
+        return np.flatnonzero(self.slopes.any(axis=(0, 1, 2)))
+
+    @cached_property
+    def slope_lifts(self) -> Float[np.ndarray, "t a z"]:
+        """For each slope the matrix that makes it of the columns: slope = columns @ lift."""
+        z = self.R.shape[2]
+        if self.slopes is None:
+            return np.zeros((0, z, z))
+        count, moving = self.slopes.shape[1], self._moving
+        lifts = np.zeros((count, self.columns.shape[2], z))
+        for t in range(count):
+            lifts[t, z + t * len(moving) + np.arange(len(moving)), moving] = 1.0
+        return lifts
+
+    def lift(self, by: Float[np.ndarray, " t"]) -> Float[np.ndarray, "a z"]:
+        """Return the matrix that makes signals moved `by` so much of the columns."""
+        whole = np.eye(self.columns.shape[2], self.R.shape[2])
+        return whole if self.slopes is None else whole + np.tensordot(by, self.slope_lifts, axes=1)
+
+    def moved(self, by: Float[np.ndarray, " t"]) -> Float[np.ndarray, "b m z"]:
+        """Return the rows of every block with the signals moved `by` so much."""
+        return self.R if self.slopes is None else self.columns @ self.lift(by)
 
 
 def stack_factors(parts: Sequence[Factors]) -> Factors:
@@ -189,10 +225,13 @@ def time_block_factors(
     )
 
 
-def triangular_factors(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, "b z z"]:
+def triangular_factors(
+    blocks: Float[np.ndarray, "b m z"] | Sequence[Float[np.ndarray, "_ z"]],
+) -> Float[np.ndarray, "b z z"]:
     """Return the upper triangular R of each block, with a non-negative diagonal.
 
-    Cholesky of the column-scaled Gram matrix where that is accurate, else Householder QR.
+    Cholesky of the column-scaled Gram matrix where that is accurate, else Householder QR. Blocks
+    may have different numbers of rows.
 
     Raises
     ------
@@ -200,7 +239,7 @@ def triangular_factors(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, 
         If a block holds NaN or infinity.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # found below, and said
-        gram = np.matmul(blocks.transpose(0, 2, 1), blocks)
+        gram = np.array([rows.T @ rows for rows in blocks])
     squares = np.einsum("bii->bi", gram)
     if not np.isfinite(squares).all():
         raise EstimationError("a signal of the flight is NaN or infinite where it is used")
@@ -209,8 +248,8 @@ def triangular_factors(blocks: Float[np.ndarray, "b m z"]) -> Float[np.ndarray, 
     gram /= safe[:, :, None] * safe[:, None, :]
     R, accurate = _cholesky(gram)
     R *= safe[:, None, :]
-    if not accurate.all():
-        R[~accurate] = _householder(blocks[~accurate])
+    for i in np.flatnonzero(~accurate).tolist():
+        R[i] = _householder(blocks[i][None])[0]
     return R
 
 

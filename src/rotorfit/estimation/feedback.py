@@ -15,13 +15,14 @@ Identification, 13.4. But the upper ones hold the noise of gyros that no control
 are left out.)
 
 T is not known; it is handed over as an assumption about controllers, and how far the estimate hangs
-on it is `BandedEstimate.answer_shifts`.
+on it is `banded.answer_shifts`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +49,16 @@ class Answers:
     doubt: Complex[np.ndarray, "b e"]
     late: Complex[np.ndarray, "b t"]
 
+    def select(self, keep: Bool[np.ndarray, " b"]) -> "Answers":
+        """Return the answers of some blocks."""
+        return Answers(
+            rows=self.rows[keep],
+            moves=self.moves[keep],
+            share=self.share[keep],
+            doubt=self.doubt[keep],
+            late=self.late[keep],
+        )
+
     @property
     def drift(self) -> Float[np.ndarray, "b e t"]:
         """Slope of the gain of each block and error by what moves the signals."""
@@ -71,6 +82,11 @@ class Feedback:
     errors: tuple[int, ...]
     inputs: tuple[int, ...]
     answers: tuple[Answers, ...]
+
+    def select(self, keep: Sequence[Bool[np.ndarray, " _"]]) -> "Feedback":
+        """Return the answers of some blocks of each configuration."""
+        answers = tuple(own.select(k) for own, k in zip(self.answers, keep, strict=True))
+        return replace(self, answers=answers)
 
     def doubtful(self) -> "Feedback":
         """Return what would be answered beside what is."""

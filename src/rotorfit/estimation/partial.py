@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float
 
-from rotorfit.estimation.banded import BandedEstimate, normal_equations
+from rotorfit.estimation.banded import BandedEstimate, normal_equations, parameter_scale
 from rotorfit.estimation.reweighted import scatter_covariance
 
 UNDETERMINED = 1e-10
@@ -57,16 +57,6 @@ def left_out(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
         values=rest.scores.sum(axis=0) @ inverse_rest,
         covariance=_at_least(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal),
     )
-
-
-def parameter_scale(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, " f"]:
-    """Return the root of the information of each parameter alone, for a matrix of order one.
-
-    Less than nothing may be left of a parameter that the flight does not move, after what the noise
-    of its signals makes up: that is as little, and 1 stands for nothing at all.
-    """
-    size = np.sqrt(np.abs(np.diagonal(information)))
-    return np.where(size > 0.0, size, 1.0)
 
 
 def _scatter(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -39,7 +40,7 @@ from rotorfit.flight.prepare import (
 )
 from rotorfit.flight.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.logs import read_log
-from rotorfit.model.reduce import BandPlan, band_factors
+from rotorfit.model.reduce import BandPlan, band_factors, yaw_factors
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -78,7 +79,7 @@ class Configured:
         return 1.0 if self.entry.mass == "unknown" else self.entry.mass
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Flown:
     """All that was flown, and with what.
 
@@ -165,9 +166,22 @@ class Flown:
             for c in self.configurations
         )
 
+    @cached_property
     def timed_bands(self) -> tuple[Factors, ...]:
-        """Return the same at the timing that was found, with what a fit may move of it."""
+        """The same at the timing that was found, with what a fit may move of it."""
         return self.bands(self.timing, free=self.free_timing)
+
+    def yaw_bands(self) -> tuple[Factors, ...]:
+        """Return the band factors of yaw alone at that timing, every rotor for itself."""
+        return tuple(
+            stack_recordings(
+                [
+                    yaw_factors(data, len(self.vehicle.rotors), plan=plan)
+                    for data, plan in (banded_data(f.prepared, self.timing) for f in c.flights)
+                ]
+            )
+            for c in self.configurations
+        )
 
 
 def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
@@ -348,11 +362,18 @@ def prepared_bands(
 ) -> Factors:
     """Return the band factors of one flight, see `flight_bands`."""
     moved = [] if free is None else _moved(prepared, free)
+    data, plan = banded_data(prepared, response)
+    return band_factors(data, vehicle, plan=plan, velocity=velocity, moved=moved)
+
+
+def banded_data(
+    prepared: PreparedFlight, response: MotorResponse | None
+) -> tuple[FlightData, BandPlan]:
+    """Return one flight at a timing of its motors, in its phases, and how these are cut."""
     data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
-    plan = BandPlan(edges=edges, longest=STRETCH)
-    return band_factors(data, vehicle, plan=plan, velocity=velocity, moved=moved)
+    return data, BandPlan(edges=edges, longest=STRETCH)
 
 
 def _moved(

@@ -47,7 +47,7 @@ def joint_fit(
             payload_of=configured.entry.payload_of,
             timing=flown.free_timing,
         )
-        for factors, configured in zip(flown.timed_bands(), flown.configurations, strict=True)
+        for factors, configured in zip(flown.timed_bands, flown.configurations, strict=True)
     ]
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)

@@ -13,10 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import stats
 
-from rotorfit.estimation.banded import BandedEstimate, answer_shifts, normal_equations
+from rotorfit.estimation.banded import BandedEstimate, answer_shifts, steps_without
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.estimation.partial import parameter_scale
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS
@@ -164,33 +163,22 @@ def _between_phases(
     variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
     more than a few times p: without the one phase that tells anything, nothing is told at all.
     """
-    first, parts = 0, list[Bool[np.ndarray, " b"]]()
-    blocks = sum(len(factors) for factors in fit.problem.factors)
-    for factors in fit.problem.factors:
-        place = np.arange(blocks) - first
-        for number in np.unique(factors.segment):
-            own = np.zeros(blocks, dtype=bool)
-            own[(place >= 0) & (place < len(factors))] = factors.segment == number
-            parts.append(own)
-        first += len(factors)
+    parts = _phases(fit)
     if len(parts) < FEWEST_PHASES:
         return np.zeros(len(jacobian))
     pulls = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
-    moves = np.array([_step_without(fit, own) for own in parts]) @ jacobian.T
+    moves = steps_without(fit, parts) @ jacobian.T
     with np.errstate(divide="ignore", invalid="ignore"):
         leverage = np.clip(np.nan_to_num(np.abs(moves / pulls), nan=1.0), 1.0, MOST_LEVERAGE)
     return 1.96 * np.sqrt((leverage * pulls**2).sum(axis=0))
 
 
-def _step_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Float[np.ndarray, " f"]:
-    """Return how far the parameters move without some blocks, to first order."""
-    rest = normal_equations(fit, ~blocks)
-    size = 1.0 / parameter_scale(rest.information)
-    information = rest.information * np.outer(size, size)
-    step: Float[np.ndarray, " f"] = np.linalg.pinv(information, hermitian=True) @ (
-        rest.scores.sum(axis=0) * size
-    )
-    return step * size
+def _phases(fit: BandedEstimate) -> list[Bool[np.ndarray, " b"]]:
+    """Return which blocks are of each phase of each configuration's flights."""
+    factors = fit.problem.factors
+    configuration = np.repeat(np.arange(len(factors)), [len(f) for f in factors])
+    labels = np.column_stack([configuration, np.concatenate([f.segment for f in factors])])
+    return [(labels == label).all(axis=1) for label in np.unique(labels, axis=0)]
 
 
 def physical(

@@ -16,7 +16,6 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.estimation.partial import parameter_scale
 from rotorfit.experiment.model_terms import (
     ADDED_TERMS,
     DEFAULT_TERMS,
@@ -209,8 +208,4 @@ def expected_gain(
     wide = dataclasses.replace(fit, problem=problem, estimate=at)
     every = np.ones(len(fit.influence), dtype=bool)
     equations = normal_equations(wide, every)
-    size = 1.0 / parameter_scale(equations.information)
-    score = equations.scores.sum(axis=0) * size
-    information = equations.information * np.outer(size, size)
-    step: Float[np.ndarray, " f"] = np.linalg.pinv(information) @ score
-    return 0.5 * float(score @ step)
+    return 0.5 * float(equations.scores.sum(axis=0) @ equations.step)

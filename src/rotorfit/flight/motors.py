@@ -142,11 +142,15 @@ def shift_time(
     weights = [
         float(np.prod([(part - m) / (k - m) for m in nodes if m != k])) for k in nodes.tolist()
     ]
-    shifted = np.empty(values.shape)
-    for piece in pieces(len(values), longest=LONG // len(nodes)):
-        rows = np.arange(int(piece.start), int(piece.stop)) - whole
-        taken = [values[np.clip(rows - k, 0, len(values) - 1)] for k in nodes.tolist()]
-        shifted[piece] = np.einsum("k,knr->nr", weights, np.array(taken))
+    n = len(values)
+    shifted = np.zeros(values.shape)
+    for piece in pieces(n, longest=LONG // len(nodes)):
+        first = int(piece.start) - whole - int(nodes[-1])
+        rows = np.arange(first, int(piece.stop) - whole - int(nodes[0]))
+        near = values[np.clip(rows, 0, n - 1)]
+        for weight, k in zip(weights, nodes.tolist(), strict=True):
+            begin = int(nodes[-1]) - k
+            shifted[piece] += weight * near[begin : begin + piece.stop - piece.start]
     return shifted
 
 

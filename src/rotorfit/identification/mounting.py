@@ -54,6 +54,6 @@ def likelihood_on(fit: Fitted, flown: Flown, counted: Sequence[JointConfiguratio
     """
     joint = [
         replace(c, factors=factors, model=flown.model)
-        for c, factors in zip(counted, flown.timed_bands(), strict=True)
+        for c, factors in zip(counted, flown.timed_bands, strict=True)
     ]
     return joint_estimate(joint, [], begin=fit[0].estimate.by_name).log_likelihood

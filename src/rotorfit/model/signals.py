@@ -7,6 +7,7 @@ and w x H of the rotors' spin H = sum s_i O_i n_i: six with tilted rotors, three
 z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,15 +91,59 @@ def signal_matrix(
             f"rows {start} to {stop} of a flight of {len(flight.time)} samples with "
             f"{margin} neighbour row on each side do not exist; shorten the segment"
         )
+    layout = signal_layout(vehicle, velocity=velocity)
     if flight.differentiation == "exact":
         return _raw_signals(flight, vehicle, slice(start, stop), velocity=velocity)
     wide = _raw_signals(flight, vehicle, slice(start - 1, stop + 1), velocity=velocity)
-    layout = signal_layout(vehicle, velocity=velocity)
+    return _averaged(wide, [name in DERIVATIVES for name in layout.names])
+
+
+def rotor_signals(
+    flight: FlightData, vehicle: Vehicle, start: int, stop: int
+) -> Float[np.ndarray, "n r"]:
+    """Return the columns of `signal_matrix` that the rotors' speeds stand in (`rotor_columns`)."""
+    exact = flight.differentiation == "exact"
+    margin = 0 if exact else 1
+    rows = slice(start - margin, stop + margin)
+    layout = signal_layout(vehicle)
+    columns = rotor_columns(layout)
+    w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
+    Z = np.empty((len(w), len(columns)), order="F")
+    N = len(vehicle.rotors)
+    np.multiply(O, O, out=Z[:, :N])
+    Z[:, N:-1] = _spin(layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
+    Z[:, -1] = w[:, 2] * (O @ vehicle.squared_arms)
+    return Z if exact else _averaged(Z, [layout.names[i] in DERIVATIVES for i in columns])
+
+
+def yaw_signals(
+    flight: FlightData, rotor_count: int, start: int, stop: int
+) -> Float[np.ndarray, "n y"]:
+    """Return yaw acceleration, and of every rotor the squared speed, then the spin-up.
+
+    Of rotors that may turn either way; averaged as those of `signal_matrix` are.
+    """
+    exact = flight.differentiation == "exact"
+    margin = 0 if exact else 1
+    rows = slice(start - margin, stop + margin)
+    Z = np.column_stack(
+        [
+            flight.angular_acceleration[rows, 2],
+            flight.rotor_speed[rows] ** 2,
+            flight.rotor_acceleration[rows],
+        ]
+    )
+    exempt = [True] + [False] * rotor_count + [True] * rotor_count
+    return Z if exact else _averaged(Z, exempt)
+
+
+def _averaged(wide: Float[np.ndarray, "w z"], exempt: Sequence[bool]) -> Float[np.ndarray, "n z"]:
+    """Return the inner rows averaged with [1 4 1]/6, but for the columns that are exempt."""
     Z = wide[:-2] + wide[2:]
     Z += 4.0 * wide[1:-1]
     Z /= 6.0
-    exempt = [i for i, name in enumerate(layout.names) if name in DERIVATIVES]
-    Z[:, exempt] = wide[1:-1][:, exempt]
+    kept = np.flatnonzero(exempt)
+    Z[:, kept] = wide[1:-1][:, kept]
     return Z
 
 
@@ -117,7 +162,9 @@ def _raw_signals(
     for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), start=9):
         np.multiply(w[:, i], w[:, j], out=Z[:, column])
     np.multiply(O, O, out=Z[:, 12 : 12 + N])
-    _fill_spin(Z, layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
+    Z[:, 12 + N : layout.index("wzO")] = _spin(
+        layout, vehicle, (w, O, flight.rotor_acceleration[rows])
+    )
     Z[:, layout.index("wzO")] = w[:, 2] * (O @ vehicle.squared_arms)
     first = layout.index("wx")
     Z[:, first : first + 3] = w
@@ -156,22 +203,15 @@ def _fill_air(
             Z[:, layout.index(name)] = wrenches[:, column]
 
 
-def _fill_spin(
-    Z: Float[np.ndarray, "n z"],
+def _spin(
     layout: SignalLayout,
     vehicle: Vehicle,
     motion: tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n N"], Float[np.ndarray, "n N"]],
-) -> None:
-    """Write dH/dt and w x H into the columns of Z that the layout has for them."""
+) -> Float[np.ndarray, "n s"]:
+    """Return those of dH/dt and w x H that the layout has."""
     w, O, dO = motion
     spin_axes = vehicle.spins[:, None] * vehicle.axes
     if "dHx" not in layout:
         Hz = O @ spin_axes[:, 2]
-        first = layout.index("dHz")
-        Z[:, first] = dO @ spin_axes[:, 2]
-        Z[:, first + 1] = w[:, 1] * Hz
-        Z[:, first + 2] = -w[:, 0] * Hz
-        return
-    first = layout.index("dHx")
-    Z[:, first : first + 3] = dO @ spin_axes
-    Z[:, first + 3 : first + 6] = np.cross(w, O @ spin_axes)
+        return np.column_stack([dO @ spin_axes[:, 2], w[:, 1] * Hz, -w[:, 0] * Hz])
+    return np.concatenate([dO @ spin_axes, np.cross(w, O @ spin_axes)], axis=1)
