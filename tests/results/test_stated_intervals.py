@@ -55,14 +55,17 @@ def joint(excitation=None):
     )
 
 
-def test_a_joint_result_states_half_widths_and_their_1_96th_part():
-    tables = joint()
+def states_all(tables):
     states(number(tables, "kt"), 2e-6, 1.96e-8)
     states(number(tables, "Ixx"), 0.01, 1.96e-3)
     states(number(tables, "kd_over_Izz"), 1.5e-6, 1.96e-7)
     assert tables.covariance_names == ("kt", "Ixx@A")
     expected = CORRELATION[:2, :2] * np.outer(STD[:2], STD[:2])
     np.testing.assert_allclose(tables.covariance, expected, rtol=1e-9)
+
+
+def test_a_joint_result_states_half_widths_and_their_1_96th_part():
+    states_all(joint())
 
 
 RHOS = [(4.9, False), (5.0, True), (9.9, True), (10.1, False)]
@@ -115,13 +118,7 @@ def by_rows(rho=50.0):
 
 
 def test_a_result_by_rows_states_half_widths_and_their_1_96th_part():
-    tables = by_rows()
-    states(number(tables, "kt"), 2e-6, 1.96e-8)
-    states(number(tables, "Ixx"), 0.01, 1.96e-3)
-    states(number(tables, "kd_over_Izz"), 1.5e-6, 1.96e-7)
-    assert tables.covariance_names == ("kt", "Ixx@A")
-    expected = CORRELATION[:2, :2] * np.outer(STD[:2], STD[:2])
-    np.testing.assert_allclose(tables.covariance, expected, rtol=1e-9)
+    states_all(by_rows())
 
 
 @pytest.mark.parametrize(("rho", "warned"), RHOS)

@@ -64,7 +64,7 @@ def deviations(monkeypatch, *, names=BOTH, hold=0.0, shifts=None, motors=COMMAND
         rows = np.zeros((len(shifts), len(fit.estimate.names)))
         rows[:, [fit.estimate.names.index(name) for name in names]] = MS * np.array(shifts)
         monkeypatch.setattr(timing_fit, "answer_shifts", lambda fit: rows)
-    return _with_deviations(flown(motors=motors), free, fit, 0.0)
+    return _with_deviations(flown(motors=motors), free, fit)
 
 
 def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults(monkeypatch):

@@ -165,7 +165,7 @@ def _signed_share(
         if total == 0.0 or not np.all(lengths > 0):
             continue
         D = D / lengths
-        coefficients = scipy.linalg.lstsq(D, y)[0]
+        coefficients: Float[np.ndarray, " d"] = scipy.linalg.pinv(D) @ y
         if (coefficients > 0).all() or (coefficients < 0).all():
             explained = float(y @ D @ coefficients) / total
             shares.append(explained if coefficients[0] > 0 else -explained)

@@ -32,7 +32,7 @@ def changed_in_flight(configurations: Sequence[Configured]) -> str | None:
 
 def _changed(flight: UsedFlight) -> str | None:
     data = flight.prepared.data
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    rows = data.used_rows
     if len(rows) < SHORTEST * data.sample_rate:
         return None
     first, second = (_shares(data.rotor_speed[half] ** 2) for half in np.array_split(rows, 2))

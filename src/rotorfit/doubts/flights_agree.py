@@ -4,7 +4,7 @@ Flights of one vehicle differ by chance, by weather and by how they were flown; 
 load or vehicle makes more. A joint fit does not show it: the flight that is surer wins.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -63,9 +63,7 @@ def _alone(
     c: JointConfiguration, fit: BandedEstimate, flights: int
 ) -> Iterator[tuple[int, Numbers]]:
     """Yield the numbers of each flight by itself, where it tells any."""
-    begin: Mapping[str, float] = dict(
-        zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True)
-    )
+    begin = fit.estimate.by_name
     for k in range(flights):
         own = c.factors.recording == k
         if not own.any():

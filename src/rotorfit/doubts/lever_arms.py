@@ -109,7 +109,7 @@ def _at(place: float, begun: float, flown: Flown, fit: BandedEstimate) -> Banded
     scale = {"Ixx": 1.0 / factor, "Iyy": factor}
     start = [
         value * scale.get(name.partition("@")[0], 1.0)
-        for name, value in zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True)
+        for name, value in fit.estimate.by_name.items()
     ]
     return banded(problem, np.array(start))
 

@@ -23,7 +23,7 @@ def saturated_sensors(flown: Flown) -> str | None:
 def _cut_off(flight: UsedFlight) -> list[tuple[float, str]]:
     """Return the share of the flight that each sensor's end cut off, and what is to be said."""
     data = flight.prepared.data
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    rows = data.used_rows
     file = Path(flight.entry.file).name
     found: list[tuple[float, str]] = []
     for name, values, unit in (

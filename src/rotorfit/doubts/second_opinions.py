@@ -13,7 +13,7 @@ from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD, fit_rows
-from rotorfit.fit.weight_balance import Held, held_up, hovering, pooled
+from rotorfit.fit.weight_balance import Held, held_together, held_up, hovering, pooled
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.logs.files import file_name
 from rotorfit.model.vehicle import Vehicle
@@ -200,11 +200,9 @@ def accelerometer_against_gravity(
     diagnostics: dict[str, float] = {}
     for configured in configurations:
         data = [flight.prepared.data for flight in configured.flights]
-        found = [held_up(hovering(one), one.specific_force) for one in data]
-        parts = [held for held in found if held is not None]
-        if not parts:
+        held = held_together(held_up(hovering(one), one.specific_force) for one in data)
+        if held is None:
             continue
-        held = pooled(parts)
         diagnostics[f"accelerometer_over_gravity@{configured.entry.name}"] = held.ratio
         limit = ACCEL_BIAS_STD / GRAVITY + 1.96 * held.std
         if abs(held.ratio - 1.0) > limit:

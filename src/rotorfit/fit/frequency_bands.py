@@ -29,6 +29,11 @@ bandwidth an autopilot's answer alone makes as much as one to three."""
 _TINY: Final = float(np.finfo(float).tiny)
 
 
+def slow_bands(factors: Factors) -> Bool[np.ndarray, "b 3"]:
+    """Return which blocks of roll, pitch and yaw are not above the band in which a pilot flies."""
+    return np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
+
+
 def flown_bands(
     factors: Factors, signal: Float[np.ndarray, "b k"], residual: Float[np.ndarray, "b k"]
 ) -> Bool[np.ndarray, "b k"]:

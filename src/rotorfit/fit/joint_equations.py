@@ -210,11 +210,8 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
 
 def _answers(configuration: JointConfiguration) -> Answers:
     """Return what the autopilot does about roll, pitch and yaw errors in every block."""
-    factors, answered, counted = (
-        configuration.factors,
-        configuration.answered,
-        configuration.counted,
-    )
+    factors, counted = configuration.factors, configuration.counted
+    answered = configuration.answered
     assert answered is not None and counted is not None
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
     steered = counted[:, [NOISY.index(name) for name in ANSWERED]]

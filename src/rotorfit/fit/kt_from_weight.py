@@ -8,14 +8,14 @@ the weight is the less sure: propellers in motion differ from those in hover.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rotorfit.fit.flights import Configured, Flown
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD
-from rotorfit.fit.weight_balance import Held, held_up, pooled
+from rotorfit.fit.weight_balance import Held, held_together, held_up, pooled
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.model.vehicle import Vehicle
 
@@ -131,9 +131,5 @@ def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:
 def _read_over_gravity(configured: Configured) -> Held | None:
     """Return by how much the accelerometer reads more than gravity, as a share of it."""
     data = [flight.prepared.data for flight in configured.flights]
-    parts = [held_up(one, one.specific_force) for one in data]
-    known = [held for held in parts if held is not None]
-    if not known:
-        return None
-    mean = pooled(known)
-    return Held(ratio=mean.ratio - 1.0, std=mean.std, seconds=mean.seconds)
+    held = held_together(held_up(one, one.specific_force) for one in data)
+    return None if held is None else replace(held, ratio=held.ratio - 1.0)

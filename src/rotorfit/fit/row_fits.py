@@ -266,7 +266,7 @@ def _rotor_made(model: Regressor, first: Mapping[str, BandedFit]) -> dict[str, R
 def _fitted_row(model: Regressor, row: str, fit: BandedFit) -> Float[np.ndarray, " z"]:
     """Return the equation of a moment row at its fitted parameters."""
     mapped = _moment_map(model, row)
-    phi = dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
+    phi = fit.estimate.by_name
     theta = mapped.theta(np.array([phi.get(name, 0.0) for name in mapped.names]))[0]
     return np.einsum("p,pz->z", theta, model.tensor[:, 3 + ROWS.index(row) - 1])
 

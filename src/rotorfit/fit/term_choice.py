@@ -194,7 +194,7 @@ def expected_gain(
 ) -> float:
     """Return by how much the log-likelihood would rise with these terms, to second order."""
     problem = joint_problem(joint, terms=terms)
-    known = dict(zip(fit.estimate.names, fit.estimate.values.tolist(), strict=True))
+    known = fit.estimate.by_name
     names = problem.map.names
     values = np.array([known.get(name, 0.0) for name in names])
     at = Estimate(

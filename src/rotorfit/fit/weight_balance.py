@@ -6,7 +6,7 @@ known; a gyro's bias turns a window of some seconds by too little to matter. So 
 and the thrust that a fit makes of the rotor speeds, can each be held against gravity.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -99,8 +99,7 @@ def hovering(data: FlightData) -> FlightData:
         With its segments, which are looked at in pieces of the shortest window.
     """
     squares: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", data.rotor_speed, data.rotor_speed)
-    rows = [np.arange(s.start, s.stop) for s in data.segments]
-    usual = float(np.median(squares[np.concatenate(rows)])) if rows else 0.0
+    usual = float(np.median(squares[data.used_rows])) if data.segments else 0.0
     low, high = HOVER_THRUST
     calm: list[Segment] = []
     for segment in data.segments:
@@ -165,6 +164,12 @@ def _rotated(q: Float[np.ndarray, "m 4"], v: Float[np.ndarray, "m 3"]) -> Float[
     """Return vectors of the body in the axes that q turns it from."""
     across = np.cross(q[:, 1:], v)
     return v + 2.0 * (q[:, :1] * across + np.cross(q[:, 1:], across))
+
+
+def held_together(parts: Iterable[Held | None]) -> Held | None:
+    """Return the mean of those that are known; None where none is."""
+    known = [part for part in parts if part is not None]
+    return pooled(known) if known else None
 
 
 def pooled(parts: Sequence[Held]) -> Held:

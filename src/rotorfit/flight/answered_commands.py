@@ -95,16 +95,14 @@ def within(
     most
         Speeds, of all rotors: where there are more, pieces of the spans that are spread over them.
     """
-    inside = [a for a in (_cut(a, *span) for a in answers for span in spans) if a is not None]
+    inside = _inside(answers, spans)
     count = sum(len(answer.speed) for answer in inside)
-    spans = spans if count <= most else _spread(spans, most / count)
-    found: list[Answer] = []
-    for answer in answers:
-        for begin, end in spans:
-            cut = _cut(answer, begin, end)
-            if cut is not None:
-                found.append(cut)
-    return tuple(found)
+    return inside if count <= most else _inside(answers, _spread(spans, most / count))
+
+
+def _inside(answers: Sequence[Answer], spans: Sequence[Span]) -> tuple[Answer, ...]:
+    cuts = (_cut(answer, *span) for answer in answers for span in spans)
+    return tuple(cut for cut in cuts if cut is not None)
 
 
 def spans_of(answers: Sequence[Answer]) -> list[Span]:

@@ -291,7 +291,7 @@ def doubts_about(
 
 def flown_doubts(data: FlightData) -> list[str]:
     """Return the doubts about what was flown, whatever measured it."""
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    rows = data.used_rows
     doubts = _thrust_doubts(data.rotor_speed[rows])
     return doubts if data.velocity is None else doubts + _speed_doubts(data.velocity[rows])
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 Differentiation = Literal["exact", "central"]
 
@@ -71,6 +71,12 @@ class FlightData:
     segments: tuple[Segment, ...]
     rotor_speed_std: float = 0.0
     velocity: Float[np.ndarray, "n 3"] | None = None
+
+    @property
+    def used_rows(self) -> Int[np.ndarray, " u"]:
+        """Rows of all segments, one after the other."""
+        rows = [np.arange(s.start, s.stop) for s in self.segments]
+        return np.concatenate(rows) if rows else np.zeros(0, dtype=np.int64)
 
     @property
     def samples_used(self) -> int:

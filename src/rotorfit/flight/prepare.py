@@ -358,7 +358,7 @@ def _law_doubts(data: FlightData, uniform: UniformChannels, motors: MotorModel) 
     """Return what to doubt of the motors' law for the commands in flight."""
     if motors.law is None:
         return ()
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    rows = data.used_rows
     return law_doubts(motors.law, uniform.values["motor"][rows])
 
 

@@ -213,7 +213,7 @@ def _joint_widened(
         except UnsettledError as error:
             # It wanders off from the numbers: by so much at least they are open.
             return _numbers_at(error.reached, fit, joint) - numbers.values
-        return _joint_numbers(other, *fitted).values - numbers.values
+        return _numbers_at(fitted[0].estimate.by_name, *fitted) - numbers.values
 
     timed = flown.free_timing is not None
     half = widened(numbers.half_width, flown, shift, timed=timed)

@@ -12,7 +12,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.excitation import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.flights import retimed
-from rotorfit.fit.frequency_bands import EDGES, PILOT_BAND, STRETCH
+from rotorfit.fit.frequency_bands import EDGES, STRETCH, slow_bands
 from rotorfit.fit.kt_from_weight import INFLOW_STD, WeighedThrust
 from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
@@ -218,13 +218,12 @@ def _best_lag(
 def _likelihood(prepared: PreparedFlight, vehicle: Vehicle, model: Regressor) -> float:
     """Return the log-likelihood of the turns, where a pilot flies."""
     factors = _factors(prepared, vehicle)
-    slow = np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
-    return angular_log_likelihood(factors, model, mass=1.0, counted=slow)
+    return angular_log_likelihood(factors, model, mass=1.0, counted=slow_bands(factors))
 
 
 def _thrust(data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool) -> Thrust:
     """Return what changes of thrust and the weight say of kt."""
-    rows = np.concatenate([np.arange(s.start, s.stop) for s in data.segments])
+    rows = data.used_rows
     kt, random = _with_width(fits, "force.kt")
     weighed = _weighed(data, vehicle)
     agree = weighed is None or not weighed.contradicts(kt, random / 1.96)

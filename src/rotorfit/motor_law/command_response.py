@@ -182,23 +182,24 @@ def answered_speed(
     kept = np.exp(-step / lag)
     away = at_command - settled
     bent: Float[np.ndarray, " n"] = kept * step / lag * away  # by the logarithm of the lag in force
-    into = np.column_stack(
-        [(1.0 - kept)[:, None] * settled_slopes, bent, np.where(rising, 0.0, bent)]
-    )
-    start = np.column_stack([settled_slopes, np.zeros((len(settled), 2))])
+    # A row for each parameter: contiguous, as the solver wants its columns.
+    bending = settled_slopes.T
+    start = np.concatenate([bending, np.zeros((2, len(settled)))])
+    into = np.concatenate([bending * (1.0 - kept), [bent, np.where(rising, 0.0, bent)]])
     moved = _solved(kept, into, start, recording.begins)
     k = np.searchsorted(recording.command_time, recording.time - timing.delay, side="right") - 1
     k = np.clip(k, 0, len(settled) - 1)
     since = np.maximum(recording.time - timing.delay - recording.command_time[k], 0.0)
     left = np.exp(-since / lag[k])
     speed = settled[k] + away[k] * left
-    slopes = np.empty((len(k), settled_slopes.shape[1] + 3))
-    slopes[:, :-1] = start[k] + (moved[k] - start[k]) * left[:, None]
+    slopes = np.empty((len(bending) + 3, len(k)))
+    at_start = start[:, k]
+    slopes[:-1] = at_start + (moved[:, k] - at_start) * left
     late: Float[np.ndarray, " m"] = away[k] * left * since / lag[k]
-    slopes[:, -3] += late
-    slopes[:, -2] += np.where(rising[k], 0.0, late)
-    slopes[:, -1] = away[k] * left / lag[k]
-    return speed, slopes
+    slopes[-3] += late
+    slopes[-2] += np.where(rising[k], 0.0, late)
+    slopes[-1] = away[k] * left / lag[k]
+    return speed, slopes.T
 
 
 def _at_commands(
@@ -217,8 +218,8 @@ def _at_commands(
     speed = settled
     for _ in range(1 if up == down else MOST_ROUNDS):
         kept = np.exp(-step / np.where(rising, up, down))
-        into = ((1.0 - kept) * settled)[:, None]
-        speed = _solved(kept, into, settled[:, None], recording.begins)[:, 0]
+        into = (1.0 - kept) * settled
+        speed = _solved(kept, into[None], settled[None], recording.begins)[0]
         changed = (settled > speed) != rising
         if not (changed & (np.abs(settled - speed) > SETTLED * np.abs(settled))).any():
             break
@@ -228,15 +229,15 @@ def _at_commands(
 
 def _solved(
     kept: Float[np.ndarray, " n"],
-    into: Float[np.ndarray, "n p"],
-    start: Float[np.ndarray, "n p"],
+    into: Float[np.ndarray, "p n"],
+    start: Float[np.ndarray, "p n"],
     begins: Bool[np.ndarray, " n"],
-) -> Float[np.ndarray, "n p"]:
+) -> Float[np.ndarray, "p n"]:
     """Return x of x_k+1 = a_k x_k + b_k, anew from `start` where a stretch begins."""
     bands = np.ones((2, len(kept)))
     bands[1, :-1] = np.where(begins[1:], 0.0, -kept[:-1])
-    right = np.empty(into.shape, order="F")
-    right[1:] = into[:-1]
-    right[begins] = start[begins]
+    right = np.empty(into.shape)
+    right[:, 1:] = into[:, :-1]
+    right[:, begins] = start[:, begins]
     # Triangular: a general banded solver takes five times as long.
-    return np.asarray(lapack.dtbtrs(bands, right, uplo="L", diag="U", overwrite_b=1)[0])
+    return np.asarray(lapack.dtbtrs(bands, right.T, uplo="L", diag="U", overwrite_b=1)[0]).T

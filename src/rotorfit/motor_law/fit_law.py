@@ -25,7 +25,7 @@ from rotorfit.motor_law.block_jackknife import (
     widest,
 )
 from rotorfit.motor_law.command_response import Recording, Timing, answered_speed, recording_of
-from rotorfit.motor_law.law_forms import FORMS
+from rotorfit.motor_law.law_forms import FORMS, FormName
 from rotorfit.motor_law.law_model import Layout, predicted, timing_of
 
 MOST_SPEEDS: Final = 80_000
@@ -246,13 +246,29 @@ def _first(layout: Layout, recording: Recording) -> Float[np.ndarray, " p"]:
 def _refitted(recording: Recording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
     """Return the fit of another layout, begun where one ended; glitches count less."""
     x = np.zeros(layout.size)
-    x[0], x[layout.curve] = fit.values[0], FORMS[layout.form].start
-    if layout.form == fit.layout.form:
-        x[layout.curve] = fit.values[fit.layout.curve]
+    x[: layout.curve.stop] = _alike(layout.form, fit, recording.command)
     rotors = layout.rotors - 1
     x[layout.factors][:rotors] = fit.values[fit.layout.factors][:rotors]
     x[-2 - int(layout.two_way)], x[-1] = fit.timing.log_lag, fit.timing.delay
     return _fitted(recording, layout, x, scale)
+
+
+def _alike(
+    form: FormName, fit: LawFit, command: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " p"]:
+    """Return log full speed and curve of a form that are nearest to a fit, at usual commands."""
+    found = fit.values[: fit.layout.curve.stop]
+    if form == fit.layout.form:
+        return found
+    one = FORMS[form]
+    u = np.quantile(command, np.linspace(0.02, 0.98, 41))
+    wanted = found[0] + FORMS[fit.layout.form].logarithm(u, found[1:])[0]
+    bounds = [-np.inf, *one.lower], [np.inf, *one.upper]
+    begin = np.array([found[0], *one.start])
+    near = scipy.optimize.least_squares(
+        lambda x: x[0] + one.logarithm(u, x[1:])[0] - wanted, begin, bounds=bounds
+    )
+    return np.asarray(near.x, dtype=float)
 
 
 def _fitted(

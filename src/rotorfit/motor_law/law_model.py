@@ -93,26 +93,37 @@ def predicted(
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]:
     """Return the speeds that the parameters predict, and the slopes."""
     logarithm, curve = FORMS[layout.form].logarithm(recording.command, x[layout.curve])
-    columns = [np.ones((len(logarithm), 1)), curve]
-    logarithm = logarithm + x[0]
+    bending = [*curve.T]
     if layout.voltage and recording.voltage is not None:
-        columns.append(np.log(recording.voltage)[:, None])
-        logarithm = logarithm + x[layout.exponent] * columns[-1][:, 0]
-    columns.append(_contrast(recording.rotor, layout.rotors))
+        bending.append(np.log(recording.voltage))
+        logarithm = logarithm + x[layout.exponent] * bending[-1]
     if not layout.voltage:
-        columns.append(_contrast(recording.flight, layout.flights))
         since = recording.since
-        columns += [
-            np.where(recording.flight == k, since, 0.0)[:, None] for k in range(layout.flights)
-        ]
-    by_law = np.column_stack(columns)
-    linear = slice(layout.factors.start, layout.drifts.stop)
-    logarithm = logarithm + by_law[:, linear] @ x[linear]
+        drifts = [np.where(recording.flight == k, since, 0.0) for k in range(layout.flights)]
+        logarithm = logarithm + x[layout.drifts] @ np.array(drifts)
+        bending += drifts
+    scaling = _scaling(layout, recording.rotor, recording.flight)
+    logarithm = logarithm + x[0] + scaling @ x[layout.factors]
     settled = np.exp(np.minimum(logarithm, 30.0))
     speed, slopes = answered_speed(
-        recording, settled, settled[:, None] * by_law, timing_of(layout, x)
+        recording, settled, (settled * np.array(bending)).T, timing_of(layout, x)
     )
-    return speed, slopes if layout.two_way else np.delete(slopes, -2, axis=1)
+    own = _scaling(layout, recording.speed_rotor, recording.speed_flight)
+    curved = layout.factors.start - 1
+    # What multiplies all commands of a stretch multiplies its speeds.
+    columns = [speed[:, None], slopes[:, :curved], speed[:, None] * own, slopes[:, curved:]]
+    every = np.concatenate(columns, axis=1)
+    return speed, every if layout.two_way else np.delete(every, -2, axis=1)
+
+
+def _scaling(
+    layout: Layout, rotor: Int[np.ndarray, " n"], flight: Int[np.ndarray, " n"]
+) -> Float[np.ndarray, "n c"]:
+    """Return the columns of the rotors' factors, and of the flights' where there is no voltage."""
+    columns = [_contrast(rotor, layout.rotors)]
+    if not layout.voltage:
+        columns.append(_contrast(flight, layout.flights))
+    return np.concatenate(columns, axis=1)
 
 
 def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n c"]:

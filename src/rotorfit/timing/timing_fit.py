@@ -10,6 +10,7 @@ for it.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
@@ -64,11 +65,8 @@ def find_timing(flown: Flown, *, lag: bool = True) -> MotorTiming | None:
         return None
     names = tuple(f"motor_{name}" for name in unknown)
     for terms in (DEFAULT_TERMS, FEWEST_TERMS):
-        try:
-            found = _fitted(flown, start, names, terms)
-        except UnsettledError:
-            continue
-        return found
+        with suppress(UnsettledError):
+            return _fitted(flown, start, names, terms)
     # Neither settles: the flights do not tell the lag, and without one they would be fitted wrong.
     return _untold(flown, delay_free="delay" in unknown) if "lag" in unknown else None
 
@@ -111,7 +109,7 @@ def _fitted(
     late = response.mean_lag > LEAST_LAG and total > 0.0
     if "motor_lag" in names and (pull > UNTOLD_PULL or not late):
         return _untold(flown, delay_free="motor_delay" in names)
-    return _with_deviations(flown, free, fit, pull)
+    return _with_deviations(flown, free, fit)
 
 
 def _settled(flown: Flown, terms: tuple[Term, ...]) -> tuple[Flown, BandedEstimate]:
@@ -170,9 +168,7 @@ def _untold(flown: Flown, *, delay_free: bool) -> MotorTiming:
     )
 
 
-def _with_deviations(
-    flown: Flown, free: FreeTiming, fit: BandedEstimate, pull: float
-) -> MotorTiming:
+def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> MotorTiming:
     """Return the timing with its deviations: of chance, of the autopilot's answer and of faults."""
     names = fit.estimate.names
     rows = {name: np.eye(len(names))[names.index(name)] for name in free.names}

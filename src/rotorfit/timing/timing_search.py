@@ -11,11 +11,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool
 
-from rotorfit.estimation.factors import Factors
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.frequency_bands import PILOT_BAND
+from rotorfit.fit.frequency_bands import slow_bands
 from rotorfit.fit.row_fits import angular_log_likelihood, flown_turns, turn_ratios
 from rotorfit.flight.motors import MotorResponse
 
@@ -88,13 +86,9 @@ def _coarse_delay(flown: Flown) -> MotorResponse | None:
 def _cost(flown: Flown, response: MotorResponse) -> float:
     """Return minus the log-likelihood of the angular accelerations in the pilot's band."""
     return -sum(
-        angular_log_likelihood(factors, flown.model, mass=configured.mass, counted=_slow(factors))
-        for factors, configured in zip(flown.bands(response), flown.configurations, strict=True)
+        angular_log_likelihood(f, flown.model, mass=configured.mass, counted=slow_bands(f))
+        for f, configured in zip(flown.bands(response), flown.configurations, strict=True)
     )
-
-
-def _slow(factors: Factors) -> Bool[np.ndarray, "b 3"]:
-    return np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
 
 
 def pull_of_gusts(flown: Flown, response: MotorResponse) -> float:
@@ -106,10 +100,10 @@ def pull_of_gusts(flown: Flown, response: MotorResponse) -> float:
     bands = flown.bands(response)
     masses = [configured.mass for configured in flown.configurations]
     for factors, mass in zip(bands, masses, strict=True):
-        if (flown_turns(factors, flown.model, mass=mass) & ~_slow(factors)).any():
+        if (flown_turns(factors, flown.model, mass=mass) & ~slow_bands(factors)).any():
             return 0.0
     ratios = [
-        turn_ratios(factors.select(_slow(factors)[:, 0]), flown.model, mass=mass).max()
+        turn_ratios(factors.select(slow_bands(factors)[:, 0]), flown.model, mass=mass).max()
         for factors, mass in zip(bands, masses, strict=True)
     ]
     return GUST_PULL / max(float(max(ratios)), SMALLEST_RATIO)
