@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.estimation.banded import BandedProblem, banded, normal_equations
+from rotorfit.estimation.banded import BandedProblem, banded, normal_equations, steps_without
 from rotorfit.estimation.factors import Factors, time_block_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.partial import left_out
@@ -76,3 +76,11 @@ def test_blocks_left_out_say_nothing():
     np.testing.assert_allclose(whole.scores.sum(axis=0), 0.0, atol=1e-2)
     both = normal_equations(fit, LAST).information + rest.information
     np.testing.assert_allclose(whole.information, both, rtol=1e-9)
+
+
+def test_steps_without_each_part_are_those_of_all_others():
+    fit = banded(line_problem(5, jump=0.1), np.array([2.0, 0.5]))
+    parts = [LAST, np.arange(BLOCKS) < 7, np.arange(BLOCKS) == 12]
+    expected = [normal_equations(fit, ~part).step for part in parts]
+    every = [*parts, ~(parts[0] | parts[1] | parts[2])]
+    np.testing.assert_allclose(steps_without(fit, every)[:3], expected, rtol=1e-8)

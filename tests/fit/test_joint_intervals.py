@@ -153,11 +153,11 @@ def test_phases_pull_as_the_jackknife_and_the_sandwich_in_the_mean(monkeypatch, 
     fit = made_fit.fit_of([body], std={}, influence={"kt": np.repeat(p / 2, 2) + inside})
     place = fit.estimate.names.index("kt")
 
-    def without(fit, blocks):
-        (own,) = np.unique(factors_of(body).segment[blocks])
-        return d[own] * np.eye(FREE)[place]
+    def without(fit, parts):
+        own = [int(*np.unique(factors_of(body).segment[blocks])) for blocks in parts]
+        return np.outer(d[own], np.eye(FREE)[place])
 
-    monkeypatch.setattr(module, "_step_without", without)
+    monkeypatch.setattr(module, "steps_without", without)
     found = _between_phases(fit, np.eye(FREE))
     expected = 1.96 * np.sqrt(np.sum(np.abs(p * d))) if phases > 2 else 0.0
     assert found[place] == pytest.approx(expected)
@@ -176,7 +176,7 @@ def test_a_phase_without_which_nothing_is_told_counts_four_times_at_most(
     place = fit.estimate.names.index("kt")
     moves = np.array([ratio, 1.0, 1.0, 1.0]) * np.where(pulls == 0.0, 1e-6, -pulls)
     monkeypatch.setattr(
-        module, "_step_without", lambda fit, own: (moves @ own) * np.eye(FREE)[place]
+        module, "steps_without", lambda fit, parts: np.outer(parts @ moves, np.eye(FREE)[place])
     )
     expected = 1.96e-8 * np.sqrt(counted * 9.0 + 4.0 + 1.0)
     assert _between_phases(fit, np.eye(FREE))[place] == pytest.approx(expected)
@@ -190,7 +190,9 @@ def test_phases_that_differ_widen_an_interval(monkeypatch):
     fit = made_fit.fit_of([body], std={}, influence={"kt": pulls})
     place = fit.estimate.names.index("kt")
     monkeypatch.setattr(
-        module, "_step_without", lambda fit, own: -4.0 * (pulls @ own) * np.eye(FREE)[place]
+        module,
+        "steps_without",
+        lambda fit, parts: np.outer(-4.0 * (parts @ pulls), np.eye(FREE)[place]),
     )
     assert half_width(fit, [body]) == pytest.approx(1.96 * np.sqrt(4 * 4 * 9) * 1e-8, rel=1e-3)
 

@@ -189,7 +189,7 @@ def windowed(data, part):
     return Z * (window / np.linalg.norm(window))[:, None]
 
 
-@pytest.mark.parametrize("n", [800, 825])
+@pytest.mark.parametrize("n", [800, 801])
 def test_all_lines_together_obey_parseval(n):
     data = flight(n)
     plan = BandPlan(edges=(0.0, 1.0, 5.0, 20.0, 101.0))
@@ -205,16 +205,6 @@ def test_all_lines_together_obey_parseval(n):
     got = F.total.T @ F.total
     assert np.abs((got - expected) / np.outer(size, size)).max() < 1e-12
     assert F.rows.sum() == 2 * (n // 2 + 1) - 1
-
-
-def test_rows_that_make_a_stretch_slow_to_transform_are_left_out():
-    """2001 = 3 * 23 * 29 and the prime 1999 are slow, 2000 = 2^4 * 5^3 and 1980 are not."""
-    plan = BandPlan(edges=(0.0, 1.0, 5.0, 20.0))
-    for n, used in ((2001, 2000), (1999, 1980)):
-        whole, part = flight(n), flight(n)
-        one = band_factors(whole, VEHICLE, plan=plan)
-        part = replace(part, segments=(Segment(start=0, stop=used),))
-        np.testing.assert_array_equal(one.R, band_factors(part, VEHICLE, plan=plan).R)
 
 
 def test_a_band_holds_its_lines_and_no_others():

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy import fft, signal
+from scipy import signal
 
 from rotorfit.errors import FlightError
 from rotorfit.estimation.factors import (
@@ -195,8 +195,7 @@ def band_factors(
     parts: list[Factors] = []
     rotors = rotor_columns(signal_layout(vehicle, velocity=velocity))
     for segment in flight.segments:
-        for part in split_segment(segment, plan.longest * flight.sample_rate):
-            stretch = _of_fast_length(part)
+        for stretch in split_segment(segment, plan.longest * flight.sample_rate):
             Z = signal_matrix(flight, vehicle, stretch.start, stretch.stop, velocity=velocity)
             slopes = _slopes(moved, vehicle, stretch)
             blocks = _stretch_bands(Z, flight.sample_rate, plan, slopes, rotors)
@@ -216,8 +215,7 @@ def yaw_factors(flight: FlightData, rotor_count: int, *, plan: BandPlan) -> Fact
     """
     parts: list[Factors] = []
     for segment in flight.segments:
-        for part in split_segment(segment, plan.longest * flight.sample_rate):
-            stretch = _of_fast_length(part)
+        for stretch in split_segment(segment, plan.longest * flight.sample_rate):
             Z = yaw_signals(flight, rotor_count, stretch.start, stretch.stop)
             blocks = _stretch_bands(Z, flight.sample_rate, plan)
             if blocks is not None:
@@ -280,18 +278,6 @@ def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
     return [Segment(start=int(a), stop=int(b)) for a, b in pairwise(edges)]
 
 
-def _of_fast_length(stretch: Segment) -> Segment:
-    """Return a stretch without the few last rows that make its length slow to transform.
-
-    A length with a large prime in it takes four times as long; nearly all are within 1 % of a
-    product of small ones.
-    """
-    rows = len(stretch)
-    while rows > 1 and fft.next_fast_len(rows) != rows:
-        rows -= 1
-    return Segment(start=stretch.start, stop=stretch.start + rows)
-
-
 def _stretch_bands(
     Z: Float[np.ndarray, "n z"],
     sample_rate: float,
@@ -312,7 +298,7 @@ def _stretch_bands(
     if slopes:
         Z = np.column_stack([Z, *slopes])
     window = signal.windows.tukey(n, plan.taper)
-    lines = fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
+    lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
     stacked = [_line_rows(lines, first, last) for first, last in bands]
     R = triangular_factors(stacked)
     return Factors(
