@@ -240,13 +240,15 @@ def triangular_factors(
     """
     with np.errstate(over="ignore", invalid="ignore"):  # found below, and said
         gram = np.array([rows.T @ rows for rows in blocks])
+    many = np.array([len(rows) >= rows.shape[1] for rows in blocks])
     squares = np.einsum("bii->bi", gram)
     if not np.isfinite(squares).all():
         raise EstimationError("a signal of the flight is NaN or infinite where it is used")
     scale = np.sqrt(squares)
     safe = np.where(scale > 0, scale, 1.0)
     gram /= safe[:, :, None] * safe[:, None, :]
-    R, accurate = _cholesky(gram)
+    R, accurate = np.zeros_like(gram), np.zeros(len(gram), dtype=bool)
+    R[many], accurate[many] = _cholesky(gram[many])
     R *= safe[:, None, :]
     for i in np.flatnonzero(~accurate).tolist():
         R[i] = _householder(blocks[i][None])[0]

@@ -1,7 +1,7 @@
 """From the flights of an experiment to factors: read, prepare, reduce."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -40,7 +40,7 @@ from rotorfit.flight.prepare import (
 )
 from rotorfit.flight.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.logs import read_log
-from rotorfit.model.reduce import BandPlan, band_factors, yaw_factors
+from rotorfit.model.reduce import BandPlan, Lines, band_factors, body_lines, yaw_factors
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -97,6 +97,9 @@ class Flown:
         What measured the motion.
     velocity
         Whether the body's velocity is among the signals.
+    body
+        Lines of the signals that the rotors have no part in, of each flight of each configuration:
+        made once (`reduced`), they serve every timing of the motors.
     """
 
     vehicle: Vehicle
@@ -106,6 +109,7 @@ class Flown:
     motor_timing: MotorTiming | None = None
     source: Source = "imu"
     velocity: bool = False
+    body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
 
     @property
     def declared(self) -> MotorResponse:
@@ -154,6 +158,17 @@ class Flown:
         timing = MotorTiming(response=response, total_std=0.0, free=free)
         return dataclasses.replace(self, motor_timing=timing)
 
+    def reduced(self) -> "Flown":
+        """Return the same with the body's lines made, for bands at many timings."""
+        body = tuple(
+            tuple(
+                body_lines(data, plan=plan, velocity=self.velocity)
+                for data, plan in (banded_data(f.prepared, None) for f in c.flights)
+            )
+            for c in self.configurations
+        )
+        return dataclasses.replace(self, body=body)
+
     def bands(
         self, response: MotorResponse | None = None, *, free: FreeTiming | None = None
     ) -> tuple[Factors, ...]:
@@ -161,9 +176,12 @@ class Flown:
 
         With `free`, their slopes by the times that a fit may move.
         """
+        body = self.body or [None] * len(self.configurations)
         return tuple(
-            flight_bands(c.flights, self.vehicle, response, velocity=self.velocity, free=free)
-            for c in self.configurations
+            flight_bands(
+                c.flights, self.vehicle, response, velocity=self.velocity, free=free, body=own
+            )
+            for c, own in zip(self.configurations, body, strict=True)
         )
 
     @cached_property
@@ -295,6 +313,7 @@ def levelled_flights(flown: Flown, tilt: ImuTilt) -> Flown:
     """Return what was flown with the IMU's readings turned into the rotors' axes."""
     return dataclasses.replace(
         flown,
+        body=None,
         configurations=tuple(
             dataclasses.replace(
                 c,
@@ -314,6 +333,7 @@ def flight_bands(
     *,
     velocity: bool = False,
     free: FreeTiming | None = None,
+    body: Sequence[tuple[Lines, ...]] | None = None,
 ) -> Factors:
     """Return the band factors of all flights, calm and lively phases apart.
 
@@ -327,11 +347,17 @@ def flight_bands(
         Lag and delay of the motors; None leaves each flight as it was prepared.
     velocity
         Whether the body's velocity is among the signals.
+    free
+        What a fit may move of the timing, for the signals' slopes by it.
+    body
+        Lines of the body's signals (`Flown.reduced`), of each flight.
     """
     return stack_recordings(
         [
-            prepared_bands(flight.prepared, vehicle, response, velocity=velocity, free=free)
-            for flight in flights
+            prepared_bands(
+                flight.prepared, vehicle, response, velocity=velocity, free=free, body=own
+            )
+            for flight, own in zip(flights, body or [None] * len(flights), strict=True)
         ]
     )
 
@@ -359,11 +385,12 @@ def prepared_bands(
     *,
     velocity: bool = False,
     free: FreeTiming | None = None,
+    body: tuple[Lines, ...] | None = None,
 ) -> Factors:
     """Return the band factors of one flight, see `flight_bands`."""
     moved = [] if free is None else _moved(prepared, free)
     data, plan = banded_data(prepared, response)
-    return band_factors(data, vehicle, plan=plan, velocity=velocity, moved=moved)
+    return band_factors(data, vehicle, plan=plan, velocity=velocity, moved=moved, body=body)
 
 
 def banded_data(

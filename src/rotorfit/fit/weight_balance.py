@@ -156,14 +156,20 @@ def _running_product(q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
 
 def _product(p: Float[np.ndarray, "m 4"], q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
     scalar = p[:, 0] * q[:, 0] - np.einsum("mi,mi->m", p[:, 1:], q[:, 1:])
-    vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + np.cross(p[:, 1:], q[:, 1:])
+    vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + _cross(p[:, 1:], q[:, 1:])
     return np.column_stack([scalar, vector])
+
+
+def _cross(a: Float[np.ndarray, "m 3"], b: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
+    """Return a x b; NumPy's own takes four times as long."""
+    (x, y, z), (u, v, w) = a.T, b.T
+    return np.column_stack([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 def _rotated(q: Float[np.ndarray, "m 4"], v: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
     """Return vectors of the body in the axes that q turns it from."""
-    across = np.cross(q[:, 1:], v)
-    return v + 2.0 * (q[:, :1] * across + np.cross(q[:, 1:], across))
+    across = _cross(q[:, 1:], v)
+    return v + 2.0 * (q[:, :1] * across + _cross(q[:, 1:], across))
 
 
 def held_together(parts: Iterable[Held | None]) -> Held | None:

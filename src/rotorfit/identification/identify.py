@@ -140,7 +140,7 @@ def _mounted(experiment: Experiment, flown: Flown) -> tuple[Experiment, Flown, t
     tilt = found_tilt(flown, joint_fit)
     if tilt is None:
         return experiment, flown, lean_sentence(flown)
-    flown = levelled_flights(flown, tilt)
+    flown = levelled_flights(flown, tilt).reduced()
     if flown.motor_timing is not None:
         flown = dataclasses.replace(flown, motor_timing=find_timing(flown))
     return with_imu_tilt(experiment, tilt), flown, (mounting_sentence(tilt),)
@@ -185,7 +185,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         configurations=tuple(configurations),
         source=source,
         velocity=velocity,
-    )
+    ).reduced()
 
 
 def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) -> list[UsedFlight]:

@@ -18,6 +18,9 @@ from rotorfit.estimation.factors import (
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.signals import fading_rows
 from rotorfit.model.signals import (
+    SignalLayout,
+    body_columns,
+    body_signals,
     rotor_columns,
     rotor_signals,
     signal_layout,
@@ -26,6 +29,8 @@ from rotorfit.model.signals import (
 )
 from rotorfit.model.vehicle import Vehicle
 
+Lines = Complex[np.ndarray, "_ b"]
+"""Of the signals of a stretch, as far up as bands reach."""
 CHUNK_ROWS = 16_384
 """Rows of Z alive at a time: 20 columns of them stay near the processor's cache."""
 
@@ -180,6 +185,7 @@ def band_factors(
     plan: BandPlan,
     velocity: bool = False,
     moved: Sequence[tuple[FlightData, FlightData, float]] = (),
+    body: Sequence[Lines] | None = None,
 ) -> Factors:
     """Return one factor per stretch of flight and frequency band, of the velocity too if asked for.
 
@@ -187,22 +193,65 @@ def band_factors(
     real and imaginary parts. Every step is linear and equal for all signals: the equations
     between them stay exact.
 
+    Parameters
+    ----------
+    flight, vehicle
+        The prepared flight, with the rotors in the vehicle's order.
+    plan
+        How it is cut.
+    velocity
+        Whether the velocity is among the signals.
+    moved
+        The flight with the rotors a step later and earlier, and how far that is apart; one for each
+        slope.
+    body
+        Of the same flight and plan (`body_lines`), where rotors alone are made anew.
+
     Raises
     ------
     FlightError
         If no stretch is long enough for a single band.
     """
+    layout = signal_layout(vehicle, velocity=velocity)
+    made, kept = rotor_columns(layout, inflow=True), body_columns(layout)
+    known = body_lines(flight, plan=plan, velocity=velocity) if body is None else body
     parts: list[Factors] = []
-    rotors = rotor_columns(signal_layout(vehicle, velocity=velocity))
-    for segment in flight.segments:
-        for stretch in split_segment(segment, plan.longest * flight.sample_rate):
-            Z = signal_matrix(flight, vehicle, stretch.start, stretch.stop, velocity=velocity)
-            slopes = _slopes(moved, vehicle, stretch)
-            blocks = _stretch_bands(Z, flight.sample_rate, plan, slopes, rotors)
-            if blocks is not None:
-                noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
-                parts.append(replace(blocks, noise=noise))
+    for stretch, own in zip(_stretches(flight, plan), known, strict=True):
+        bands = _bands(stretch, flight.sample_rate, plan)
+        if not bands:
+            continue
+        rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, inflow=velocity)
+        slopes = _slopes(moved, vehicle, stretch)
+        fresh = _lines(np.concatenate([rotors, *slopes], axis=1), bands, plan)
+        lines = np.empty((len(own), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
+        lines[:, kept], lines[:, made] = own, fresh[:, : len(made)]
+        lines[:, len(layout) :] = fresh[:, len(made) :]
+        blocks = _banded(lines, bands, (stretch, flight.sample_rate))
+        noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
+        parts.append(_with_slopes(replace(blocks, noise=noise), layout, len(slopes)))
     return _stacked(parts)
+
+
+def body_lines(flight: FlightData, *, plan: BandPlan, velocity: bool = False) -> tuple[Lines, ...]:
+    """Return the lines of the signals that the rotors have no part in, stretch by stretch.
+
+    They stay where lag and delay of the motors are tried: of a log at 1 kHz the lines that are used
+    are a sixteenth of the samples.
+    """
+    return tuple(
+        _lines(
+            body_signals(flight, stretch.start, stretch.stop, velocity=velocity),
+            _bands(stretch, flight.sample_rate, plan),
+            plan,
+        )
+        for stretch in _stretches(flight, plan)
+    )
+
+
+def _stretches(flight: FlightData, plan: BandPlan) -> list[Segment]:
+    """Return the segments in parts that are not too long."""
+    longest = plan.longest * flight.sample_rate
+    return [stretch for segment in flight.segments for stretch in split_segment(segment, longest)]
 
 
 def yaw_factors(flight: FlightData, rotor_count: int, *, plan: BandPlan) -> Factors:
@@ -214,12 +263,11 @@ def yaw_factors(flight: FlightData, rotor_count: int, *, plan: BandPlan) -> Fact
         If no stretch is long enough for a single band.
     """
     parts: list[Factors] = []
-    for segment in flight.segments:
-        for stretch in split_segment(segment, plan.longest * flight.sample_rate):
+    for stretch in _stretches(flight, plan):
+        bands = _bands(stretch, flight.sample_rate, plan)
+        if bands:
             Z = yaw_signals(flight, rotor_count, stretch.start, stretch.stop)
-            blocks = _stretch_bands(Z, flight.sample_rate, plan)
-            if blocks is not None:
-                parts.append(blocks)
+            parts.append(_banded(_lines(Z, bands, plan), bands, (stretch, flight.sample_rate)))
     return _stacked(parts)
 
 
@@ -278,48 +326,52 @@ def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
     return [Segment(start=int(a), stop=int(b)) for a, b in pairwise(edges)]
 
 
-def _stretch_bands(
-    Z: Float[np.ndarray, "n z"],
-    sample_rate: float,
-    plan: BandPlan,
-    slopes: Sequence[Float[np.ndarray, "n r"]] = (),
-    rotors: Sequence[int] = (),
-) -> Factors | None:
-    """Return the band factors of one stretch; None where it has too few lines for one band.
+def _bands(stretch: Segment, sample_rate: float, plan: BandPlan) -> list[tuple[int, int]]:
+    """Return first and last (exclusive) line of each band of a stretch."""
+    return merged_bands(np.fft.rfftfreq(max(len(stretch), 1), 1.0 / sample_rate), plan)
 
-    A factor of signals and slopes side by side holds both: its first rows the signals' own.
-    """
-    n = len(Z)
-    frequency = np.fft.rfftfreq(max(n, 1), 1.0 / sample_rate)
-    bands = merged_bands(frequency, plan)
+
+def _lines(
+    Z: Float[np.ndarray, "n z"], bands: Sequence[tuple[int, int]], plan: BandPlan
+) -> Complex[np.ndarray, "l z"]:
+    """Return the windowed lines of signals, up to the last that a band has."""
     if not bands:
-        return None
-    z = Z.shape[1]
-    if slopes:
-        Z = np.column_stack([Z, *slopes])
-    window = signal.windows.tukey(n, plan.taper)
+        return np.zeros((0, Z.shape[1]), dtype=complex)
+    window = signal.windows.tukey(len(Z), plan.taper)
     lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
+    return lines[: bands[-1][1]].copy()
+
+
+def _banded(
+    lines: Complex[np.ndarray, "l z"],
+    bands: Sequence[tuple[int, int]],
+    stretch: tuple[Segment, float],
+) -> Factors:
+    """Return the band factors of the lines of one stretch, which has a sample rate."""
+    segment, sample_rate = stretch
     stacked = [_line_rows(lines, first, last) for first, last in bands]
-    R = triangular_factors(stacked)
+    resolution = sample_rate / len(segment)
     return Factors(
-        R=R[:, :z, :z],
-        slopes=_slope_rows(R, z, rotors) if slopes else None,
+        R=triangular_factors(stacked),
         rows=np.array([len(rows) for rows in stacked], dtype=np.int64),
         segment=np.zeros(len(stacked), dtype=np.int64),
-        band=np.array([[frequency[a], frequency[b - 1]] for a, b in bands]),
+        band=resolution * np.array([[a, b - 1] for a, b in bands]),
     )
 
 
-def _slope_rows(
-    R: Float[np.ndarray, "b m m"], z: int, rotors: Sequence[int]
-) -> Float[np.ndarray, "b t m z"]:
-    """Return the slopes' columns of common factors, each in the column of its signal."""
-    count = (R.shape[2] - z) // len(rotors)
-    rows = np.zeros((len(R), count, R.shape[1], z))
+def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
+    """Return factors of signals and slopes side by side with the slopes apart.
+
+    The first rows are the signals' own; each slope has the column of its signal.
+    """
+    if not count:
+        return factors
+    z, rotors = len(layout), rotor_columns(layout)
+    rows = np.zeros((len(factors), count, factors.R.shape[1], z))
     for t in range(count):
         first = z + t * len(rotors)
-        rows[:, t][:, :, list(rotors)] = R[:, :, first : first + len(rotors)]
-    return rows
+        rows[:, t][:, :, rotors] = factors.R[:, :, first : first + len(rotors)]
+    return replace(factors, R=factors.R[:, :z, :z], slopes=rows)
 
 
 def _line_rows(

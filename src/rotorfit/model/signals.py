@@ -49,10 +49,16 @@ class SignalLayout:
         return self.names.index(name)
 
 
-def rotor_columns(layout: SignalLayout) -> list[int]:
-    """Return the columns that the rotors' speeds stand in."""
-    spin = {*SPIN_SIGNALS, "wzO"}
-    return [i for i, name in enumerate(layout.names) if name in spin or name.startswith("O2_")]
+def rotor_columns(layout: SignalLayout, *, inflow: bool = False) -> list[int]:
+    """Return the columns that the rotors' speeds stand in, those of the inflow if asked for."""
+    made = {*SPIN_SIGNALS, "wzO", *(INFLOW_SIGNALS if inflow else ())}
+    return [i for i, name in enumerate(layout.names) if name in made or name.startswith("O2_")]
+
+
+def body_columns(layout: SignalLayout) -> list[int]:
+    """Return the columns that the rotors' speeds do not stand in."""
+    made = set(rotor_columns(layout, inflow=True))
+    return [i for i in range(len(layout)) if i not in made]
 
 
 def signal_layout(vehicle: Vehicle, *, velocity: bool = False) -> SignalLayout:
@@ -92,28 +98,55 @@ def signal_matrix(
             f"{margin} neighbour row on each side do not exist; shorten the segment"
         )
     layout = signal_layout(vehicle, velocity=velocity)
-    if flight.differentiation == "exact":
-        return _raw_signals(flight, vehicle, slice(start, stop), velocity=velocity)
-    wide = _raw_signals(flight, vehicle, slice(start - 1, stop + 1), velocity=velocity)
-    return _averaged(wide, [name in DERIVATIVES for name in layout.names])
+    Z = np.empty((stop - start, len(layout)), order="F")  # written and multiplied by columns
+    Z[:, body_columns(layout)] = body_signals(flight, start, stop, velocity=velocity)
+    rotors = rotor_signals(flight, vehicle, start, stop, inflow=velocity)
+    Z[:, rotor_columns(layout, inflow=True)] = rotors
+    return Z
+
+
+def body_signals(
+    flight: FlightData, start: int, stop: int, *, velocity: bool = False
+) -> Float[np.ndarray, "n b"]:
+    """Return those columns of `signal_matrix` that the rotors have no part in (`body_columns`)."""
+    rows, exact = _with_margin(flight, start, stop)
+    w = flight.angular_velocity[rows]
+    Z = np.empty((len(w), 20 if velocity else 16), order="F")
+    Z[:, 0:3] = flight.specific_force[rows]
+    Z[:, 3:6] = flight.angular_acceleration[rows]
+    np.multiply(w, w, out=Z[:, 6:9])
+    for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), start=9):
+        np.multiply(w[:, i], w[:, j], out=Z[:, column])
+    Z[:, 12:15] = w
+    if velocity:
+        v = _known_velocity(flight, rows)
+        Z[:, 15:18] = v
+        Z[:, 18] = (v[:, :2] ** 2).sum(axis=1)
+    Z[:, -1] = 1.0
+    return Z if exact else _averaged(Z, [3 <= i < 6 for i in range(Z.shape[1])])
 
 
 def rotor_signals(
-    flight: FlightData, vehicle: Vehicle, start: int, stop: int
+    flight: FlightData, vehicle: Vehicle, start: int, stop: int, *, inflow: bool = False
 ) -> Float[np.ndarray, "n r"]:
-    """Return the columns of `signal_matrix` that the rotors' speeds stand in (`rotor_columns`)."""
+    """Return those columns of `signal_matrix` that rotors' speeds stand in (`rotor_columns`)."""
+    rows, exact = _with_margin(flight, start, stop)
+    layout = signal_layout(vehicle, velocity=inflow)
+    columns = rotor_columns(layout, inflow=inflow)
+    w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
+    parts = [O * O, _spin(layout, vehicle, (w, O, flight.rotor_acceleration[rows]))]
+    parts.append((w[:, 2] * (O @ vehicle.squared_arms))[:, None])
+    if inflow:
+        parts.append(_inflow(layout, vehicle, (_known_velocity(flight, rows), w, O)))
+    Z = np.concatenate(parts, axis=1)
+    return Z if exact else _averaged(Z, [layout.names[i] in DERIVATIVES for i in columns])
+
+
+def _with_margin(flight: FlightData, start: int, stop: int) -> tuple[slice, bool]:
+    """Return the rows with a neighbour to each side, which exact derivatives do not need."""
     exact = flight.differentiation == "exact"
     margin = 0 if exact else 1
-    rows = slice(start - margin, stop + margin)
-    layout = signal_layout(vehicle)
-    columns = rotor_columns(layout)
-    w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
-    Z = np.empty((len(w), len(columns)), order="F")
-    N = len(vehicle.rotors)
-    np.multiply(O, O, out=Z[:, :N])
-    Z[:, N:-1] = _spin(layout, vehicle, (w, O, flight.rotor_acceleration[rows]))
-    Z[:, -1] = w[:, 2] * (O @ vehicle.squared_arms)
-    return Z if exact else _averaged(Z, [layout.names[i] in DERIVATIVES for i in columns])
+    return slice(start - margin, stop + margin), exact
 
 
 def yaw_signals(
@@ -123,9 +156,7 @@ def yaw_signals(
 
     Of rotors that may turn either way; averaged as those of `signal_matrix` are.
     """
-    exact = flight.differentiation == "exact"
-    margin = 0 if exact else 1
-    rows = slice(start - margin, stop + margin)
+    rows, exact = _with_margin(flight, start, stop)
     Z = np.column_stack(
         [
             flight.angular_acceleration[rows, 2],
@@ -147,33 +178,6 @@ def _averaged(wide: Float[np.ndarray, "w z"], exempt: Sequence[bool]) -> Float[n
     return Z
 
 
-def _raw_signals(
-    flight: FlightData, vehicle: Vehicle, rows: slice, *, velocity: bool
-) -> Float[np.ndarray, "n z"]:
-    """Return the signals without averaging."""
-    w = flight.angular_velocity[rows]
-    O = flight.rotor_speed[rows]
-    layout = signal_layout(vehicle, velocity=velocity)
-    N = len(vehicle.rotors)
-    Z = np.empty((len(w), len(layout)), order="F")  # written and multiplied column by column
-    Z[:, 0:3] = flight.specific_force[rows]
-    Z[:, 3:6] = flight.angular_acceleration[rows]
-    np.multiply(w, w, out=Z[:, 6:9])
-    for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), start=9):
-        np.multiply(w[:, i], w[:, j], out=Z[:, column])
-    np.multiply(O, O, out=Z[:, 12 : 12 + N])
-    Z[:, 12 + N : layout.index("wzO")] = _spin(
-        layout, vehicle, (w, O, flight.rotor_acceleration[rows])
-    )
-    Z[:, layout.index("wzO")] = w[:, 2] * (O @ vehicle.squared_arms)
-    first = layout.index("wx")
-    Z[:, first : first + 3] = w
-    if velocity:
-        _fill_air(Z, layout, vehicle, (_known_velocity(flight, rows), w, O))
-    Z[:, -1] = 1.0
-    return Z
-
-
 def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:
     if flight.velocity is None or not np.isfinite(flight.velocity[rows]).all():
         raise FlightError(
@@ -183,24 +187,18 @@ def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]
     return flight.velocity[rows]
 
 
-def _fill_air(
-    Z: Float[np.ndarray, "n z"],
+def _inflow(
     layout: SignalLayout,
     vehicle: Vehicle,
     motion: tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n N"]],
-) -> None:
-    """Write velocity, rates and rotor speeds into the columns of Z of what the air does."""
+) -> Float[np.ndarray, "n i"]:
+    """Return what the air through the rotors does, of velocity, rates and rotor speeds."""
     v, w, O = motion
-    first = layout.index("vx")
-    Z[:, first : first + 3] = v
-    Z[:, first + 3] = (v[:, :2] ** 2).sum(axis=1)
     n = vehicle.axes
     lever = np.cross(vehicle.positions, n)
     # Velocity of each rotor along its axis: n . (v + w x r) = n . v + w . (r x n).
     wrenches = (O * (v @ n.T + w @ lever.T)) @ np.concatenate([n, lever], axis=1)
-    for column, name in enumerate(INFLOW_SIGNALS):
-        if name in layout:
-            Z[:, layout.index(name)] = wrenches[:, column]
+    return wrenches[:, [i for i, name in enumerate(INFLOW_SIGNALS) if name in layout]]
 
 
 def _spin(

@@ -48,7 +48,8 @@ def coarse_timing(flown: Flown, unknown: Collection[str]) -> MotorResponse | Non
     """
     if "lag" not in unknown:
         return _coarse_delay(flown)
-    one = replace(flown, configurations=flown.configurations[:1])
+    body = None if flown.body is None else flown.body[:1]
+    one = replace(flown, configurations=flown.configurations[:1], body=body)
     mean, std = flown.lag_prior
     delay = flown.declared.delay
     values = [
