@@ -97,11 +97,13 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed
     """Return the speed at full command, as far as the motors' law gives it."""
     if any(p.name == "max_speed" for p in result.parameters):
         return None  # a number of the result itself, with an interval
-    if law is not None:
+    if law is not None and not is_per_command(result):
         value, unit, remark = full_speed_of(law), "rad/s", "the law of [motors] at full command"
     elif speed == "full-command" and is_per_command(result):
         value, unit = 1.0, FULL_COMMAND
-        remark = "taken in proportion to the command, no law being known"
+        remark = "in parts of its largest, which no law tells"
+        if law is None:
+            remark = "taken in proportion to the command, no law being known"
     else:
         return None
     return Number(name="max_speed", value=value, unit=unit, origin="law", remark=remark)

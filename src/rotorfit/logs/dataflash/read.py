@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, Channel, FlightLog
-from rotorfit.logs.dataflash import imu, motors, parameters, pose, remix
+from rotorfit.flight.log import CHANNELS, Channel, FlightLog, LoggedMotors
+from rotorfit.logs.dataflash import imu, law, motors, parameters, pose, remix
 from rotorfit.logs.dataflash.advice import advice
 from rotorfit.logs.dataflash.columns import in_order, time_of
 from rotorfit.logs.dataflash.formats import HEAD
@@ -86,6 +86,8 @@ def read_dataflash(path: Path) -> FlightLog:
         metadata=found.metadata,
         notes=found.notes,
         warnings=found.warnings,
+        simulator=found.simulator,
+        motors=found.motors,
     )
 
 
@@ -125,6 +127,8 @@ class _Found:
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     nothing: str
+    simulator: str
+    motors: LoggedMotors | None
 
 
 def _understood(path: Path) -> _Found:
@@ -186,6 +190,8 @@ def _understood(path: Path) -> _Found:
             *_damage(messages, names),
         ),
         nothing=_nothing(messages),
+        simulator=law.simulator_of(settings),
+        motors=law.logged_motors(settings, battery="battery" in channels),
     )
 
 
@@ -209,7 +215,11 @@ def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[s
         metadata["airframe"] = text
     values = settings.values
     metadata |= {name: f"{values[name]:.10g}" for name in _MOTOR_PARAMETERS if name in values}
-    return metadata
+    simulator = law.simulator_of(settings)
+    if simulator:
+        metadata["Simulator"] = simulator
+    frame = [name for name in values if name.startswith("SIM_FRM_")]
+    return metadata | {name: f"{values[name]:.10g}" for name in frame}
 
 
 def _frame_notes(frame: Frame | None, settings: Parameters, said: list[str]) -> list[str]:
