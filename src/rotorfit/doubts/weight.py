@@ -42,6 +42,16 @@ def swallowed(
     )
 
 
+def missed(ratio: float, kt: float) -> str:
+    """Return what it means that the thrust found misses the weight by a little, but surely."""
+    return (
+        f"the thrust found is {ratio:.3f} times the weight it carries: kt = {kt:.3g} by changes of "
+        f"thrust, {kt / ratio:.3g} by the weight, and the intervals of kt and inertia hold both: "
+        "the accelerometer's scale is wrong, or thrust goes a little otherwise than the model has "
+        "it, in climb above all"
+    )
+
+
 def vagueness(weighed: WeighedThrust, kt: float, std: float) -> str:
     """Return what it means that changes of thrust leave k_t open."""
     return (
