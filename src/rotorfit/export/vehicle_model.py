@@ -5,7 +5,7 @@ no body has is refused. What no target asked for and is not known is NaN, which 
 writes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -238,6 +238,12 @@ def _assembled(
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
         numbers=tuple(n for name in _SHOWN if isinstance(n := numbers.get(name), Number)),
         notes=notes,
+        air={
+            p.name: p.value
+            for p in result.parameters
+            if p.name in ("rotor_drag", *AIR) and p.configuration in (None, owner)
+            if p.value is not None and p.interval is not None and p.interval[0] > 0.0
+        },
     )
 
 
@@ -288,12 +294,16 @@ _TERMS: Final = (
 )
 
 
-def terms_left_out(result: IdentificationResult, owner: str) -> list[str]:
-    """Return the terms of the identified model that no target is written with, in words."""
+def terms_left_out(
+    result: IdentificationResult, owner: str, *, written: Collection[str] = ()
+) -> list[str]:
+    """Return the terms of the identified model that a target is not written with, in words."""
     return [
         f"{p.name} = {p.value:.3g}{_half(p.interval)} {p.unit}"
         for p in result.parameters
-        if p.name in _TERMS and p.configuration in (None, owner) and p.value
+        if p.name in _TERMS
+        if not (p.name in written and p.interval is not None and p.interval[0] > 0.0)
+        if p.configuration in (None, owner) and p.value
     ]
 
 

@@ -14,8 +14,9 @@ LEAVES_OUT: Final[dict[str, str]] = {
     GAZEBO: "the motors' plugin has its own constants: rising and falling time, thrust, moment, "
     "rotor drag; no battery in the thrust",
     PX4_OTHER: "what it leaves out is not known here",
-    SITL: "it turns the body by torque over inertia, axis by axis, without gyroscopic terms and "
-    "products of inertia; no motor lag, no rotor inertia; yaw torque goes with command times thrust",
+    SITL: "its own frames (not Gazebo and others behind it) turn by torque over inertia, axis by "
+    "axis, without gyroscopic terms and products of inertia; no motor lag, no rotor inertia; yaw "
+    "torque goes with command times thrust",
 }
 """By the simulator's name."""
 

@@ -1,4 +1,4 @@
-"""Do roll, pitch and yaw act on one another as those of a rigid body do?
+"""The gyroscopic coupling of a rigid body: whether a flight shows it.
 
 A body that turns about two axes at once turns about the third: w x I w. Nothing else tells the
 scale of the yaw equation, and with it I_zz, k_d and J_r. A simulator that turns its vehicle by
@@ -20,6 +20,8 @@ from rotorfit.fit.excitation import SCALED
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.joint_fit import joint_fit
+from rotorfit.fit.number_intervals import Numbers
+from rotorfit.flight.simulators import SITL
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.regressor import Regressor
 from rotorfit.results.parameter_tables import Tables
@@ -29,15 +31,19 @@ LARGEST_IZZ: Final = 1.05
 """Times the larger of I_xx and I_yy up to which the coupling is looked at: a multirotor, whose
 motors stand at the ends of its arms, has 1.2 and more; a body without coupling seems to have less
 than 1."""
-KNOWN_IZZ: Final = 0.25
-"""Deviation of I_zz, as a share, from which on the flights do not tell it by any coupling."""
-AS_LIKELY: Final = 3.0
-"""Of the log-likelihood, by which flights may like a coupling better that they do not show."""
+KNOWN_IZZ: Final = 0.5
+"""Half-width of I_zz, as a share, from which on the flights do not tell it by any coupling."""
+LEAST_GAIN: Final = 10.0
+"""Of the log-likelihood, by which flights must be likelier without coupling: sound real logs lose
+more than that, or do not tell I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 980."""
+LEAST_GAIN_SIMULATED: Final = -3.0
+"""The same of a program whose own frames have none: with I_xx = I_yy a body with I_zz the same is
+as likely."""
 WORDS: Final = (
     "this flight obeys no rigid body: where roll, pitch and yaw are flown together none acts on "
-    "another (log-likelihood {gain:+.0f} without the gyroscopic terms w x I w): a simulator without "
-    "them? They alone give the scale of yaw, so that Izz, kd and Jr are not given, only their "
-    "ratios; on a real vehicle the gyro's axes, scale or clock would be wrong"
+    "another (log-likelihood {gain:+.0f} without w x I w): a simulator without gyroscopic terms? "
+    "They alone give the scale of yaw, so that Izz, kd and Jr are not given, only their ratios; on "
+    "a real vehicle the gyro's axes, scale or clock would be wrong"
 )
 REASON: Final = "the flight shows no gyroscopic coupling, which alone gives the scale of yaw"
 ADVICE: Final = (
@@ -64,39 +70,37 @@ class Uncoupled:
     gain: float
 
 
-def uncoupled_fit(flown: Flown, fit: BandedEstimate, *, terms: Sequence[Term]) -> Uncoupled | None:
+def uncoupled_fit(
+    flown: Flown, fit: BandedEstimate, numbers: Numbers, *, terms: Sequence[Term]
+) -> Uncoupled | None:
     """Return the fit without gyroscopic terms, where the flights show none; else None.
 
     Parameters
     ----------
-    flown, fit
+    flown, fit, numbers
         With them.
     terms
         Of the model.
     """
-    if not any(_suspicious(fit, c.entry.name) for c in flown.configurations):
+    if not any(_suspicious(numbers, c.entry.name) for c in flown.configurations):
         return None
+    simulated = any(f.log.simulator == SITL for c in flown.configurations for f in c.flights)
     other = dataclasses.replace(flown, model=without_coupling(flown.model))
     try:
         trial, joint = joint_fit(other, terms=terms, begin=fit.estimate.by_name)
     except EstimationError:
         return None
     gain = trial.log_likelihood - fit.log_likelihood
-    if gain < -AS_LIKELY:
+    if gain < (LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN):
         return None
     return Uncoupled(flown=other, fit=trial, joint=joint, gain=gain)
 
 
-def _suspicious(fit: BandedEstimate, configuration: str) -> bool:
+def _suspicious(numbers: Numbers, configuration: str) -> bool:
     """Return whether I_zz is told, and is that of no multirotor."""
-    at = fit.estimate.by_name
-    names = [f"{name}@{configuration}" for name in ("Ixx", "Iyy", "Izz")]
-    if any(name not in at for name in names):
-        return False  # of a payload's carrier, whose body is another's
-    Ixx, Iyy, Izz = (at[name] for name in names)
-    std = float(fit.estimate.std[fit.estimate.names.index(names[2])])
-    told = std < KNOWN_IZZ * abs(Izz)
-    return told and Izz < LARGEST_IZZ * max(Ixx, Iyy)
+    moments = [numbers.number(f"{name}_com@{configuration}") for name in ("Ixx", "Iyy", "Izz")]
+    (Ixx, _), (Iyy, _), (Izz, half) = moments
+    return half < KNOWN_IZZ * abs(Izz) and Izz < LARGEST_IZZ * max(Ixx, Iyy)
 
 
 def without_coupling(model: Regressor) -> Regressor:

@@ -27,6 +27,7 @@ from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.fit.row_parameters import row_numbers
 from rotorfit.fit.term_choice import chosen
 from rotorfit.identification.coupling import uncoupled_fit, without_yaw_scale
+from rotorfit.identification.estimated_velocity import velocity_estimated, with_velocity_errors
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables, with_timing_total
@@ -76,11 +77,14 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     if set(terms) - set(present):
         flown = timed_again(flown, terms)
         fit, joint = joint_fit(flown, terms=terms, begin=_unmoved(flown, fit))
-    uncoupled = uncoupled_fit(flown, fit, terms=terms)
+    numbers = _joint_numbers(flown, fit, joint)
+    uncoupled = uncoupled_fit(flown, fit, numbers, terms=terms)
     if uncoupled is not None:
         flown, fit, joint = uncoupled.flown, uncoupled.fit, uncoupled.joint
-    numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), joint, terms=terms)
+        numbers = _joint_numbers(flown, fit, joint)
+    numbers = _joint_widened(flown, fit, numbers, joint, terms=terms)
     fit, joint, numbers, doubts = _by_weight(flown, fit, joint, numbers, terms=terms)
+    numbers = with_velocity_errors(numbers, flown)
     tables = joint_tables(
         numbers,
         fit,
@@ -135,7 +139,7 @@ def _by_weight(
         return fit, joint, _holding_both(anchored, numbers), (words,)
     if surer or biased is None:
         return fit, joint, _reaching(anchored, numbers), (vagueness(weighed, *found),)
-    words = swallowed(biased, weighed, found[0], flown.source)
+    words = swallowed(biased, weighed, found[0], flown.source, estimated=velocity_estimated(flown))
     return fit, joint, _holding_both(anchored, numbers), (words,)
 
 
@@ -156,9 +160,7 @@ def _reaching_weight(
     held = WeighedThrust(kt=kt / ratio, std=0.0)
     begin = {**fit.estimate.by_name, "kt": held.kt}
     try:
-        at_weight = _joint_numbers(
-            flown, *joint_fit(flown, weighed=held, terms=terms, begin=begin)
-        )
+        at_weight = _joint_numbers(flown, *joint_fit(flown, weighed=held, terms=terms, begin=begin))
     except UnsettledError:
         return numbers, ()
     apart = np.abs(numbers.values - at_weight.values)

@@ -11,8 +11,9 @@ import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import CHANNELS, Channel, FlightLog, LoggedMotors
+from rotorfit.flight.simulators import simulated_sentence
 from rotorfit.logs.dataflash import imu, law, motors, parameters, pose, remix
-from rotorfit.logs.dataflash.advice import advice
+from rotorfit.logs.dataflash.advice import advice, too_slow
 from rotorfit.logs.dataflash.columns import in_order, time_of
 from rotorfit.logs.dataflash.formats import HEAD
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
@@ -169,11 +170,13 @@ def _understood(path: Path) -> _Found:
     }
     channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
+    simulator = law.simulator_of(settings)
     flown, doubts = _armed(messages, moved=_moves(command))
     return _Found(
         channels=channels,
         metadata=_metadata(settings, said, text),
         notes=(
+            *([simulated_sentence(simulator)] if simulator else []),
             *flown,
             *sensors.notes,
             *command_notes,
@@ -185,12 +188,13 @@ def _understood(path: Path) -> _Found:
         warnings=(
             *doubts,
             *appended,
+            *too_slow(settings, channels),
             *unit_doubts(messages),
             *_changed(settings),
             *_damage(messages, names),
         ),
         nothing=_nothing(messages),
-        simulator=law.simulator_of(settings),
+        simulator=simulator,
         motors=law.logged_motors(settings, battery="battery" in channels),
     )
 

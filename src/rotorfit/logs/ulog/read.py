@@ -5,7 +5,7 @@ from typing import Final
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.flight.simulators import SIH
+from rotorfit.flight.simulators import SIH, simulated_sentence
 from rotorfit.logs.ulog import imu, motors, pose, simulated, vehicle
 from rotorfit.logs.ulog.messages import MAGIC
 from rotorfit.logs.ulog.scan import Scan, scan_file
@@ -45,6 +45,7 @@ def read_ulog(path: Path) -> FlightLog:
             raise LogError(_no_channels(scan))
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
+    simulator = simulated.simulator_of(scan)
     # A topic begins with its last message before the log: the sensors say when the log began.
     timed = [c for name, c in channels.items() if name in ("gyro", "accel")] or [*channels.values()]
     begin, end = min(c.time[0] for c in timed), max(c.time[-1] for c in timed)
@@ -56,6 +57,7 @@ def read_ulog(path: Path) -> FlightLog:
         seconds=float(end - begin),
         metadata={**vehicle.metadata_of(scan), **simulated.simulated_metadata(scan)},
         notes=(
+            *([simulated_sentence(simulator)] if simulator else []),
             *notes,
             *vehicle.geometry_notes(scan),
             *vehicle.flown_notes(scan, float(begin)),
@@ -63,7 +65,7 @@ def read_ulog(path: Path) -> FlightLog:
             *_appended_note(scan),
         ),
         warnings=(*scan.warnings, *vehicle.flight_doubts(scan), *_rate_doubts(channels)),
-        simulator=simulated.simulator_of(scan),
+        simulator=simulator,
         motors=simulated.logged_motors(scan),
     )
 

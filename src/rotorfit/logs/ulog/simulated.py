@@ -44,7 +44,9 @@ def logged_motors(scan: Scan) -> LoggedMotors | None:
         return LoggedMotors(law=SpeedLaw(curve=curve), words="SIM_GZ_EC_MIN, SIM_GZ_EC_MAX")
     if simulator == SIH and scan.number("SIH_VEHICLE_TYPE") in (None, QUADCOPTER):
         law = SpeedLaw(curve=SquareRootLaw(1.0, 0.0))
-        return LoggedMotors(law=law, words="SIH: thrust goes with the motor signal", lag_on="thrust")
+        return LoggedMotors(
+            law=law, words="SIH: thrust goes with the motor signal", lag_on="thrust"
+        )
     factor = thrust_curve(scan)
     if factor > 0.0:
         law = SpeedLaw(curve=SquareRootLaw(1.0, factor))
