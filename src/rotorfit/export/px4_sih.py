@@ -24,8 +24,6 @@ SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0
 """Of SIH's motors, FLU: sign of x, sign of y, spin."""
 TERMS = (*DRAG, *TURN_DAMPING, "rotor_drag")
 """Of the air, that SIH has as one drag and one damping."""
-LOOP = 0.004
-"""A step of SIH's loop [s]: at 250 Hz, where IMU_GYRO_RATEMAX says nothing else."""
 
 
 def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
@@ -44,7 +42,7 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_Q_MAX", model.kd * model.max_speed**2, FLOAT),
         ("SIH_L_ROLL", float(arms[1]), FLOAT),
         ("SIH_L_PITCH", float(arms[0]), FLOAT),
-        ("SIH_T_TAU", lag_in_steps(0.5 * (model.lag_up + model.lag_down)), FLOAT),
+        ("SIH_T_TAU", 0.5 * (model.lag_up + model.lag_down), FLOAT),
         ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG])), FLOAT),
         ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
@@ -52,11 +50,6 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
     if HOVER_RANGE[0] <= hover_thrust(model) <= HOVER_RANGE[1]:
         parameters.append(("MPC_THR_HOVER", hover_thrust(model), FLOAT))
     return params_file(noted(head, *_remarks(model)), parameters)
-
-
-def lag_in_steps(lag: float) -> float:
-    """Return SIH_T_TAU of a lag [s]: SIH moves its motors on by LOOP / SIH_T_TAU in every step."""
-    return LOOP / -float(np.expm1(-LOOP / lag))
 
 
 def _damping(model: VehicleModel) -> list[float]:
@@ -77,8 +70,8 @@ def _remarks(model: VehicleModel) -> list[str]:
         "SIH puts the CoM in the middle of the rotors; here the rotors' middle is "
         f"{off[0]:.2g} mm forward and {off[1]:.2g} mm left of it, which SIH leaves out; as are Jr "
         "and differences between rotors",
-        "SIH_T_TAU acts on thrust, in steps of SIH's loop: with it the motors follow with the lag "
-        "above at 250 Hz (IMU_GYRO_RATEMAX 250)",
+        "SIH_T_TAU acts on thrust there, in steps of SIH's loop: the lag that flies is half a step "
+        "shorter (2 ms at 250 Hz)",
         _air_remark(model),
     ]
 

@@ -124,6 +124,9 @@ class FlightLog:
         Which simulator flew, of `simulators.LEAVES_OUT`; empty for a vehicle, or where unknown.
     motors
         What its parameters say of the motors; None where they say nothing that can be relied on.
+    gyro_lowpass
+        Cut-off of the low-pass on board that the samples of the gyro went through [Hz]; None where
+        there is none, or it is not known.
     """
 
     path: Path
@@ -138,6 +141,7 @@ class FlightLog:
     warnings: tuple[str, ...] = ()
     simulator: str = ""
     motors: LoggedMotors | None = None
+    gyro_lowpass: float | None = None
 
     @property
     def takes_columns(self) -> bool:

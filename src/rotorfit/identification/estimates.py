@@ -28,6 +28,7 @@ from rotorfit.fit.row_parameters import row_numbers
 from rotorfit.fit.term_choice import chosen
 from rotorfit.identification.coupling import uncoupled_fit, without_yaw_scale
 from rotorfit.identification.estimated_velocity import velocity_estimated, with_velocity_errors
+from rotorfit.identification.filtered_imu import with_filter_faults
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables, with_timing_total
@@ -84,7 +85,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         numbers = _joint_numbers(flown, fit, joint)
     numbers = _joint_widened(flown, fit, numbers, joint, terms=terms)
     fit, joint, numbers, doubts = _by_weight(flown, fit, joint, numbers, terms=terms)
-    numbers = with_velocity_errors(numbers, flown)
+    numbers = with_filter_faults(with_velocity_errors(numbers, flown), flown)
     tables = joint_tables(
         numbers,
         fit,

@@ -8,6 +8,7 @@ from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit.flights import Flown, UsedFlight
 from rotorfit.flight.simulators import SITL, simulated_sentence
 from rotorfit.flight.thrust_curve import ThrustCurve
+from rotorfit.identification.filtered_imu import lowpass_sentence
 
 
 def agreed_motors(declared: MotorsEntry, flights: Sequence[UsedFlight]) -> MotorsEntry:
@@ -42,6 +43,7 @@ def told_by_logs(declared: MotorsEntry, flown: Flown) -> tuple[str, ...]:
     flights = [flight for c in flown.configurations for flight in c.flights]
     said = [simulated_sentence(f.log.simulator) for f in flights if f.log.simulator]
     said += [_yaw_of_sitl(f) for f in flights if f.log.simulator == SITL]
+    said.append(lowpass_sentence(flown) or "")
     told = flights[0].log.motors
     if told is not None and declared.law is None and flown.motors.law is not None:
         battery = ""

@@ -89,6 +89,7 @@ def read_dataflash(path: Path) -> FlightLog:
         warnings=found.warnings,
         simulator=found.simulator,
         motors=found.motors,
+        gyro_lowpass=found.gyro_lowpass,
     )
 
 
@@ -130,6 +131,7 @@ class _Found:
     nothing: str
     simulator: str
     motors: LoggedMotors | None
+    gyro_lowpass: float | None
 
 
 def _understood(path: Path) -> _Found:
@@ -196,6 +198,7 @@ def _understood(path: Path) -> _Found:
         nothing=_nothing(messages),
         simulator=simulator,
         motors=law.logged_motors(settings, battery="battery" in channels),
+        gyro_lowpass=sensors.gyro_lowpass,
     )
 
 
