@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Final
@@ -62,7 +62,7 @@ class UsedFlight:
     entry: FlightEntry
     log: FlightLog
     prepared: PreparedFlight
-    motors: MotorsEntry
+    motors: MotorsEntry = field(default_factory=MotorsEntry)
     speeds_commanded: bool = False
     telemetry: Telemetry | None = None
     answers: tuple[Answer, ...] = ()

@@ -30,7 +30,7 @@ def logged_motors(parameters: Parameters, *, battery: bool) -> LoggedMotors | No
     if curve is None or curve.expo < 0.0:
         return None
     law = SpeedLaw(
-        curve=SquareRootLaw(1.0, curve.expo, curve.spin_min, curve.spin_max),
+        curve=SquareRootLaw(1.0, *map(_short, (curve.expo, curve.spin_min, curve.spin_max))),
         voltage=_voltage(parameters) if battery else None,
     )
     names = ["MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX"]
@@ -38,7 +38,12 @@ def logged_motors(parameters: Parameters, *, battery: bool) -> LoggedMotors | No
     return LoggedMotors(law=law, words=", ".join(names))
 
 
+def _short(value: float) -> float:
+    """Return a parameter as it was typed: logs hold them in single precision."""
+    return float(f"{value:.6g}")
+
+
 def _voltage(parameters: Parameters) -> VoltageFactor | None:
     """Return the battery's factor where the firmware makes up for it: both limits are set."""
     low, high = (parameters.number(f"MOT_BAT_VOLT_{end}") or 0.0 for end in ("MIN", "MAX"))
-    return VoltageFactor(high, 1.0) if 0.0 < low < high else None
+    return VoltageFactor(_short(high), 1.0) if 0.0 < low < high else None
