@@ -35,7 +35,7 @@ KNOWN_IZZ: Final = 0.5
 """Half-width of I_zz, as a share, from which on the flights do not tell it by any coupling."""
 LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, by which flights must be likelier without coupling: sound real logs lose
-more than that, or do not tell I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 980."""
+more than that, or do not tell I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
 LEAST_GAIN_SIMULATED: Final = -3.0
 """The same of a program whose own frames have none: with I_xx = I_yy a body with I_zz the same is
 as likely."""

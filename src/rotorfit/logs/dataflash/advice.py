@@ -17,7 +17,7 @@ RAW_IMU: Final = {19: "raw IMU"}
 """Bits of ArduCopter's LOG_BITMASK; the last is every sample of every IMU: for a fast card."""
 ENOUGH_RATE: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""
-TOO_SLOW: Final = 50.0
+TOO_SLOW: Final = 40.0
 """Below this all of it is [Hz]."""
 
 
@@ -56,7 +56,7 @@ def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[st
     """
     slow, raw = _slow(channels)
     rates = [rate_of(channels[name]) for name in ("gyro", "command") if name in channels]
-    if not rates or min(rates) >= TOO_SLOW or "rotor_speed" in channels:
+    if not rates or not 0.0 < min(rates) < TOO_SLOW or "rotor_speed" in channels:
         return []
     current = parameters.integer("LOG_BITMASK")
     value = log_bitmask(current, slow=True, raw=raw)
