@@ -19,7 +19,13 @@ from hand_made_logs import (
 from rotorfit.errors import ExperimentError, FlightError, FrameError, LogError
 from rotorfit.flight.motors import MotorResponse, first_order_lag
 from rotorfit.flight.prepare import Cut, MotorModel, prepare, with_motors
-from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, TableLaw, VoltageFactor
+from rotorfit.flight.speed_law import (
+    PolynomialLaw,
+    SpeedLaw,
+    SquareRootLaw,
+    TableLaw,
+    VoltageFactor,
+)
 from rotorfit.simulation import (
     PERFECT,
     Scenario,
@@ -565,3 +571,17 @@ def test_a_torn_log_is_refused_by_its_gaps():
     }
     message = refusal(FlightError, replace(log, channels=channels))
     assert "rows are missing all over the log" in message
+
+
+def test_a_lag_that_acts_on_thrust_follows_the_square_of_the_speed():
+    """PX4's SIH: u moves on by dt / tau of its distance, and thrust goes with u."""
+    flight = simulate_flight(*layout_vehicle("quad-x"), Scenario(seconds=6.0), seed=1)
+    log = to_flight_log(flight, channels=("gyro", "accel", "command"))
+    law = SpeedLaw(curve=SquareRootLaw(900.0, 0.0))
+    found = prepared(log, motors=MotorModel(speed="commanded", law=law, lag=0.05, lag_on="thrust"))
+    held = found.motor_channel
+    expected = first_order_lag(held**2, found.data.sample_rate, 0.05)
+    np.testing.assert_allclose(found.data.rotor_speed**2, expected, rtol=1e-9)
+    other = with_motors(found.data, held, MotorResponse(lag=0.02))
+    expected = first_order_lag(held**2, found.data.sample_rate, 0.02)
+    np.testing.assert_allclose(other.rotor_speed**2, expected, rtol=1e-9)

@@ -66,6 +66,14 @@ def test_the_square_of_a_square_root_law_is_the_thrust(full, f, u):
     assert (speed / full) ** 2 == pytest.approx(f * u * u + (1 - f) * u, rel=1e-12, abs=1e-300)
 
 
+def test_a_square_root_law_begins_and_ends_at_its_commands():
+    """ArduPilot: u = (command - MOT_SPIN_MIN) / (MOT_SPIN_MAX - MOT_SPIN_MIN)."""
+    law = SpeedLaw(curve=SquareRootLaw(10.0, 0.65, 0.15, 0.95))
+    speed = speed_from_command(np.array([[0.1, 0.15, 0.55, 0.95, 1.0]]), law)[0]
+    middle = 10.0 * np.sqrt(0.65 * 0.25 + 0.35 * 0.5)
+    assert speed == pytest.approx([0.0, 0.0, middle, 10.0, 10.0])
+
+
 def test_the_ends_of_the_square_root_law_are_square_root_and_line():
     assert speed_from_command(COMMANDS, SpeedLaw(curve=SquareRootLaw(900.0, 1.0))) == pytest.approx(
         900 * COMMANDS

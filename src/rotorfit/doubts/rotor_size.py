@@ -61,7 +61,7 @@ def impossible_rotors(flown: Flown, numbers: Numbers) -> str | None:
             f"{fit}, and would carry {loading:.0f} N on each square metre (multirotors: 10 to "
             f"170): {remedy}"
         )
-    if flown.motors.speed == "commanded" and flown.motors.law is None:
+    if flown.motors.speed == "commanded" and flown.motors.law_is_relative:
         return None if not flown.speeds_commanded else _by_speed(numbers, R, fit, remedy)
     return _by_speed(numbers, R, fit, remedy)
 

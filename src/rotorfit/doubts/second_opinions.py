@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy import stats
 
 from rotorfit.estimation.banded import BandedEstimate
@@ -15,7 +16,9 @@ from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD, fit_rows
 from rotorfit.fit.weight_balance import Held, held_together, held_up, hovering, pooled
 from rotorfit.flight.airborne import GRAVITY
+from rotorfit.flight.data import FlightData
 from rotorfit.logs.files import file_name
+from rotorfit.model.parameters import DRAG
 from rotorfit.model.vehicle import Vehicle
 
 UNLIKELY = 1e-4
@@ -226,7 +229,9 @@ def hover_thrusts(
     for configured in configurations:
         for flight in configured.flights:
             data = flight.prepared.data
-            force = (data.rotor_speed**2 * each) @ vehicle.axes / configured.mass
+            thrust = (data.rotor_speed**2 * each) @ vehicle.axes
+            air = _air_force(data, numbers, configured.entry.name, vehicle)
+            force = (thrust + air) / configured.mass
             whole, first, second = (held_up(data, force, half=half) for half in (None, 0, 1))
             if whole is None:
                 continue
@@ -241,6 +246,24 @@ def hover_thrusts(
                 )
             )
     return found
+
+
+def _air_force(
+    data: FlightData, numbers: Numbers, configuration: str, vehicle: Vehicle
+) -> Float[np.ndarray, "n 3"]:
+    """Return what the air does along the body axes by the estimate [N]; zeros without velocity."""
+
+    def value(name: str) -> float:
+        return float(numbers.values[numbers.index(name)]) if name in numbers.names else 0.0
+
+    if data.velocity is None:
+        return np.zeros((len(data.time), 3))
+    v, n = np.nan_to_num(data.velocity), vehicle.axes
+    drag = v * [value(f"{name}@{configuration}") for name in DRAG]
+    rising = v @ n.T + data.angular_velocity @ np.cross(vehicle.positions, n).T
+    lost = value("inflow") * (data.rotor_speed * rising) @ n
+    lift = value("translational_lift") * (v[:, :1] ** 2 + v[:, 1:2] ** 2) * [0.0, 0.0, 1.0]
+    return lift - drag - lost
 
 
 def _sag(first: Held | None, second: Held | None) -> tuple[float | None, float]:

@@ -29,16 +29,35 @@ def contradiction(
 
 
 def swallowed(
-    wrong: SwallowedWeight, weighed: WeighedThrust, kt: float, source: Source = "imu"
+    wrong: SwallowedWeight,
+    weighed: WeighedThrust,
+    kt: float,
+    source: Source = "imu",
+    *,
+    estimated: bool = False,
 ) -> str:
     """Return what it means that the fit makes a bias along z out of the weight."""
     seen = "the accelerometer reads" if source == "imu" else "motion capture sees"
+    cause = "thrust that does not follow the motor data as declared"
+    cure = "give the motors' law and lag under [motors], or log the rotor speed"
+    if estimated:
+        cause += ", or drag over an estimated velocity, which is wrong by decimetres a second"
+        cure = f"fly slower, {cure}"
     return (
         f"{wrong.configuration}: changes of thrust give kt = {kt:.3g} and a bias of "
         f"{wrong.fitted:+.2f} m/s^2 along z, but over the flight {seen} gravity to "
-        f"{wrong.read:+.2f} m/s^2: no bias, but thrust that does not follow the motor data as "
-        f"declared. kt is taken from the weight ({weighed.kt:.3g}), inertia with it, and the "
-        "intervals hold both; give the motors' law and lag under [motors], or log the rotor speed"
+        f"{wrong.read:+.2f} m/s^2: no bias, but {cause}. kt is taken from the weight "
+        f"({weighed.kt:.3g}), inertia with it, and the intervals hold both; {cure}"
+    )
+
+
+def missed(ratio: float, kt: float) -> str:
+    """Return what it means that the thrust found misses the weight by a little, but surely."""
+    return (
+        f"the thrust found is {ratio:.3f} times the weight it carries: kt = {kt:.3g} by changes of "
+        f"thrust, {kt / ratio:.3g} by the weight, and the intervals of kt and inertia hold both: "
+        "the accelerometer's scale is wrong, or thrust goes a little otherwise than the model has "
+        "it, in climb above all"
     )
 
 

@@ -31,8 +31,10 @@ from rotorfit.experiment.toml_files import (
     read_toml,
     with_known_motors,
 )
+from rotorfit.flight.log import LagOn
 from rotorfit.flight.mounting import ImuTilt
 from rotorfit.flight.prepare import MotorModel
+from rotorfit.flight.thrust_curve import full_speed_of
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Vehicle
 
@@ -50,10 +52,16 @@ class MotorsEntry(Strict):
     lag_down: NotNegative | None = None
     delay: Finite | None = Field(default=None, ge=-0.1, le=0.1)
     poles: int | None = Field(default=None, ge=2, le=60)
+    lag_on: LagOn | None = None
+
+    @property
+    def law_is_relative(self) -> bool:
+        """Whether rotor speed is in parts of its largest: no law, or one that ends at 1."""
+        return self.law is None or math.isclose(full_speed_of(speed_law_of(self.law)), 1.0)
 
     @model_validator(mode="after")
     def _belongs_to_commands(self) -> "MotorsEntry":
-        if self.speed == "measured" and (self.law is not None or self.lag):
+        if self.speed == "measured" and (self.law is not None or self.lag or self.lag_on):
             raise ValueError("law and lag belong to speed = 'commanded'; measured speed has both")
         if self.lag is None and (self.lag_std or self.lag_down is not None):
             raise ValueError("lag_std and lag_down belong to lag, the time constant [s]")
@@ -437,6 +445,7 @@ def motor_model_of(motors: MotorsEntry) -> MotorModel:
         lag=motors.lag or 0.0,
         lag_down=motors.lag_down,
         delay=motors.delay,
+        lag_on=motors.lag_on or "speed",
     )
 
 

@@ -1,5 +1,6 @@
 """The law of ``[motors]`` in the experiment file: rotor speed over command."""
 
+from dataclasses import asdict
 from itertools import pairwise
 from typing import Annotated
 
@@ -23,10 +24,21 @@ CURVES = ("linear", "polynomial", "table", "sqrt", "power")
 
 
 class SqrtEntry(Strict):
-    """PX4's model: relative thrust f u^2 + (1 - f) u, and the speed its square root."""
+    """PX4's and ArduPilot's model: relative thrust f u^2 + (1 - f) u, and the speed its root.
+
+    u goes from 0 at the command `start` to 1 at `end`.
+    """
 
     full_speed: Positive
     thr_mdl_fac: Share
+    start: Share = 0.0
+    end: Share = 1.0
+
+    @model_validator(mode="after")
+    def _rises(self) -> "SqrtEntry":
+        if not self.end > self.start:
+            raise ValueError(f"end = {self.end:g} is not over start = {self.start:g}")
+        return self
 
 
 class PowerEntry(Strict):
@@ -70,6 +82,19 @@ class LawEntry(Strict):
         return self
 
 
+def law_entry_of(law: SpeedLaw) -> LawEntry:
+    """Return the entry of a law as an autopilot's parameters tell it."""
+    voltage = law.voltage
+    factor = None if voltage is None else VoltageEntry(**asdict(voltage))
+    match law.curve:
+        case SquareRootLaw():
+            return LawEntry(sqrt=SqrtEntry(**asdict(law.curve)), voltage=factor)
+        case PolynomialLaw(coefficients):
+            return LawEntry(polynomial=coefficients, voltage=factor)
+        case _:
+            raise TypeError(f"no entry for {law.curve}")
+
+
 def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:
     for (command, speed), (next_command, next_speed) in pairwise(table):
         if not (next_command > command and next_speed > speed):
@@ -93,7 +118,8 @@ def _curve_of(entry: LawEntry) -> Curve:
         commands, speeds = zip(*entry.table, strict=True)
         return TableLaw(commands, speeds)
     if entry.sqrt is not None:
-        return SquareRootLaw(entry.sqrt.full_speed, entry.sqrt.thr_mdl_fac)
+        sqrt = entry.sqrt
+        return SquareRootLaw(sqrt.full_speed, sqrt.thr_mdl_fac, sqrt.start, sqrt.end)
     if entry.power is not None:
         return PowerLaw(entry.power.full_speed, entry.power.offset, entry.power.exponent)
     return PolynomialLaw(entry.linear or entry.polynomial or ())

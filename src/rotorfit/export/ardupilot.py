@@ -13,7 +13,7 @@ from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.px4 import hover_thrust
 from rotorfit.export.units import text
 from rotorfit.export.vehicle import ROTORS, SPEED, VehicleModel
-from rotorfit.flight.thrust_curve import dead_zone, thrust_curve
+from rotorfit.flight.thrust_curve import command_range, thrust_curve
 
 NEEDS: Final = ("mass", *ROTORS, *SPEED)
 HOVER_RANGE: Final = (0.125, 0.6875)
@@ -22,14 +22,14 @@ HOVER_RANGE: Final = (0.125, 0.6875)
 def write_ardupilot(model: VehicleModel, head: Sequence[str]) -> str:
     """Return a parameter file, as ground stations and MAVProxy load it."""
     law = required_law(model, "ardupilot")
-    start = dead_zone(law)
-    curve = thrust_curve(law, start=start)
+    start, end = command_range(law)
+    curve = thrust_curve(law, start=start, end=end)
     hover = hover_thrust(model)
     lines = [("MOT_THST_EXPO", curve.factor)]
     remarks = [
-        f"MOT_THST_EXPO is fitted to the law from {start:.3g} to 1 of the motor output, within "
-        f"{100 * curve.error:.2g} % of full thrust; it goes with MOT_SPIN_MIN near {start:.3g} and "
-        "MOT_SPIN_MAX near 1",
+        f"MOT_THST_EXPO is fitted to the law from {start:.3g} to {end:.3g} of the motor output, "
+        f"within {100 * curve.error:.2g} % of full thrust; it goes with MOT_SPIN_MIN near "
+        f"{start:.3g} and MOT_SPIN_MAX near {end:.3g}",
         "the law is of the output that the log has: MOT_BAT_VOLT_MAX and MIN, where they are set, "
         "scale it before",
     ]

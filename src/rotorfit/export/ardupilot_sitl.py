@@ -4,8 +4,8 @@ Source: ArduPilot, libraries/SITL/SIM_Frame.cpp and .h (load_frame_params: mass,
 moment_inertia [Ixx, Iyy, Izz], propExpo = MOT_THST_EXPO, hoverThrOut, num_motors, motorN_position,
 motorN_yaw; what is not in the file keeps its default) and SIM_Motor.cpp (position from the CoM in
 body FRD; torque about z = 0.05 diagonal_size yaw command thrust, positive for ccw; the command is
-(output - spin_min) / (spin_max - spin_min), by default 0.15 and 0.95: the law is of the whole
-output, so that spin_min is where it begins, and spin_max 1). Comments begin with # as in
+(output - spin_min) / (spin_max - spin_min), by default 0.15 and 0.95: spin_min is where the law
+begins, spin_max where it ends, 1 if it is of the whole output). Comments begin with # as in
 Tools/autotest/models; the reader begins at the first brace, even of a comment: none has one.
 """
 
@@ -20,7 +20,7 @@ from rotorfit.export.px4 import hover_thrust
 from rotorfit.export.units import frd, listed, text
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
 from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.flight.thrust_curve import ThrustCurve, dead_zone, thrust_curve
+from rotorfit.flight.thrust_curve import ThrustCurve, command_range, thrust_curve
 from rotorfit.model.layouts import layout_rotors
 
 NEEDS = (*BODY, *ROTORS)
@@ -92,7 +92,7 @@ def _thrust(model: VehicleModel, diagonal: float) -> dict[str, str]:
     """Return the thrust curve, hover throttle and yaw torque, where the law is known."""
     if model.law is None:
         return {}
-    start = dead_zone(model.law)
+    start, end = command_range(model.law)
     curve = _curve(model.law)
     hover = hover_thrust(model)
     scale = YAW_SCALE * diagonal * curve.command(hover)
@@ -100,12 +100,13 @@ def _thrust(model: VehicleModel, diagonal: float) -> dict[str, str]:
         f"motor{i}_yaw": text(rotor.spin * model.kd / rotor.kt / scale)
         for i, rotor in enumerate(model.rotors, start=1)
     }
-    spin = {"spin_min": text(start), "spin_max": "1"}
+    spin = {"spin_min": text(start), "spin_max": text(end)}
     return {"propExpo": text(curve.factor), "hoverThrOut": text(hover), **spin, **yaw}
 
 
 def _curve(law: SpeedLaw) -> ThrustCurve:
-    return thrust_curve(law, start=dead_zone(law))
+    start, end = command_range(law)
+    return thrust_curve(law, start=start, end=end)
 
 
 def _remarks(model: VehicleModel, frame: str) -> list[str]:

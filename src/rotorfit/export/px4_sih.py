@@ -17,10 +17,13 @@ from rotorfit.export.header import noted
 from rotorfit.export.px4 import FLOAT, HOVER_RANGE, INTEGER, Parameter, hover_thrust, params_file
 from rotorfit.export.units import elements, inertia_frd
 from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+from rotorfit.model.parameters import DRAG, TURN_DAMPING
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0))
 """Of SIH's motors, FLU: sign of x, sign of y, spin."""
+TERMS = (*DRAG, *TURN_DAMPING, "rotor_drag")
+"""Of the air, that SIH has as one drag and one damping."""
 
 
 def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
@@ -40,13 +43,22 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_L_ROLL", float(arms[1]), FLOAT),
         ("SIH_L_PITCH", float(arms[0]), FLOAT),
         ("SIH_T_TAU", 0.5 * (model.lag_up + model.lag_down), FLOAT),
-        ("SIH_KDV", 0.0, FLOAT),
-        ("SIH_KDW", 0.0, FLOAT),
+        ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG])), FLOAT),
+        ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
     ]
     if HOVER_RANGE[0] <= hover_thrust(model) <= HOVER_RANGE[1]:
         parameters.append(("MPC_THR_HOVER", hover_thrust(model), FLOAT))
     return params_file(noted(head, *_remarks(model)), parameters)
+
+
+def _damping(model: VehicleModel) -> list[float]:
+    """Return the damping of roll, pitch and yaw [N m s], the last that of the rotors in hover."""
+    carried = model.hover_speed * float((model.arms[:, :2] ** 2).sum())
+    return [
+        *(model.air.get(name, 0.0) for name in TURN_DAMPING),
+        model.air.get("rotor_drag", 0.0) * carried,
+    ]
 
 
 def _remarks(model: VehicleModel) -> list[str]:
@@ -58,8 +70,20 @@ def _remarks(model: VehicleModel) -> list[str]:
         "SIH puts the CoM in the middle of the rotors; here the rotors' middle is "
         f"{off[0]:.2g} mm forward and {off[1]:.2g} mm left of it, which SIH leaves out; as are Jr "
         "and differences between rotors",
-        "SIH_KDV and SIH_KDW (drag) are left out: 0",
+        "SIH_T_TAU acts on thrust there, in steps of SIH's loop: the lag that flies is half a step "
+        "shorter (2 ms at 250 Hz)",
+        _air_remark(model),
     ]
+
+
+def _air_remark(model: VehicleModel) -> str:
+    known = [name for name in TERMS if name in model.air]
+    if not known:
+        return "SIH_KDV and SIH_KDW (drag and damping) are 0: these flights do not tell them"
+    return (
+        "SIH_KDV is the mean of drag along the three axes, SIH_KDW that of damping about them, 0 "
+        f"where these flights tell none ({', '.join(known)} are told)"
+    )
 
 
 def _refuse_other_layouts(model: VehicleModel) -> None:

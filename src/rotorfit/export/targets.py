@@ -40,18 +40,26 @@ class Target:
         The numbers without which it cannot be.
     speed
         Whether it holds rotor speeds, or only what a rotor does at full command.
+    terms
+        Optional terms of the model that it holds.
     """
 
     write: Writer
     needs: tuple[str, ...]
     speed: Speed = "rad/s"
+    terms: tuple[str, ...] = ()
 
 
 TARGETS: Final[Mapping[TargetName, Target]] = {
     "gazebo": Target(write=gazebo.write_gazebo, needs=gazebo.NEEDS),
     "gazebo-motors": Target(write=gazebo_motors.write_gazebo_motors, needs=gazebo_motors.NEEDS),
     "px4": Target(write=px4.write_px4, needs=px4.NEEDS, speed="full-command"),
-    "px4-sih": Target(write=px4_sih.write_px4_sih, needs=px4_sih.NEEDS, speed="full-command"),
+    "px4-sih": Target(
+        write=px4_sih.write_px4_sih,
+        needs=px4_sih.NEEDS,
+        speed="full-command",
+        terms=px4_sih.TERMS,
+    ),
     "mujoco": Target(write=mjcf.write_mujoco, needs=mjcf.NEEDS),
     "urdf": Target(write=urdf.write_urdf, needs=urdf.NEEDS),
     "rotorpy": Target(write=rotorpy.write_rotorpy, needs=rotorpy.NEEDS),
@@ -113,7 +121,7 @@ def export(
         speed=chosen.speed,
         project=project,
     )
-    terms = terms_left_out(result, model.configuration)
+    terms = terms_left_out(result, model.configuration, written=chosen.terms)
     if terms:
         words = f"identified, and left out here: {', '.join(terms)}"
         model = replace(model, notes=(*model.notes, words))

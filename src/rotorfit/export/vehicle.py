@@ -1,6 +1,7 @@
 """The vehicle that every target writes: SI units, body axes FLU."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import numpy as np
@@ -82,6 +83,9 @@ class VehicleModel:
         All of the above as they are known, for the head of the file.
     notes
         What a reader of the file has to know beyond them.
+    air
+        What the air does besides thrust and drag torque, by the names of the parameters, where the
+        flights tell it.
     """
 
     name: str
@@ -100,6 +104,7 @@ class VehicleModel:
     imu: Float[np.ndarray, " 3"]
     numbers: tuple[Number, ...]
     notes: tuple[str, ...]
+    air: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @property
     def kt(self) -> float:

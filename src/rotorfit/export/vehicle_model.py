@@ -5,7 +5,7 @@ no body has is refused. What no target asked for and is not known is NaN, which 
 writes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -97,11 +97,13 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed
     """Return the speed at full command, as far as the motors' law gives it."""
     if any(p.name == "max_speed" for p in result.parameters):
         return None  # a number of the result itself, with an interval
-    if law is not None:
+    if law is not None and not is_per_command(result):
         value, unit, remark = full_speed_of(law), "rad/s", "the law of [motors] at full command"
     elif speed == "full-command" and is_per_command(result):
         value, unit = 1.0, FULL_COMMAND
-        remark = "taken in proportion to the command, no law being known"
+        remark = "in parts of its largest, which no law tells"
+        if law is None:
+            remark = "taken in proportion to the command, no law being known"
     else:
         return None
     return Number(name="max_speed", value=value, unit=unit, origin="law", remark=remark)
@@ -236,6 +238,12 @@ def _assembled(
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
         numbers=tuple(n for name in _SHOWN if isinstance(n := numbers.get(name), Number)),
         notes=notes,
+        air={
+            p.name: p.value
+            for p in result.parameters
+            if p.name in ("rotor_drag", *AIR) and p.configuration in (None, owner)
+            if p.value is not None and p.interval is not None and p.interval[0] > 0.0
+        },
     )
 
 
@@ -286,12 +294,16 @@ _TERMS: Final = (
 )
 
 
-def terms_left_out(result: IdentificationResult, owner: str) -> list[str]:
-    """Return the terms of the identified model that no target is written with, in words."""
+def terms_left_out(
+    result: IdentificationResult, owner: str, *, written: Collection[str] = ()
+) -> list[str]:
+    """Return the terms of the identified model that a target is not written with, in words."""
     return [
         f"{p.name} = {p.value:.3g}{_half(p.interval)} {p.unit}"
         for p in result.parameters
-        if p.name in _TERMS and p.configuration in (None, owner) and p.value
+        if p.name in _TERMS
+        if not (p.name in written and p.interval is not None and p.interval[0] > 0.0)
+        if p.configuration in (None, owner) and p.value
     ]
 
 

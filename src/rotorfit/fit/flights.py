@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Final
@@ -21,6 +21,7 @@ from rotorfit.experiment.experiment import (
     motor_model_of,
     vehicle_of,
 )
+from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.read_options import read_options_of, recording_options_of
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
@@ -52,6 +53,7 @@ NOT_ANSWERING: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
 class UsedFlight:
     """A flight as it enters the estimate; of its log no channels are kept.
 
+    `motors`: as declared, completed by the log's parameters.
     `speeds_commanded`: its commands are rotor speeds [rad/s], not shares of full output.
     `telemetry`: how measured speeds go with the commands, where the log has both; `answers`: the
     two themselves, in flight.
@@ -60,6 +62,7 @@ class UsedFlight:
     entry: FlightEntry
     log: FlightLog
     prepared: PreparedFlight
+    motors: MotorsEntry = field(default_factory=MotorsEntry)
     speeds_commanded: bool = False
     telemetry: Telemetry | None = None
     answers: tuple[Answer, ...] = ()
@@ -228,9 +231,11 @@ def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
 
 def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
     motors, source = experiment.motors, experiment.identification.source
-    vehicle, motor_model = vehicle_of(experiment.airframe, source), motor_model_of(motors)
+    vehicle = vehicle_of(experiment.airframe, source)
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
     log, speeds_commanded = with_commanded_speeds(log, motors)
+    motors = motors if speeds_commanded else completed_motors(motors, log)
+    motor_model = motor_model_of(motors)
     seen = telemetry(log) if motors.speed == "measured" else None
     answers = () if seen is None else answered_commands(log, left_out=_not_answering(seen))
     if entry.mocap is not None:
@@ -248,6 +253,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
             speeds_commanded=speeds_commanded,
             telemetry=seen,
             answers=_in_flight(answers, prepared),
+            motors=motors,
         )
     tilt = imu_tilt_of(experiment.airframe)
     recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
@@ -261,7 +267,25 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         speeds_commanded=speeds_commanded,
         telemetry=seen,
         answers=_in_flight(answers, prepared),
+        motors=motors,
     )
+
+
+def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
+    """Return the motors as declared, with what only the log's parameters say of them.
+
+    Parameters
+    ----------
+    motors
+        As declared. A law in it stands; measured speeds need none.
+    log
+        Whose ``motors`` fill what is not declared.
+    """
+    told = log.motors
+    if motors.speed == "measured" or told is None or "command" not in log.channels:
+        return motors
+    law = motors.law or law_entry_of(told.law)
+    return motors.model_copy(update={"law": law, "lag_on": motors.lag_on or told.lag_on})
 
 
 def _not_answering(seen: Telemetry) -> list[int]:

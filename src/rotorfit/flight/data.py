@@ -6,6 +6,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
+from rotorfit.flight.log import LagOn
+
 Differentiation = Literal["exact", "central"]
 
 
@@ -58,6 +60,8 @@ class FlightData:
         Standard deviation of one recorded rotor speed, from its resolution [rad/s].
     velocity
         Of the body relative to the ground, body axes [m/s], where the log has it.
+    lag_on
+        What of a motor follows its command with a lag.
     """
 
     sample_rate: float
@@ -71,6 +75,7 @@ class FlightData:
     segments: tuple[Segment, ...]
     rotor_speed_std: float = 0.0
     velocity: Float[np.ndarray, "n 3"] | None = None
+    lag_on: LagOn = "speed"
 
     @property
     def used_rows(self) -> Int[np.ndarray, " u"]:

@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Float
+
+from rotorfit.flight.speed_law import SpeedLaw
 
 CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
     "gyro": (3, "rad/s"),
@@ -71,6 +73,29 @@ class Channel:
     resolution: float | None = None
 
 
+LagOn = Literal["speed", "thrust"]
+"""What of a motor follows its command with a first-order lag."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoggedMotors:
+    """What the autopilot's parameters say of the motors.
+
+    Attributes
+    ----------
+    law
+        From command to speed.
+    words
+        From which parameters.
+    lag_on
+        What the lag acts on.
+    """
+
+    law: SpeedLaw
+    words: str
+    lag_on: LagOn = "speed"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightLog:
     """One log of one flight, as a reader found it.
@@ -95,6 +120,13 @@ class FlightLog:
         What the reader met and did, one sentence each (fields taken or left out).
     warnings
         What was damaged and passed over, one sentence each; part of every result.
+    simulator
+        Which simulator flew, of `simulators.LEAVES_OUT`; empty for a vehicle, or where unknown.
+    motors
+        What its parameters say of the motors; None where they say nothing that can be relied on.
+    gyro_lowpass
+        Cut-off of the low-pass on board that the samples of the gyro went through [Hz]; None where
+        there is none, or it is not known.
     """
 
     path: Path
@@ -107,6 +139,9 @@ class FlightLog:
     metadata: Mapping[str, str] = field(default_factory=dict[str, str])
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    simulator: str = ""
+    motors: LoggedMotors | None = None
+    gyro_lowpass: float | None = None
 
     @property
     def takes_columns(self) -> bool:

@@ -34,7 +34,7 @@ from rotorfit.flight.checks import (
 from rotorfit.flight.clocks import JITTER_STEPS, UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.ground_contact import ON_THE_GROUND, aloft, ground_contact, ground_said
-from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.flight.log import Channel, FlightLog, LagOn
 from rotorfit.flight.motors import (
     MotorResponse,
     first_order_lag,
@@ -73,6 +73,8 @@ class MotorModel:
         it was recorded late. None: found from the data where speed is measured, else zero.
     lag_down
         Of falling speed, where it differs from `lag` [s].
+    lag_on
+        What the lag acts on: the speed, as in any motor, or the thrust, as in PX4's SIH.
     """
 
     speed: Literal["measured", "commanded"] = "measured"
@@ -80,6 +82,7 @@ class MotorModel:
     lag: float = 0.0
     delay: float | None = None
     lag_down: float | None = None
+    lag_on: LagOn = "speed"
 
     @property
     def response(self) -> MotorResponse:
@@ -246,7 +249,11 @@ def prepared_from(
     )
     del motion
     data = dataclasses.replace(
-        with_motors(_differentiated(uniform, speed, bias), speed, motors.response),
+        with_motors(
+            dataclasses.replace(_differentiated(uniform, speed, bias), lag_on=motors.lag_on),
+            speed,
+            motors.response,
+        ),
         segments=_inner_segments(flights, uniform),
         rotor_speed_std=_rotor_speed_std(recorded.speed_step, motors, speed, flights),
     )
@@ -287,7 +294,7 @@ def with_motors(
             rotor_speed=np.concatenate([value for value, _ in moved]),
             rotor_acceleration=np.concatenate([slope for _, slope in moved]),
         )
-    turned = _following(data.time, speed, data.sample_rate, response)
+    turned = _following(data.time, speed, data.sample_rate, response, lag_on=data.lag_on)
     return dataclasses.replace(
         data,
         rotor_speed=turned,
@@ -305,18 +312,25 @@ def _following(
     speed: Float[np.ndarray, "n N"],
     sample_rate: float,
     response: MotorResponse,
+    *,
+    lag_on: LagOn,
 ) -> Float[np.ndarray, "n N"]:
     """Return the speed of rotors that follow the motor channel, anew after every gap."""
     jumps = _jumps(time, sample_rate)
-    pieces = [following_speed(piece, sample_rate, response) for piece in np.split(speed, jumps)]
-    return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    power = 2.0 if lag_on == "thrust" else 1.0
+    held = speed**power if power != 1.0 else speed
+    pieces = [following_speed(piece, sample_rate, response) for piece in np.split(held, jumps)]
+    followed = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    return np.maximum(followed, 0.0) ** (1.0 / power) if power != 1.0 else followed
 
 
 def _turned(
     uniform: UniformChannels, speed: Float[np.ndarray, "n N"], motors: MotorModel
 ) -> Float[np.ndarray, "n N"]:
     """Return the rotor speed by the motor model as it was declared."""
-    return _following(uniform.time, speed, uniform.sample_rate, motors.response)
+    return _following(
+        uniform.time, speed, uniform.sample_rate, motors.response, lag_on=motors.lag_on
+    )
 
 
 def _uniform(

@@ -50,10 +50,14 @@ class SquareRootLaw:
         At full command [rad/s].
     thr_mdl_fac
         The factor f, 0 (thrust in proportion to the command) to 1 (speed in proportion to it).
+    start, end
+        Commands between which u goes from 0 to 1: MOT_SPIN_MIN and MOT_SPIN_MAX of ArduPilot.
     """
 
     full_speed: float
     thr_mdl_fac: float
+    start: float = 0.0
+    end: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +157,8 @@ def _curve_speed(command: Float[np.ndarray, "n N"], curve: Curve) -> Float[np.nd
             return np.polynomial.polynomial.polyval(command, np.asarray(coefficients))
         case TableLaw(commands, speeds):
             return np.interp(command, commands, speeds)
-        case SquareRootLaw(full_speed, f):
-            u = np.maximum(command, 0.0)
+        case SquareRootLaw(full_speed, f, start, end):
+            u = np.clip((command - start) / (end - start), 0.0, 1.0)
             return full_speed * np.sqrt(f * u**2 + (1.0 - f) * u)
         case PowerLaw(full_speed, b, p):
             return full_speed * np.maximum(b + (1.0 - b) * command, 0.0) ** p

@@ -6,7 +6,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Float
 
-from rotorfit.flight.speed_law import SpeedLaw, speed_from_command
+from rotorfit.flight.speed_law import SpeedLaw, SquareRootLaw, speed_from_command
 
 GRID = np.linspace(0.0, 1.0, 501)
 """Commands on which a curve is compared with another."""
@@ -47,6 +47,13 @@ def full_speed_of(law: SpeedLaw) -> float:
     return float(speeds(law, np.array([1.0]))[0])
 
 
+def command_range(law: SpeedLaw) -> tuple[float, float]:
+    """Return the commands at which a law's rotor begins to turn, and is at full speed."""
+    if isinstance(law.curve, SquareRootLaw):
+        return law.curve.start, law.curve.end
+    return dead_zone(law), 1.0
+
+
 def dead_zone(law: SpeedLaw) -> float:
     """Return the largest command at which a law's rotor stands; 0 where it turns at any."""
     standing = np.flatnonzero(speeds(law, GRID) <= 0.0)
@@ -74,16 +81,16 @@ def _bend(law: SpeedLaw, x: Float[np.ndarray, " n"], c: float) -> Float[np.ndarr
     return (thrust - thrust[0]) / (thrust[-1] - thrust[0]) - x
 
 
-def thrust_curve(law: SpeedLaw, *, start: float = 0.0) -> ThrustCurve:
+def thrust_curve(law: SpeedLaw, *, start: float = 0.0, end: float = 1.0) -> ThrustCurve:
     """Return the curve nearest to a law, in the mean square of thrust over all commands.
 
-    Its command u is 0 at the command `start` of the law, and 1 at full command.
+    Its command u is 0 at the command `start` of the law, and 1 at its command `end`.
 
     Thrust goes with the speed squared; r = f u^2 + (1 - f) u is r - u = f (u^2 - u), so that f is
     one quotient, kept between 0 and 1 as both autopilots do.
     """
     u = GRID
-    speed = speeds(law, start + (1.0 - start) * u)
+    speed = speeds(law, start + (end - start) * u)
     relative = (speed / speed[-1]) ** 2
     bend = u**2 - u
     f = float(np.clip(bend @ (relative - u) / (bend @ bend), 0.0, 1.0))

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.doubts.every_doubt import with_doubts
-from rotorfit.doubts.weight import contradiction, swallowed, vagueness
+from rotorfit.doubts.second_opinions import hover_thrusts, thrust_against_weight
+from rotorfit.doubts.weight import contradiction, missed, swallowed, vagueness
 from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import Experiment
@@ -25,6 +26,9 @@ from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
 from rotorfit.fit.row_fits import RowFits, fit_rows
 from rotorfit.fit.row_parameters import row_numbers
 from rotorfit.fit.term_choice import chosen
+from rotorfit.identification.coupling import uncoupled_fit, without_yaw_scale
+from rotorfit.identification.estimated_velocity import velocity_estimated, with_velocity_errors
+from rotorfit.identification.filtered_imu import with_filter_faults
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables, with_timing_total
@@ -74,8 +78,14 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     if set(terms) - set(present):
         flown = timed_again(flown, terms)
         fit, joint = joint_fit(flown, terms=terms, begin=_unmoved(flown, fit))
-    numbers = _joint_widened(flown, fit, _joint_numbers(flown, fit, joint), joint, terms=terms)
+    numbers = _joint_numbers(flown, fit, joint)
+    uncoupled = uncoupled_fit(flown, fit, numbers, terms=terms)
+    if uncoupled is not None:
+        flown, fit, joint = uncoupled.flown, uncoupled.fit, uncoupled.joint
+        numbers = _joint_numbers(flown, fit, joint)
+    numbers = _joint_widened(flown, fit, numbers, joint, terms=terms)
     fit, joint, numbers, doubts = _by_weight(flown, fit, joint, numbers, terms=terms)
+    numbers = with_filter_faults(with_velocity_errors(numbers, flown), flown)
     tables = joint_tables(
         numbers,
         fit,
@@ -90,7 +100,8 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         settings={**tables.settings, **choice.settings},
     )
     tables = with_timing_total(tables, flown.motor_timing)
-    return with_doubts(tables, flown, numbers, fit=fit, joint=joint)
+    tables = with_doubts(tables, flown, numbers, fit=fit, joint=joint)
+    return tables if uncoupled is None else without_yaw_scale(tables, uncoupled.gain)
 
 
 def _unmoved(flown: Flown, fit: BandedEstimate) -> dict[str, float]:
@@ -120,7 +131,7 @@ def _by_weight(
     contradicts = weighed.contradicts(*found)
     surer = weighed.is_surer_than(*found, timed=flown.timing_told)
     if not (contradicts or surer or biased is not None):
-        return fit, joint, numbers, ()
+        return fit, joint, *_reaching_weight(flown, fit, numbers, terms=terms)
     fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
     anchored = _joint_numbers(flown, fit, joint)
     anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
@@ -129,8 +140,32 @@ def _by_weight(
         return fit, joint, _holding_both(anchored, numbers), (words,)
     if surer or biased is None:
         return fit, joint, _reaching(anchored, numbers), (vagueness(weighed, *found),)
-    words = swallowed(biased, weighed, found[0], flown.source)
+    words = swallowed(biased, weighed, found[0], flown.source, estimated=velocity_estimated(flown))
     return fit, joint, _holding_both(anchored, numbers), (words,)
+
+
+def _reaching_weight(
+    flown: Flown, fit: BandedEstimate, numbers: Numbers, *, terms: Sequence[Term]
+) -> tuple[Numbers, tuple[str, ...]]:
+    """Return the numbers with intervals that reach k_t by the weight, where they surely miss it.
+
+    What little the model lacks (thrust in climb and descent is no straight line) is then in them.
+    """
+    if any(c.entry.mass == "unknown" for c in flown.configurations):
+        return numbers, ()
+    found = hover_thrusts(flown.configurations, numbers, flown.vehicle)
+    doubt, told = thrust_against_weight(found, numbers)
+    if doubt is None:
+        return numbers, ()
+    kt, ratio = _kt_of(numbers)[0], told["thrust_over_weight"]
+    held = WeighedThrust(kt=kt / ratio, std=0.0)
+    begin = {**fit.estimate.by_name, "kt": held.kt}
+    try:
+        at_weight = _joint_numbers(flown, *joint_fit(flown, weighed=held, terms=terms, begin=begin))
+    except UnsettledError:
+        return numbers, ()
+    apart = np.abs(numbers.values - at_weight.values)
+    return replace(numbers, half_width=numbers.half_width + apart), (missed(ratio, kt),)
 
 
 def _settled(

@@ -41,6 +41,7 @@ from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.term_choice import velocity_wanted
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.mounting import found_tilt
+from rotorfit.identification.told_by_logs import agreed_motors, told_by_logs
 from rotorfit.model.regressor import regressor
 from rotorfit.motor_law.fit_law import bounded_recording, fit_law
 from rotorfit.results.command_law import CommandLaw
@@ -93,6 +94,8 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
 def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     method = resolved_method(experiment)
     flown = _flown(experiment, tell)
+    told = told_by_logs(experiment.motors, flown)
+    experiment = experiment.model_copy(update={"motors": flown.motors})
     # The paper neglects the motors' lag and delay, but takes out the delay of its motion capture.
     if flown.unknown_times and (method != "tls" or flown.source == "mocap"):
         tell("timing the motors against the motion")
@@ -103,7 +106,7 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
     tables, law = _with_command_law(tables, flown, tell)
     tables = dataclasses.replace(
         tables,
-        warnings=(*turned, *tables.warnings),
+        warnings=(*told, *turned, *tables.warnings),
         settings={**tables.settings, "hangs_on": list(what_numbers_hang_on(tables, flown))},
     )
     result = dataclasses.replace(_result(experiment, flown, tables), command_law=law)
@@ -166,10 +169,11 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
                 refuse_gyro_in_degrees(
                     {Path(f.entry.file).name: f.prepared.data}, takes_columns=f.log.takes_columns
                 )
-        if experiment.motors.speed == "measured":
+        motors = agreed_motors(experiment.motors, flights)
+        if motors.speed == "measured":
             refuse_wrong_speeds(flights, vehicle)
-        check_flights(flights, vehicle, experiment.motors)
-        flights = _sound_rotors(flights, vehicle.arm, experiment.motors)
+        check_flights(flights, vehicle, motors)
+        flights = _sound_rotors(flights, vehicle.arm, motors)
         payload = payload_of(entry, experiment.airframe.axes)
         configurations.append(Configured(entry=entry, flights=flights, payload=payload))
     every = [flight for configured in configurations for flight in configured.flights]
@@ -181,7 +185,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
     return Flown(
         vehicle=vehicle,
         model=regressor(vehicle, velocity=velocity),
-        motors=experiment.motors,
+        motors=agreed_motors(experiment.motors, every),
         configurations=tuple(configurations),
         source=source,
         velocity=velocity,
@@ -193,8 +197,8 @@ def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) ->
 
     A command without a law has no unit that could be wrong.
     """
-    law = motors.law is not None
-    if motors.speed == "commanded" and not law and not any(f.speeds_commanded for f in flights):
+    law, no_speed = motors.law is not None, motors.law_is_relative
+    if motors.speed == "commanded" and no_speed and not any(f.speeds_commanded for f in flights):
         return flights
     sound: list[UsedFlight] = []
     for flight in flights:

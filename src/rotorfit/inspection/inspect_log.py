@@ -232,8 +232,15 @@ def _prepared(log: FlightLog) -> PreparedFlight:
         log,
         rotor_count=motors.values.shape[1],
         arm=GUESSED_ARM,
-        motors=MotorModel(speed="measured" if measured else "commanded"),
+        motors=MotorModel(speed="measured") if measured else _commanded(log),
     )
+
+
+def _commanded(log: FlightLog) -> MotorModel:
+    """Return commanded motors, by the law that the log's own parameters tell."""
+    if log.motors is None:
+        return MotorModel(speed="commanded")
+    return MotorModel(speed="commanded", law=log.motors.law, lag_on=log.motors.lag_on)
 
 
 def _airborne(prepared: PreparedFlight | None) -> tuple[tuple[float, float], ...]:

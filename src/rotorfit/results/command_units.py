@@ -16,12 +16,17 @@ NO_LAW: Final = (
     "thrust of one rotor at full command (kt w_max^2); kt w_max^2, kd/kt, inertia and CoM are "
     "physical as far as the speed is in proportion to the command: else give law under [motors]"
 )
+RELATIVE_LAW: Final = (
+    "the motors' law has no speed in rad/s: rotor speed counts in parts of its largest, so that kt "
+    "is the thrust of one rotor at full command and kd its torque; kd/kt, inertia and CoM are "
+    "physical"
+)
 
 
 def of_commanded_speed(tables: Tables, flown: Flown) -> Tables:
     """Return the tables with the units and the doubts that commands instead of speeds bring."""
     motors = flown.motors
-    if motors.speed == "measured" or motors.law is not None or flown.speeds_commanded:
+    if motors.speed == "measured" or not motors.law_is_relative or flown.speeds_commanded:
         return tables
     return dataclasses.replace(
         tables,
@@ -31,7 +36,7 @@ def of_commanded_speed(tables: Tables, flown: Flown) -> Tables:
         derived=tuple(
             dataclasses.replace(d, unit=effective_unit(d.name, d.unit)) for d in tables.derived
         ),
-        warnings=(*tables.warnings, NO_LAW),
+        warnings=(*tables.warnings, NO_LAW if motors.law is None else RELATIVE_LAW),
     )
 
 

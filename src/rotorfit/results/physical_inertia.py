@@ -10,7 +10,7 @@ the second moments of its mass. About the centre of mass that is :math:`\tfrac12
 """
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,17 +124,10 @@ def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
     """
     if not configurations:
         return tables
-    ratios = {(d.name, d.configuration) for d in tables.derived if d.value is not None}
-    parameters = tuple(
-        _taken_back(p, ratios) if _disproved(p.name, p.configuration, configurations) else p
-        for p in tables.parameters
+    sound = taken_back(
+        tables, lambda name, owner: _disproved(name, owner, configurations), (IMPOSSIBLE, FLY)
     )
-    derived = tuple(
-        _emptied(d) if _disproved(d.name, d.configuration, configurations) else d
-        for d in tables.derived
-    )
-    known = {p.full_name for p in parameters if p.value is not None}
-    keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
+    known = {p.full_name for p in sound.parameters if p.value is not None}
     # What `project_to_physical` begins at.
     estimates = {
         f"{ESTIMATE}{what}_{p.full_name}": float(number)
@@ -143,13 +136,39 @@ def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
         for what, number in (("value", p.value), ("std", p.std))
         if number is not None
     }
+    return dataclasses.replace(sound, diagnostics={**tables.diagnostics, **estimates})
+
+
+def taken_back(
+    tables: Tables, disproved: Callable[[str, str | None], bool], why: tuple[str, str]
+) -> Tables:
+    """Return the tables without some numbers; those known as a ratio are said to be.
+
+    Parameters
+    ----------
+    tables
+        Of the estimate.
+    disproved
+        Whether the number of a name and configuration is taken back.
+    why
+        The reason, and what to do.
+    """
+    ratios = {(d.name, d.configuration) for d in tables.derived if d.value is not None}
+    parameters = tuple(
+        _taken_back(p, ratios, why) if disproved(p.name, p.configuration) else p
+        for p in tables.parameters
+    )
+    derived = tuple(
+        _emptied(d) if disproved(d.name, d.configuration) else d for d in tables.derived
+    )
+    known = {p.full_name for p in parameters if p.value is not None}
+    keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
     return dataclasses.replace(
         tables,
         parameters=parameters,
         derived=derived,
         covariance_names=tuple(tables.covariance_names[i] for i in keep),
         covariance=tables.covariance[np.ix_(keep, keep)],
-        diagnostics={**tables.diagnostics, **estimates},
     )
 
 
@@ -158,9 +177,11 @@ def _disproved(name: str, configuration: str | None, impossible: Sequence[str]) 
     return name in SCALED or (configuration in impossible and name.startswith(INERTIA))
 
 
-def _taken_back(parameter: Parameter, ratios: Collection[tuple[str, str | None]]) -> Parameter:
+def _taken_back(
+    parameter: Parameter, ratios: Collection[tuple[str, str | None]], why: tuple[str, str]
+) -> Parameter:
     """Return a parameter without its value, as a ratio where (name, configuration) is known."""
-    if parameter.value is None:
+    if parameter.verdict in ("given", "removed"):
         return parameter
     ratio, partner = RATIOS.get(parameter.name, ("", None))
     owners = {owner for name, owner in ratios if name == ratio}
@@ -172,8 +193,8 @@ def _taken_back(parameter: Parameter, ratios: Collection[tuple[str, str | None]]
         interval=None,
         verdict="ratio-only" if own else "not-identified",
         partner=partner if own else None,
-        reason=IMPOSSIBLE,
-        advice=FLY,
+        reason=why[0],
+        advice=why[1],
     )
 
 

@@ -17,6 +17,8 @@ RAW_IMU: Final = {19: "raw IMU"}
 """Bits of ArduCopter's LOG_BITMASK; the last is every sample of every IMU: for a fast card."""
 ENOUGH_RATE: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""
+TOO_SLOW: Final = 40.0
+"""Below this all of it is [Hz]."""
 
 
 def advice(
@@ -42,6 +44,24 @@ def advice(
         also = f", and {to_set}" if value and not slow else ""
         notes.append(f"there is no battery voltage: set BATT_MONITOR to your power module{also}")
     return notes + _batch_note(messages)
+
+
+def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[str]:
+    """Return a doubt where no flying would show inertia, the log being too slow, and what to set.
+
+    Parameters
+    ----------
+    parameters, channels
+        Of the log.
+    """
+    slow, raw = _slow(channels)
+    rates = [rate_of(channels[name]) for name in ("gyro", "command") if name in channels]
+    if not rates or not 0.0 < min(rates) < TOO_SLOW or "rotor_speed" in channels:
+        return []
+    current = parameters.integer("LOG_BITMASK")
+    value = log_bitmask(current, slow=True, raw=raw)
+    cure = f"set LOG_BITMASK = {value}" if value else _no_limit(current)
+    return [f"{' and '.join(slow)}: too slow for inertia and motor lag, whatever is flown; {cure}"]
 
 
 def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:

@@ -44,11 +44,14 @@ class ImuChannels:
         None where the log has neither.
     notes
         Which IMU, why, and how it is filtered.
+    gyro_lowpass
+        Cut-off of the low-pass on board [Hz]; None where there is none, or it is not known.
     """
 
     gyro: Channel | None
     accel: Channel | None
     notes: tuple[str, ...]
+    gyro_lowpass: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,12 +82,17 @@ def read_imu(messages: Messages, parameters: Parameters, choice: ImuChoice) -> I
     if loop and raw and not _is_faster(raw, loop):
         gyro, accel = loop
     notes = list(choice.notes)
+    lowpass: float | None = None
     if gyro is not None and gyro.source.startswith("IMU"):
         notes += _filter_notes(parameters)
+        lowpass = parameters.number("INS_GYRO_FILTER") or None
     if gyro is not None and gyro.source.startswith("GYR"):
         notes += _raw_notes(parameters)
     return ImuChannels(
-        gyro=_channel(gyro, "rad/s"), accel=_channel(accel, "m/s^2"), notes=tuple(notes)
+        gyro=_channel(gyro, "rad/s"),
+        accel=_channel(accel, "m/s^2"),
+        notes=tuple(notes),
+        gyro_lowpass=lowpass,
     )
 
 

@@ -10,9 +10,10 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, Channel, FlightLog
-from rotorfit.logs.dataflash import imu, motors, parameters, pose, remix
-from rotorfit.logs.dataflash.advice import advice
+from rotorfit.flight.log import CHANNELS, Channel, FlightLog, LoggedMotors
+from rotorfit.flight.simulators import simulated_sentence
+from rotorfit.logs.dataflash import imu, law, motors, parameters, pose, remix
+from rotorfit.logs.dataflash.advice import advice, too_slow
 from rotorfit.logs.dataflash.columns import in_order, time_of
 from rotorfit.logs.dataflash.formats import HEAD
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
@@ -86,6 +87,9 @@ def read_dataflash(path: Path) -> FlightLog:
         metadata=found.metadata,
         notes=found.notes,
         warnings=found.warnings,
+        simulator=found.simulator,
+        motors=found.motors,
+        gyro_lowpass=found.gyro_lowpass,
     )
 
 
@@ -125,6 +129,9 @@ class _Found:
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     nothing: str
+    simulator: str
+    motors: LoggedMotors | None
+    gyro_lowpass: float | None
 
 
 def _understood(path: Path) -> _Found:
@@ -165,11 +172,13 @@ def _understood(path: Path) -> _Found:
     }
     channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
+    simulator = law.simulator_of(settings)
     flown, doubts = _armed(messages, moved=_moves(command))
     return _Found(
         channels=channels,
         metadata=_metadata(settings, said, text),
         notes=(
+            *([simulated_sentence(simulator)] if simulator else []),
             *flown,
             *sensors.notes,
             *command_notes,
@@ -181,11 +190,15 @@ def _understood(path: Path) -> _Found:
         warnings=(
             *doubts,
             *appended,
+            *too_slow(settings, channels),
             *unit_doubts(messages),
             *_changed(settings),
             *_damage(messages, names),
         ),
         nothing=_nothing(messages),
+        simulator=simulator,
+        motors=law.logged_motors(settings, battery="battery" in channels),
+        gyro_lowpass=sensors.gyro_lowpass,
     )
 
 
@@ -209,7 +222,11 @@ def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[s
         metadata["airframe"] = text
     values = settings.values
     metadata |= {name: f"{values[name]:.10g}" for name in _MOTOR_PARAMETERS if name in values}
-    return metadata
+    simulator = law.simulator_of(settings)
+    if simulator:
+        metadata["Simulator"] = simulator
+    frame = [name for name in values if name.startswith("SIM_FRM_")]
+    return metadata | {name: f"{values[name]:.10g}" for name in frame}
 
 
 def _frame_notes(frame: Frame | None, settings: Parameters, said: list[str]) -> list[str]:

@@ -385,11 +385,10 @@ def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
     return max(moved, key=lambda item: item[:2])[2] if moved else None
 
 
-def commanded_law(scan: Scan) -> str:
-    """Return the ``law`` of the experiment file by the parameters, or an empty text.
+def output_speeds(scan: Scan) -> tuple[float, float] | None:
+    """Return the speeds at no and at full output, where Gazebo makes the output the speed itself.
 
-    In Gazebo the output is the speed itself, between SIM_GZ_EC_MIN and _MAX; elsewhere PX4 only
-    assumes how thrust goes with the output.
+    By SIM_GZ_EC_MIN and _MAX [rad/s]; None elsewhere, or where the motors differ.
     """
     count = motor_count(scan) or 0
     ranges = {
@@ -400,7 +399,19 @@ def commanded_law(scan: Scan) -> str:
     if len(ranges) == 1:
         low, high = next(iter(ranges))
         if low is not None and high is not None and high > low:
-            return f"law = {{ linear = [{low:.1f}, {high - low:.1f}] }}"
+            return low, high
+    return None
+
+
+def commanded_law(scan: Scan) -> str:
+    """Return the ``law`` of the experiment file by the parameters, or an empty text.
+
+    Outside Gazebo PX4 only assumes how thrust goes with the output.
+    """
+    speeds = output_speeds(scan)
+    if speeds is not None:
+        low, high = speeds
+        return f"law = {{ linear = [{low:.1f}, {high - low:.1f}] }}"
     if scan.number("THR_MDL_FAC") is None:
         return ""
     return f"law = {{ sqrt = {{ full_speed = RAD_PER_S, thr_mdl_fac = {thrust_curve(scan)!r} }} }}"

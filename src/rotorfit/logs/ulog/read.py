@@ -5,7 +5,8 @@ from typing import Final
 
 from rotorfit.errors import LogError
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.logs.ulog import imu, motors, pose, vehicle
+from rotorfit.flight.simulators import SIH, simulated_sentence
+from rotorfit.logs.ulog import imu, motors, pose, simulated, vehicle
 from rotorfit.logs.ulog.messages import MAGIC
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
@@ -44,6 +45,7 @@ def read_ulog(path: Path) -> FlightLog:
             raise LogError(_no_channels(scan))
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
+    simulator = simulated.simulator_of(scan)
     # A topic begins with its last message before the log: the sensors say when the log began.
     timed = [c for name, c in channels.items() if name in ("gyro", "accel")] or [*channels.values()]
     begin, end = min(c.time[0] for c in timed), max(c.time[-1] for c in timed)
@@ -53,8 +55,9 @@ def read_ulog(path: Path) -> FlightLog:
         format="ulog",
         channels=channels,
         seconds=float(end - begin),
-        metadata=vehicle.metadata_of(scan),
+        metadata={**vehicle.metadata_of(scan), **simulated.simulated_metadata(scan)},
         notes=(
+            *([simulated_sentence(simulator)] if simulator else []),
             *notes,
             *vehicle.geometry_notes(scan),
             *vehicle.flown_notes(scan, float(begin)),
@@ -62,6 +65,8 @@ def read_ulog(path: Path) -> FlightLog:
             *_appended_note(scan),
         ),
         warnings=(*scan.warnings, *vehicle.flight_doubts(scan), *_rate_doubts(channels)),
+        simulator=simulator,
+        motors=simulated.logged_motors(scan),
     )
 
 
@@ -119,16 +124,17 @@ def _rate_doubts(channels: dict[str, Channel]) -> list[str]:
 def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:
     """Return how commands and speed belong together, by the parameters."""
     law = motors.commanded_law(scan)
-    if "command" not in channels or not law:
+    if "command" not in channels or not law or simulated.simulator_of(scan) == SIH:
         return []
     if "linear" in law:
         return [f"Simulated motors: the command is a speed, by [motors] {law}."]
     factor = motors.thrust_curve(scan)
     curve = f"{factor:g} u^2 + {1 - factor:g} u of the command u"
     curve = {0.0: "the command", 1.0: "the square of the command"}.get(factor, curve)
+    taken = "taken for their law" if factor else "no law"
     return [
-        f"PX4 takes the thrust of a motor to go with {curve} (THR_MDL_FAC = {factor:g}); if that "
-        f"was measured, write under [motors] {law}, with the speed at full command."
+        f"PX4 takes the thrust of a motor to go with {curve} (THR_MDL_FAC = {factor:g}): {taken}; "
+        f"if it was measured, write under [motors] {law}, with the speed at full command."
     ]
 
 

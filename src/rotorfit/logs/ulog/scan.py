@@ -103,6 +103,11 @@ class Scan:
         value = self.parameters.get(name)
         return None if value is None else float(value)
 
+    def last(self, name: str) -> float | None:
+        """Return a parameter as the log left it; None where the log does not have it."""
+        changed = [after for known, _, after in self.changes if known == name]
+        return float(changed[-1]) if changed else self.number(name)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Subscription:

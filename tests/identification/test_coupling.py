@@ -1,0 +1,136 @@
+"""A body whose axes do not act on one another is told from a rigid one."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import made_fit
+from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.experiment.model_terms import Term
+from rotorfit.fit.joint_fit import joint_fit
+from rotorfit.fit.joint_numbers import joint_numbers
+from rotorfit.flight.data import FlightData
+from rotorfit.identification.coupling import (
+    ADVICE,
+    REASON,
+    uncoupled_fit,
+    without_coupling,
+    without_yaw_scale,
+)
+from rotorfit.model.parameters import inertia_matrix
+from rotorfit.model.regressor import regressor
+from rotorfit.results.parameter_tables import Tables
+from rotorfit.results.result import Derived, Parameter
+
+MASS, KT, KD, RATE = 1.4, 2e-6, 3e-8, 100.0
+NOTHING: tuple[Term, ...] = ()
+INERTIA = np.diag([0.010, 0.013, 0.021])
+BALL = np.diag([0.010, 0.010, 0.010])
+
+
+def test_without_coupling_torque_is_inertia_times_acceleration():
+    model = without_coupling(regressor(made_fit.QUAD))
+    rng = np.random.default_rng(1)
+    w, dw = rng.normal(size=(2, 5, 3))
+    elements = rng.normal(size=6)
+    Z = np.zeros((5, len(model.layout)))
+    Z[:, 3:6] = dw
+    Z[:, 6:9] = w**2
+    Z[:, 9:12] = np.stack([w[:, 0] * w[:, 1], w[:, 0] * w[:, 2], w[:, 1] * w[:, 2]], axis=1)
+    names = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+    theta = dict(zip(names, elements.tolist(), strict=True))
+    expected = dw @ inertia_matrix(elements)
+    np.testing.assert_allclose(model.residual(Z, theta)[:, 3:], expected, atol=1e-12)
+
+
+def flown(inertia, *, coupled):
+    """Return 40 s of rolls, nods and turns at once, of a body with or without w x I w."""
+    time = np.arange(round(40 * RATE)) / RATE
+    sines = [np.cos(2 * np.pi * f * time) for f in (0.83, 0.71, 0.29, 1.13)]
+    mixer = np.array([[-1, -1, 1], [1, 1, 1], [1, -1, -1], [-1, 1, -1]])
+    hover = MASS * 9.80665 / (4 * KT)
+    turns = np.stack([0.03 * sines[0], 0.03 * sines[1], 0.3 * sines[2]], axis=1)
+    squares = hover * (1.0 + 0.1 * sines[3][:, None] + turns @ mixer.T)
+    vehicle = made_fit.QUAD
+    lever = np.cross(vehicle.positions, vehicle.axes)
+    torque = KT * squares @ lever - KD * (squares * vehicle.spins).sum(axis=1)[:, None] * [0, 0, 1]
+    rates, turned = np.zeros((2, len(time), 3))
+    w, inverse = np.zeros(3), np.linalg.inv(inertia)
+    for k, moment in enumerate(torque):
+        gyro = np.cross(w, inertia @ w) if coupled else np.zeros(3)
+        dw = inverse @ (moment - gyro)
+        rates[k], turned[k] = w, dw
+        w = w + dw / RATE
+    rng = np.random.default_rng(2)
+    data = FlightData(
+        sample_rate=RATE,
+        time=time,
+        specific_force=np.stack([0 * time, 0 * time, KT * squares.sum(axis=1) / MASS], axis=1)
+        + rng.normal(scale=0.05, size=(len(time), 3)),
+        angular_velocity=rates,
+        angular_acceleration=turned + rng.normal(scale=0.1, size=turned.shape),
+        rotor_speed=np.sqrt(squares),
+        rotor_acceleration=np.gradient(np.sqrt(squares), axis=0) * RATE,
+        differentiation="exact",
+        segments=made_fit.prepared(seconds=40.0).data.segments,
+    )
+    flight = dataclasses.replace(
+        made_fit.prepared(seconds=40.0), data=data, phases=data.segments,
+        motor_channel=data.rotor_speed,
+    )  # fmt: skip
+    return made_fit.flown(flight, mass=MASS, motors=MotorsEntry(speed="measured", delay=0.0))
+
+
+def uncoupled(inertia, *, coupled):
+    made = flown(inertia, coupled=coupled)
+    fit, joint = joint_fit(made, terms=NOTHING)
+    numbers = joint_numbers(fit, joint, {"A": 0.0})
+    return uncoupled_fit(made, fit, numbers, terms=NOTHING), numbers
+
+
+def test_a_body_without_coupling_is_found_and_its_other_numbers_are_right():
+    found, coupled = uncoupled(INERTIA, coupled=False)
+    assert found is not None
+    assert found.gain > 100.0
+    Izz = coupled.number("Izz_com@A")[0]
+    assert Izz < 0.7 * INERTIA[2, 2]  # what an expected coupling makes of it
+    at = found.fit.estimate.by_name
+    assert (at["Ixx@A"], at["Iyy@A"]) == pytest.approx((0.010, 0.013), rel=0.02)
+    assert at["kd"] / at["Izz@A"] == pytest.approx(KD / 0.021, rel=0.05)
+
+
+@pytest.mark.parametrize("inertia", [INERTIA, BALL], ids=["flat", "ball"])
+def test_a_rigid_body_keeps_its_coupling(inertia):
+    found, numbers = uncoupled(inertia, coupled=True)
+    assert found is None
+    if inertia is INERTIA:
+        assert numbers.number("Izz_com@A")[0] == pytest.approx(0.021, rel=0.05)
+
+
+def a_number(name, value, **more):
+    return {"name": name, "configuration": None if name in ("kt", "kd") else "A", "value": value,
+            "std": 0.1, "interval": (value - 0.2, value + 0.2), "unit": "", **more}  # fmt: skip
+
+
+def test_the_scale_of_yaw_is_taken_back_and_its_ratio_stays():
+    parameters = tuple(
+        Parameter(**a_number(name, 1.0, verdict="identified")) for name in ("kt", "kd", "Izz")
+    )
+    derived = tuple(Derived(**a_number(name, 2.0)) for name in ("Izz_com", "kd_over_Izz"))
+    tables = Tables(
+        parameters=parameters,
+        derived=derived,
+        covariance_names=("kt", "kd", "Izz@A"),
+        covariance=np.eye(3),
+        settings={},
+    )
+    found = without_yaw_scale(tables, 42.0)
+    kt, kd, Izz = found.parameters
+    assert kt == parameters[0]
+    for p, partner in ((kd, "Izz"), (Izz, "kd")):
+        assert (p.value, p.verdict, p.partner) == (None, "ratio-only", partner)
+        assert (p.reason, p.advice) == (REASON, ADVICE)
+    assert [d.value for d in found.derived] == [None, 2.0]
+    assert found.covariance_names == ("kt",)
+    assert "log-likelihood +42 without w x I w" in found.warnings[0]
