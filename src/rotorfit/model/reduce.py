@@ -226,9 +226,11 @@ def band_factors(
         lines = np.empty((len(own), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
         lines[:, kept], lines[:, made] = own, fresh[:, : len(made)]
         lines[:, len(layout) :] = fresh[:, len(made) :]
-        blocks = _banded(lines, bands, (stretch, flight.sample_rate))
+        blocks = _with_slopes(
+            _banded(lines, bands, (stretch, flight.sample_rate)), layout, len(slopes)
+        )
         noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
-        parts.append(_with_slopes(replace(blocks, noise=noise), layout, len(slopes)))
+        parts.append(replace(blocks, noise=noise))
     return _stacked(parts)
 
 
