@@ -12,12 +12,15 @@ beside it, and the last columns are its time after reading, and how many times m
 
 import argparse
 import json
+import multiprocessing
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
@@ -94,6 +97,13 @@ def written(case: Case, folder: Path, *, commanded: bool) -> Path:
     return path
 
 
+def written_apart(case: Case, folder: Path, *, commanded: bool) -> Path:
+    """Do the same in a process of its own: a process inherits the memory mark of its parent."""
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=context) as pool:
+        return pool.submit(partial(written, commanded=commanded), case, folder).result()
+
+
 def spent(experiment: Path, source: Path) -> dict[str, float]:
     """Return seconds of reading and after it [s], and memory [MB], of one version."""
     environment = {**os.environ, "PYTHONPATH": str(source), "OPENBLAS_NUM_THREADS": "1"}
@@ -115,7 +125,7 @@ def lines(cases: Sequence[Case], against: Path | None) -> Iterator[str]:
     for case in cases:
         for commanded in (False, True):
             with tempfile.TemporaryDirectory() as name:
-                experiment = written(case, Path(name), commanded=commanded)
+                experiment = written_apart(case, Path(name), commanded=commanded)
                 own = spent(experiment, SOURCE)
                 other = spent(experiment, against) if against else None
             kind = "commanded" if commanded else "measured"
