@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rotorfit.cli.terminal import show
-from rotorfit.report.text import with_interval
+from rotorfit.display.digits import with_interval
 from rotorfit.results.compare import ComparedNumber, Comparison, Entry, compare_results
 from rotorfit.results.sound_result import load_sound
 

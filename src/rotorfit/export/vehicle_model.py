@@ -28,8 +28,7 @@ from rotorfit.flight.thrust_curve import full_speed_of
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.command_units import is_per_command
-from rotorfit.results.configurations import configuration_names, meant_configuration
-from rotorfit.results.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult, configuration_names, meant_configuration
 from rotorfit.results.sound_result import refuse_unsound
 
 

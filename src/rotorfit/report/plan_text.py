@@ -4,7 +4,8 @@ import textwrap
 from collections.abc import Iterator
 
 from rotorfit.planning.after import Missing
-from rotorfit.planning.plan import Candidate, FlightPlan
+from rotorfit.planning.candidate import Candidate
+from rotorfit.planning.plan import FlightPlan
 from rotorfit.planning.wanted import WANTABLE
 from rotorfit.report.plan_words import (
     MANOEUVRE_TITLES,

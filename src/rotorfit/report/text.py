@@ -4,15 +4,11 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
+from rotorfit.display.digits import known, with_interval
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
-from rotorfit.report.number_words import (
-    VERDICT_MEANING,
-    configurations,
-    known,
-    number_of,
-)
+from rotorfit.report.number_words import VERDICT_MEANING, configurations
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
 from rotorfit.results.about_com import twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
@@ -160,28 +156,6 @@ def _table(title: str, lines: list[Line]) -> list[str]:
 
 def _unit(number: Parameter | Derived) -> str:
     return "" if number.unit == "1" else number.unit
-
-
-def with_interval(value: float | None, interval: tuple[float, float] | None) -> str:
-    """Return a value and half of its interval, digits cut to two of the half-width.
-
-    An interval that is not even about the value is written out.
-
-    Examples
-    --------
-    >>> with_interval(2.656e-7, (2.604e-7, 2.708e-7))
-    '(2.656 +- 0.052)e-07'
-    """
-    number = number_of(value, interval)
-    if number is None:
-        return "-"
-    body = number.value
-    if number.half:
-        body += f" ({number.low} to {number.high})" if number.low else f" +- {number.half}"
-    if number.exponent:
-        body = f"({body})" if number.half else body
-        body += f"e{number.exponent:+03d}"
-    return body.replace("−", "-")
 
 
 def _validated(row: Mapping[str, Any]) -> str:
