@@ -15,6 +15,7 @@ from rotorfit.cli.options import (
     Assume,
     Bench,
     Card,
+    DrawSeed,
     End,
     Figures,
     Force,
@@ -31,6 +32,7 @@ from rotorfit.cli.options import (
     ReplayedFlights,
     ResultFile,
     ResultOutput,
+    Samples,
     Seed,
     Speed,
     Start,
@@ -255,6 +257,8 @@ def export(
             "--project", help="Replace inertia that no body has by the nearest that one can have."
         ),
     ] = False,
+    samples: Samples = None,
+    seed: DrawSeed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -273,6 +277,8 @@ def export(
             configuration=configuration,
             assume=tuple(assume or ()),
             project=project,
+            samples=samples,
+            seed=seed,
             force=force,
             as_json=as_json,
         )

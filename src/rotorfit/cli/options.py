@@ -65,6 +65,20 @@ PlanOutput = Annotated[Path | None, _json_of("plan")]
 
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another flight.")]
 
+# export
+Samples = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Vehicles drawn from the joint posterior; with the target of one vehicle, -o names a "
+        "folder for one file each (default for targets of many: 100).",
+    ),
+]
+DrawSeed = Annotated[
+    int, typer.Option(min=0, metavar="N", help="With --samples: another seed, other vehicles.")
+]
+
 # fly
 ReplayedFlights = Annotated[
     list[Path] | None,
