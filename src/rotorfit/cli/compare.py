@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from rotorfit.cli.terminal import show
+from rotorfit.cli.terminal import show, terminal_width
 from rotorfit.display.digits import with_interval
 from rotorfit.results.compare import ComparedNumber, Comparison, Entry, compare_results
 from rotorfit.results.sound_result import load_sound
@@ -14,7 +14,6 @@ from rotorfit.results.sound_result import load_sound
 LABEL = 20
 """Longer names of results are cut in front."""
 APART = "*"
-WIDTH = 80
 
 
 def run(paths: Sequence[Path], *, as_json: bool) -> None:
@@ -42,7 +41,7 @@ def comparison_text(comparison: Comparison) -> str:
     ]
     if apart:
         words = f"{APART} intervals apart from the first's: {', '.join(apart)}"
-        lines += ["", *textwrap.wrap(words, WIDTH, subsequent_indent="  ")]
+        lines += ["", *textwrap.wrap(words, terminal_width(), subsequent_indent="  ")]
     return "\n".join(lines)
 
 

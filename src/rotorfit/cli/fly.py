@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from rotorfit.cli.export import doubt_words
 from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import say, show
+from rotorfit.cli.terminal import painted, say, show, terminal_width
 from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
@@ -259,4 +259,5 @@ def _write(request: FlyRequest, outcome: FlyOutcome) -> None:
         say(f"wrote {len(paths)} files to {request.figures}")
         if not can_write_png():
             say(HINT)
-    show((outcome.to_json() if request.as_json else fly_text(outcome)).rstrip())
+    text = painted(fly_text(outcome, width=terminal_width()))
+    show((outcome.to_json() if request.as_json else text).rstrip())

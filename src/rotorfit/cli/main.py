@@ -1,5 +1,7 @@
 """The command line: one command a question. Heavy imports happen inside the commands."""
 
+import sys
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -37,7 +39,15 @@ from rotorfit.cli.options import (
     Speed,
     Start,
 )
-from rotorfit.cli.terminal import internal_error, interruptible, print_any_name, refuse, show
+from rotorfit.cli.terminal import (
+    Colour,
+    colour_from,
+    internal_error,
+    interruptible,
+    print_any_name,
+    refuse,
+    show,
+)
 from rotorfit.errors import RotorfitError
 from rotorfit.export.target_names import AnyTargetName
 
@@ -46,7 +56,7 @@ app = typer.Typer(
     help="Physical parameters of a multirotor, with intervals, from the flight logs you have.",
     epilog="Start with  rotorfit inspect LOG,  or see  rotorfit demo.  COMMAND --help tells more.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -56,7 +66,8 @@ def main() -> None:
     """Run the command line; a refusal is one line on stderr and exit code 1, never a traceback."""
     print_any_name()
     try:
-        app()
+        sys.argv[1:] = colour_from(sys.argv[1:])
+        app(prog_name="rotorfit")
     except RotorfitError as error:
         refuse(error)
     except Exception as error:  # a fault of ours: nobody else stands behind us to catch it
@@ -70,13 +81,30 @@ def _version(wanted: bool) -> bool:
     return wanted
 
 
+def target_named(name: str) -> str:
+    """Return the name of a target; refused with the nearest one where there is none."""
+    names = get_args(AnyTargetName)
+    if name in names:
+        return name
+    near = get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise typer.BadParameter(f"no target {name!r}; {hint}targets: {', '.join(names)}")
+
+
 @app.callback()
 def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
+    color: Annotated[
+        Colour,
+        typer.Option(
+            help="Verdicts in colour; auto: on a terminal, unless NO_COLOR is set. May stand "
+            "anywhere."
+        ),
+    ] = "auto",
 ) -> None:
-    del version
+    del version, color  # main has heeded it
 
 
 @app.command(epilog="Example: rotorfit inspect flight.bfl")
@@ -239,6 +267,8 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
+            parser=target_named,
+            autocompletion=lambda: list(get_args(AnyTargetName)),
             help=f"Which tool's file: {', '.join(get_args(AnyTargetName))} (wrenches of the "
             "flights over time).",
         ),

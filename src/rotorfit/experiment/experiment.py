@@ -281,6 +281,12 @@ def load_experiment(path: Path) -> Experiment:
         If the file is missing, not TOML, or not an experiment; every place that is wrong is named.
     """
     tables = with_known_motors(read_toml(path), path.parent)
+    if "airframe" in tables and "configuration" not in tables:
+        raise ExperimentError(
+            f"{path}: this is an airframe file, without [[configuration]] and flights: give a log "
+            f"beside it (rotorfit identify LOG --mass KG --airframe {path.name}), or add "
+            '[[configuration]] with mass and flights = ["LOG"]'
+        )
     experiment = _checked(Experiment, tables, path)
     return experiment.model_copy(
         update={"configuration": tuple(_absolute(c, path.parent) for c in experiment.configuration)}

@@ -33,29 +33,29 @@ EVEN = 0.05
 FORCE_HELD = "first mean held"
 
 
-def fly_text(outcome: FlyOutcome) -> str:
-    """Return replay, manoeuvres and what to know as plain text."""
+def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
+    """Return replay, manoeuvres and what to know as plain text, lines of that width."""
     lines = [
-        *_wrapped(headline(outcome), "", ""),
+        *_wrapped(headline(outcome), width, "", ""),
         "",
         "Replay: rms error of the rates [rad/s], so long after the start of a window",
     ]
-    width = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
+    column = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
     times = told_times(outcome)
-    lines.append(f"  {'':<{width}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
-    lines.append(f"  {'':<{width}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
-    lines += [f"  {label:<{width}}" + _numbers(row) for label, row in rate_rows(outcome)]
+    lines.append(f"  {'':<{column}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
+    lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
+    lines += [f"  {label:<{column}}" + _numbers(row) for label, row in rate_rows(outcome)]
     lines.append("")
     for line in verdicts(outcome):
-        lines += _wrapped(line, "  ", "    ")
+        lines += _wrapped(line, width, "  ", "    ")
     lines += ["", "Replay: rms error of the specific force, means over 0.05 s [m/s^2]"]
-    lines.append(f"  {'':<{width}}" + "".join(f"{axis:>10}" for axis in "xyz"))
-    lines += [f"  {label:<{width}}" + _numbers(row) for label, row in force_rows(outcome)]
+    lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for axis in "xyz"))
+    lines += [f"  {label:<{column}}" + _numbers(row) for label, row in force_rows(outcome)]
     lines += _manoeuvre_lines(outcome)
     if outcome.notes:
         lines += ["", "To know"]
         for note in outcome.notes:
-            lines += _wrapped(note, "  - ", "    ")
+            lines += _wrapped(note, width, "  - ", "    ")
     return "\n".join(lines)
 
 
@@ -77,9 +77,9 @@ def _manoeuvre_lines(outcome: FlyOutcome) -> list[str]:
     ]
 
 
-def _wrapped(text: str, first: str, later: str) -> list[str]:
+def _wrapped(text: str, width: int, first: str, later: str) -> list[str]:
     return textwrap.wrap(
-        text, WIDTH, initial_indent=first, subsequent_indent=later, break_long_words=False
+        text, width, initial_indent=first, subsequent_indent=later, break_long_words=False
     )
 
 

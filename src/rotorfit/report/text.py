@@ -17,32 +17,39 @@ ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", 
 DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")
 """Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
+UNEXPLAINED = "Flights kept apart: what is left unexplained"
 
 Line = tuple[Parameter | Derived, str]
 """A number with the words that follow its unit."""
 
 
-def result_text(result: IdentificationResult) -> str:
+def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
     """Return a result as text for a terminal: every number with unit, interval and verdict.
 
     Parameters
     ----------
     result
         What `identify` returned, or `IdentificationResult.load`.
+    width
+        Of a line [characters]; tables are as wide as their numbers.
     """
     sections = [
-        textwrap.wrap(_title(result), WIDTH),
+        textwrap.wrap(_title(result), width),
         _table("Rotors", _rotor_lines(result)),
-        _law_lines(result),
+        _law_lines(result, width),
         *(
             _table(f"Body, configuration {name}", _body_lines(result, name))
             for name in configurations(result)
         ),
-        _listed("Flights kept apart: what is left unexplained", map(_validated, result.validation)),
-        _listed("What the verdicts mean", _meanings(result)),
-        _listed("What to do next", _advice(result)),
-        _listed("To know", _doubts(result)),
-        _listed("No flight tells these: see that they are right", hangs_on(result)),
+        _listed(
+            "Flights kept apart: what is left unexplained",
+            map(_validated, result.validation),
+            width,
+        ),
+        _listed("What the verdicts mean", _meanings(result), width),
+        _listed("What to do next", _advice(result), width),
+        _listed("To know", _doubts(result), width),
+        _listed("No flight tells these: see that they are right", hangs_on(result), width),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
@@ -64,7 +71,7 @@ def _rotor_lines(result: IdentificationResult) -> list[Line]:
     return [*map(_of_parameter, shared), *_rotor_derived(result, own)]
 
 
-def _law_lines(result: IdentificationResult) -> list[str]:
+def _law_lines(result: IdentificationResult, width: int) -> list[str]:
     """Return the motors' law with its numbers, and what to write for flights without speeds."""
     law = result.command_law
     if law is None:
@@ -78,7 +85,7 @@ def _law_lines(result: IdentificationResult) -> list[str]:
     return [
         f"Motors, u being the command: {formula_of(law)}",
         *(row.rstrip() for row in rows),
-        *(line for words in law_sentences(law) for line in _wrapped(words)),
+        *(line for words in law_sentences(law) for line in _wrapped(words, width)),
         *(["  - for flights of this vehicle without rotor speed:", *paste] if motors else []),
     ]
 
@@ -207,12 +214,12 @@ def hangs_on(result: IdentificationResult) -> list[str]:
     return [str(words) for words in used.get("hangs_on", ())]
 
 
-def _listed(title: str, texts: Iterable[str]) -> list[str]:
-    lines = [line for text in texts for line in _wrapped(text)]
+def _listed(title: str, texts: Iterable[str], width: int) -> list[str]:
+    lines = [line for text in texts for line in _wrapped(text, width)]
     return [title, *lines] if lines else []
 
 
-def _wrapped(text: str) -> list[str]:
+def _wrapped(text: str, width: int) -> list[str]:
     return textwrap.wrap(
-        text, WIDTH, initial_indent="  - ", subsequent_indent="    ", break_on_hyphens=False
+        text, width, initial_indent="  - ", subsequent_indent="    ", break_on_hyphens=False
     )

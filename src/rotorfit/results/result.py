@@ -16,6 +16,7 @@ from rotorfit.display.frame import DataFrame, frame
 from rotorfit.display.sheet import Sheet, sheet_html, sheet_text
 from rotorfit.errors import EstimationError, OutputError
 from rotorfit.logs.files import write_whole
+from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
 from rotorfit.results.about_com import body_verdict, twin_of
 from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
@@ -25,6 +26,7 @@ from rotorfit.results.numbers import Verdict as Verdict
 from rotorfit.sampling.samples import Estimated, Samples, draw_vehicles
 
 SCHEMA = 1
+RESULT_FILE = "a result of rotorfit identify"
 
 
 Entry = TypeVar("Entry", Parameter, Derived)
@@ -154,10 +156,7 @@ class IdentificationResult:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, ValueError) as error:
-            raise OutputError(
-                f"{path} is not a rotorfit result ({error}); give the JSON file that "
-                "rotorfit identify -o wrote"
-            ) from error
+            raise OutputError(_no_result(path, str(error))) from error
         return _from_plain(data, path)
 
     def samples(self, n: int, seed: int = 0, *, configuration: str | None = None) -> Samples:
@@ -400,10 +399,15 @@ def _from_plain(data: Any, path: Path) -> IdentificationResult:
             command_law=law_from_plain(data.get("command_law")),
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise OutputError(
-            f"{path} is not a rotorfit result (at {error}); give the JSON file that "
-            "rotorfit identify -o wrote"
-        ) from error
+        raise OutputError(_no_result(path, f"at {error}")) from error
+
+
+def _no_result(path: Path, why: str) -> str:
+    """Return what a file is in place of a result, and which would be right."""
+    kind = kind_of(path)
+    known = kind is not None and kind != RESULT_FILE
+    what = f": this is {kind}, no result" if known else f" is not a rotorfit result ({why})"
+    return f"{path}{what}; give the JSON file that rotorfit identify -o wrote"
 
 
 def _tupled(entry: dict[str, Any]) -> dict[str, Any]:
