@@ -32,8 +32,7 @@ DRAWS = 40
 BENCH = "bench"
 NEEDS = (*BODY, *ROTORS)
 WITHOUT_MUJOCO = (
-    "hover and steps are left out, for want of MuJoCo; "
-    "pip install 'rotorfit[mujoco]'  adds them (in a clone: pip install '.[mujoco]')"
+    "hover and steps skipped: MuJoCo not installed; pip install '.[mujoco]' in the clone adds them"
 )
 FIGURES = ("replay-1.svg", "replay-errors.svg", "manoeuvres.svg")
 PER_SPEED = ("kt", "kd", "Jr")

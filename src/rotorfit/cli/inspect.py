@@ -1,4 +1,4 @@
-"""rotorfit inspect: what is in a log, what it could tell, and what to set before the next one."""
+"""rotorfit inspect: what this log can show, and which settings to change before the next flight."""
 
 import json
 from collections.abc import Sequence

@@ -131,9 +131,10 @@ def inspect(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show what is in a log, and what it could tell.
+    """Show what a log can tell, and which settings to change.
 
-    And the settings of the autopilot to change before the next flight.
+    Its channels, the part in the air, what an identification will find in it, and the settings of
+    the autopilot to change before the next flight.
     """
     from rotorfit.cli.inspect import InspectOptions, run
 
@@ -141,6 +142,60 @@ def inspect(
         log_number=log, airframe=airframe, as_json=as_json, report=report, force=force
     )
     run(logs, options)
+
+
+@app.command(epilog="Example: rotorfit airframe flight.bfl -o airframe.toml")
+@interruptible()
+def airframe(
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[LOG]", help="A flight of the vehicle: it shows motor order and spins."
+        ),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Write the file here.")
+    ] = Path("airframe.toml"),
+    log_number: LogNumber = None,
+    layout: Annotated[
+        str | None, typer.Option(metavar="NAME", help="quad-x, quad-plus, hexa-x, ...; else asked.")
+    ] = None,
+    order: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Motor numbering: px4, ardupilot, betaflight, crazyflie; else asked.",
+        ),
+    ] = None,
+    spacing: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y",
+            help="Between the motor axes, front to back and left to right [mm]; else asked.",
+        ),
+    ] = None,
+    speed: Speed = None,
+    force: Force = False,
+) -> None:
+    """Write the airframe file that the other commands want.
+
+    Asks what a ruler answers; a log fills in what the flight shows: how many motors, their order,
+    how they spin, and whether their speed was measured.
+    """
+    from rotorfit.cli.airframe import AirframeRequest, run
+
+    run(
+        AirframeRequest(
+            output=output,
+            log=log,
+            log_number=log_number,
+            layout=layout,
+            order=order,
+            spacing=spacing,
+            speed=speed,
+            force=force,
+        )
+    )
 
 
 @app.command(epilog="Example: rotorfit identify flight.bfl --mass 0.428 --airframe airframe.toml")
@@ -244,7 +299,10 @@ def validate(
 def compare(
     results: Annotated[
         list[Path],
-        typer.Argument(metavar="RESULT", help="Results that identify -o wrote; two or more."),
+        typer.Argument(
+            metavar="RESULT",
+            help="Results that identify -o wrote, two or more; or the truth.json of a simulation.",
+        ),
     ],
     as_json: AsJson = False,
 ) -> None:
@@ -294,8 +352,8 @@ def export(
 ) -> None:
     """Write a result as a file of a simulator or autopilot.
 
-    What the flights do not determine is refused unless you stand for it with --assume; what is
-    weak is marked in the file.
+    What the flights do not determine is refused unless you supply it with --assume; what is weak
+    is marked in the file.
     """
     from rotorfit.cli.export import ExportRequest, run
 
@@ -377,7 +435,7 @@ def plan(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Tell what to fly for the accuracy you want.
+    """Plan a flight for a target accuracy.
 
     Which manoeuvres, how long, and whether with a payload.
     """

@@ -35,7 +35,6 @@ from rotorfit.flight.log import LagOn
 from rotorfit.flight.mounting import ImuTilt
 from rotorfit.flight.prepare import MotorModel
 from rotorfit.flight.thrust_curve import full_speed_of
-from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -394,7 +393,7 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
         What measures the motion, ``"imu"`` or ``"mocap"``.
     """
     if airframe.layout is not None:
-        rotors = layout_rotors(airframe.layout, arm=airframe.arm or 0.0, order=airframe.order)
+        rotors = airframe.of_layout()
     else:
         rotors = tuple(_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
     imu = airframe.imu

@@ -7,6 +7,7 @@ from typing import Any, Final, cast
 
 LARGEST: Final = 4_000_000
 """Bytes of a file that is looked into."""
+TRUTH_FILE: Final = "the truth of a simulated flight"
 _TABLES: Final = (
     ("configuration", "an experiment file"),
     ("airframe", "an airframe file"),
@@ -14,7 +15,7 @@ _TABLES: Final = (
 )
 _FIELDS: Final = (
     ({"parameters", "covariance"}, "a result of rotorfit identify"),
-    ({"shared", "configurations"}, "the truth of a simulated flight"),
+    ({"shared", "configurations"}, TRUTH_FILE),
     ({"candidates"}, "a plan of rotorfit plan"),
     ({"rate_errors"}, "what rotorfit fly found"),
     ({"schema", "values", "units"}, "a file of drawn vehicles (rotorfit export)"),

@@ -65,10 +65,10 @@ TITLES = {
 }
 
 VERDICT_MEANING = {
-    "identified": "half the interval is at most 1/4 of value or relevant size (docs/method.md)",
-    "weak": "half the interval is over 1/4 of value and relevant size; or mostly assumed (kt_1..)",
+    "identified": "uncertainty up to 25 % of the value or its relevant size (docs/method.md)",
+    "weak": "uncertainty over 25 % of value and relevant size, or mostly from the prior (kt_1 ...)",
     "ratio-only": "known only together with another parameter",
-    "not-identified": "this flight does not tell",
+    "not-identified": "this flight does not show it",
     "given": "told to rotorfit, not estimated",
     "removed": "taken out of the model as unessential",
 }

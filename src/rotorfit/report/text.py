@@ -8,10 +8,11 @@ from rotorfit.display.digits import known, with_interval
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
-from rotorfit.report.number_words import VERDICT_MEANING, configurations
+from rotorfit.report.number_words import VERDICT_MEANING, configurations, percent
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
 from rotorfit.results.about_com import twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.verdicts import WEAK
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
 DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")
@@ -115,7 +116,12 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
 
 
 def _of_parameter(parameter: Parameter) -> Line:
-    return parameter, _verdict(parameter.verdict, parameter.partner)
+    verdict = _verdict(parameter.verdict, parameter.partner)
+    # Weak by another rule than the width of its interval, which is seen beside it.
+    width = percent(parameter)
+    narrow = width is not None and width <= 100.0 * WEAK
+    own = parameter.verdict == "weak" and narrow and parameter.name.startswith("kt_")
+    return parameter, f"{verdict} (mostly prior)" if own else verdict
 
 
 def _of_body(derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived]) -> Line:
