@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rotorfit.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from rotorfit import plot as plot
     from rotorfit.errors import EstimationError as EstimationError
     from rotorfit.errors import ExcitationError as ExcitationError
     from rotorfit.errors import ExperimentError as ExperimentError
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from rotorfit.planning.wanted import wanted_accuracy as wanted_accuracy
     from rotorfit.report.figures import figure_texts as figure_texts
     from rotorfit.report.html import write_report as write_report
+    from rotorfit.report.latex import latex_table as latex_table
     from rotorfit.report.plan_card import write_card as write_card
     from rotorfit.report.plan_text import plan_text as plan_text
     from rotorfit.report.text import result_text as result_text
@@ -62,6 +64,7 @@ if TYPE_CHECKING:
     from rotorfit.results.result import FlightRecord as FlightRecord
     from rotorfit.results.result import IdentificationResult as IdentificationResult
     from rotorfit.results.result import Parameter as Parameter
+    from rotorfit.sampling.samples import Samples as Samples
     from rotorfit.simulation.folder import simulate as simulate
     from rotorfit.validation.validate import fitted_comparisons as fitted_comparisons
     from rotorfit.validation.validate import validate_file as validate_file
@@ -116,15 +119,22 @@ else:
         "rotorfit.model.vehicle": ("Rotor", "Vehicle"),
         "rotorfit.report.figures": ("figure_texts",),
         "rotorfit.report.html": ("write_report",),
+        "rotorfit.report.latex": ("latex_table",),
         "rotorfit.report.plan_card": ("write_card",),
         "rotorfit.report.plan_text": ("plan_text",),
         "rotorfit.report.text": ("result_text",),
+        "rotorfit.sampling.samples": ("Samples",),
         "rotorfit.simulation.folder": ("simulate",),
     }
+    _MODULES = ("plot",)
     _MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
 
     def __getattr__(name: str) -> object:
         """Return a public name, imported now and kept (PEP 562)."""
+        if name in _MODULES:
+            from importlib import import_module
+
+            return import_module(f"rotorfit.{name}")
         if name not in _MODULE_OF:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from importlib import import_module
@@ -139,4 +149,4 @@ else:
         return value
 
     def __dir__() -> list[str]:
-        return sorted({*_MODULE_OF, "__version__"})
+        return sorted({*_MODULE_OF, *_MODULES, "__version__"})

@@ -19,6 +19,12 @@ from rotorfit.simulation import (
 )
 
 
+@pytest.fixture(autouse=True)
+def no_plain_lines(monkeypatch):
+    """On a busy machine work takes long enough for lines that no test of other things expects."""
+    monkeypatch.setattr("rotorfit.cli.progress.EVERY", 3600.0)
+
+
 @pytest.fixture
 def run(monkeypatch, capsys) -> Callable[..., Outcome]:
     """Call the command line in process."""

@@ -258,7 +258,7 @@ def test_no_mass_in_the_file(message, here):
 
 def test_no_configuration(message, here):
     name = experiment(here, lambda text: text.split("[[configuration]]")[0])
-    assert "configuration is missing" in message("identify", name)
+    assert "this is an airframe file, without [[configuration]]" in message("identify", name)
 
 
 def test_two_configurations_by_rows(message, here):

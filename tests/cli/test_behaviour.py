@@ -19,6 +19,7 @@ from command_line import EXPERIMENT
 from rotorfit import __version__
 from rotorfit.cli import identify as identify_command
 from rotorfit.cli.progress import steps
+from rotorfit.cli.terminal import COLOUR, colour_from, painted
 from rotorfit.logs import read_log
 from rotorfit.report.text import result_text
 from rotorfit.results.result import IdentificationResult
@@ -67,7 +68,7 @@ def stored(folder: Path) -> dict:
 def test_the_result_loads_and_prints_the_same(saved):
     result = IdentificationResult.load(saved / "result.json")
     assert result.parameter("kt").value == pytest.approx(3.63e-6, rel=0.03)
-    assert result_text(result) == (saved / "printed.txt").read_text()
+    assert result_text(result, width=80) == (saved / "printed.txt").read_text()
 
 
 def test_the_same_from_another_folder_as_json_and_twice(run, saved, tmp_path, monkeypatch):
@@ -297,10 +298,89 @@ def test_ascii_terminal_and_warnings_as_errors(saved, tmp_path):
     ended = installed("identify", f"{folder}/experiment.toml", **surroundings)
     assert (ended.returncode, ended.stderr) == (0, "")
     printed = (saved / "printed.txt").read_text()
-    assert ended.stdout == printed.replace("experiment:", "H\\xf6he:", 1)
+    expected = printed.replace("experiment:", "H\\xf6he:", 1)
+    assert ended.stdout.split() == expected.split()  # a longer name, wrapped elsewhere
     ended = installed("inspect", f"{folder}/none.csv", **surroundings)
     assert ended.returncode == 1
     assert ended.stderr.endswith("H\\xf6he/none.csv: no such file: check the path\n")
+
+
+def test_a_plain_line_now_and_then_where_stderr_is_no_terminal(monkeypatch):
+    monkeypatch.setattr("rotorfit.cli.progress.EVERY", 0.02)
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with steps() as tell:
+        tell("fitting")
+        while stream.getvalue().count("\n") < 2:
+            time.sleep(0.01)
+    lines = stream.getvalue().splitlines()
+    assert all(re.fullmatch(r"rotorfit: \S.* \(\d+ s so far\)", line) for line in lines)
+    assert re.match(r"rotorfit: fitting \(", lines[-1])
+
+
+@pytest.mark.parametrize(
+    ("when", "variables", "coloured"),
+    [
+        ("auto", {}, True),
+        ("auto", {"NO_COLOR": "1"}, False),
+        ("auto", {"TERM": "dumb"}, False),
+        ("never", {}, False),
+        ("always", {"NO_COLOR": "1"}, True),
+    ],
+)
+def test_verdicts_in_colour_on_a_terminal(monkeypatch, when, variables, coloured):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "stdout", Terminal())
+    text = "  kt   3 +- 1  N  identified\n  kd   -   N m  ratio-only with Izz\n  identified: words"
+    rest = colour_from(["identify", "--color", when, "log.csv"])
+    assert rest == ["identify", "log.csv"]
+    green, yellow = "\x1b[32midentified\x1b[0m\n", "\x1b[33mratio-only\x1b[0m with Izz\n"
+    shown = painted(text)
+    COLOUR.set("auto")
+    assert (green in shown, yellow in shown) == (coloured, coloured)
+    assert shown.endswith("  identified: words")
+    assert re.sub(r"\x1b\[\d+m", "", shown) == text
+
+
+def test_a_colour_that_is_none_is_refused(refused):
+    assert "--color 'red'; expected auto, always or never" in refused("inspect", "--color=red")
+
+
+def test_prose_is_as_wide_as_the_terminal(run, here, monkeypatch):
+    for columns, widest in (("72", 72), ("300", 100)):
+        monkeypatch.setenv("COLUMNS", columns)
+        text = run("inspect", "flight.csv").out
+        assert 60 < max(map(len, text.splitlines())) <= widest
+
+
+def test_a_target_that_is_misspelt_is_named(run, here):
+    ended = run("export", "result.json", "--to", "gazbo", "-o", "x")
+    assert ended.code == 2
+    assert "no target 'gazbo'; did you mean gazebo? targets: gazebo," in " ".join(ended.err.split())
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_of_commands_and_targets(shell):
+    """As typer's scripts ask for it: the words so far, and which of them is being typed."""
+    word = {"bash": "rotorfit export --to ga", "zsh": "rotorfit export --to ga",
+            "fish": "rotorfit export --to ga"}[shell]  # fmt: skip
+    surroundings = {
+        **os.environ,
+        "_ROTORFIT_COMPLETE": f"complete_{shell}",
+        "COMP_WORDS": word,
+        "COMP_CWORD": "3",
+        "_TYPER_COMPLETE_ARGS": word,
+        "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+    }
+    ended = subprocess.run(
+        [sys.executable, "-c", "from rotorfit.cli.main import main; main()"],
+        env=surroundings, capture_output=True, text=True,
+    )  # fmt: skip
+    assert "gazebo-motors" in ended.stdout, ended
+    assert "mujoco" not in ended.stdout
 
 
 class Terminal(io.StringIO):
@@ -330,4 +410,4 @@ def test_a_log_that_is_read_has_a_bar_where_someone_watches(monkeypatch, tmp_pat
             read_log(log, progress=lambda done: time.sleep(0.03))
         words = stream.getvalue()
         assert ("reading long.csv" in words) == shown
-        assert (re.search(r"\u2501.* [1-9]\d %", words) is not None) == shown
+        assert (re.search(r"\u2501.*reading long.csv, [1-9]\d %", words) is not None) == shown

@@ -13,6 +13,7 @@ from command_line import AIRFRAME
 
 from rotorfit.cli.main import export
 from rotorfit.errors import OutputError
+from rotorfit.export.randomised.targets import NEEDS
 from rotorfit.export.table import columns_of, table_files
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.write import write_export
@@ -34,7 +35,7 @@ def there(tmp_path, monkeypatch):
 
 def test_the_command_and_the_docs_know_every_target():
     offered = get_args(get_type_hints(export)["target"])
-    assert set(offered) == {*TARGETS, "table"}
+    assert set(offered) == {*TARGETS, *NEEDS, "table"}
     docs = (Path(__file__).parents[2] / "docs" / "export.md").read_text(encoding="utf-8")
     first, _, load = docs.partition("## What is never written")
     for target in offered:
@@ -245,3 +246,30 @@ def test_a_device_or_a_pipe_is_never_replaced(refused, there):
     with pytest.raises(OutputError, match="no file"):
         write_export(there / "pipe", a_result(), "px4", force=True)
     assert (there / "pipe").is_fifo()
+
+
+def test_drawn_vehicles_are_written_and_the_rejected_share_is_told(run, there):
+    asked = ("export", "result.json", "--to", "samples", "--samples", "7", "-o", "v.npz")
+    ended = run(*asked)
+    assert (ended.code, ended.err) == (0, "")
+    assert "  7 vehicles drawn from the joint posterior, seed 0; 0 % of the draws rejected" in (
+        ended.out.splitlines()
+    )
+    assert len(np.load(there / "v.npz")["kt"]) == 7
+    told = run(
+        "export", "result.json", "--to", "mujoco", "--samples", "2", "-o", "m", "--json"
+    ).json
+    assert told["files"] == ["m/mujoco-1.xml", "m/mujoco-2.xml"]
+    assert (told["count"], told["seed"], told["rejected"]) == (2, 0, 0.0)
+    assert all((there / file).exists() for file in told["files"])
+
+
+def test_drawn_vehicles_overwrite_nothing(run, refused, there):
+    (there / "m").mkdir()
+    (there / "m" / "mujoco-2.xml").write_text("mine")
+    words = refused("export", "result.json", "--to", "mujoco", "--samples", "2", "-o", "m")
+    assert "m already holds mujoco-2.xml" in words
+    wrong = run("export", "result.json", "--to", "table", "--samples", "2", "-o", "t.csv")
+    assert wrong.code == 2 and "takes no --samples" in " ".join(wrong.err.split())
+    code = run("export", "result.json", "--to", "samples", "--project", "-o", "s.npz").code
+    assert code == 2

@@ -169,8 +169,8 @@ def test_without_mujoco_the_flights_are_replayed_all_the_same(run, there, monkey
     assert "against bench, after 0.5 s: roll better" in ended.out
     assert "In MuJoCo" not in ended.out
     words = " ".join(ended.out.split())
-    assert "hover and steps are left out" in words
-    assert "pip install 'rotorfit[mujoco]' adds them" in words
+    assert "hover and steps skipped: MuJoCo not installed" in words
+    assert "pip install '.[mujoco]' in the clone adds them" in words
     assert "motors' lag is not known" not in words  # nothing was taken for it
     told = json.loads((there / "fly.json").read_text())
     assert told["manoeuvres"] == {}

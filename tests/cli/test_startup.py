@@ -46,8 +46,8 @@ def seconds(*command: str) -> float:
     return time.perf_counter() - start
 
 
-def test_help_takes_no_time():
-    """The aim is 0.2 s above Python's own start; a busy machine may take three times as long."""
-    bare = min(seconds(sys.executable, "-c", "pass") for _ in range(5))
+def test_help_takes_little_more_than_the_library_behind_it():
+    """A ratio of two starts on the same machine, whatever else it does; seconds: benchmarks/."""
+    library = min(seconds(sys.executable, "-c", "import typer.main") for _ in range(5))
     helped = min(seconds(sys.executable, "-m", "rotorfit", "--help") for _ in range(5))
-    assert helped - bare < 0.6
+    assert helped < 4.0 * library

@@ -58,7 +58,7 @@ def test_no_modules_import_one_another():
 @pytest.mark.parametrize(
     "room",
     ["experiment", "fit", "results", "checks", "doubts", "validation", "planning", "inspection",
-     "identification"],
+     "identification", "sampling", "display"],
 )  # fmt: skip
 def test_a_room_is_small_and_says_what_it_is(room):
     found = rooms.rooms()[room]

@@ -196,7 +196,7 @@ def test_wrong_settings_are_refused(tmp_path, key, words):
     [
         ("", "give either rotors = [ { position"),
         (f"{LAYOUT}\n{THREE}", "give either rotors = [ { position"),
-        ('layout = "quad-x"', "layout needs arm"),
+        ('layout = "quad-x"', "layout needs either spacing"),
         ('layout = "quad-x"\narm = -0.2', "arm: should be greater than 0"),
         (
             'layout = "qad-x"\narm = 0.2',
@@ -215,8 +215,8 @@ def test_wrong_settings_are_refused(tmp_path, key, words):
         ('rotors = "four"', "airframe.rotors: should be a list [ ... ]"),
         ("rotors = [1, 2, 3]", "rotors[0]: should be a table { ... } (it is 1)"),
         (THREE.replace("cw", "CW"), "rotors[0].spin: should be 'ccw' or 'cw' (it is 'cCW')"),
-        (f"{THREE}\narm = 0.2", "arm and order belong to layout"),
-        (f'{THREE}\norder = "px4"', "arm and order belong to layout"),
+        (f"{THREE}\narm = 0.2", "spacing and order belong to layout"),
+        (f'{THREE}\norder = "px4"', "spacing and order belong to layout"),
         (THREE.replace("-0.2, 0.1", "0.2, 0.1"), "rotors 2 and 3 are both at [0.2, 0.1, 0.01]"),
     ],
 )

@@ -464,7 +464,7 @@ def test_a_missing_lag_says_why_it_is_missing():
         "motor_lag is not in the result (measured rotor speed shows none of it without the "
         "commands beside it)"
     ) in words
-    assert "give your own: " in words
+    assert "missing; supply it with " in words
     assert "max_speed is not in the result (no law from command to rotor speed" in words
     assert "fly" not in words
     assert "--assume motor_lag=VALUE --assume max_speed=VALUE" in words

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rotorfit.errors import LogError
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
-from rotorfit.logs.read import FORMATS
+from rotorfit.logs.read import FORMATS, kind_of
 
 READS = "; rotorfit reads " + ", ".join(known.title for known in FORMATS)
 TABLE = b"time,battery,rotor_1\n0,12,400\n0.01,11.5,\n0.02,,402\n0.03,11,403\n"
@@ -55,7 +55,7 @@ def test_options_reach_the_table_reader(tmp_path):
         (b'{"time": 0}', "JSON"),
         (b"[1, 2]", "JSON"),
         (
-            b'# mine\nname = "x"\n\n[airframe]\nlayout = "quad-x"\n',
+            b'# mine\nname = "x"\n\n[tool.ruff]\nlayout = "quad-x"\n',
             "a TOML file: name the log itself, and an airframe file with --airframe",
         ),
         (b"<!DOCTYPE html>", "a web page or other XML"),
@@ -68,6 +68,29 @@ def test_formats_not_read_are_named(tmp_path, content, what):
     message = f"{path}: looks like {what}, which rotorfit does not read (yet){advice}{READS}"
     with pytest.raises(LogError, match=f"^{re.escape(message)}$"):
         read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b'[airframe]\nlayout = "quad-x"\n', "an airframe file"),
+        (b"[airframe]\n[[configuration]]\nmass = 1.0\n", "an experiment file"),
+        (b'{"schema": 1, "parameters": [], "covariance": {}}', "a result of rotorfit identify"),
+        (b'{"shared": {}, "configurations": {}}', "the truth of a simulated flight"),
+    ],
+)
+def test_our_own_files_are_named_for_what_they_are(tmp_path, content, what):
+    path = written(tmp_path, content)
+    message = f"{path}: this is {what}; give a flight log in its place"
+    with pytest.raises(LogError, match=f"^{re.escape(message)}$"):
+        read_log(path)
+    assert kind_of(path) == what
+
+
+def test_a_flight_log_is_named_so(tmp_path):
+    assert kind_of(written(tmp_path, b"time,gyro_x\n0,1\n0.1,2\n")) == "a flight log"
+    assert kind_of(written(tmp_path, b"\x00\x01\x02\xfe rest")) is None
+    assert kind_of(tmp_path / "none") is None
 
 
 def test_unknown_bytes_are_shown(tmp_path):

@@ -13,9 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_material import ROTORS, a_comparison, a_result
 
+from rotorfit.display.digits import number_of
 from rotorfit.errors import OutputError
 from rotorfit.report import figures
-from rotorfit.report.number_words import number_of, percent_words
+from rotorfit.report.number_words import percent_words
 from rotorfit.report.scene import scene_of
 from rotorfit.report.series import (
     Series,

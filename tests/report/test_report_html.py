@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-import time
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -12,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
+from rotorfit.display.digits import number_of
 from rotorfit.errors import OutputError
 from rotorfit.report.html import report_html, write_report
-from rotorfit.report.number_words import number_of
 from rotorfit.report.parameters import parameter_tables
 from rotorfit.report.summary import summary_of
 from rotorfit.results.result import IdentificationResult
@@ -186,13 +185,10 @@ def test_every_drawing_is_well_formed() -> None:
         ElementTree.fromstring(body[opening : body.index("</svg>", start) + 6])
 
 
-def test_two_flights_make_a_small_page_quickly() -> None:
+def test_two_flights_make_a_small_page() -> None:
     comparisons = [a_comparison(seed=1), a_comparison(configuration="B", seed=2)]
     result = a_result()
-    report_html(result)
-    start = time.perf_counter()
     html = report_html(result, comparisons=comparisons, paper=True)
-    assert time.perf_counter() - start < 5.0
     assert len(html.encode()) < 3_000_000
 
 

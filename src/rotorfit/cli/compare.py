@@ -6,25 +6,106 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from rotorfit.cli.terminal import show
-from rotorfit.report.text import with_interval
+import numpy as np
+
+from rotorfit.cli.terminal import show, terminal_width
+from rotorfit.display.digits import with_interval
+from rotorfit.errors import ExperimentError, OutputError
+from rotorfit.logs.kinds import TRUTH_FILE, own_kind
+from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.results.compare import ComparedNumber, Comparison, Entry, compare_results
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
 from rotorfit.results.sound_result import load_sound
 
 LABEL = 20
 """Longer names of results are cut in front."""
 APART = "*"
-WIDTH = 80
 
 
 def run(paths: Sequence[Path], *, as_json: bool) -> None:
     """Load, compare, print."""
-    results = [load_sound(path) for path in paths]
+    truths = [own_kind(path) == TRUTH_FILE for path in paths]
+    if all(truths):
+        raise ExperimentError("truths alone were given: give a result to compare them with")
+    results = [
+        truth_result(path) if is_truth else load_sound(path)
+        for path, is_truth in zip(paths, truths, strict=True)
+    ]
     comparison = compare_results(results, _labels(paths))
     if as_json:
         show(json.dumps(dataclasses.asdict(comparison), indent=1, allow_nan=False))
     else:
-        show(comparison_text(comparison))
+        show("\n".join([comparison_text(comparison), *_latency(results)]))
+
+
+def truth_result(path: Path) -> IdentificationResult:
+    """Return the truth of a simulated flight as a result: every number given, without width.
+
+    Raises
+    ------
+    OutputError
+        If the file is not what `rotorfit simulate` and `rotorfit demo` leave as truth.json.
+    """
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        tables = {None: told["shared"], **told["configurations"]}
+        numbers = [
+            (str(name), None if owner is None else str(owner), float(value))
+            for owner, table in tables.items()
+            for name, value in table.items()
+            if isinstance(value, int | float)
+        ]
+    except (AttributeError, KeyError, OSError, TypeError, ValueError) as error:
+        raise OutputError(
+            f"{path} is not the truth of a simulated flight ({error}); give the truth.json that "
+            "rotorfit simulate or rotorfit demo -o wrote"
+        ) from error
+    return IdentificationResult(
+        name=path.stem,
+        method="truth",
+        parameters=tuple(
+            Parameter(
+                name=name,
+                configuration=owner,
+                value=value,
+                std=0.0,
+                interval=(value, value),
+                unit=PARAMETERS[name].unit,
+                verdict="given",
+            )
+            for name, owner, value in numbers
+            if name in PARAMETERS
+        ),
+        derived=tuple(
+            Derived(
+                name=name,
+                configuration=owner,
+                value=value,
+                std=0.0,
+                interval=(value, value),
+                unit=DERIVED[name].unit,
+            )
+            for name, owner, value in numbers
+            if name in DERIVED
+        ),
+        flights=(),
+        covariance_names=(),
+        covariance=np.zeros((0, 0)),
+        settings={},
+        versions={},
+    )
+
+
+def _latency(results: Sequence[IdentificationResult]) -> list[str]:
+    """Return why lags differ, where a camera measured the motion of some results only."""
+    sources = {r.settings.get("identification", {}).get("source", "imu") for r in results}
+    if sources != {"imu", "mocap"}:
+        return []
+    words = (
+        "Motor lag and delay from motion capture include the camera's latency: what its frames are "
+        "late by cannot be told apart from motors that answer late."
+    )
+    return ["", *textwrap.wrap(words, terminal_width())]
 
 
 def comparison_text(comparison: Comparison) -> str:
@@ -41,8 +122,16 @@ def comparison_text(comparison: Comparison) -> str:
         if any(entry.overlap is False for entry in number.entries)
     ]
     if apart:
-        words = f"{APART} intervals apart from the first's: {', '.join(apart)}"
-        lines += ["", *textwrap.wrap(words, WIDTH, subsequent_indent="  ")]
+        words = (
+            f"{APART} the 95 % intervals do not meet, so that not both can be right: "
+            f"{', '.join(apart)}"
+        )
+        lines += ["", *textwrap.wrap(words, terminal_width(), subsequent_indent="  ")]
+    words = (
+        f"differs: from the value of {first}, in percent of it; nothing where its interval holds "
+        "zero."
+    )
+    lines += ["", *textwrap.wrap(words, terminal_width())]
     return "\n".join(lines)
 
 

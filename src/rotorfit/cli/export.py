@@ -3,16 +3,20 @@
 import datetime
 import json
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast, get_args
 
 import typer
 
-from rotorfit.cli.outputs import refuse_output_file
+from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import show
 from rotorfit.errors import OutputError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
+from rotorfit.export.randomised.targets import COUNT, drawn_words, randomised, variant_files
+from rotorfit.export.randomised.variants import Variants
 from rotorfit.export.result_numbers import Number
 from rotorfit.export.table import (
     columns_of,
@@ -21,7 +25,7 @@ from rotorfit.export.table import (
     parquet_bytes,
     table_files,
 )
-from rotorfit.export.target_names import AnyTargetName, TargetName
+from rotorfit.export.target_names import AnyTargetName, RandomTargetName, TargetName
 from rotorfit.export.targets import export
 from rotorfit.logs.files import write_whole
 from rotorfit.results.result import IdentificationResult
@@ -40,6 +44,8 @@ class ExportRequest:
     configuration: str | None
     assume: tuple[str, ...]
     project: bool
+    samples: int | None
+    seed: int
     force: bool
     as_json: bool
 
@@ -50,14 +56,85 @@ def run(request: ExportRequest) -> None:
         assumed = parse_assumptions(request.assume)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--assume") from error
+    drawn = request.target in get_args(RandomTargetName)
+    if request.project and (drawn or request.samples is not None):
+        raise typer.BadParameter("--project is of one vehicle; drawn ones are bodies already")
+    if request.samples is not None and not drawn:
+        _write_variants(request, assumed)
+        return
     refuse_output_file(request.output, inputs=[request.result], force=request.force)
     result = load_sound(request.result)
     if request.target == "table":
         if assumed or request.project:
             raise typer.BadParameter("table is of flights, and takes no --assume and no --project")
         _write_tables(request, result)
+    elif request.target in get_args(RandomTargetName):
+        _write_randomised(request, cast("RandomTargetName", request.target), result, assumed)
     else:
-        _write_vehicle(request, request.target, result, assumed)
+        _write_vehicle(request, cast("TargetName", request.target), result, assumed)
+
+
+def _write_randomised(
+    request: ExportRequest,
+    target: RandomTargetName,
+    result: IdentificationResult,
+    assumed: dict[str, float],
+) -> None:
+    """Write many vehicles into one file."""
+    content, found = randomised(
+        result,
+        target,
+        request.output,
+        configuration=request.configuration,
+        assumed=assumed,
+        count=request.samples or COUNT,
+        seed=request.seed,
+    )
+    write_whole(request.output, content, force=request.force)
+    _tell_drawn(request, [request.output], found)
+
+
+def _write_variants(request: ExportRequest, assumed: dict[str, float]) -> None:
+    """Write one file for each of many vehicles into a folder."""
+    if request.target == "table":
+        raise typer.BadParameter("table is of flights, and takes no --samples")
+    result = load_sound(request.result)
+    files, found = variant_files(
+        result,
+        cast("TargetName", request.target),
+        configuration=request.configuration,
+        assumed=assumed,
+        count=request.samples or COUNT,
+        seed=request.seed,
+    )
+    refuse_output_folder(request.output, files, force=request.force)
+    for name, text in files.items():
+        write_whole(request.output / name, text, force=request.force)
+    _tell_drawn(request, [request.output / name for name in files], found)
+
+
+def _tell_drawn(request: ExportRequest, files: Sequence[Path], found: Variants) -> None:
+    """Say what was written of drawn vehicles, and what share of the draws was rejected."""
+    model = found.nominal
+    if request.as_json:
+        described = {
+            "target": request.target,
+            "files": [str(file) for file in files],
+            "configuration": model.configuration,
+            "count": len(found.models),
+            "seed": found.samples.seed,
+            "rejected": found.samples.rejected,
+            "reasons": dict(found.samples.reasons),
+            "numbers": [_plain(n) for n in model.numbers],
+            "notes": list(model.notes),
+        }
+        show(json.dumps(described, indent=1, allow_nan=False))
+        return
+    count = f", {len(files)} files" if len(files) > 1 else ""
+    show(f"{request.output}: {request.target}, configuration {model.configuration}{count}")
+    doubts = [doubt_words(n) for n in model.numbers if n.origin in DOUBTFUL]
+    for line in (*drawn_words(found), *doubts, *model.notes):
+        show(f"  {line}")
 
 
 def _write_vehicle(

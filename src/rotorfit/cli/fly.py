@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from rotorfit.cli.export import doubt_words
 from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import say, show
+from rotorfit.cli.terminal import painted, say, show, terminal_width
 from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
@@ -32,8 +32,7 @@ DRAWS = 40
 BENCH = "bench"
 NEEDS = (*BODY, *ROTORS)
 WITHOUT_MUJOCO = (
-    "hover and steps are left out, for want of MuJoCo; "
-    "pip install 'rotorfit[mujoco]'  adds them (in a clone: pip install '.[mujoco]')"
+    "hover and steps skipped: MuJoCo not installed; pip install '.[mujoco]' in the clone adds them"
 )
 FIGURES = ("replay-1.svg", "replay-errors.svg", "manoeuvres.svg")
 PER_SPEED = ("kt", "kd", "Jr")
@@ -259,4 +258,5 @@ def _write(request: FlyRequest, outcome: FlyOutcome) -> None:
         say(f"wrote {len(paths)} files to {request.figures}")
         if not can_write_png():
             say(HINT)
-    show((outcome.to_json() if request.as_json else fly_text(outcome)).rstrip())
+    text = painted(fly_text(outcome, width=terminal_width()))
+    show((outcome.to_json() if request.as_json else text).rstrip())

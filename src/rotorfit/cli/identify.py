@@ -11,7 +11,7 @@ import typer
 from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.pictures import figure_names, write_pictures
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import say, show
+from rotorfit.cli.terminal import painted, say, show, terminal_width
 from rotorfit.errors import ExperimentError, RotorfitWarning
 from rotorfit.experiment.experiment import (
     ConfigurationEntry,
@@ -22,6 +22,8 @@ from rotorfit.experiment.experiment import (
 )
 from rotorfit.identification.identify import identify
 from rotorfit.logs.files import read_head
+from rotorfit.logs.kinds import own_kind
+from rotorfit.logs.read import read_log
 from rotorfit.report.text import result_text
 from rotorfit.results.result import IdentificationResult
 
@@ -71,7 +73,8 @@ def run(request: IdentifyRequest) -> None:
         write_pictures(
             result, experiment, report=request.report, figures=request.figures, force=request.force
         )
-    show((result.to_json() if request.as_json else result_text(result)).rstrip())
+    text = painted(result_text(result, width=terminal_width()))
+    show((result.to_json() if request.as_json else text).rstrip())
 
 
 def quiet_identify(experiment: Experiment) -> IdentificationResult:
@@ -96,6 +99,8 @@ def _experiment(request: IdentifyRequest) -> Experiment:
         _refuse_options_of_a_log(request)
         return load_experiment(request.source)
     read_head(request.source, 1)  # a log that is not there is said before what else is missing
+    if own_kind(request.source) is not None:
+        read_log(request.source)  # which says what it is
     if request.mass is None or request.airframe is None:
         missing = [
             words

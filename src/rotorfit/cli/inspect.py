@@ -1,7 +1,6 @@
-"""rotorfit inspect: what is in a log, what it could tell, and what to set before the next one."""
+"""rotorfit inspect: what this log can show, and which settings to change before the next flight."""
 
 import json
-import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ import typer
 
 from rotorfit.cli.outputs import refuse_output_file
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import one_line, say, show
+from rotorfit.cli.terminal import one_line, painted, say, show, terminal_width
 from rotorfit.errors import (
     ExperimentError,
     OutputError,
@@ -21,14 +20,13 @@ from rotorfit.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
 from rotorfit.logs.files import read_head
-from rotorfit.report.log_report import WIDTH, plain, report_text, write_page
+from rotorfit.logs.kinds import own_kind
+from rotorfit.report.log_report import plain, report_text, write_page
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import FlightEntry
 
 HEAD_BYTES = 65_536
-NARROWEST = 60
-"""Of a line on a narrow terminal [characters]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +75,7 @@ def run(paths: list[Path], options: InspectOptions) -> None:
             say(f"rotorfit: {path}: no usable sample in it: copy the log again")
         reports.append(report)
         if not options.as_json:
-            show(_text(report, width=_width()))
+            show(painted(_text(report, width=terminal_width())))
     if options.as_json and reports:
         show(json.dumps([_plain(one) for one in reports], indent=1, allow_nan=False))
     _write(options, reports)
@@ -124,8 +122,8 @@ def _of_experiment(path: Path) -> list[Look]:
 
     if path.is_file() and "configuration" not in read_toml(path):
         raise ExperimentError(
-            f"{path}: no [[configuration]] with flights in it: name an experiment file or a log, "
-            "and an airframe file with --airframe"
+            f"{path}: this is {own_kind(path) or 'a TOML file'}, without [[configuration]] and "
+            "flights: give a log, and an airframe file with --airframe"
         )
     experiment = load_experiment(path)
     return [
@@ -155,12 +153,6 @@ def _report(look: Look, options: InspectOptions) -> LogReport | SeveralLogs:
 
 def _plain(report: LogReport | SeveralLogs) -> dict[str, Any]:
     return plain(report) if isinstance(report, LogReport) else asdict(report)
-
-
-def _width() -> int:
-    """Return how wide a line may be: as the terminal, within limits that read well."""
-    columns = shutil.get_terminal_size((WIDTH, 0)).columns
-    return min(max(columns, NARROWEST), WIDTH)
 
 
 def _text(report: LogReport | SeveralLogs, *, width: int) -> str:

@@ -1,5 +1,7 @@
 """The command line: one command a question. Heavy imports happen inside the commands."""
 
+import sys
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -15,6 +17,7 @@ from rotorfit.cli.options import (
     Assume,
     Bench,
     Card,
+    DrawSeed,
     End,
     Figures,
     Force,
@@ -31,11 +34,20 @@ from rotorfit.cli.options import (
     ReplayedFlights,
     ResultFile,
     ResultOutput,
+    Samples,
     Seed,
     Speed,
     Start,
 )
-from rotorfit.cli.terminal import internal_error, interruptible, print_any_name, refuse, show
+from rotorfit.cli.terminal import (
+    Colour,
+    colour_from,
+    internal_error,
+    interruptible,
+    print_any_name,
+    refuse,
+    show,
+)
 from rotorfit.errors import RotorfitError
 from rotorfit.export.target_names import AnyTargetName
 
@@ -44,7 +56,7 @@ app = typer.Typer(
     help="Physical parameters of a multirotor, with intervals, from the flight logs you have.",
     epilog="Start with  rotorfit inspect LOG,  or see  rotorfit demo.  COMMAND --help tells more.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
@@ -54,7 +66,8 @@ def main() -> None:
     """Run the command line; a refusal is one line on stderr and exit code 1, never a traceback."""
     print_any_name()
     try:
-        app()
+        sys.argv[1:] = colour_from(sys.argv[1:])
+        app(prog_name="rotorfit")
     except RotorfitError as error:
         refuse(error)
     except Exception as error:  # a fault of ours: nobody else stands behind us to catch it
@@ -68,13 +81,30 @@ def _version(wanted: bool) -> bool:
     return wanted
 
 
+def target_named(name: str) -> str:
+    """Return the name of a target; refused with the nearest one where there is none."""
+    names = get_args(AnyTargetName)
+    if name in names:
+        return name
+    near = get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise typer.BadParameter(f"no target {name!r}; {hint}targets: {', '.join(names)}")
+
+
 @app.callback()
 def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
+    color: Annotated[
+        Colour,
+        typer.Option(
+            help="Verdicts in colour; auto: on a terminal, unless NO_COLOR is set. May stand "
+            "anywhere."
+        ),
+    ] = "auto",
 ) -> None:
-    del version
+    del version, color  # main has heeded it
 
 
 @app.command(epilog="Example: rotorfit inspect flight.bfl")
@@ -101,9 +131,10 @@ def inspect(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show what is in a log, and what it could tell.
+    """Show what a log can tell, and which settings to change.
 
-    And the settings of the autopilot to change before the next flight.
+    Its channels, the part in the air, what an identification will find in it, and the settings of
+    the autopilot to change before the next flight.
     """
     from rotorfit.cli.inspect import InspectOptions, run
 
@@ -111,6 +142,60 @@ def inspect(
         log_number=log, airframe=airframe, as_json=as_json, report=report, force=force
     )
     run(logs, options)
+
+
+@app.command(epilog="Example: rotorfit airframe flight.bfl -o airframe.toml")
+@interruptible()
+def airframe(
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[LOG]", help="A flight of the vehicle: it shows motor order and spins."
+        ),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Write the file here.")
+    ] = Path("airframe.toml"),
+    log_number: LogNumber = None,
+    layout: Annotated[
+        str | None, typer.Option(metavar="NAME", help="quad-x, quad-plus, hexa-x, ...; else asked.")
+    ] = None,
+    order: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Motor numbering: px4, ardupilot, betaflight, crazyflie; else asked.",
+        ),
+    ] = None,
+    spacing: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y",
+            help="Between the motor axes, front to back and left to right [mm]; else asked.",
+        ),
+    ] = None,
+    speed: Speed = None,
+    force: Force = False,
+) -> None:
+    """Write the airframe file that the other commands want.
+
+    Asks what a ruler answers; a log fills in what the flight shows: how many motors, their order,
+    how they spin, and whether their speed was measured.
+    """
+    from rotorfit.cli.airframe import AirframeRequest, run
+
+    run(
+        AirframeRequest(
+            output=output,
+            log=log,
+            log_number=log_number,
+            layout=layout,
+            order=order,
+            spacing=spacing,
+            speed=speed,
+            force=force,
+        )
+    )
 
 
 @app.command(epilog="Example: rotorfit identify flight.bfl --mass 0.428 --airframe airframe.toml")
@@ -214,7 +299,10 @@ def validate(
 def compare(
     results: Annotated[
         list[Path],
-        typer.Argument(metavar="RESULT", help="Results that identify -o wrote; two or more."),
+        typer.Argument(
+            metavar="RESULT",
+            help="Results that identify -o wrote, two or more; or the truth.json of a simulation.",
+        ),
     ],
     as_json: AsJson = False,
 ) -> None:
@@ -237,6 +325,8 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
+            parser=target_named,
+            autocompletion=lambda: list(get_args(AnyTargetName)),
             help=f"Which tool's file: {', '.join(get_args(AnyTargetName))} (wrenches of the "
             "flights over time).",
         ),
@@ -255,13 +345,15 @@ def export(
             "--project", help="Replace inertia that no body has by the nearest that one can have."
         ),
     ] = False,
+    samples: Samples = None,
+    seed: DrawSeed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Write a result as a file of a simulator or autopilot.
 
-    What the flights do not determine is refused unless you stand for it with --assume; what is
-    weak is marked in the file.
+    What the flights do not determine is refused unless you supply it with --assume; what is weak
+    is marked in the file.
     """
     from rotorfit.cli.export import ExportRequest, run
 
@@ -273,6 +365,8 @@ def export(
             configuration=configuration,
             assume=tuple(assume or ()),
             project=project,
+            samples=samples,
+            seed=seed,
             force=force,
             as_json=as_json,
         )
@@ -341,7 +435,7 @@ def plan(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Tell what to fly for the accuracy you want.
+    """Plan a flight for a target accuracy.
 
     Which manoeuvres, how long, and whether with a payload.
     """

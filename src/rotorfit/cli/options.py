@@ -12,7 +12,8 @@ ResultFile = Annotated[
     Path, typer.Argument(metavar="RESULT", help="What  rotorfit identify -o  wrote.")
 ]
 LogNumber = Annotated[
-    int | None, typer.Option(min=1, metavar="N", help="In a file of several logs: which, from 1.")
+    int | None,
+    typer.Option("--log", min=1, metavar="N", help="In a file of several logs: which, from 1."),
 ]
 Start = Annotated[
     float | None,
@@ -41,7 +42,7 @@ Assume = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
-        help="Stand for a number that the flights do not give, SI (kd=3.7e-9); repeatable.",
+        help="Supply a number that the flights do not give, SI (kd=3.7e-9); repeatable.",
     ),
 ]
 Page = Annotated[
@@ -64,6 +65,20 @@ NumbersOutput = Annotated[Path | None, _json_of("numbers")]
 PlanOutput = Annotated[Path | None, _json_of("plan")]
 
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another flight.")]
+
+# export
+Samples = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Vehicles drawn from the joint posterior; with the target of one vehicle, -o names a "
+        "folder for one file each (default for targets of many: 100).",
+    ),
+]
+DrawSeed = Annotated[
+    int, typer.Option(min=0, metavar="N", help="With --samples: another seed, other vehicles.")
+]
 
 # fly
 ReplayedFlights = Annotated[

@@ -1,9 +1,6 @@
 """rotorfit plan: parse, call, print."""
 
 import math
-import sys
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,7 +9,8 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from rotorfit.cli.outputs import refuse_output_file
-from rotorfit.cli.terminal import say, show
+from rotorfit.cli.progress import counted
+from rotorfit.cli.terminal import painted, say, show, terminal_width
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import single_flight_experiment, vehicle_of
 from rotorfit.logs.files import write_whole
@@ -53,10 +51,14 @@ def run(options: PlanOptions) -> None:
     """Plan, print the plan, and write it where asked."""
     _refuse_outputs(options)
     request = _request(options)
-    with threadpool_limits(limits=1, user_api="blas"), _bar() as progress:
+    with (
+        threadpool_limits(limits=1, user_api="blas"),
+        counted("flying the manoeuvres in simulation") as progress,
+    ):
         answer = plan(request, progress=progress)
     _write(answer, options)
-    show((answer.to_json() if options.as_json else plan_text(answer)).rstrip())
+    text = painted(plan_text(answer, width=terminal_width()))
+    show((answer.to_json() if options.as_json else text).rstrip())
 
 
 def _refuse_outputs(options: PlanOptions) -> None:
@@ -154,17 +156,3 @@ def _log_rate(rate: float) -> float:
             f"{SLOWEST_LOG:g}"
         )
     return rate
-
-
-@contextmanager
-def _bar() -> Generator[Callable[[int, int], None] | None]:
-    """Give a function that shows how far the work is; None where stderr is no terminal."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("flying the manoeuvres in simulation", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,54 +1,115 @@
-"""What is being done, on stderr, where a person is watching."""
+"""What is being done and for how long already, on stderr: one line where a person is watching.
+
+Where stderr is a file or a pipe, a plain line every few seconds of longer work.
+"""
 
 import sys
+import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Thread
 from typing import TYPE_CHECKING
+
+from rotorfit.cli.terminal import say
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-BAR_WIDTH = 30
+BAR_WIDTH = 20
+EVERY = 5.0
+"""Between the plain lines [s]."""
+
+
+class _Now:
+    """What is being done now, and since when: rich and the plain lines look at it again and again.
+
+    Attributes
+    ----------
+    words
+        The step.
+    share
+        How far it is, from 0 to 1; None where that is not known.
+    """
+
+    def __init__(self) -> None:
+        self.words = "starting"
+        self.share: float | None = None
+        self._began = time.monotonic()
+
+    def text(self) -> str:
+        """Return the step in one line. What has passed is said as such, never what is left."""
+        share = "" if self.share is None else f", {100 * self.share:.0f} %"
+        return f"{self.words}{share} ({time.monotonic() - self._began:.0f} s so far)"
+
+    def __rich__(self) -> "RenderableType":
+        """Return the same with a bar."""
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+        from rich.text import Text
+
+        if self.share is None:
+            return Text(self.text())
+        line = Table.grid(padding=(0, 1))
+        bar = ProgressBar(total=1.0, completed=self.share, width=BAR_WIDTH)
+        line.add_row(bar, Text(self.text()))
+        return line
 
 
 @contextmanager
 def steps() -> Generator[Callable[[str], None]]:
-    """Give a function that shows the step at work, and a bar for every log that is read meanwhile.
-
-    Silent where stderr is no terminal.
-    """
-    if not sys.stderr.isatty():
-        yield lambda words: None
-        return
-    from rich.console import Console
-
+    """Give a function that shows the step at work, with a bar for every log that is read."""
     from rotorfit.logs.progress import watched
 
-    console = Console(stderr=True)
-    with console.status("starting") as status:
-        now = "starting"
+    now = _Now()
+    step = now.words
 
-        def show(words: str) -> None:
-            nonlocal now
-            now = words
-            status.update(words)
+    def show(words: str) -> None:
+        nonlocal step
+        step, now.words, now.share = words, words, None
 
-        def show_reading(path: Path, done: float) -> None:
-            status.update(now if done >= 1.0 else _bar(f"reading {path.name}", done))
+    def show_reading(path: Path, done: float) -> None:
+        if done >= 1.0:
+            now.words, now.share = step, None
+        else:
+            now.words, now.share = f"reading {path.name}", done
 
-        with watched(show_reading):
-            yield show
+    with _shown(now), watched(show_reading):
+        yield show
 
 
-def _bar(words: str, done: float) -> "RenderableType":
-    """Return words, a bar and a percentage."""
-    from rich.progress_bar import ProgressBar
-    from rich.table import Table
-    from rich.text import Text
+@contextmanager
+def counted(what: str) -> Generator[Callable[[int, int], None]]:
+    """Give a function that shows how many of how many are done."""
+    now = _Now()
+    now.words = what
 
-    line = Table.grid(padding=(0, 1))
-    line.add_row(
-        Text(words), ProgressBar(total=1.0, completed=done, width=BAR_WIDTH), f"{100 * done:.0f} %"
-    )
-    return line
+    def show(done: int, total: int) -> None:
+        now.words, now.share = f"{what}, {done} of {total}", done / total
+
+    with _shown(now):
+        yield show
+
+
+@contextmanager
+def _shown(now: _Now) -> Generator[None]:
+    """Show what is being done, meanwhile."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+
+        with Console(stderr=True).status(now):
+            yield
+        return
+    ended = Event()
+    lines = Thread(target=_plain_lines, args=(now, ended), daemon=True)
+    lines.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        lines.join()
+
+
+def _plain_lines(now: _Now, ended: Event) -> None:
+    while not ended.wait(EVERY):
+        say(f"rotorfit: {now.text()}")

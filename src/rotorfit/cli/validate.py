@@ -6,14 +6,12 @@ import warnings
 from pathlib import Path
 
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import show
+from rotorfit.cli.terminal import show, terminal_width
 from rotorfit.errors import RotorfitWarning
 from rotorfit.report.number_words import NOTHING_PREDICTED, PREDICTED_WELL
 from rotorfit.results.sound_result import load_sound
 from rotorfit.validation.validate import validate_file, validation_rows
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
-
-WIDTH = 80
 
 
 def run(
@@ -61,9 +59,9 @@ def validation_text(comparisons: list[WrenchComparison]) -> str:
         lines.append(f"  {c.flight:<{width}}  {c.configuration:<13}{numbers}")
     if any(len(c.relative_error) < len(SHOWN) for c in comparisons):
         lines.append("  -: the result does not know the parameters of that component")
-    lines += textwrap.wrap(PREDICTED_WELL, WIDTH)
+    lines += textwrap.wrap(PREDICTED_WELL, terminal_width())
     if any(error >= 1.0 for c in comparisons for error in c.relative_error.values()):
-        lines += textwrap.wrap(NOTHING_PREDICTED, WIDTH)
+        lines += textwrap.wrap(NOTHING_PREDICTED, terminal_width())
     return "\n".join(lines)
 
 

@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
-from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.vehicle import Spin
+from rotorfit.model.layouts import layout_rotors, spaced_rotors
+from rotorfit.model.vehicle import Rotor, Spin
 
 Axes = Literal["FLU", "FRD"]
 Order = Literal["px4", "ardupilot", "betaflight", "crazyflie", "paper"]
@@ -45,6 +45,7 @@ class AirframeEntry(Strict):
     rotors: tuple[RotorEntry, ...] | None = None
     layout: str | None = None
     arm: Positive | None = None
+    spacing: tuple[Positive, Positive] | None = None
     arm_std: NotNegative = 0.0
     order: Order = "px4"
     imu: ImuEntry | None = None
@@ -55,12 +56,14 @@ class AirframeEntry(Strict):
         if (self.rotors is None) == (self.layout is None):
             raise ValueError(
                 "give either rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ] "
-                "or layout = 'quad-x' with arm = 0.2 (and order)"
+                "or layout = 'quad-x' with spacing = [0.18, 0.24] or arm = 0.15 (and order)"
             )
-        if self.layout is not None and self.arm is None:
-            raise ValueError("layout needs arm, the distance of a rotor from the centre [m]")
+        if self.layout is not None and (self.arm is None) == (self.spacing is None):
+            raise ValueError(
+                "layout needs either spacing = [x, y], front to back and left to right between the "
+                "motor axes, or arm, from the centre to a motor axis [m]"
+            )
         if self.rotors is None:
-            refuse_impossible_arms([(self.arm or 0.0, 0.0), (-(self.arm or 0.0), 0.0)])
             self._refuse_unknown_layout()
         else:
             self._refuse_odd_rotors(self.rotors)
@@ -68,16 +71,32 @@ class AirframeEntry(Strict):
 
     def _refuse_unknown_layout(self) -> None:
         try:
-            layout_rotors(self.layout or "", arm=self.arm or 1.0, order=self.order)
+            rotors = self.of_layout()
         except ExperimentError as error:
             raise ValueError(str(error)) from error
+        refuse_impossible_arms([rotor.position for rotor in rotors])
+
+    def of_layout(self) -> tuple[Rotor, ...]:
+        """Return the rotors of the named layout, FLU.
+
+        Raises
+        ------
+        ExperimentError
+            If there is no such layout in that order.
+        """
+        layout = self.layout or ""
+        if self.spacing is not None:
+            return spaced_rotors(layout, spacing=self.spacing, order=self.order)
+        return layout_rotors(layout, arm=self.arm or 0.0, order=self.order)
 
     def _refuse_odd_rotors(self, rotors: tuple[RotorEntry, ...]) -> None:
         if not 3 <= len(rotors) <= 16:
             raise ValueError(f"{len(rotors)} rotors; a multirotor has 3 to 16")
         refuse_impossible_arms([rotor.position for rotor in rotors])
-        if {"arm", "order"} & self.model_fields_set:
-            raise ValueError("arm and order belong to layout; listed rotors have positions")
+        if {"arm", "spacing", "order"} & self.model_fields_set:
+            raise ValueError(
+                "arm, spacing and order belong to layout; listed rotors have positions"
+            )
         # Coaxial rotors may share a position, but then they turn against each other.
         places = [(rotor.position, rotor.spin) for rotor in rotors]
         for number, place in enumerate(places, start=1):

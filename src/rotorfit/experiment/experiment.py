@@ -35,7 +35,6 @@ from rotorfit.flight.log import LagOn
 from rotorfit.flight.mounting import ImuTilt
 from rotorfit.flight.prepare import MotorModel
 from rotorfit.flight.thrust_curve import full_speed_of
-from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Rotor, Vehicle
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -281,6 +280,12 @@ def load_experiment(path: Path) -> Experiment:
         If the file is missing, not TOML, or not an experiment; every place that is wrong is named.
     """
     tables = with_known_motors(read_toml(path), path.parent)
+    if "airframe" in tables and "configuration" not in tables:
+        raise ExperimentError(
+            f"{path}: this is an airframe file, without [[configuration]] and flights: give a log "
+            f"beside it (rotorfit identify LOG --mass KG --airframe {path.name}), or add "
+            '[[configuration]] with mass and flights = ["LOG"]'
+        )
     experiment = _checked(Experiment, tables, path)
     return experiment.model_copy(
         update={"configuration": tuple(_absolute(c, path.parent) for c in experiment.configuration)}
@@ -388,7 +393,7 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
         What measures the motion, ``"imu"`` or ``"mocap"``.
     """
     if airframe.layout is not None:
-        rotors = layout_rotors(airframe.layout, arm=airframe.arm or 0.0, order=airframe.order)
+        rotors = airframe.of_layout()
     else:
         rotors = tuple(_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
     imu = airframe.imu

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final, cast
 
 from rotorfit.errors import ExperimentError
+from rotorfit.logs.read import kind_of
 
 MOST_VALUES: Final = 20_000
 """In one file; each that is wrong would be told, at a kilobyte or two."""
@@ -102,18 +103,28 @@ def read_toml(path: Path) -> dict[str, Any]:
     except IsADirectoryError:
         raise ExperimentError(f"{path} is a folder; give the TOML file in it") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise ExperimentError(f"{path} cannot be read as text ({error}); expected TOML") from error
+        why = f"{path} cannot be read as text ({error}); expected TOML"
+        raise ExperimentError(_in_place_of_toml(path) or why) from error
     try:
         tables = tomllib.loads(text)
     # Besides its own errors, tomllib gives a number of 4300 digits or deep nesting to Python.
     except (ValueError, RecursionError) as error:
-        raise ExperimentError(f"{path} is not valid TOML: {error}") from error
+        why = f"{path} is not valid TOML: {error}"
+        raise ExperimentError(_in_place_of_toml(path) or why) from error
     if (count := _values(tables)) > MOST_VALUES:
         raise ExperimentError(
             f"{path} holds {count} values, expected at most {MOST_VALUES}; flights, rotors and "
             "laws are named in an experiment file, their data stay in the logs"
         )
     return tables
+
+
+def _in_place_of_toml(path: Path) -> str | None:
+    """Return what a file is that is no TOML, and what would be right; None where that is open."""
+    kind = kind_of(path)
+    if kind is None:
+        return None
+    return f"{path}: this is {kind}; give an airframe or experiment file (.toml) in its place"
 
 
 def _values(tables: dict[str, Any]) -> int:

@@ -17,5 +17,7 @@ TargetName = Literal[
     "casadi",
 ]
 """Files of a vehicle."""
-AnyTargetName = Literal[TargetName, "table"]
+RandomTargetName = Literal["samples", "isaac-lab", "pegasus", "crazyflow-worlds"]
+"""Files of many vehicles, drawn from the posterior."""
+AnyTargetName = Literal[TargetName, RandomTargetName, "table"]
 """And ``table``, which is of flights."""

@@ -28,8 +28,7 @@ from rotorfit.flight.thrust_curve import full_speed_of
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.command_units import is_per_command
-from rotorfit.results.configurations import configuration_names, meant_configuration
-from rotorfit.results.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult, configuration_names, meant_configuration
 from rotorfit.results.sound_result import refuse_unsound
 
 
@@ -186,10 +185,12 @@ def _refuse_missing(numbers: Mapping[str, Number | Missing], needed: Sequence[st
     )
     cures = list(dict.fromkeys(gap.cure or gap.name for gap in gaps if isinstance(gap, Missing)))
     flown = any(verdict != ABSENT for verdict, _ in reasons)
-    advice = "fly what the report advises, or stand for it yourself" if flown else "give your own"
+    advice = "fly what the report advises, or" if flown else ""
     flags = " ".join(f"--assume {name}=VALUE" for name in cures)
     units = ", ".join(f"{name} in {unit_of(name)}" for name in cures)
-    raise OutputError(f"{told}: not exported as if it were known; {advice}: {flags} ({units})")
+    raise OutputError(
+        " ".join(f"{told}: missing; {advice} supply it with {flags} ({units})".split())
+    )
 
 
 ABSENT: Final = "not in the result"

@@ -8,6 +8,9 @@ from typing import Final, Literal
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.display.frame import DataFrame, frame, pandas
+from rotorfit.display.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.errors import LogError
 from rotorfit.flight.speed_law import SpeedLaw
 
 CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
@@ -44,6 +47,8 @@ OWN_FIELDS: Final = (
     *("qualisys", "motive", "vicon", "trajectory"),
 )
 """Formats that name their own fields, units and axes: no columns map of units is taken for them."""
+COMPONENTS: Final = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
+"""Of vectors and quaternions; rotors are counted from 1."""
 AS_A_TABLE: Final = (
     "this format says its own units and axes, and a columns map is not taken for it: correct them "
     "where the log is made, or export it as a table (docs/logs.md) and declare them there"
@@ -147,3 +152,71 @@ class FlightLog:
     def takes_columns(self) -> bool:
         """Whether a columns map names its columns and declares their units."""
         return self.format not in OWN_FIELDS
+
+    def to_frame(self, channel: str | None = None) -> DataFrame:
+        """Return channels as a pandas DataFrame, indexed by time [s].
+
+        Parameters
+        ----------
+        channel
+            One of `channels`; all of them if None. Each has its own clock: a row stands for every
+            instant of any of them, NaN where a channel has no sample there.
+
+        Raises
+        ------
+        LogError
+            If the log does not have the channel.
+        OutputError
+            If pandas is not installed.
+        """
+        if channel is not None and channel not in self.channels:
+            raise LogError(
+                f"no channel {channel!r} in {self.path.name}; it has {', '.join(self.channels)}"
+            )
+        wanted = self.channels if channel is None else {channel: self.channels[channel]}
+        frames = [
+            frame(dict(zip(_columns(name, c), c.values.T.tolist(), strict=True)))
+            .assign(time=c.time)
+            .groupby("time")
+            .first()
+            for name, c in wanted.items()
+        ]
+        return pandas().concat(frames, axis=1).sort_index()
+
+    def __str__(self) -> str:
+        return sheet_text(_sheet(self))
+
+    def _repr_html_(self) -> str:
+        return sheet_html(_sheet(self))
+
+
+def _columns(name: str, channel: Channel) -> list[str]:
+    """Return the names of a channel's columns, as the flight table has them."""
+    count = channel.values.shape[1]
+    if count == 1:
+        return [name]
+    ends = COMPONENTS[count] if CHANNELS[name][0] else [str(i + 1) for i in range(count)]
+    return [f"{name}_{end}" for end in ends]
+
+
+def _sheet(log: FlightLog) -> Sheet:
+    """Return what a log shows of itself: its channels and how often each was sampled."""
+    which = f", log {log.log_number} of {log.logs_in_file}" if log.logs_in_file > 1 else ""
+    return Sheet(
+        heading=f"{log.path.name}{which}: {log.format}, {log.seconds:.1f} s",
+        columns=("channel", "samples", "rate", "unit", "from"),
+        rows=[
+            (name, str(len(c.time)), _rate(c), CHANNELS[name][1].removeprefix("1"), c.source)
+            for name, c in log.channels.items()
+        ],
+        remarks=log.warnings[:5],
+        more=f"{len(log.warnings)} warnings; what this log can show:  rotorfit inspect "
+        f"{log.path.name}",
+    )
+
+
+def _rate(channel: Channel) -> str:
+    """Return the samples per second in words, from the middle step."""
+    steps = np.diff(channel.time[np.isfinite(channel.time)])
+    middle = float(np.median(steps)) if len(steps) else 0.0
+    return f"{1.0 / middle:.4g} Hz" if middle > 0 else "-"

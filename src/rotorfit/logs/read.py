@@ -12,6 +12,7 @@ from rotorfit.flight.log import FlightLog
 from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.files import read_head
+from rotorfit.logs.kinds import own_kind
 from rotorfit.logs.progress import Progress, read_for
 
 _HEAD: Final = 65536
@@ -101,7 +102,28 @@ def _read(path: Path, chosen: ReadOptions) -> FlightLog:
     for candidate in FORMATS:
         if candidate.recognises(head):
             return candidate.read(path, chosen)
+    own = own_kind(path)
+    if own is not None:
+        raise LogError(f"{path}: this is {own}; give a flight log in its place")
     raise LogError(f"{path}: {_what_it_is(head)}; rotorfit reads {_titles()}")
+
+
+def kind_of(path: Path) -> str | None:
+    """Return what a file is, in words: a flight log, or one of rotorfit's own; None if neither.
+
+    Never raises: it is asked when something else is wrong already.
+    """
+    own = own_kind(path)
+    if own is not None:
+        return own
+    try:
+        head = read_head(path, _HEAD)
+    except LogError:
+        return None
+    form = next((form.name for form in FORMATS if form.recognises(head)), None)
+    # Nearly anything may be taken for a table; only text is one for sure.
+    known = form is not None and (form != "table" or head.isascii())
+    return "a flight log" if known else None
 
 
 def _format_named(name: str) -> Format:

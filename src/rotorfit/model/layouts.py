@@ -86,6 +86,33 @@ def layout_rotors(layout: str, *, arm: float, order: str = "px4") -> tuple[Rotor
     return tuple(_rotor(float(angle), spin, arm) for angle, spin in seats)
 
 
+def spaced_rotors(
+    layout: str, *, spacing: tuple[float, float], order: str = "px4"
+) -> tuple[Rotor, ...]:
+    """Return the rotors of a named layout between whose motors a ruler was laid, body axes FLU.
+
+    Parameters
+    ----------
+    layout, order
+        As for `layout_rotors`.
+    spacing
+        From the foremost motor axis to the rearmost, and from the leftmost to the rightmost [m].
+
+    Raises
+    ------
+    ExperimentError
+        If there is no such layout in that order.
+    """
+    rotors = layout_rotors(layout, arm=1.0, order=order)
+    places = np.array([rotor.position for rotor in rotors])
+    extent = places.max(axis=0) - places.min(axis=0)
+    placed = places[:, :2] * np.array(spacing) / extent[:2]
+    return tuple(
+        Rotor(position=(round(float(x), 9), round(float(y), 9), 0.0), spin=rotor.spin)
+        for (x, y), rotor in zip(placed, rotors, strict=True)
+    )
+
+
 def _rotor(angle_deg: float, spin: Spin, arm: float) -> Rotor:
     angle = np.radians(angle_deg)
     x, y = arm * np.cos(angle), -arm * np.sin(angle)

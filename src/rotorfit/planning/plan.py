@@ -12,6 +12,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from rotorfit.display.frame import DataFrame, frame
+from rotorfit.display.sheet import Sheet, sheet_html, sheet_text
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.payload import PointMass
 from rotorfit.fit.joint_numbers import number_scale
@@ -37,6 +39,15 @@ from rotorfit.planning.bound import (
     planned_problem,
     predicted,
 )
+from rotorfit.planning.candidate import (
+    Candidate,
+    PredictedNumber,
+    ScheduleName,
+    candidate_columns,
+    candidate_rows,
+    flight_words,
+    worst,
+)
 from rotorfit.planning.noise import Assumptions, assumptions_for
 from rotorfit.planning.vehicle import (
     GUESSABLE,
@@ -46,12 +57,11 @@ from rotorfit.planning.vehicle import (
     rough_vehicle,
 )
 from rotorfit.planning.wanted import WANTABLE, Wanted
-from rotorfit.results.result import IdentificationResult, Verdict
+from rotorfit.results.result import IdentificationResult
 from rotorfit.results.verdicts import judge
 from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre
 
 Speed = Literal["measured", "commanded"]
-ScheduleName = Literal["hover", "axes", "sticks", "doublets", "wiggles", "turns", "mixed"]
 Progress = Callable[[int, int], None]
 Flights = Mapping[tuple[Manoeuvre, str], FlightData]
 Pieces = Mapping[tuple[Manoeuvre, str], Evidence]
@@ -114,46 +124,6 @@ class PlanRequest:
     payload: float | None = None
     log_rate: float = 200.0
     after: IdentificationResult | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PredictedNumber:
-    """One number as `identify` would give it: half of its 95 % interval, SI, and its verdict."""
-
-    name: str
-    value: float
-    half_width: float
-    verdict: Verdict
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """One way to fly, and what it would give.
-
-    Attributes
-    ----------
-    schedule
-        What is flown.
-    seconds
-        Of each flight [s].
-    payload
-        Whether it is flown bare and again with the payload.
-    numbers
-        By the names of `WANTABLE`.
-    meets
-        Whether all that is wanted is reached.
-    """
-
-    schedule: ScheduleName
-    seconds: float
-    payload: bool
-    numbers: Mapping[str, PredictedNumber]
-    meets: bool
-
-    @property
-    def total_seconds(self) -> float:
-        """Of all its flights together [s]."""
-        return self.seconds * (2.0 if self.payload else 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -224,6 +194,38 @@ class FlightPlan:
     def to_json(self) -> str:
         """Return the plan as JSON text."""
         return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
+
+    def to_frame(self) -> DataFrame:
+        """Return the candidates as a pandas DataFrame, one row each.
+
+        Half of the 95 % interval of each number, SI, is in the column of its name.
+
+        Raises
+        ------
+        OutputError
+            If pandas is not installed.
+        """
+        return frame(candidate_columns(self.candidates))
+
+    def __str__(self) -> str:
+        return sheet_text(_sheet(self))
+
+    def _repr_html_(self) -> str:
+        return sheet_html(_sheet(self))
+
+
+def _sheet(plan: FlightPlan) -> Sheet:
+    """Return what a plan shows of itself: what to fly, and what each candidate would give."""
+    answer = "enough is known already" if plan.enough else f"fly {flight_words(plan.chosen)}"
+    reached = plan.enough or plan.recommended is not None
+    return Sheet(
+        heading=f"{plan.request.name}: {answer}"
+        + ("" if reached else "; it comes nearest, and no candidate reaches what is wanted"),
+        columns=("flight", "enough", *plan.request.wanted.limits),
+        rows=candidate_rows(plan.candidates, plan.request.wanted),
+        remarks=("half of the 95 % interval, in % of the value (com_x, com_y, com_z: mm)",),
+        more="manoeuvres, assumptions and advice: print(rotorfit.plan_text(plan))",
+    )
 
 
 def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPlan:
@@ -296,8 +298,8 @@ def _answer(
     pieces = _pieces(problem, flights)
     candidates = _candidates(request, problem, pieces, known, request.seconds)
     good = [c for c in candidates if c.meets]
-    shortest = min(good, key=lambda c: (*_effort(c), _worst(c, request.wanted)), default=None)
-    best = min(candidates, key=lambda c: (_worst(c, request.wanted), *_effort(c)))
+    shortest = min(good, key=lambda c: (*_effort(c), worst(c, request.wanted)), default=None)
+    best = min(candidates, key=lambda c: (worst(c, request.wanted), *_effort(c)))
     enough = known is not None and request.wanted.met_by(known.half_widths, known.values)
     return FlightPlan(
         request=request,
@@ -397,12 +399,6 @@ def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
         verdict = judge(value, half, scale=scale, axis="yaw").verdict
         shown[name] = PredictedNumber(name=name, value=value, half_width=half, verdict=verdict)
     return shown
-
-
-def _worst(candidate: Candidate, wanted: Wanted) -> float:
-    """Return the largest half-width in parts of what is wanted."""
-    numbers = candidate.numbers.values()
-    return wanted.worst({n.name: n.half_width for n in numbers}, {n.name: n.value for n in numbers})
 
 
 def _remedies(

@@ -7,11 +7,15 @@ from collections.abc import Sequence
 from rotorfit.logs.files import file_name
 from rotorfit.validation.fly_outcome import (
     AXES,
+    GOOD_SHARE,
+    STEADY,
     FlyOutcome,
     band,
+    horizon,
     manoeuvre_of,
     rate_errors,
     ratio_to,
+    steady_share,
     told_times,
 )
 from rotorfit.validation.model_flight import (
@@ -33,29 +37,32 @@ EVEN = 0.05
 FORCE_HELD = "first mean held"
 
 
-def fly_text(outcome: FlyOutcome) -> str:
-    """Return replay, manoeuvres and what to know as plain text."""
+def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
+    """Return replay, manoeuvres and what to know as plain text, lines of that width."""
     lines = [
-        *_wrapped(headline(outcome), "", ""),
+        *_wrapped(headline(outcome), width, "", ""),
         "",
         "Replay: rms error of the rates [rad/s], so long after the start of a window",
     ]
-    width = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
+    column = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
     times = told_times(outcome)
-    lines.append(f"  {'':<{width}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
-    lines.append(f"  {'':<{width}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
-    lines += [f"  {label:<{width}}" + _numbers(row) for label, row in rate_rows(outcome)]
+    lines.append(f"  {'':<{column}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
+    lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
+    lines += [f"  {label:<{column}}" + _numbers(row) for label, row in rate_rows(outcome)]
     lines.append("")
     for line in verdicts(outcome):
-        lines += _wrapped(line, "  ", "    ")
+        lines += _wrapped(line, width, "  ", "    ")
+    lines += ["", "What it means"]
+    for line in meaning(outcome):
+        lines += _wrapped(line, width, "  - ", "    ")
     lines += ["", "Replay: rms error of the specific force, means over 0.05 s [m/s^2]"]
-    lines.append(f"  {'':<{width}}" + "".join(f"{axis:>10}" for axis in "xyz"))
-    lines += [f"  {label:<{width}}" + _numbers(row) for label, row in force_rows(outcome)]
+    lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for axis in "xyz"))
+    lines += [f"  {label:<{column}}" + _numbers(row) for label, row in force_rows(outcome)]
     lines += _manoeuvre_lines(outcome)
     if outcome.notes:
         lines += ["", "To know"]
         for note in outcome.notes:
-            lines += _wrapped(note, "  - ", "    ")
+            lines += _wrapped(note, width, "  - ", "    ")
     return "\n".join(lines)
 
 
@@ -77,9 +84,9 @@ def _manoeuvre_lines(outcome: FlyOutcome) -> list[str]:
     ]
 
 
-def _wrapped(text: str, first: str, later: str) -> list[str]:
+def _wrapped(text: str, width: int, first: str, later: str) -> list[str]:
     return textwrap.wrap(
-        text, WIDTH, initial_indent=first, subsequent_indent=later, break_long_words=False
+        text, width, initial_indent=first, subsequent_indent=later, break_long_words=False
     )
 
 
@@ -121,6 +128,37 @@ def verdicts(outcome: FlyOutcome) -> list[str]:
         )
         for label in (*outcome.labels[1:], HOLD)
     ]
+
+
+def meaning(outcome: FlyOutcome) -> list[str]:
+    """Return what the errors mean for who uses the model, in sentences."""
+    end = told_times(outcome)[-1]
+    seconds, steady = horizon(outcome, GOOD_SHARE).tolist(), steady_share(outcome).tolist()
+    held = ratio_to(outcome, HOLD, end).tolist()
+    good = [f"{axis} {t:.2g} s" for axis, t in zip(AXES, seconds, strict=True)]
+    words = [
+        f"open loop (planning, MPC) the rates stay within {100 * GOOD_SHARE:.0f} % of what was "
+        f"flown for: {', '.join(good)}" + (f" (the window ends at {end:.2g} s)")
+    ]
+    worse = [axis for axis, ratio in zip(AXES, held, strict=True) if ratio > 1.0]
+    if worse:
+        words.append(
+            f"{' and '.join(worse)}: over {end:.2g} s the model is worse than holding the rate; "
+            "do not predict with it there: fly livelier about that axis and identify again"
+        )
+    trim = [axis for axis, share in zip(AXES, steady, strict=True) if share > STEADY]
+    if trim:
+        words.append(
+            f"{' and '.join(trim)}: most of the error is steady, which is trim (centre of mass, "
+            "wind, unequal rotors); a controller with integral action takes it out, a prediction "
+            "does not"
+        )
+    if not worse:
+        words.append(
+            "closed loop, for tuning and simulation, errors of this size do not add up: the "
+            "controller corrects them from sample to sample"
+        )
+    return words
 
 
 def _stand(axis: str, ratio: float) -> str:

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from rotorfit.display.digits import finite_interval, known
 from rotorfit.model.parameters import DRAG_MOMENTS
-from rotorfit.report.number_words import finite_interval, known
 from rotorfit.report.svg import drawing, tag
 from rotorfit.results.result import Derived, Parameter
 

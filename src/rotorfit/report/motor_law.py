@@ -6,8 +6,9 @@ from typing import Final, cast
 
 import numpy as np
 
+from rotorfit.display.digits import Number, number_of
 from rotorfit.flight.thrust_curve import speeds
-from rotorfit.report.number_words import Number, number_of, unit_words
+from rotorfit.report.number_words import unit_words
 from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
 from rotorfit.results.command_law import CommandLaw, LawNumber
 from rotorfit.results.result import IdentificationResult

@@ -1,8 +1,6 @@
 """Parameters in words, verdicts in words, numbers with their intervals."""
 
-import math
-from dataclasses import dataclass
-
+from rotorfit.display.digits import finite_interval, known
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
@@ -67,10 +65,10 @@ TITLES = {
 }
 
 VERDICT_MEANING = {
-    "identified": "half the interval is at most 1/4 of value or relevant size (docs/method.md)",
-    "weak": "half the interval is over 1/4 of value and relevant size; or mostly assumed (kt_1..)",
+    "identified": "uncertainty up to 25 % of the value or its relevant size (docs/method.md)",
+    "weak": "uncertainty over 25 % of value and relevant size, or mostly from the prior (kt_1 ...)",
     "ratio-only": "known only together with another parameter",
-    "not-identified": "this flight does not tell",
+    "not-identified": "this flight does not show it",
     "given": "told to rotorfit, not estimated",
     "removed": "taken out of the model as unessential",
 }
@@ -84,39 +82,6 @@ NOTHING_PREDICTED = (
     "in this flight (validate on one that does), or the parameters do not hold for it (vehicle "
     "changed since, wrong configuration; identify from both flights)."
 )
-
-_POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Number:
-    """A number as it is printed: digits cut to two of the interval's half-width.
-
-    Attributes
-    ----------
-    value, half
-        Digits, before the power of ten; `half` is empty where there is no interval.
-    low, high
-        The interval in words where it is not even about the value, else empty.
-    exponent
-        Power of ten; 0: none.
-    """
-
-    value: str
-    half: str = ""
-    low: str = ""
-    high: str = ""
-    exponent: int = 0
-
-    def __str__(self) -> str:
-        if self.low:
-            body = f"{self.value} ({self.low} to {self.high})"
-        else:
-            body = f"{self.value} ± {self.half}" if self.half else self.value
-        if not self.exponent:
-            return body
-        tail = f" × 10{str(self.exponent).translate(_POWERS)}"
-        return (f"({body})" if self.half else body) + tail
 
 
 def title_of(name: str) -> str:
@@ -132,56 +97,6 @@ def title_of(name: str) -> str:
 def unit_words(unit: str) -> str:
     """Return a unit with raised powers; nothing for a plain number."""
     return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
-
-
-def known(number: float | None) -> float | None:
-    """Return a number, None where there is none."""
-    return number if number is not None and math.isfinite(number) else None
-
-
-def finite_interval(interval: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Return an interval, None where there is none."""
-    if interval is None or not all(math.isfinite(end) for end in interval):
-        return None
-    return interval
-
-
-def number_of(value: float | None, interval: tuple[float, float] | None) -> Number | None:
-    """Return a value as it is printed, None where there is none."""
-    value, interval = known(value), finite_interval(interval)
-    if value is None:
-        return None
-    if interval is None or interval[1] <= interval[0]:
-        return _plain(value)
-    half = 0.5 * (interval[1] - interval[0])
-    exponent = _exponent(max(abs(value), half))
-    scale = 10.0**exponent
-    decimals = min(max(1 - math.floor(math.log10(half / scale)), 0), 12)
-
-    def digits(number: float) -> str:
-        text = f"{number / scale:.{decimals}f}"
-        return (text if float(text) else text.lstrip("-")).replace("-", "−")
-
-    uneven = abs(0.5 * (interval[0] + interval[1]) - value) > 0.1 * half
-    return Number(
-        value=digits(value),
-        half=digits(half),
-        low=digits(interval[0]) if uneven else "",
-        high=digits(interval[1]) if uneven else "",
-        exponent=exponent,
-    )
-
-
-def _plain(value: float) -> Number:
-    exponent = _exponent(abs(value))
-    text = f"{value / 10.0**exponent:.6g}".replace("-", "−")
-    return Number(value=text, exponent=exponent)
-
-
-def _exponent(size: float) -> int:
-    """Return the power of ten to write apart; none for sizes that read well without."""
-    exponent = math.floor(math.log10(size)) if size > 0 else 0
-    return 0 if -3 <= exponent <= 4 else exponent
 
 
 def half_width(number: Parameter | Derived) -> float | None:

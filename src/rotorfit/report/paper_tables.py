@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
+from rotorfit.display.digits import known
 from rotorfit.logs.files import file_name
-from rotorfit.report.number_words import configurations, known, title_of, unit_words
+from rotorfit.report.number_words import configurations, title_of, unit_words
 from rotorfit.report.paper_numbers import (
     ILLEGIBLE,
     MASSES,

@@ -3,16 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rotorfit.display.digits import Number, known, number_of
 from rotorfit.model.parameters import COM, INERTIA_COM
 from rotorfit.report.intervals import axis_of, axis_range, interval_bar
-from rotorfit.report.number_words import (
-    Number,
-    configurations,
-    known,
-    number_of,
-    title_of,
-    unit_words,
-)
+from rotorfit.report.number_words import configurations, title_of, unit_words
 from rotorfit.results.about_com import body_verdict, relative_width, twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 from rotorfit.results.verdicts import ADVICE, motion_for

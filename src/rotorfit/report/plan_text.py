@@ -4,7 +4,8 @@ import textwrap
 from collections.abc import Iterator
 
 from rotorfit.planning.after import Missing
-from rotorfit.planning.plan import Candidate, FlightPlan
+from rotorfit.planning.candidate import Candidate
+from rotorfit.planning.plan import FlightPlan
 from rotorfit.planning.wanted import WANTABLE
 from rotorfit.report.plan_words import (
     MANOEUVRE_TITLES,
@@ -25,22 +26,24 @@ NAME_WIDTH = 31
 COLUMN = 7
 
 
-def plan_text(plan: FlightPlan) -> str:
+def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
     """Return a plan as text for a terminal.
 
     Parameters
     ----------
     plan
         From `plan`.
+    width
+        Of a line [characters]; tables are as wide as their numbers.
     """
     sections = [
-        _title(plan),
-        _answer(plan),
+        [line for words in _title(plan) for line in textwrap.wrap(words, width)],
+        _answer(plan, width),
         _missing(plan),
-        _steps(plan),
-        _table(plan),
+        _steps(plan, width),
+        _table(plan, width),
         _lengths(plan),
-        _assumed(plan),
+        _assumed(plan, width),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
@@ -54,12 +57,13 @@ def _title(plan: FlightPlan) -> list[str]:
     ]
 
 
-def _answer(plan: FlightPlan) -> list[str]:
+def _answer(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
-        return _wrapped("Nothing more to fly: the result reaches this already.")
+        return _wrapped(width, "Nothing more to fly: the result reaches this already.")
     if plan.recommended is not None:
-        return _wrapped(f"Fly: {flown_words(plan.recommended)}.", *_with_payload(plan))
+        return _wrapped(width, f"Fly: {flown_words(plan.recommended)}.", *_with_payload(plan))
     return _wrapped(
+        width,
         f"No candidate reaches this. The nearest is: {flown_words(plan.best)}; it leaves "
         f"{unmet_words(plan)}.",
         *_with_payload(plan),
@@ -119,7 +123,7 @@ def _missing_line(missing: Missing) -> str:
     return f"{name} {title}: +-{digits(100.0 * missing.relative)} %, {missing.predicted}"
 
 
-def _steps(plan: FlightPlan) -> list[str]:
+def _steps(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
         return []
     lines = ["Each flight:" if plan.chosen.payload else "The flight:"]
@@ -127,14 +131,14 @@ def _steps(plan: FlightPlan) -> list[str]:
         head = f"  {f'{step.seconds:.3g}':>4} s  "
         lines += textwrap.wrap(
             f"{step.title}: {step.words}",
-            WIDTH,
+            width,
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
     return lines
 
 
-def _table(plan: FlightPlan) -> list[str]:
+def _table(plan: FlightPlan, width: int) -> list[str]:
     seconds = plan.chosen.seconds
     lines = [
         f"Predicted half of the 95 % interval, each flight {seconds:g} s",
@@ -144,7 +148,7 @@ def _table(plan: FlightPlan) -> list[str]:
     rows = [c for c in plan.candidates if c.seconds == seconds]
     lines += [_row(TITLES[c.schedule], c) for c in rows if not c.payload]
     if plan.payload:
-        lines += ["", *_wrapped(f"and again with {payload_words(plan)}")]
+        lines += ["", *_wrapped(width, f"and again with {payload_words(plan)}")]
         lines += [_row(TITLES[c.schedule], c) for c in rows if c.payload]
     return lines
 
@@ -172,8 +176,11 @@ def _row(title: str, candidate: Candidate) -> str:
     return f"  {title:<{NAME_WIDTH}}{cells} {mark}".rstrip()
 
 
-def _assumed(plan: FlightPlan) -> list[str]:
-    return ["Assumed", *(f"  {line}" for words in assumed_words(plan) for line in _wrapped(words))]
+def _assumed(plan: FlightPlan, width: int) -> list[str]:
+    return [
+        "Assumed",
+        *(f"  {line}" for words in assumed_words(plan) for line in _wrapped(width, words)),
+    ]
 
 
 def assumed_words(plan: FlightPlan) -> Iterator[str]:
@@ -204,5 +211,5 @@ def assumed_words(plan: FlightPlan) -> Iterator[str]:
         yield f"{numbers} (SI)"
 
 
-def _wrapped(*paragraphs: str) -> list[str]:
-    return [line for words in paragraphs for line in textwrap.wrap(words, WIDTH - 2)]
+def _wrapped(width: int, *paragraphs: str) -> list[str]:
+    return [line for words in paragraphs for line in textwrap.wrap(words, width - 2)]

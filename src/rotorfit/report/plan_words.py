@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rotorfit.planning.plan import SCHEDULES, Candidate, FlightPlan, ScheduleName
+from rotorfit.planning.candidate import Candidate, ScheduleName
+from rotorfit.planning.plan import SCHEDULES, FlightPlan
 from rotorfit.planning.vehicle import payload_rotors
 from rotorfit.planning.wanted import IN_MM, shown_width
 from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre

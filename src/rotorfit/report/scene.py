@@ -11,11 +11,12 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import ValidationError
 
+from rotorfit.display.digits import known
 from rotorfit.errors import RotorfitError
 from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.experiment.experiment import vehicle_of
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.report.number_words import configurations, half_width, known
+from rotorfit.report.number_words import configurations, half_width
 from rotorfit.results.result import IdentificationResult
 
 Point = tuple[float, float, float]

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass, replace
 
+from rotorfit.display.digits import known, number_of
 from rotorfit.report.number_words import (
     VERDICT_MEANING,
     configurations,
     half_width,
-    known,
-    number_of,
     percent,
     percent_words,
     title_of,

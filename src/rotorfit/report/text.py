@@ -4,49 +4,53 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
+from rotorfit.display.digits import known, with_interval
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
-from rotorfit.report.number_words import (
-    VERDICT_MEANING,
-    configurations,
-    known,
-    number_of,
-)
+from rotorfit.report.number_words import VERDICT_MEANING, configurations, percent
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
 from rotorfit.results.about_com import twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.verdicts import WEAK
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
 DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")
 """Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
+UNEXPLAINED = "Flights kept apart: what is left unexplained"
 
 Line = tuple[Parameter | Derived, str]
 """A number with the words that follow its unit."""
 
 
-def result_text(result: IdentificationResult) -> str:
+def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
     """Return a result as text for a terminal: every number with unit, interval and verdict.
 
     Parameters
     ----------
     result
         What `identify` returned, or `IdentificationResult.load`.
+    width
+        Of a line [characters]; tables are as wide as their numbers.
     """
     sections = [
-        textwrap.wrap(_title(result), WIDTH),
+        textwrap.wrap(_title(result), width),
         _table("Rotors", _rotor_lines(result)),
-        _law_lines(result),
+        _law_lines(result, width),
         *(
             _table(f"Body, configuration {name}", _body_lines(result, name))
             for name in configurations(result)
         ),
-        _listed("Flights kept apart: what is left unexplained", map(_validated, result.validation)),
-        _listed("What the verdicts mean", _meanings(result)),
-        _listed("What to do next", _advice(result)),
-        _listed("To know", _doubts(result)),
-        _listed("No flight tells these: see that they are right", hangs_on(result)),
+        _listed(
+            "Flights kept apart: what is left unexplained",
+            map(_validated, result.validation),
+            width,
+        ),
+        _listed("What the verdicts mean", _meanings(result), width),
+        _listed("What to do next", _advice(result), width),
+        _listed("To know", _doubts(result), width),
+        _listed("No flight tells these: see that they are right", hangs_on(result), width),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
@@ -68,7 +72,7 @@ def _rotor_lines(result: IdentificationResult) -> list[Line]:
     return [*map(_of_parameter, shared), *_rotor_derived(result, own)]
 
 
-def _law_lines(result: IdentificationResult) -> list[str]:
+def _law_lines(result: IdentificationResult, width: int) -> list[str]:
     """Return the motors' law with its numbers, and what to write for flights without speeds."""
     law = result.command_law
     if law is None:
@@ -82,7 +86,7 @@ def _law_lines(result: IdentificationResult) -> list[str]:
     return [
         f"Motors, u being the command: {formula_of(law)}",
         *(row.rstrip() for row in rows),
-        *(line for words in law_sentences(law) for line in _wrapped(words)),
+        *(line for words in law_sentences(law) for line in _wrapped(words, width)),
         *(["  - for flights of this vehicle without rotor speed:", *paste] if motors else []),
     ]
 
@@ -112,7 +116,12 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
 
 
 def _of_parameter(parameter: Parameter) -> Line:
-    return parameter, _verdict(parameter.verdict, parameter.partner)
+    verdict = _verdict(parameter.verdict, parameter.partner)
+    # Weak by another rule than the width of its interval, which is seen beside it.
+    width = percent(parameter)
+    narrow = width is not None and width <= 100.0 * WEAK
+    own = parameter.verdict == "weak" and narrow and parameter.name.startswith("kt_")
+    return parameter, f"{verdict} (mostly prior)" if own else verdict
 
 
 def _of_body(derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived]) -> Line:
@@ -160,28 +169,6 @@ def _table(title: str, lines: list[Line]) -> list[str]:
 
 def _unit(number: Parameter | Derived) -> str:
     return "" if number.unit == "1" else number.unit
-
-
-def with_interval(value: float | None, interval: tuple[float, float] | None) -> str:
-    """Return a value and half of its interval, digits cut to two of the half-width.
-
-    An interval that is not even about the value is written out.
-
-    Examples
-    --------
-    >>> with_interval(2.656e-7, (2.604e-7, 2.708e-7))
-    '(2.656 +- 0.052)e-07'
-    """
-    number = number_of(value, interval)
-    if number is None:
-        return "-"
-    body = number.value
-    if number.half:
-        body += f" ({number.low} to {number.high})" if number.low else f" +- {number.half}"
-    if number.exponent:
-        body = f"({body})" if number.half else body
-        body += f"e{number.exponent:+03d}"
-    return body.replace("−", "-")
 
 
 def _validated(row: Mapping[str, Any]) -> str:
@@ -233,12 +220,12 @@ def hangs_on(result: IdentificationResult) -> list[str]:
     return [str(words) for words in used.get("hangs_on", ())]
 
 
-def _listed(title: str, texts: Iterable[str]) -> list[str]:
-    lines = [line for text in texts for line in _wrapped(text)]
+def _listed(title: str, texts: Iterable[str], width: int) -> list[str]:
+    lines = [line for text in texts for line in _wrapped(text, width)]
     return [title, *lines] if lines else []
 
 
-def _wrapped(text: str) -> list[str]:
+def _wrapped(text: str, width: int) -> list[str]:
     return textwrap.wrap(
-        text, WIDTH, initial_indent="  - ", subsequent_indent="    ", break_on_hyphens=False
+        text, width, initial_indent="  - ", subsequent_indent="    ", break_on_hyphens=False
     )

@@ -10,7 +10,7 @@ from math import isfinite
 
 from rotorfit.fit.number_intervals import moments_beside, product_scale
 from rotorfit.model.parameters import INERTIA_COM
-from rotorfit.results.result import Derived, Parameter, Verdict
+from rotorfit.results.numbers import Derived, Parameter, Verdict
 from rotorfit.results.verdicts import WEAK
 
 

@@ -6,73 +6,27 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.errors import OutputError
+from rotorfit.display.digits import with_interval
+from rotorfit.display.frame import DataFrame, frame
+from rotorfit.display.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.errors import EstimationError, OutputError
 from rotorfit.logs.files import write_whole
+from rotorfit.logs.read import kind_of
+from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
+from rotorfit.results.about_com import body_verdict, twin_of
 from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
+from rotorfit.results.numbers import Derived as Derived
+from rotorfit.results.numbers import Parameter as Parameter
+from rotorfit.results.numbers import Verdict as Verdict
+from rotorfit.sampling.samples import Estimated, Samples, draw_vehicles
 
-Verdict = Literal["identified", "weak", "ratio-only", "not-identified", "given", "removed"]
 SCHEMA = 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
-    """One parameter of the model, with what this experiment says of it.
-
-    Attributes
-    ----------
-    name, configuration, unit
-        `configuration` is None for what all configurations share.
-    value, std, interval
-        SI; None where the flight does not give them. The interval is 95 %.
-    verdict
-        ``identified``, ``weak`` (interval wide), ``ratio-only`` (only together with the parameter
-        `partner`), ``not-identified``, ``given``, ``removed`` (an unessential parameter).
-    partner
-        Named under ``with`` in the file.
-    reason, advice
-        Why the verdict is not better, and what to fly or measure next.
-    """
-
-    name: str
-    configuration: str | None
-    value: float | None
-    std: float | None
-    interval: tuple[float, float] | None
-    unit: str
-    verdict: Verdict
-    partner: str | None = None
-    reason: str | None = None
-    advice: str | None = None
-
-    @property
-    def full_name(self) -> str:
-        """Its name among those of all configurations, such as ``Ixx@A``."""
-        return f"{self.name}@{self.configuration}" if self.configuration else self.name
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Derived:
-    """A number computed from the parameters.
-
-    Attributes
-    ----------
-    name, configuration, unit
-        `configuration` is None for what all configurations share.
-    value, std, interval
-        SI; None where the parameters do not give it. The interval is 95 %.
-    """
-
-    name: str
-    configuration: str | None
-    value: float | None
-    std: float | None
-    interval: tuple[float, float] | None
-    unit: str
+RESULT_FILE = "a result of rotorfit identify"
 
 
 Entry = TypeVar("Entry", Parameter, Derived)
@@ -202,15 +156,159 @@ class IdentificationResult:
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, ValueError) as error:
-            raise OutputError(
-                f"{path} is not a rotorfit result ({error}); give the JSON file that "
-                "rotorfit identify -o wrote"
-            ) from error
+            raise OutputError(_no_result(path, str(error))) from error
         return _from_plain(data, path)
 
+    def samples(self, n: int, seed: int = 0, *, configuration: str | None = None) -> Samples:
+        """Return vehicles that can exist, drawn from what the flights leave open.
+
+        Parameters
+        ----------
+        n
+            How many.
+        seed
+            The same seed gives the same vehicles.
+        configuration
+            Whose body; may be left out where there is one.
+
+        Returns
+        -------
+        Samples
+            Bodies and rotors by the names of parameters and derived numbers, SI; the share of the
+            draws that was rejected, because no vehicle can be so, is said.
+
+        Raises
+        ------
+        EstimationError
+            If the mass is unknown, or hardly a draw can exist.
+        KeyError
+            If there is no such configuration, or several and none is named.
+        """
+        if n < 1:
+            raise ValueError(f"{n} samples; expected 1 or more")
+        mass = self.parameter("mass", configuration)
+        if mass.value is None:
+            raise EstimationError(
+                "the mass is unknown, and all is per kilogram: identify again with --mass KG (or "
+                "mass = KG in the experiment file) to draw vehicles"
+            )
+        own = [p for p in self.parameters if p.configuration in (None, mass.configuration)]
+        places = {name: i for i, name in enumerate(self.covariance_names)}
+        return draw_vehicles(
+            {
+                p.name: Estimated(
+                    value=value, std=p.std or 0.0, unit=p.unit, column=places.get(p.full_name)
+                )
+                for p in own
+                if (value := 0.0 if p.verdict == "removed" else p.value) is not None
+            },
+            self.covariance,
+            n,
+            seed=seed,
+            configuration=str(mass.configuration),
+            missing=tuple(p.name for p in own if p.value is None and p.verdict != "removed"),
+        )
+
+    def to_frame(self) -> DataFrame:
+        """Return every parameter and derived number as a pandas DataFrame, one row each.
+
+        Raises
+        ------
+        OutputError
+            If pandas is not installed.
+        """
+        return frame(
+            {
+                "name": [e.name for e in self._entries],
+                "configuration": [e.configuration for e in self._entries],
+                "value": [e.value for e in self._entries],
+                "std": [e.std for e in self._entries],
+                "low": [None if e.interval is None else e.interval[0] for e in self._entries],
+                "high": [None if e.interval is None else e.interval[1] for e in self._entries],
+                "unit": [e.unit for e in self._entries],
+                "verdict": [verdict_of(self, e) or None for e in self._entries],
+                **{
+                    what: [getattr(e, what, None) for e in self._entries]
+                    for what in ("partner", "reason", "advice")
+                },
+            }
+        )
+
+    @property
+    def _entries(self) -> tuple[Parameter | Derived, ...]:
+        return (*self.parameters, *self.derived)
+
     def __str__(self) -> str:
-        known = sum(p.verdict == "identified" for p in self.parameters)
-        return f"{self.name}: {known} of {len(self.parameters)} parameters identified"
+        return sheet_text(_sheet(self))
+
+    def _repr_html_(self) -> str:
+        return sheet_html(_sheet(self))
+
+
+MAIN: Final = (
+    *("kt", "kd", "Jr", "motor_lag", "motor_lag_up", "motor_lag_down", "mass"),
+    *COM,
+    *INERTIA_COM[:3],
+)
+"""What most readers look for first."""
+
+
+def _sheet(result: IdentificationResult) -> Sheet:
+    """Return what a result shows of itself: its main numbers, the others counted."""
+    shown = [e for e in result._entries if e.name in MAIN]  # pyright: ignore[reportPrivateUsage]
+    several = len({e.configuration for e in shown} - {None}) > 1
+    shown.sort(key=lambda e: (e.configuration or "", MAIN.index(e.name)))
+    identified = sum(p.verdict == "identified" for p in result.parameters)
+    doubts = len(result.warnings) + sum(len(flight.warnings) for flight in result.flights)
+    return Sheet(
+        heading=f"{result.name}: {identified} of {len(result.parameters)} parameters identified; "
+        "+- is half of the 95 % interval",
+        columns=("", "value", "unit", "verdict"),
+        rows=[
+            (
+                f"{e.name} {e.configuration}" if several and e.configuration else e.name,
+                with_interval(e.value, e.interval),
+                "" if e.unit == "1" else e.unit,
+                verdict_of(result, e),
+            )
+            for e in shown
+        ],
+        hints=[(PARAMETERS | DERIVED)[e.name].meaning for e in shown],
+        more=f"{doubts} doubt{'' if doubts == 1 else 's'}; all numbers, doubts and advice: "
+        "print(rotorfit.result_text(result))",
+    )
+
+
+def verdict_of(result: IdentificationResult, entry: Parameter | Derived) -> str:
+    """Return the verdict on a number, on one about the CoM as the report has it."""
+    if isinstance(entry, Parameter):
+        return entry.verdict
+    if entry.name not in (*COM, *INERTIA_COM):
+        return ""
+    own = [p for p in result.parameters if p.configuration == entry.configuration]
+    twin = next((p for p in own if p.name == twin_of(entry.name)), None)
+    kin = {d.name: d for d in result.derived if d.configuration == entry.configuration}
+    return body_verdict(entry, twin, kin)
+
+
+def configuration_names(result: IdentificationResult) -> list[str]:
+    """Return the names of a result's configurations in their order."""
+    return list(dict.fromkeys(p.configuration for p in result.parameters if p.configuration))
+
+
+def meant_configuration(names: Sequence[str], said: str | None) -> str | None:
+    """Return the configuration that is meant; None where it is not among them.
+
+    Parameters
+    ----------
+    names
+        Of a result.
+    said
+        What the user calls it; may be None where there is one.
+    """
+    if said is None and len(names) == 1:
+        return names[0]
+    return said if said in names else None
 
 
 def _one(entries: Sequence[Entry], name: str, configuration: str | None, *, what: str) -> Entry:
@@ -301,10 +399,15 @@ def _from_plain(data: Any, path: Path) -> IdentificationResult:
             command_law=law_from_plain(data.get("command_law")),
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise OutputError(
-            f"{path} is not a rotorfit result (at {error}); give the JSON file that "
-            "rotorfit identify -o wrote"
-        ) from error
+        raise OutputError(_no_result(path, f"at {error}")) from error
+
+
+def _no_result(path: Path, why: str) -> str:
+    """Return what a file is in place of a result, and which would be right."""
+    kind = kind_of(path)
+    known = kind is not None and kind != RESULT_FILE
+    what = f": this is {kind}, no result" if known else f" is not a rotorfit result ({why})"
+    return f"{path}{what}; give the JSON file that rotorfit identify -o wrote"
 
 
 def _tupled(entry: dict[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Final
 
 from rotorfit.fit.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR
-from rotorfit.results.result import Verdict
+from rotorfit.results.numbers import Verdict
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""

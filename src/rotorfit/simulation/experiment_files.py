@@ -50,7 +50,7 @@ def experiment_files(
     files: dict[str, str] = {}
     flights = planned_flights(plan)
     for number, flight in enumerate(flights, start=1):
-        tell(f"flying {flight.file}, {number} of {len(flights)}, {plan.seconds:g} s")
+        tell(f"simulating flight {number} of {len(flights)}, {flight.file}")
         files[flight.file] = table_text(plan, fly(plan, flight))
     files[EXPERIMENT_FILE] = experiment_text(plan)
     files[TRUTH_FILE] = json.dumps(true_values(plan), indent=1) + "\n"

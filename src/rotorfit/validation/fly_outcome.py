@@ -32,6 +32,11 @@ AXES: Final = ("roll", "pitch", "yaw")
 EARLY: Final = 0.1
 """Beside the end of a window, the time at which errors are told [s]."""
 
+GOOD_SHARE: Final = 0.2
+"""Of the flown rates, within which a prediction is called good."""
+STEADY: Final = 0.7
+"""Share of an error from which on it is mostly steady: trim."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlyOutcome:
@@ -108,6 +113,33 @@ def manoeuvre_of(outcome: FlyOutcome, label: str, name: Manoeuvre) -> ModelFligh
     return next(flight for flight in outcome.manoeuvres[label] if flight.manoeuvre == name)
 
 
+def horizon(outcome: FlyOutcome, share: float) -> Float[np.ndarray, " 3"]:
+    """Return how long the rates are predicted to within a share of what was flown, per axis [s].
+
+    Parameters
+    ----------
+    outcome
+        With replays.
+    share
+        Of the flown rates' root mean square.
+    """
+    flown = np.concatenate([replay.rates.reshape(-1, 3) for replay in outcome.replays])
+    limit = share * np.sqrt((flown**2).mean(axis=0))
+    time = growth_time(outcome.replays)
+    late = error_growth(outcome.replays, IDENTIFIED) > limit
+    first = np.where(late.any(axis=0), late.argmax(axis=0), len(time) - 1)
+    return time[np.where(late.any(axis=0), np.maximum(first - 1, 0), first)]
+
+
+def steady_share(outcome: FlyOutcome) -> Float[np.ndarray, " 3"]:
+    """Return the mean of the errors at the end of the windows over their rms, per axis: 0 to 1."""
+    errors = np.concatenate(
+        [replay.predicted[0].rates[:, -1] - replay.rates[:, -1] for replay in outcome.replays]
+    )
+    size = np.maximum(np.sqrt((errors**2).mean(axis=0)), np.finfo(float).tiny)
+    return np.abs(errors.mean(axis=0)) / size
+
+
 def _plain(outcome: FlyOutcome) -> dict[str, Any]:
     compared = (*outcome.labels, HOLD)
     return {
@@ -132,6 +164,8 @@ def _plain(outcome: FlyOutcome) -> dict[str, Any]:
             }
             for time in told_times(outcome)
         ],
+        "open_loop_seconds": _by_axis(horizon(outcome, GOOD_SHARE)),
+        "steady_share": _by_axis(steady_share(outcome)),
         "force_errors": {
             "unit": "m/s^2",
             "rms": {

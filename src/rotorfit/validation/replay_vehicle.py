@@ -12,16 +12,13 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
 from rotorfit.model.parameters import (
     COM,
-    FIRST_MOMENTS,
-    INERTIA,
     INERTIA_COM,
-    INERTIA_PLACES,
     PARAMETERS,
 )
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import IdentificationResult
+from rotorfit.sampling.draws import Values, about_com, normal_draws, tensors
 
-Values = dict[str, Float[np.ndarray, " D"]]
 NEEDED: Final = ("kt", "kd", *COM, *INERTIA_COM)
 ROTOR_CENTER: Final = ("rotor_center_x", "rotor_center_y")
 SPARE: Final = 4
@@ -102,7 +99,7 @@ def replay_vehicle(
     """
     given = dict(assumed or {})
     vehicle = _geometry(result)
-    values = _about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))
+    values = about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))
     # About the CoM the result may know what at the origin it does not: then without draws.
     scale = given.get("mass", 1.0) if result.parameter("mass", owner).value is None else 1.0
     for d in result.derived:
@@ -137,10 +134,7 @@ def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> V
     """Return the known parameters of a configuration, each 1 + draws times."""
     shift = np.zeros((1 + draws, len(result.covariance_names)))
     if draws and result.covariance_names:
-        powers, axes = np.linalg.eigh(result.covariance)
-        root = axes * np.sqrt(np.maximum(powers, 0.0))
-        normal = np.random.default_rng(seed).standard_normal((draws, len(powers)))
-        shift[1:] = normal @ root.T
+        shift[1:] = normal_draws(result.covariance, draws, np.random.default_rng(seed))
     columns = {name: i for i, name in enumerate(result.covariance_names)}
     values: Values = {"mass": np.ones(1 + draws)}
     for p in result.parameters:
@@ -173,25 +167,6 @@ def _with(
     return out | {name: np.full_like(out["mass"], given[name]) for name in given if name in out}
 
 
-def _about_com(values: Values) -> Values:
-    """Return the values with the CoM and the inertia about it, of those at the origin."""
-    m, out = values["mass"], dict(values)
-    out |= {
-        name: values[moment] / m
-        for name, moment in zip(COM, FIRST_MOMENTS, strict=True)
-        if moment in values
-    }
-    if not all(name in out for name in COM):
-        return out
-    com = np.stack([out[name] for name in COM], axis=1)
-    square = np.einsum("di,di->d", com, com)
-    for name, (i, j) in zip(INERTIA, INERTIA_PLACES, strict=True):
-        if name in values:
-            moved = m * ((square if i == j else 0.0) - com[:, i] * com[:, j])
-            out[f"{name}_com"] = values[name] - moved
-    return out
-
-
 def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
     """Return the values as arrays that a step of the motion reads."""
     zero = np.zeros_like(values["mass"])
@@ -212,7 +187,7 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
     return ReplayVehicle(
         mass=values["mass"],
         com=com,
-        inertia=_tensors(columns(*INERTIA_COM)),
+        inertia=tensors({name: values.get(name, zero) for name in INERTIA_COM}),
         thrust=thrust,
         torque=torque,
         spin=values.get("Jr", zero)[:, None, None] * spin,
@@ -221,13 +196,6 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
         accel_bias=columns("accel_bias_x", "accel_bias_y", "accel_bias_z"),
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
     )
-
-
-def _tensors(elements: Float[np.ndarray, "D 6"]) -> Float[np.ndarray, "D 3 3"]:
-    tensors = np.empty((len(elements), 3, 3))
-    for k, (i, j) in enumerate(INERTIA_PLACES):
-        tensors[:, i, j] = tensors[:, j, i] = elements[:, k]
-    return tensors
 
 
 def _possible(stack: ReplayVehicle) -> Bool[np.ndarray, " D"]:

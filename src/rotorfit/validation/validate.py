@@ -22,8 +22,12 @@ from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.parameters import AIR, FIRST_MOMENTS, INERTIA, TURN_DAMPING
 from rotorfit.model.reduce import LowPass, filtered_signals
 from rotorfit.model.regressor import Regressor, regressor
-from rotorfit.results.configurations import configuration_names, meant_configuration
-from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.results.result import (
+    IdentificationResult,
+    Parameter,
+    configuration_names,
+    meant_configuration,
+)
 from rotorfit.validation.fitted_flights import fitted_flights
 from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
 

@@ -1,0 +1,1 @@
+"""How results, logs and plans show themselves: on one screen, in a notebook, as a frame."""

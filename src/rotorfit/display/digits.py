@@ -1,0 +1,109 @@
+"""Numbers as they are printed: digits cut to what the interval leaves of them."""
+
+import math
+from dataclasses import dataclass
+
+_POWERS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Number:
+    """A number as it is printed: digits cut to two of the interval's half-width.
+
+    Attributes
+    ----------
+    value, half
+        Digits, before the power of ten; `half` is empty where there is no interval.
+    low, high
+        The interval in words where it is not even about the value, else empty.
+    exponent
+        Power of ten; 0: none.
+    """
+
+    value: str
+    half: str = ""
+    low: str = ""
+    high: str = ""
+    exponent: int = 0
+
+    def __str__(self) -> str:
+        if self.low:
+            body = f"{self.value} ({self.low} to {self.high})"
+        else:
+            body = f"{self.value} ± {self.half}" if self.half else self.value
+        if not self.exponent:
+            return body
+        tail = f" × 10{str(self.exponent).translate(_POWERS)}"
+        return (f"({body})" if self.half else body) + tail
+
+
+def known(number: float | None) -> float | None:
+    """Return a number, None where there is none."""
+    return number if number is not None and math.isfinite(number) else None
+
+
+def finite_interval(interval: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Return an interval, None where there is none."""
+    if interval is None or not all(math.isfinite(end) for end in interval):
+        return None
+    return interval
+
+
+def number_of(value: float | None, interval: tuple[float, float] | None) -> Number | None:
+    """Return a value as it is printed, None where there is none."""
+    value, interval = known(value), finite_interval(interval)
+    if value is None:
+        return None
+    if interval is None or interval[1] <= interval[0]:
+        return _plain(value)
+    half = 0.5 * (interval[1] - interval[0])
+    exponent = _exponent(max(abs(value), half))
+    scale = 10.0**exponent
+    decimals = min(max(1 - math.floor(math.log10(half / scale)), 0), 12)
+
+    def digits(number: float) -> str:
+        text = f"{number / scale:.{decimals}f}"
+        return (text if float(text) else text.lstrip("-")).replace("-", "−")
+
+    uneven = abs(0.5 * (interval[0] + interval[1]) - value) > 0.1 * half
+    return Number(
+        value=digits(value),
+        half=digits(half),
+        low=digits(interval[0]) if uneven else "",
+        high=digits(interval[1]) if uneven else "",
+        exponent=exponent,
+    )
+
+
+def _plain(value: float) -> Number:
+    exponent = _exponent(abs(value))
+    text = f"{value / 10.0**exponent:.6g}".replace("-", "−")
+    return Number(value=text, exponent=exponent)
+
+
+def _exponent(size: float) -> int:
+    """Return the power of ten to write apart; none for sizes that read well without."""
+    exponent = math.floor(math.log10(size)) if size > 0 else 0
+    return 0 if -3 <= exponent <= 4 else exponent
+
+
+def with_interval(value: float | None, interval: tuple[float, float] | None) -> str:
+    """Return a value and half of its interval, digits cut to two of the half-width.
+
+    An interval that is not even about the value is written out.
+
+    Examples
+    --------
+    >>> with_interval(2.656e-7, (2.604e-7, 2.708e-7))
+    '(2.656 +- 0.052)e-07'
+    """
+    number = number_of(value, interval)
+    if number is None:
+        return "-"
+    body = number.value
+    if number.half:
+        body += f" ({number.low} to {number.high})" if number.low else f" +- {number.half}"
+    if number.exponent:
+        body = f"({body})" if number.half else body
+        body += f"e{number.exponent:+03d}"
+    return body.replace("−", "-")

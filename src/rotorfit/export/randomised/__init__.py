@@ -1,0 +1,1 @@
+"""Vehicles drawn from the posterior, as files that simulators randomise with."""

@@ -1,0 +1,100 @@
+"""Isaac Lab: ranges for its event terms and for its thrusters.
+
+Sources: IsaacLab, isaaclab/envs/mdp/events.py (randomize_rigid_body_mass, randomize_rigid_body_com,
+randomize_rigid_body_inertia: uniform ranges, one for all elements of an operation) and
+isaaclab_contrib/actuators/thruster_cfg.py (ThrusterCfg: thrust_range, thrust_const_range,
+tau_inc_range, tau_dec_range, torque_to_thrust_ratio). Ranges have no correlations: they are the
+95 % of the draws, each by itself, and the file says so. Isaac Lab needs NVIDIA's Isaac Sim: the
+names are held against its documented signatures.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+
+from rotorfit.export.header import hash_comment, noted
+from rotorfit.export.randomised.variants import Variants
+from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED
+
+NEEDS: Final = (*BODY, *ROTORS, *LAG, *SPEED)
+
+_USE: Final = '''
+
+def event_terms(asset_cfg):
+    """Return the terms of an event manager, for a SceneEntityCfg of the vehicle's body."""
+    from isaaclab.envs import mdp
+    from isaaclab.managers import EventTermCfg
+
+    return {
+        name: EventTermCfg(
+            func=getattr(mdp, term["func"]),
+            mode="startup",
+            params={"asset_cfg": asset_cfg, **term["params"]},
+        )
+        for name, term in EVENTS.items()
+    }
+'''
+
+
+def isaac_lab_ranges(found: Variants, head: list[str]) -> bytes:
+    """Return a Python file with ``EVENTS``, ``THRUSTER`` and ``event_terms``."""
+    remarks = noted(
+        head,
+        "ranges hold 95 % of the draws, each number by itself: Isaac Lab draws uniformly and "
+        "independently, so that correlations are lost (samples and crazyflow-worlds keep them)",
+        "body terms are changes of the vehicle that was exported (urdf): com_range is added, "
+        "inertia is scaled by one range, the widest of Ixx, Iyy, Izz; its products stay, since "
+        "Isaac Lab would draw Ixy and Iyx apart",
+        "ThrusterCfg(dt=..., **THRUSTER): thrust_const is in N s^2/rad^2; the thruster uses it for "
+        "the lag of the speed alone, which is the same in any unit of speed",
+    )
+    body = f"\nEVENTS = {_written(_events(found))}\n\nTHRUSTER = {_written(_thruster(found))}\n"
+    return (hash_comment(remarks) + body + _USE).encode()
+
+
+def _events(found: Variants) -> dict[str, Any]:
+    nominal = found.nominal
+    com = np.array([m.com - nominal.com for m in found.models])
+    own = np.diag(nominal.inertia_com)
+    relative = np.array([np.diag(m.inertia_com) / own for m in found.models])
+    ends = np.array([_ends(column) for column in relative.T])
+    widest = int(np.argmax(ends[:, 1] - ends[:, 0]))
+    return {
+        "com": {
+            "func": "randomize_rigid_body_com",
+            "params": {"com_range": {a: _ends(com[:, i]) for i, a in enumerate("xyz")}},
+        },
+        "inertia": {
+            "func": "randomize_rigid_body_inertia",
+            "params": {
+                "inertia_distribution_params": tuple(ends[widest].tolist()),
+                "operation": "scale",
+                "distribution": "uniform",
+                "diagonal_only": True,
+            },
+        },
+    }
+
+
+def _thruster(found: Variants) -> dict[str, Any]:
+    models = found.models
+    kt = np.array([[rotor.kt for rotor in m.rotors] for m in models])
+    full = found.nominal.kt * found.nominal.max_speed**2
+    return {
+        "thrust_range": (0.0, full),
+        "thrust_const_range": _ends(kt.ravel()),
+        "tau_inc_range": _ends(np.array([m.lag_up for m in models])),
+        "tau_dec_range": _ends(np.array([m.lag_down for m in models])),
+        "torque_to_thrust_ratio": found.nominal.kd / found.nominal.kt,
+    }
+
+
+def _ends(values: np.ndarray) -> tuple[float, float]:
+    """Return the ends between which 95 % of the draws are."""
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _written(what: dict[str, Any]) -> str:
+    rows = "".join(f"    {name!r}: {value!r},\n" for name, value in what.items())
+    return f"{{\n{rows}}}"

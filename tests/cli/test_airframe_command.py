@@ -1,0 +1,111 @@
+"""rotorfit airframe: questions answered at the prompt, by options, and by a log."""
+
+import io
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+
+import rotorfit
+from rotorfit.experiment.airframe_table import AirframeEntry
+from rotorfit.model.layouts import layout_rotors, spaced_rotors
+
+
+@pytest.fixture
+def answered(run, monkeypatch):
+    """Call the command with answers at its prompt."""
+
+    def outcome(answers: str, *arguments: object):
+        monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
+        return run("airframe", *arguments)
+
+    return outcome
+
+
+def vehicle(path) -> rotorfit.Vehicle:
+    tables = tomllib.loads(path.read_text())
+    return rotorfit.vehicle_of(AirframeEntry.model_validate(tables["airframe"]))
+
+
+def test_questions_are_asked_one_by_one_and_the_file_is_written(answered, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ended = answered("quad-x\nbetaflight\n91\n127\n\n")
+    assert ended.code == 0
+    assert ended.err.count("]: ") == 5
+    assert ended.out.startswith("[airframe]\n")
+    made = vehicle(tmp_path / "airframe.toml")
+    places = np.array([rotor.position for rotor in made.rotors])
+    np.testing.assert_allclose(np.abs(places[:, 0]), 0.0455)
+    np.testing.assert_allclose(np.abs(places[:, 1]), 0.0635)
+    assert [r.spin for r in made.rotors] == ["cw", "ccw", "ccw", "cw"]
+    assert "commanded" in (tmp_path / "airframe.toml").read_text()
+
+
+def test_a_log_fills_in_layout_order_and_speed(answered, here):
+    ended = answered("400\n\n", "flight.csv", "-o", "mine.toml")
+    assert ended.code == 0, ended
+    assert "the flight bears out quad-plus in the motor order of p" in ended.err
+    made = vehicle(here / "mine.toml").rotors
+    assert [r.spin for r in made] == ["ccw", "ccw", "cw", "cw"]
+    assert np.abs([r.position[:2] for r in made]).max() == 0.2
+
+
+def test_what_the_flight_does_not_bear_out_is_said(answered, here):
+    asked = ("flight.csv", "-o", "mine.toml", "--layout", "quad-x", "--order", "px4")
+    ended = answered("", *asked, "--spacing", "200,200")
+    assert ended.code == 0
+    assert "the flight answers as layout quad-plus, not quad-x" in ended.err
+
+
+def test_without_an_answer_nothing_is_written(refused, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    with pytest.raises(AssertionError):  # the question itself stands before the one line
+        refused("airframe")
+    assert not (tmp_path / "airframe.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--spacing", "0.2,0.2"), "a spacing of '0.2' mm; expected 15 to 10000 millimetres"),
+        (("--spacing", "200"), "front to back and left to right in mm, such as 91,127"),
+        (("--layout", "quad-z", "--spacing", "9,9"), "layout 'quad-z'; expected one of quad-x,"),
+        (("--order", "paper", "--spacing", "9,9"), "order 'paper'; expected one of px4,"),
+    ],
+)
+def test_wrong_answers_are_refused(refused, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    given = {"--layout": "quad-x", "--order": "px4", "--speed": "measured"}
+    given |= dict(zip(arguments[::2], arguments[1::2], strict=True))
+    assert words in refused("airframe", *(word for pair in given.items() for word in pair))
+
+
+def test_a_file_that_is_there_stays(refused, here):
+    before = (here / "airframe.toml").read_text()
+    assert "airframe.toml exists" in refused("airframe")
+    assert (here / "airframe.toml").read_text() == before
+
+
+def test_a_spacing_is_what_an_arm_is_where_the_frame_is_square():
+    arm = 0.15
+    across = 2 * arm * np.sqrt(0.5)
+    for layout, order, spacing in (
+        ("quad-x", "px4", (across, across)),
+        ("quad-plus", "px4", (2 * arm, 2 * arm)),
+        ("octo-coax-x", "ardupilot", (across, across)),
+    ):
+        told = spaced_rotors(layout, spacing=spacing, order=order)
+        for rotor, other in zip(told, layout_rotors(layout, arm=arm, order=order), strict=True):
+            assert rotor.spin == other.spin
+            np.testing.assert_allclose(rotor.position, other.position, atol=2e-9)
+
+
+def test_spacing_and_arm_exclude_each_other():
+    with pytest.raises(ValueError, match="either spacing"):
+        AirframeEntry.model_validate({"layout": "quad-x", "arm": 0.1, "spacing": [0.2, 0.2]})
+    with pytest.raises(ValueError, match="either spacing"):
+        AirframeEntry.model_validate({"layout": "quad-x"})
+    with pytest.raises(ValueError, match="positions and arm are in metres"):
+        AirframeEntry.model_validate({"layout": "quad-x", "spacing": [91, 127]})

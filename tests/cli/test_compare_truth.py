@@ -1,0 +1,31 @@
+"""rotorfit compare beside the truth of a simulated flight."""
+
+import json
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1] / "export"))
+from export_material import KT, a_result
+
+
+def test_a_result_beside_its_truth(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    a_result().save(tmp_path / "result.json")
+    truth = {"shared": {"kt": 1.005 * KT}, "configurations": {"A": {"mass": 1.285, "Ixx": 0.03}}}
+    (tmp_path / "truth.json").write_text(json.dumps({"seed": 1, **truth}))
+    ended = run("compare", "result.json", "truth.json")
+    assert (ended.code, ended.err) == (0, "")
+    lines = {line.split()[0]: line for line in ended.out.splitlines() if line.strip()}
+    assert lines["kt"].endswith("+0.50 %  N s^2/rad^2")
+    assert "%*" in lines["Ixx"]
+    assert "* the 95 % intervals do not meet, so that not both can be right: Ixx" in ended.out
+    assert "differs: from the value of result, in percent of it" in ended.out
+
+
+def test_a_truth_that_is_damaged_is_refused(refused, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    a_result().save(tmp_path / "result.json")
+    (tmp_path / "truth.json").write_text('{"shared": 3, "configurations": {}}')
+    assert "not the truth of a simulated flight" in refused("compare", "result.json", "truth.json")
+    words = refused("compare", "truth.json", "truth.json")
+    assert "give a result to compare them with" in words
