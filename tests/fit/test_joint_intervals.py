@@ -293,6 +293,19 @@ def test_answers_and_faults_of_the_times_are_in_the_interval(monkeypatch):
     assert half_width(fit, [body]) == pytest.approx(np.linalg.norm(parts), rel=1e-4)
 
 
+def test_what_shifts_two_numbers_at_once_makes_them_go_together(monkeypatch):
+    """Apart by chance; a shift of three of its deviations each makes 1 / (1 + (1.96 / 3)^2)."""
+    body = made_fit.configuration()
+    fit = made_fit.fit_of([body], std={"kt": 1e-8, "Ixx@A": 1e-4})
+    places = [fit.estimate.names.index(name) for name in ("kt", "Ixx@A")]
+    shifts = np.zeros((1, FREE))
+    shifts[0, places] = [3e-8, -3e-4]
+    monkeypatch.setattr(module, "answer_shifts", lambda fit: shifts)
+    numbers = joint_numbers(fit, [body], {"A": 0.0})
+    own = numbers.index("kt"), numbers.index("Ixx@A")
+    assert numbers.correlation[own] == pytest.approx(-1.0 / (1.0 + (1.96 / 3.0) ** 2), rel=1e-6)
+
+
 def test_what_no_autopilot_is_looked_for_hangs_on_none():
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={})

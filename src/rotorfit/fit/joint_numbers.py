@@ -98,17 +98,21 @@ def joint_numbers(
     free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)
     scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T
     random = chance_half_width(formal, scatter, free) * np.sqrt(blocks / free)
+    answers = answer_shifts(fit) @ jacobian.T
+    timings = np.reshape(_timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
+    late = timings @ jacobian.T
+    # What shifts all numbers at once makes them go together, as chance does.
+    shared = answers.T @ answers / 1.96**2 + late.T @ late
     numbers = Numbers(
         names=names,
         values=values,
         half_width=np.maximum.reduce(
             [random, _between_phases(fit, jacobian), _between_flights(fit, jacobian)]
         ),
-        correlation=correlation_of(formal),
+        correlation=correlation_of(formal + shared),
         excitation=excitation(fit, configurations),
     )
-    shifts = [np.abs(answer_shifts(fit) @ jacobian.T).sum(axis=0)]
-    shifts += [1.96 * jacobian @ shift for shift in _timing_shifts(fit, configurations[0].timing)]
+    shifts = np.vstack([np.abs(answers).sum(axis=0), 1.96 * late])
     told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
     told = _with_systematic(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
     told = hanging_on_roll_and_pitch(told, configurations)
