@@ -37,6 +37,8 @@ NEGLIGIBLE = 0.1
 """An unexplained share below which two declarations are not told apart."""
 TURNED = float(np.radians(12.0))
 """Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
+PARALLEL = 1e-9
+"""Of two drives' product of squares, up to which they are one."""
 BAND = (0.3, 15.0)
 
 
@@ -82,7 +84,8 @@ def response(factors: Factors, vehicle: Vehicle, *, made_for: Vehicle | None = N
         Those whose spins are in the signals; None: the same. Of other spins the spin-up of the
         rotors is left out, and yaw has the drag alone.
     """
-    return _response(_inside_band(factors), vehicle, declared=made_for or vehicle)
+    declared = made_for or vehicle
+    return _response(_products(_inside_band(factors), declared), vehicle, declared=declared)
 
 
 def free_response(factors: Factors, vehicle: Vehicle) -> Response:
@@ -97,23 +100,37 @@ def free_response(factors: Factors, vehicle: Vehicle) -> Response:
     return Response(roll=shares[0], pitch=shares[1], yaw=shares[2])
 
 
-def _response(R: Float[np.ndarray, "z z"], vehicle: Vehicle, *, declared: Vehicle) -> Response:
-    """Return how rotors explain the response, from the signals made for the declared ones."""
+def _products(R: Float[np.ndarray, "z z"], declared: Vehicle) -> Float[np.ndarray, "c c"]:
+    """Return the products of roll, pitch, yaw, the rotors' spin-up and their squared speeds.
+
+    All that other declarations of the same rotors need.
+    """
     layout = signal_layout(declared)
-    squares = R[:, _square_columns(declared)]
+    named = [layout.index(name) for name in ("dwx", "dwy", "dwz", "dHz")]
+    columns = R[:, [*named, *_square_columns(declared)]]
+    return columns.T @ columns
+
+
+def _response(
+    products: Float[np.ndarray, "c c"], vehicle: Vehicle, *, declared: Vehicle
+) -> Response:
+    """Return how rotors explain the response, from the products made for the declared ones."""
     n, s = vehicle.axes, vehicle.spins
-    thrust = squares @ n[:, 2]
-    torque = squares @ np.cross(vehicle.positions, n)
-    yaw = [squares @ (-s * n[:, 2])]
+    torque = np.cross(vehicle.positions, n)
+    one = np.eye(4, len(products))
+    drives = np.pad([n[:, 2], torque[:, 0], torque[:, 1], -s * n[:, 2]], ((0, 0), (4, 0)))
+    thrust, roll, pitch, drag = drives
+    yaw = [drag]
     agree = float(s @ declared.spins) / len(s)
     if abs(agree) == 1.0:
         # The signal of the rotors' spin-up holds the declared spins: it serves all or none.
-        yaw.append(-agree * R[:, layout.index("dHz")])
-    return Response(
-        roll=_signed_share(R[:, layout.index("dwx")], [torque[:, 0]], apart=thrust),
-        pitch=_signed_share(R[:, layout.index("dwy")], [torque[:, 1]], apart=thrust),
-        yaw=_signed_share(R[:, layout.index("dwz")], yaw, apart=thrust),
-    )
+        yaw.append(-agree * one[3])
+
+    def share(target: int, made: list[Float[np.ndarray, " c"]]) -> float:
+        T = np.array([thrust, one[target], *made])
+        return _signed_share(T @ products @ T.T)
+
+    return Response(roll=share(0, [roll]), pitch=share(1, [pitch]), yaw=share(2, yaw))
 
 
 def _square_columns(vehicle: Vehicle) -> list[int]:
@@ -146,29 +163,33 @@ def _share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
     return float(y @ D @ scipy.linalg.pinv(D, rtol=1e-6) @ y) / total
 
 
-def _signed_share(
-    target: Float[np.ndarray, " z"],
-    drives: list[Float[np.ndarray, " z"]],
-    *,
-    apart: Float[np.ndarray, " z"],
-) -> float:
+def _signed_share(products: Float[np.ndarray, "d d"]) -> float:
     """Return the share of a signal that drives with coefficients of one sign explain.
 
     What varies with the total thrust is left out: it acts on a CoM that is off the centre.
+
+    Parameters
+    ----------
+    products
+        Of the thrust, the signal and one or two drives with each other.
     """
-    columns = _apart(np.column_stack([target, *drives]), apart)
-    y, total = columns[:, 0], float(columns[:, 0] @ columns[:, 0])
+    size = float(products[0, 0])
+    rest = products[1:, 1:]
+    if size > 0.0:
+        rest = rest - np.outer(products[1:, 0], products[0, 1:]) / size
+    total, b, D = float(rest[0, 0]), rest[1:, 0], rest[1:, 1:]
+    known = np.diagonal(D) > np.finfo(float).eps * np.diagonal(products)[2:]
     shares = [0.0]
-    for chosen in ([1], [-1], list(range(1, len(drives) + 1))):
-        D = columns[:, chosen]
-        lengths = np.linalg.norm(D, axis=0)
-        if total == 0.0 or not np.all(lengths > 0):
-            continue
-        D = D / lengths
-        coefficients: Float[np.ndarray, " d"] = scipy.linalg.pinv(D) @ y
-        if (coefficients > 0).all() or (coefficients < 0).all():
-            explained = float(y @ D @ coefficients) / total
-            shares.append(explained if coefficients[0] > 0 else -explained)
+    if total > 0.0:
+        # Each drive alone explains with its own sign.
+        shares += [float(b[i] * abs(b[i]) / (D[i, i] * total)) for i in np.flatnonzero(known)]
+    if total > 0.0 and len(D) == 2 and known.all():
+        determinant = float(D[0, 0] * D[1, 1] - D[0, 1] ** 2)
+        if determinant > PARALLEL * float(D[0, 0] * D[1, 1]):
+            x = (D[1, 1] * b[0] - D[0, 1] * b[1]) / determinant
+            y = (D[0, 0] * b[1] - D[0, 1] * b[0]) / determinant
+            if x * y > 0.0:
+                shares.append(float(np.sign(x) * (x * b[0] + y * b[1]) / total))
     return max(shares, key=abs)
 
 
@@ -182,8 +203,11 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
         on these arms can answer as the gyro says.
     """
     R = _inside_band(factors)
-    declared = _response(R, vehicle, declared=vehicle)
-    tried = [(_tried(R, other, vehicle, declared), words) for other, words in _others(vehicle)]
+    products = _products(R, vehicle)
+    declared = _response(products, vehicle, declared=vehicle)
+    tried = [
+        (_tried(products, other, vehicle, declared), words) for other, words in _others(vehicle)
+    ]
     best = max((found for found, _ in tried), key=lambda found: found.score)
     free = free_response(factors, vehicle)
     seen = (
@@ -293,14 +317,14 @@ def _leaning(flight: UsedFlight) -> str:
 
 
 def _tried(
-    R: Float[np.ndarray, "z z"], other: Vehicle, vehicle: Vehicle, declared: Response
+    products: Float[np.ndarray, "c c"], other: Vehicle, vehicle: Vehicle, declared: Response
 ) -> Response:
     """Return the response of another declaration.
 
     For another pattern of spins the spin-up cannot be tried: where drag alone explains half of
     what is explained with it, that is not held against it.
     """
-    found = _response(R, other, declared=vehicle)
+    found = _response(products, other, declared=vehicle)
     same_pattern = abs(float(other.spins @ vehicle.spins)) == len(vehicle.rotors)
     if same_pattern or found.yaw < 0.5 * declared.yaw:
         return found

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import Estimate, LinearProblem, equation_rows, scaled_singular
-from rotorfit.estimation.factors import borrowed_mean_square
+from rotorfit.estimation.factors import SMALLEST_PIVOT, borrowed_mean_square
 
 MOST_ITERATIONS = 50
 SMALLEST_STEP = 0.01
@@ -77,9 +77,17 @@ def reweighted(
     phi = np.zeros(len(names))
     covariance = np.zeros((len(names), len(names)))
     residual = y
+    gram, right = J.transpose(0, 2, 1) @ J, np.einsum("bmf,bm->bf", J, y)
     for _ in range(MOST_ITERATIONS):
         before = phi
-        phi, covariance = _weighted_solution(J, y, variance, information)
+        covariance = _quick_covariance(gram, variance, information)
+        if covariance is None:
+            phi, covariance = _weighted_solution(J, y, variance, information)
+        else:
+            phi = covariance @ ((1.0 / variance) @ right)
+            # Once more for what is left: of exact simulations squares alone lose digits.
+            left = np.einsum("bmf,bm,b->f", J, y - J @ phi, 1.0 / variance, optimize=True)
+            phi = phi + covariance @ (left - information * phi)
         residual = y - J @ phi
         power = np.einsum("bm,bm->b", residual, residual)
         mean_square = borrowed_mean_square(power[:, None], problem.factors[0])[:, 0]
@@ -124,6 +132,27 @@ def _prior_information(
     names: tuple[str, ...], prior_std: Mapping[str, float]
 ) -> Float[np.ndarray, " f"]:
     return np.array([prior_std[n] ** -2.0 if n in prior_std else 0.0 for n in names])
+
+
+def _quick_covariance(
+    gram: Float[np.ndarray, "b f f"],
+    variance: Float[np.ndarray, " b"],
+    information: Float[np.ndarray, " f"],
+) -> Float[np.ndarray, "f f"] | None:
+    """Return the covariance from the blocks' Gram matrices; None where that would cost digits."""
+    whole = np.tensordot(1.0 / variance, gram, axes=1) + np.diag(information)
+    lengths = np.sqrt(np.diagonal(whole))
+    if not (lengths > 0.0).all():
+        return None
+    try:
+        lower = np.linalg.cholesky(whole / np.outer(lengths, lengths))
+    except np.linalg.LinAlgError:
+        return None
+    if np.diagonal(lower).min() < SMALLEST_PIVOT:
+        return None
+    root = scipy.linalg.solve_triangular(lower, np.diag(1.0 / lengths), lower=True)
+    covariance: Float[np.ndarray, "f f"] = root.T @ root
+    return covariance
 
 
 def _weighted_solution(
