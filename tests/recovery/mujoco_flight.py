@@ -73,6 +73,9 @@ class MujocoFlight:
         Set at this row, 0 to 1 of `FULL_SPEED`.
     height
         Of the body origin above the start, exact [m].
+    state
+        Of the frame at each row, exact: MuJoCo's position [m] and quaternion (wxyz), then its
+        velocity in world axes [m/s] and its rates in body axes [rad/s].
     """
 
     truth: Truth
@@ -84,6 +87,7 @@ class MujocoFlight:
     rotor_speed: Float[np.ndarray, "n N"]
     command: Float[np.ndarray, "n N"]
     height: Float[np.ndarray, " n"]
+    state: Float[np.ndarray, "n 13"]
 
 
 def fly(
@@ -124,6 +128,7 @@ class Row(NamedTuple):
     speed: Float[np.ndarray, " N"]
     command: Float[np.ndarray, " N"]
     height: float
+    state: Float[np.ndarray, " 13"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,8 +181,9 @@ def _flown(
         commands = [command, *commands[:-1]]
         nodes = _speeds(machine, speed, commands[old + 1], commands[old], cut)
         gust = (before + MIDDLES * (after - before)) * (not grounded)
+        state = np.concatenate([machine.data.qpos[:7], machine.data.qvel[:6]])
         imu = _advance(machine, nodes, gust)
-        rows.append(Row(imu, speed, command, float(machine.data.qpos[2]) - FEET))
+        rows.append(Row(imu, speed, command, float(machine.data.qpos[2]) - FEET, state))
         speed = nodes[-1]
     return rows
 
@@ -266,6 +272,7 @@ def _logged(
         rotor_speed=np.abs(measured(speed, std=s.rotor_speed_std, rng=rng)),
         command=np.array([row.command for row in rows]) / FULL_SPEED,
         height=np.array([row.height for row in rows]),
+        state=np.array([row.state for row in rows]),
     )
 
 
