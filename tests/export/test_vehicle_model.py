@@ -82,13 +82,23 @@ def test_a_plain_result_is_the_vehicle():
     assert model.hover_speed == pytest.approx(np.sqrt(MASS * 9.80665 / KT_EACH.sum()))
 
 
-@pytest.mark.parametrize("target", EVERY)
+@pytest.mark.parametrize("target", [target for target in EVERY if target != "px4-sih"])
 def test_terms_that_are_left_out_are_named_in_the_file(target):
     term = parameter("rotor_drag", 1.2e-5)
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
     assert "identified, and left out here: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)" in text
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
+
+
+def test_drag_of_the_rotors_damps_yaw_in_sih():
+    term = parameter("rotor_drag", 1.2e-5)
+    text = text_of(with_numbers(a_result(), term), "px4-sih")
+    assert "rotor_drag = " not in text
+    model = vehicle_model(with_numbers(a_result(), term))
+    damping = 1.2e-5 * model.hover_speed * float((model.arms[:, :2] ** 2).sum()) / 3.0
+    (line,) = [line for line in text.splitlines() if "SIH_KDW" in line and not line.startswith("#")]
+    assert float(line.split()[3]) == pytest.approx(damping, rel=1e-5)
 
 
 @pytest.mark.parametrize("axes", ["FLU", "FRD"])

@@ -120,8 +120,11 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def _in_place_of_toml(path: Path) -> str | None:
-    """Return what a file is that is no TOML, and what would be right; None where that is open."""
-    kind = kind_of(path)
+    """Return what a file is that is no TOML, and what would be right; None where that is open.
+
+    A file that is called TOML is one, with a mistake that Python names.
+    """
+    kind = None if path.suffix == ".toml" else kind_of(path)
     if kind is None:
         return None
     return f"{path}: this is {kind}; give an airframe or experiment file (.toml) in its place"

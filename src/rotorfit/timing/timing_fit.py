@@ -9,7 +9,7 @@ running away. Rotors that rise and fall at different rates get a lag for each wh
 for it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final
@@ -33,6 +33,12 @@ LONGEST_MOVE: Final = 0.02
 """Of a time in one round [s], beyond which its slope is none."""
 NEAR: Final = 0.1
 """Deviations by which the last round may still move a time."""
+ENOUGH: Final[Mapping[str, float]] = {
+    "motor_delay": 0.1 * SUM_FAULT,
+    "motor_lag": 0.1 * SUM_FAULT,
+    "motor_skew": 1e-3,
+}
+"""Or so much of it [s, s, share], which no flight tells: simulators do, to microseconds."""
 LONGEST_LAG: Final = 0.2
 LONGEST_DELAY: Final = 0.16
 LEAST_GAIN: Final = 10.0
@@ -131,7 +137,8 @@ def _settled(flown: Flown, terms: tuple[Term, ...]) -> tuple[Flown, BandedEstima
 def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     """Return whether the fit has moved no time by more than a little of its deviation."""
     at = [fit.estimate.names.index(name) for name in free.names]
-    return bool((np.abs(fit.estimate.values[at]) <= NEAR * fit.estimate.std[at]).all())
+    enough = np.maximum(NEAR * fit.estimate.std[at], [ENOUGH[name] for name in free.names])
+    return bool((np.abs(fit.estimate.values[at]) <= enough).all())
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
