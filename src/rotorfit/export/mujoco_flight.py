@@ -159,7 +159,7 @@ def _settled(model: VehicleModel, pilot: Autopilot) -> Memory:
     weight = model.mass * GRAVITY
     needed = np.array([weight, weight * model.com[1], -weight * model.com[0], 0.0])
     _, x, y, z = np.linalg.solve(given, needed).tolist()
-    return Memory(0.0, (x, y, z), (0.0, 0.0, 0.0))
+    return Memory(0.0, (x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def _rotor(rotor: ExportedRotor) -> Rotor:

@@ -62,6 +62,9 @@ class FlightData:
         Of the body relative to the ground, body axes [m/s], where the log has it.
     lag_on
         What of a motor follows its command with a lag.
+    reference
+        Angular velocity that pilot or mission asked for [rad/s], where the log has it; NaN in rows
+        without.
     """
 
     sample_rate: float
@@ -76,6 +79,7 @@ class FlightData:
     rotor_speed_std: float = 0.0
     velocity: Float[np.ndarray, "n 3"] | None = None
     lag_on: LagOn = "speed"
+    reference: Float[np.ndarray, "n 3"] | None = None
 
     @property
     def used_rows(self) -> Int[np.ndarray, " u"]:

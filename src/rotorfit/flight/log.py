@@ -20,6 +20,7 @@ CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
     "command": (None, "1"),
     "battery": (1, "V"),
     "velocity": (3, "m/s"),
+    "reference": (3, "rad/s"),
     "position": (3, "m"),
     "attitude": (4, "1"),
 }
@@ -35,6 +36,8 @@ CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
     Commanded motor output, 0 (stopped) to 1 (full), in the log's motor order.
 ``velocity``
     Of the body relative to the air or ground, body axes FLU.
+``reference``
+    Angular velocity that the pilot or the mission asked for, body axes FLU.
 ``position``
     Of the body origin, world axes with z up.
 ``attitude``

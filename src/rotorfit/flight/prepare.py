@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.flight.airborne import (
     SHORTEST_FLIGHT,
     Motion,
@@ -365,7 +365,20 @@ def _uniform(
     velocity = known_velocity(log)
     if velocity is not None:
         makers["velocity"] = velocity
-    return uniform_channels(makers, clock="gyro", optional=("velocity",)), counts
+    reference = _reference(log)
+    if reference is not None:
+        makers["reference"] = reference
+    return uniform_channels(makers, clock="gyro", optional=("velocity", "reference")), counts
+
+
+def _reference(log: FlightLog) -> Channel | None:
+    """Return what was asked for; what cannot be used is none, and no reason to refuse a flight."""
+    if "reference" not in log.channels:
+        return None
+    try:
+        return usable_samples(log.channels["reference"], "reference")
+    except FlightError:
+        return None
 
 
 def _law_doubts(data: FlightData, uniform: UniformChannels, motors: MotorModel) -> tuple[str, ...]:
@@ -406,6 +419,7 @@ def _differentiated(
         differentiation="central",
         segments=(),
         velocity=uniform.values.get("velocity"),
+        reference=uniform.values.get("reference"),
     )
 
 

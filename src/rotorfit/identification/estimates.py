@@ -34,6 +34,7 @@ from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables, with_timing_total
 from rotorfit.results.row_tables import row_tables
 from rotorfit.timing.timing_fit import timed_again
+from rotorfit.witness.pilot import with_pilot
 
 FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
     (),
@@ -101,6 +102,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     )
     tables = with_timing_total(tables, flown.motor_timing)
     tables = with_doubts(tables, flown, numbers, fit=fit, joint=joint)
+    tables = with_pilot(tables, flown, numbers, fit=fit, joint=joint)
     return tables if uncoupled is None else without_yaw_scale(tables, uncoupled.gain)
 
 

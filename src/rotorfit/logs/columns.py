@@ -69,6 +69,7 @@ GROUPS: Final = (
     Group(channel="accel", names=("accel_x", "accel_y", "accel_z"), quantity="acceleration"),
     Group(channel="battery", names=("battery",), quantity="voltage"),
     Group(channel="velocity", names=("vel_x", "vel_y", "vel_z"), quantity="velocity"),
+    Group(channel="reference", names=("ref_x", "ref_y", "ref_z"), quantity="angular velocity"),
     Group(channel="position", names=("pos_x", "pos_y", "pos_z"), quantity="position"),
     QUATERNION,
     EULER,

@@ -53,6 +53,7 @@ _ATTITUDE: Final = (
     "stateEstimate.qz",
 )
 _VELOCITY: Final = ("stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz")
+_REFERENCE: Final = ("controller.rollRate", "controller.pitchRate", "controller.yawRate")
 _EULER: Final = ("stateEstimate.roll", "stateEstimate.pitch", "stateEstimate.yaw")
 _ACCEL_Z: Final = "controller.accelz"
 
@@ -198,6 +199,7 @@ def _channels(recording: _Recording) -> dict[str, _Found]:
         "position": _position,
         "attitude": _attitude,
         "velocity": _velocity,
+        "reference": _reference,
     }
     made = {name: maker(recording) for name, maker in makers.items()}
     return {
@@ -328,6 +330,16 @@ def _velocity(recording: _Recording) -> _Found | None:
     values[known] = body_to_world.apply(recording.stack(_VELOCITY)[known], inverse=True)
     source = f"{', '.join(_VELOCITY)} [m/s] turned by {names[0]} and so on, the vehicle's estimate"
     return _found(recording, (*_VELOCITY, *names), values, source)
+
+
+def _reference(recording: _Recording) -> _Found | None:
+    """Return the rates that the rate controllers were asked for."""
+    if not recording.has(*_REFERENCE):
+        return None
+    # Positive nose up, as all of pitch in the controller.
+    values = recording.stack(_REFERENCE) * np.array([1.0, -1.0, 1.0]) * _DEGREE
+    roll, pitch, yaw = _REFERENCE
+    return _found(recording, _REFERENCE, values, f"{roll}, -{pitch}, {yaw} [deg/s]")
 
 
 def _turned(recording: _Recording) -> tuple[tuple[str, ...], Float[np.ndarray, "n 4"]] | None:

@@ -40,7 +40,7 @@ _USUAL_STEP: Final = 4e-3
 _FULLEST_COMMAND: Final = 2.0
 """A command beyond this is no fraction of full."""
 
-_VECTORS: Final = ("gyro", "accel", "velocity", "position")
+_VECTORS: Final = ("gyro", "accel", "velocity", "reference", "position")
 _NOT_TO_BE_EMPTY: Final = ("gyro", "accel", "rotor_speed", "command")
 _FEWEST_LEVELS: Final = 16
 _SAMPLES_FOR_RESOLUTION: Final = 50_000

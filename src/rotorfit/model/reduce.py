@@ -1,6 +1,6 @@
 """A flight to its factors, in one pass over the samples and in bounded memory."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -248,6 +248,33 @@ def body_lines(flight: FlightData, *, plan: BandPlan, velocity: bool = False) ->
         )
         for stretch in _stretches(flight, plan)
     )
+
+
+def banded_lines(
+    flight: FlightData,
+    columns: Callable[[int, int], Float[np.ndarray, "n z"]],
+    *,
+    plan: BandPlan,
+) -> Iterator[tuple[Lines, list[tuple[int, int]], Float[np.ndarray, " l"]]]:
+    """Yield lines of any columns, cut and windowed as the blocks of `band_factors` are.
+
+    Parameters
+    ----------
+    flight, plan
+        What is cut, and how.
+    columns
+        From first and last (exclusive) row of a stretch to its columns.
+
+    Yields
+    ------
+    lines, bands, frequency
+        Of a stretch: the lines, first and last (exclusive) of each block, and where they are [Hz].
+    """
+    for stretch in _stretches(flight, plan):
+        bands = _bands(stretch, flight.sample_rate, plan)
+        if bands:
+            lines = _lines(columns(stretch.start, stretch.stop), bands, plan)
+            yield lines, bands, np.arange(len(lines)) * flight.sample_rate / len(stretch)
 
 
 def _stretches(flight: FlightData, plan: BandPlan) -> list[Segment]:

@@ -100,11 +100,14 @@ class Memory(NamedTuple):
         Integrated torque [N m].
     angular_velocity
         Of the last sample [rad/s].
+    asked
+        Body rates that the attitude loop asked for [rad/s].
     """
 
     yaw: float
     trim: Vector
     angular_velocity: Vector
+    asked: Vector
 
 
 def autopilot_of(
@@ -131,7 +134,7 @@ def autopilot_of(
 def trimmed(truth: Truth) -> Memory:
     """Return the memory of an autopilot that has flown this vehicle before: ms x a at hover."""
     x, y, _ = truth.first_moments
-    return Memory(0.0, (y * GRAVITY, -x * GRAVITY, 0.0), (0.0, 0.0, 0.0))
+    return Memory(0.0, (y * GRAVITY, -x * GRAVITY, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @no_type_check
@@ -156,7 +159,7 @@ def control(
     yaw = yaw_of(R) if grounded else memory.yaw + reference.yaw_rate * autopilot.period
     asked = _rates_asked(autopilot, state, R, (roll, pitch, yaw), reference.yaw_rate)
     torque, trim = _rate_loop(autopilot, memory, w, asked)
-    remembered = Memory(yaw, memory.trim if grounded else trim, w)
+    remembered = Memory(yaw, memory.trim if grounded else trim, w, asked)
     if grounded and (reference.landing or reference.throttle == 0.0):
         return np.zeros(len(autopilot.mixer)), remembered
     if grounded:  # wide gear: hold the trim that will be needed at lift-off, and no more

@@ -124,6 +124,7 @@ class _Moment(NamedTuple):
     rotor_speed: Float[np.ndarray, " N"]
     rotor_acceleration: Float[np.ndarray, " N"]
     commanded_speed: Float[np.ndarray, " N"]
+    reference: Vector
     external: Wrench
     airborne: bool
 
@@ -234,7 +235,8 @@ def _fly(
         seen = (state[0] + noise[0], state[1] + noise[1], state[2] + noise[2], *state[3:])
         command, memory = control(machine.autopilot, memory, seen, reference, grounded=grounded)
         commands = [command, *commands[:-1]]
-        moments.append(_moment(machine, state, speeds, commands, before, grounded))
+        asked = memory.asked
+        moments.append(_moment(machine, state, speeds, commands, (before, asked), grounded))
         state, speeds = _advance(machine, state, speeds, commands, (before, after), grounded)
     return moments
 
@@ -264,10 +266,14 @@ def _moment(
     state: State,
     speeds: Float[np.ndarray, " N"],
     commands: list[Float[np.ndarray, " N"]],
-    disturbance: Float[np.ndarray, " 6"],
+    around: tuple[Float[np.ndarray, " 6"], Vector],
     grounded: bool,
 ) -> _Moment:
-    """Return the record of a sample: accelerations under the command that acts from now on."""
+    """Return the record of a sample: accelerations under the command that acts from now on.
+
+    `around`: the disturbing wrench, and the rates that were asked for.
+    """
+    disturbance, asked = around
     body, rotors = machine.body, machine.rotors
     slopes = speed_slopes(rotors, speeds[None], commands[machine.stretches[0].samples_ago])[0]
     (wrench,) = wrenches(rotors, speeds[None], slopes[None], np.zeros((1, 6)))
@@ -279,7 +285,7 @@ def _moment(
         w, v = (state[0], state[1], state[2]), (state[7], state[8], state[9])
         external = with_drag(body, Wrench((fx, fy, fz), (tx, ty, tz)), v, w)
         a, dw = accelerations(body, _sum(wrench, external), w)
-    return _Moment(state, a, dw, speeds, slopes, commands[0], external, not grounded)
+    return _Moment(state, a, dw, speeds, slopes, commands[0], asked, external, not grounded)
 
 
 @no_type_check
@@ -359,6 +365,7 @@ def _assemble(
         rotor_speed=rotor_speed,
         rotor_acceleration=np.array([moment.rotor_acceleration for moment in moments]),
         commanded_speed=np.array([moment.commanded_speed for moment in moments]),
+        reference=np.array([moment.reference for moment in moments]),
         max_speed=machine.autopilot.speed_limits[1],
         external_wrench=np.array(external),
         airborne=np.array([moment.airborne for moment in moments]),

@@ -47,6 +47,8 @@ class SimulatedFlight:
         Magnitude [rad/s], and its time derivative [rad/s^2].
     commanded_speed
         Set at this sample and held until the next [rad/s].
+    reference
+        Body rates that the attitude loop asked the rate loop for [rad/s].
     max_speed
         The speed that a full command asks for [rad/s].
     external_wrench
@@ -77,6 +79,7 @@ class SimulatedFlight:
     rotor_speed: Float[np.ndarray, "n N"]
     rotor_acceleration: Float[np.ndarray, "n N"]
     commanded_speed: Float[np.ndarray, "n N"]
+    reference: Float[np.ndarray, "n 3"]
     max_speed: float
     external_wrench: Float[np.ndarray, "n 6"]
     airborne: Bool[np.ndarray, " n"]

@@ -16,6 +16,7 @@ _COLUMNS: Final[dict[str, tuple[str, ...]]] = {
     "gyro": ("gyro_x", "gyro_y", "gyro_z"),
     "accel": ("accel_x", "accel_y", "accel_z"),
     "velocity": ("vel_x", "vel_y", "vel_z"),
+    "reference": ("ref_x", "ref_y", "ref_z"),
     "position": ("pos_x", "pos_y", "pos_z"),
     "attitude": ("quat_w", "quat_x", "quat_y", "quat_z"),
 }

@@ -17,7 +17,7 @@ from rotorfit.simulation.sensors import at_place
 
 Place = Literal["origin", "imu"]
 LoggedChannel = Literal[
-    "gyro", "accel", "rotor_speed", "command", "velocity", "position", "attitude"
+    "gyro", "accel", "rotor_speed", "command", "velocity", "reference", "position", "attitude"
 ]
 
 POSE = ("position", "attitude")
@@ -159,6 +159,8 @@ def _logged(flight: SimulatedFlight, channel: LoggedChannel) -> Float[np.ndarray
             return flight.command
         case "velocity":
             return flight.velocity_body
+        case "reference":
+            return flight.reference
         case "position":
             return flight.position_measured
         case "attitude":

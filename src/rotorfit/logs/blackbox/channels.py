@@ -23,13 +23,16 @@ GYRO_FIELDS: Final = ("gyroADC", "gyroData")
 ACCEL_FIELDS: Final = ("accUnfiltered", "accADC", "accSmooth")
 ROTOR_FIELDS: Final = ("omegaUnfiltered", "omega")
 BATTERY_FIELDS: Final = ("vbatLatest", "vbat")
+INDIFLIGHT_REFERENCE: Final = "gyroSp"
+REFERENCE_FIELDS: Final = ("setpoint", "axisRate", INDIFLIGHT_REFERENCE)
+"""Betaflight's, INAV's (in the gyro's axes both) and INDIflight's."""
 _OTHER_FIELDS: Final = ("motor", "eRPM", "extPos", "quat", "imuQuaternion")
 MAX_COLUMNS: Final = 12
 """Most rotors; INAV has as many outputs."""
 
 FIELDS: Final = frozenset(
     name
-    for base in (*GYRO_FIELDS, *ACCEL_FIELDS, *ROTOR_FIELDS, *BATTERY_FIELDS, *_OTHER_FIELDS)
+    for base in (*GYRO_FIELDS, *ACCEL_FIELDS, *ROTOR_FIELDS, *BATTERY_FIELDS, *REFERENCE_FIELDS, *_OTHER_FIELDS)
     for name in (base, *(f"{base}[{i}]" for i in range(MAX_COLUMNS)))
 )
 """The fields that make the channels; the others need not be kept."""
@@ -58,6 +61,7 @@ def read_channels(log: BlackboxLog) -> tuple[dict[str, Channel], list[str]]:
         "battery": _battery,
         "position": _position,
         "attitude": _attitude,
+        "reference": _reference,
     }
     channels: dict[str, Channel] = {}
     notes: list[str] = []
@@ -255,3 +259,16 @@ def _attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
     values = np.where(norm > 0, raw / np.maximum(norm, 1), np.nan)
     source = "quat[0..3], FRD to north-east-down turned to FLU to north-west-up, estimate on board"
     return replace(_scaled(time, raw, 1 / QUATERNION_ONE, source), values=values)
+
+
+def _reference(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
+    """Return the angular velocity that was asked for [rad/s], as fine as the gyro is logged."""
+    field = _vector(log, REFERENCE_FIELDS, 3)
+    if field is None:
+        return ""
+    base, raw = field
+    step = 0.1 if log.header.numbers("blackbox_high_resolution") == (1,) else 1.0
+    source = f"{base}[0..2], {step:g} deg/s"
+    if base == INDIFLIGHT_REFERENCE:
+        raw, source = raw * np.array([1, -1, -1]), f"{source}, FRD turned to FLU"
+    return _scaled(time, raw, math.radians(step), source)

@@ -1,4 +1,4 @@
-"""Battery, pose and velocity of a DataFlash log, turned from north-east-down and FRD."""
+"""Battery, pose, velocity and rates asked for of a DataFlash log, turned from north-east-down and FRD."""
 
 from typing import Final
 
@@ -10,11 +10,12 @@ from rotorfit.logs.axes import attitude_from_euler, attitude_to_flu, vectors_to_
 from rotorfit.logs.dataflash.columns import first_label, format_named, has_fields, timed, vector
 from rotorfit.logs.dataflash.messages import Messages
 
-NAMES: Final = ("BAT", "CURR", "VISP", "ATT", "XKF1", "NKF1", "EKF1")
+NAMES: Final = ("BAT", "CURR", "VISP", "ATT", "XKF1", "NKF1", "EKF1", "RATE")
 _ESTIMATES: Final = ("XKF1", "NKF1", "EKF1")
 _VISION_ANGLES: Final = (("Roll", "Pitch", "Yaw"), ("R", "P", "Y"))
 _ANGLES: Final = ("Roll", "Pitch", "Yaw")
 _VELOCITY: Final = ("VN", "VE", "VD")
+_RATES: Final = ("RDes", "PDes", "YDes")
 _DEGREE: Final = np.pi / 180.0
 
 
@@ -79,6 +80,19 @@ def read_velocity(messages: Messages) -> Channel | None:
         source = f"{name}.VN,VE,VD [m/s], turned into the body by its angles"
         return Channel(time=time[first], values=body[first], source=source)
     return None
+
+
+def read_reference(messages: Messages) -> Channel | None:
+    """Return the rates that the rate controllers were asked for, body axes [rad/s]."""
+    found = timed(messages, "RATE", _RATES)
+    if found is None or len(found[0]) == 0:
+        return None
+    time, fields = found
+    # Logs with a clock in milliseconds are of the time of centidegrees.
+    per_degree = 100.0 if has_fields(messages, "RATE", ("TimeMS",)) else 1.0
+    values = vectors_to_flu(vector(fields, _RATES, factor=_DEGREE / per_degree), "FRD")
+    words = f"RATE.RDes,PDes,YDes [{'0.01 ' if per_degree > 1.0 else ''}deg/s], FRD turned to FLU"
+    return Channel(time=time, values=values, source=words)
 
 
 def _to_body(

@@ -168,6 +168,7 @@ def _understood(path: Path) -> _Found:
         "command": command,
         "battery": pose.read_battery(messages),
         "velocity": pose.read_velocity(messages),
+        "reference": pose.read_reference(messages),
         **pose.read_pose(messages),
     }
     channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}

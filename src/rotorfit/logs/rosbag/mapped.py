@@ -12,7 +12,7 @@ from rotorfit.logs.rosbag.clocks import Timing
 from rotorfit.logs.rosbag.stream import Recorded
 from rotorfit.logs.units import conversion
 
-_VECTORS = ("gyro", "accel", "velocity", "position")
+_VECTORS = ("gyro", "accel", "velocity", "reference", "position")
 
 
 def mapped_paths(topic: str, columns: Mapping[str, ColumnSpec]) -> dict[str, tuple[str, ...]]:

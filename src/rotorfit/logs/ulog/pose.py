@@ -1,4 +1,4 @@
-"""Pose from motion capture or vision, body velocity and battery of a PX4 log."""
+"""Pose from motion capture or vision, body velocity, rates asked for and battery of a PX4 log."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,6 +24,7 @@ TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "vehicle_local_position": ("timestamp", "vx", "vy", "vz", "v_xy_valid", "v_z_valid"),
     "vehicle_attitude": ("timestamp", "q"),
+    "vehicle_rates_setpoint": ("timestamp", "roll", "pitch", "yaw"),
     "battery_status": ("timestamp", "voltage_v"),
 }
 """Topics and the fields of them that are used."""
@@ -134,6 +135,17 @@ def _to_body(
     w, v = q[:, :1], -q[:, 1:]
     t = 2.0 * np.cross(v, world)
     return world + w * t + np.cross(v, t)
+
+
+def find_reference(scan: Scan) -> Channel | None:
+    """Return the rates that the rate controller was asked for, body axes [rad/s]."""
+    topic = scan.first("vehicle_rates_setpoint")
+    axes = ("roll", "pitch", "yaw")
+    if topic is None or not all(map(topic.has_number, axes)):
+        return None
+    values = vectors_to_flu(np.stack([topic.column(axis) for axis in axes], axis=1), "FRD")
+    source = f"{topic.label}.roll/pitch/yaw, FRD turned to FLU"
+    return Channel(time=topic.time, values=values, source=source)
 
 
 def find_battery(scan: Scan) -> Channel | None:

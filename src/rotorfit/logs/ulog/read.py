@@ -91,6 +91,7 @@ def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
         "command": command.channel,
         "battery": pose.find_battery(scan),
         "velocity": pose.find_velocity(scan),
+        "reference": pose.find_reference(scan),
         **posed,
     }
     scan = scan.without(pose.TOPICS)

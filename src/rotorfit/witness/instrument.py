@@ -1,0 +1,141 @@
+r"""The response of an axis by what was asked for: an instrumental variable, and its test.
+
+The rotors make the angular acceleration u by the model, and y = beta u + e is measured, with beta =
+1 where the model is right. An autopilot answers the disturbances e by the rotors, so that u holds
+some of them and least squares,
+
+.. math:: \beta_{LS} = 1 + \sum w \Re(\bar u e) \Big/ \sum w |u|^2,
+
+is pulled. What pilot or mission asked for, r, knows nothing of e. In each block of lines
+(frequency band of a stretch) u follows c r, with c a gain and a phase of the loop, and
+
+.. math:: \beta = 1 + \sum w \Re(\bar{\hat u} e) \Big/ \sum w \Re(\bar{\hat u} u), \qquad
+    \hat u_i = c_{-i} r_i,
+
+has no pull: two-stage least squares (Soderstrom and Stoica, System Identification, 1989, chapter 8;
+IDIM-IV of Janot, Vandanjon and Gautier, IEEE Trans. Control Systems Technology 22(1), 2014). c_{-i}
+is found without the line i, or its own e would come back through it (JIVE1 of Angrist, Imbens and
+Krueger, J. Applied Econometrics 14, 1999): c_{-i} r_i = (c r_i - h_i u_i) / (1 - h_i) with h_i =
+|r_i|^2 / sum |r|^2. w is one over the mean square of e in the block.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+from scipy import stats
+
+PASSED_ON: Final = 0.5
+"""Share of the pull of least squares that a reference may still have: the rates that an attitude
+loop asks for answer disturbances too. On simulated flights in gusts a fifth to a third is left, and
+nothing with the pilot's sticks themselves."""
+LEAST_FREE: Final = 0.25
+"""Of the variance of a difference, as a share of the instrument's own (Hausman)."""
+FEWEST_LINES: Final = 20
+MOST_LEVERAGE: Final = 0.9
+"""Of one line in its block, whose gain is not told without it."""
+_TINY: Final = float(np.finfo(float).tiny)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instrumented:
+    """The response of an axis over the model's.
+
+    Attributes
+    ----------
+    ratio
+        By the instrument.
+    plain
+        By least squares, pulled by what the autopilot answers.
+    std
+        Of the ratio, by chance.
+    apart_std
+        Of what the ratio differs from that of an efficient estimate by chance.
+    """
+
+    ratio: float
+    plain: float
+    std: float
+    apart_std: float
+
+    @property
+    def passed_on(self) -> float:
+        """How much of the pull an attitude loop may have put into the reference."""
+        return PASSED_ON * abs(self.plain - self.ratio)
+
+    @property
+    def half_width(self) -> float:
+        """Of the ratio's 95 % interval."""
+        return float(np.hypot(1.96 * self.std, self.passed_on))
+
+    def contradicts(self, unlikely: float) -> bool:
+        """Return whether the ratio differs from 1 beyond chance (Durbin, Wu, Hausman).
+
+        Parameters
+        ----------
+        unlikely
+            Probability by chance, under which it does.
+        """
+        beyond = abs(self.ratio - 1.0) - self.passed_on
+        return beyond > float(stats.norm.isf(0.5 * unlikely)) * self.apart_std
+
+
+def instrumented(
+    reference: Complex[np.ndarray, " l"],
+    predicted: Complex[np.ndarray, " l"],
+    error: Complex[np.ndarray, " l"],
+    *,
+    block: Int[np.ndarray, " l"],
+) -> Instrumented | None:
+    """Return the response by an instrument; None where it does not tell.
+
+    Parameters
+    ----------
+    reference
+        Lines of what was asked for, in any unit.
+    predicted
+        Lines of what the rotors make by the model [rad/s^2].
+    error
+        Lines of what was measured less all that the model has [rad/s^2].
+    block
+        Which block each line is of.
+    """
+    power = _sums(np.abs(reference) ** 2, block)
+    h = np.abs(reference) ** 2 / np.maximum(power, _TINY)
+    told = (power > 0.0) & (h < MOST_LEVERAGE)
+    reference, predicted, error, h = (x[told] for x in (reference, predicted, error, h))
+    block = block[told]
+    if len(block) < FEWEST_LINES:
+        return None
+    c = _sums(reference.conj() * predicted, block) / power[told]
+    follows = (c * reference - h * predicted) / (1.0 - h)
+    count = _sums(np.ones(len(block)), block)
+    w = count / np.maximum(_sums(np.abs(error) ** 2, block), _TINY)
+    told_by = float((w * (follows.conj() * predicted).real).sum())
+    if told_by <= 0.0:
+        return None
+    off = float((w * (follows.conj() * error).real).sum()) / told_by
+    plain = w * np.abs(predicted) ** 2
+    pull = float((w * (predicted.conj() * error).real).sum()) / float(plain.sum())
+    asked = w * (follows.conj() * (error - off * predicted)).real / told_by
+    formal = 0.5 * float((w * np.abs(follows) ** 2).sum()) / told_by**2
+    variance = max(formal, float((asked**2).sum()), _of_blocks(asked, block))
+    left = max(variance - 0.5 / float(plain.sum()), LEAST_FREE * variance)
+    return Instrumented(
+        ratio=1.0 + off, plain=1.0 + pull, std=variance**0.5, apart_std=left**0.5
+    )
+
+
+def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:
+    """Return for every line the sum over its block."""
+    total = np.zeros(int(block.max(initial=-1)) + 1, dtype=values.dtype)
+    np.add.at(total, block, values)
+    return total[block]
+
+
+def _of_blocks(asked: Float[np.ndarray, " l"], block: Int[np.ndarray, " l"]) -> float:
+    """Return the variance by the scatter of whole blocks: what their lines have in common."""
+    sums = np.bincount(block, weights=asked)
+    count = len(np.unique(block))
+    return float((sums**2).sum()) * count / max(count - 1, 1)
