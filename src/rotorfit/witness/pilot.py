@@ -54,7 +54,7 @@ def with_pilot(
         doubts += [
             _sentence(name, axis, one)
             for axis, one in told.items()
-            if one.contradicts(UNLIKELY) and _outside(one, numbers, f"{RESPONSES[axis]}@{name}")
+            if one.contradicts(UNLIKELY) and _matters(one, numbers, f"{RESPONSES[axis]}@{name}")
         ]
     return dataclasses.replace(
         tables,
@@ -79,10 +79,10 @@ def _axes(lines: ReferenceLines) -> dict[str, Instrumented]:
     return found
 
 
-def _outside(one: Instrumented, numbers: Numbers, name: str) -> bool:
-    """Return whether the ratio is outside the interval that the number has in any case."""
+def _matters(one: Instrumented, numbers: Numbers, name: str) -> bool:
+    """Return whether the number would move by more than half of its interval's half-width."""
     value, half = numbers.number(name)
-    return abs(one.ratio - 1.0) * abs(value) > half
+    return 2.0 * abs(one.ratio - 1.0) * abs(value) > half
 
 
 def _sentence(name: str, axis: str, one: Instrumented) -> str:
