@@ -223,3 +223,18 @@ def test_inav_is_not_told_to_enable_what_it_does_not_have(tmp_path):
     log = log_of(tmp_path, vector("motor", [1535]), **{"Firmware revision": "INAV 7.1.0 (abc) F7"})
     [note] = [note for note in log.notes if note.startswith("no rotor_speed")]
     assert "INAV to 9 has no bidirectional DSHOT" in note and "enable" not in note
+
+
+@pytest.mark.parametrize(
+    ("field", "entries", "asked"),
+    [
+        ("setpoint", {}, [100, -50, 7]),
+        ("setpoint", {"blackbox_high_resolution": "1"}, [10, -5, 0.7]),
+        ("axisRate", {"Firmware revision": "INAV 7.1.0 (abc) TEST"}, [100, -50, 7]),
+        ("gyroSp", {**INDIFLIGHT, "blackbox_high_resolution": "1"}, [10, 5, -0.7]),
+    ],
+)
+def test_what_was_asked_for_has_the_axes_of_the_gyro(tmp_path, field, entries, asked):
+    """INDIflight alone asks in FRD."""
+    log = log_of(tmp_path, vector(field, [0, 100], [0, -50], [0, 7]), **entries)
+    assert log.channels["reference"].values[1] == pytest.approx(np.radians(asked))

@@ -91,6 +91,18 @@ def test_every_byte_of_the_logs_is_accounted_for(flight_data_dir, name):
     assert (np.diff(time) > 0).all()
 
 
+def followed(log):
+    """Return how the gyro goes with what was asked for 60 ms before, in flight, axis by axis."""
+    gyro, asked = (log.channels[name] for name in ("gyro", "reference"))
+    steps = round(0.06 / np.median(np.diff(gyro.time)))
+    wide = np.ones(2 * steps) / (2 * steps)
+    flying = log.channels["command"].values.mean(axis=1) > 0.15
+    flying[-steps:] = False
+    for k in range(3):
+        one, other = (np.convolve(c.values[:, k], wide, "same") for c in (asked, gyro))
+        yield np.corrcoef(one[flying], np.roll(other, -steps)[flying])[0, 1]
+
+
 def test_channels_of_indiflight(flight_data_dir):
     log = read_blackbox(flight_data_dir / INDIFLIGHT[0])
     assert log.seconds == pytest.approx(32.937376)
@@ -101,10 +113,12 @@ def test_channels_of_indiflight(flight_data_dir):
         "command",
         "position",
         "attitude",
+        "reference",
     ]
     assert log.channels["rotor_speed"].values.shape == (16612, 4)
     assert log.channels["rotor_speed"].source == "omegaUnfiltered[0..3], rad/s"
     assert log.channels["gyro"].resolution == pytest.approx(np.radians(0.1))
+    assert all(0.6 < at < 1.0 for at in followed(log))
     still = log.channels["accel"].values[:400].mean(axis=0)
     assert still == pytest.approx([0, 0, 9.6], abs=0.7)
     assert log.metadata["Firmware revision"] == "Indiflight 5.0.0 (ae0775a84) STM32H743"
@@ -119,7 +133,8 @@ def test_channels_of_betaflight(flight_data_dir):
     assert np.median(log.channels["rotor_speed"].values[:, 0]) == pytest.approx(2178.17, abs=0.01)
     assert "Log start datetime" not in log.metadata  # the clock was not set
     commanded = read_blackbox(flight_data_dir / "betaflight/LOG00037.BFL")
-    assert list(commanded.channels) == ["gyro", "accel", "command", "battery"]
+    assert list(commanded.channels) == ["gyro", "accel", "command", "battery", "reference"]
+    assert all(0.8 < at < 1.0 for at in followed(commanded))
     assert commanded.metadata["Craft name"] == "AR8"
 
 

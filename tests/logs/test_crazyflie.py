@@ -426,3 +426,11 @@ def test_velocity_is_turned_into_the_body(tmp_path, euler):
 def test_without_attitude_a_velocity_of_the_world_is_none_of_the_body(tmp_path):
     names = [*(f"stateEstimate.v{a}" for a in "xyz"), "pm.vbat"]
     assert "velocity" not in flown(tmp_path, names, [(0.1, 0.2, 0.3, 3.7)] * 20).channels
+
+
+def test_rates_asked_for_are_turned_nose_down(tmp_path):
+    """The firmware asks for pitch positive nose up."""
+    names = [f"controller.{axis}Rate" for axis in ("roll", "pitch", "yaw")]
+    log = flown(tmp_path, names, [(90.0, 45.0, -30.0)] * 20)
+    asked = np.radians([90.0, -45.0, -30.0])
+    np.testing.assert_allclose(log.channels["reference"].values[3], asked, rtol=1e-6)

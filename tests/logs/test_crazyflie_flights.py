@@ -63,7 +63,7 @@ def test_the_motors_of_arplab_turn_the_vehicle_as_flu_axes_say(flight_data_dir):
 def test_controller_logs_of_crazypad(flight_data_dir, name):
     log = read_log(flight_data_dir / "crazypad" / f"controller_data__{name}")
     assert (log.format, log.warnings) == ("crazyflie", ())
-    assert list(log.channels) == ["gyro", "command", "position"]
+    assert list(log.channels) == ["gyro", "command", "position", "reference"]
     assert len(log.channels["gyro"].time) == CONTROLLER[name]
     assert log.seconds == pytest.approx(25.73, abs=0.04)
     assert any("controller.accelz alone is no specific force" in note for note in log.notes)
@@ -75,6 +75,14 @@ def test_controller_logs_of_crazypad(flight_data_dir, name):
     for axis, torque in enumerate([PLACES[:, 1], -PLACES[:, 0]]):
         turn = np.gradient(gyro[:, axis])[flying]
         assert np.corrcoef((late @ torque)[flying], turn)[0, 1] > 0.3
+    # And the rates that were asked for; those of yaw jump where its angle does.
+    smooth = np.ones(20) / 20
+    asked = np.clip(log.channels["reference"].values, -1.0, 1.0)
+    for axis, (steps, least) in enumerate(((3, 0.5), (5, 0.5), (20, 0.2))):
+        follows = [np.convolve(x[:, axis], smooth, "same") for x in (asked, gyro)]
+        later = flying & np.roll(flying, -steps)
+        at = np.corrcoef(follows[0][later], np.roll(follows[1], -steps)[later])[0, 1]
+        assert at > least, axis
 
 
 @pytest.mark.parametrize("name", MOTOR)

@@ -296,6 +296,16 @@ def test_velocity_is_turned_into_the_body(tmp_path):
     np.testing.assert_allclose(found.channels["velocity"].values[0], [4.0, 0.0, -1.0], atol=1e-12)
 
 
+@pytest.mark.parametrize(("clock", "per_degree"), [("TimeUS", 1.0), ("TimeMS", 100.0)])
+def test_rates_asked_for_are_turned_to_flu(tmp_path, clock, per_degree):
+    """In centidegrees, where the clock is one of milliseconds."""
+    rate = Kind(190, "RATE", "Qfff" if clock == "TimeUS" else "Ifff", f"{clock},RDes,PDes,YDes")
+    asked = [per_degree * x for x in (90.0, 45.0, -30.0)]
+    found = read(tmp_path, [message(rate, 5, *asked)] * 2, kinds=(*KINDS, rate))
+    flu = np.radians([90.0, -45.0, 30.0])
+    np.testing.assert_allclose(found.channels["reference"].values[0], flu, rtol=1e-6)
+
+
 def test_velocity_is_that_of_the_first_core_of_the_newest_estimator(tmp_path):
     labels = "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD"
     kinds = [Kind(190 + n, name, "QBccCfff", labels) for n, name in enumerate(("XKF1", "NKF1"))]

@@ -69,6 +69,7 @@ def test_what_is_read_of_it(path):
         "command": 11_916,
         "battery": 2384,
         "velocity": 2383,
+        "reference": 2383,
         "attitude": 2383,
     }
     accel = log.channels["accel"]

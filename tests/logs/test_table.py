@@ -30,7 +30,7 @@ def flight(n=50, *, seed=0):
     quaternion = rng.standard_normal((4, n))
     quaternion /= np.linalg.norm(quaternion, axis=0)
     columns = {"time": 10 + np.arange(n) / 250}
-    for name in ("gyro", "accel", "vel", "pos"):
+    for name in ("gyro", "accel", "vel", "ref", "pos"):
         columns |= {f"{name}_{axis}": rng.standard_normal(n) for axis in AXES}
     columns |= {f"rotor_{i}": rng.uniform(400, 900, n) for i in (1, 2, 3, 4)}
     columns |= {f"command_{i}": rng.uniform(0, 1, n) for i in (1, 2, 3, 4)}
@@ -73,7 +73,8 @@ def test_csv_reads_back_every_channel_to_the_last_bit(tmp_path):
     write_table(path, columns)
     log = read_table(path)
     assert set(log.channels) == set(CHANNELS)
-    for channel, stem in [("gyro", "gyro"), ("accel", "accel"), ("velocity", "vel")]:
+    stems = {"gyro": "gyro", "accel": "accel", "velocity": "vel", "reference": "ref"}
+    for channel, stem in stems.items():
         expected = stacked(columns, *(f"{stem}_{axis}" for axis in AXES))
         np.testing.assert_array_equal(log.channels[channel].values, expected)
     rotors = stacked(columns, "rotor_1", "rotor_2", "rotor_3", "rotor_4")

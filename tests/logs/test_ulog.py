@@ -369,6 +369,14 @@ def test_an_attitude_that_is_none_is_nan(tmp_path):
     assert np.flatnonzero(np.isnan(attitude[:, 0])).tolist() == [3, 5]
 
 
+def test_rates_asked_for_are_turned_to_flu(tmp_path):
+    asked = Logged(
+        name="vehicle_rates_setpoint", time=TIME, fields={"roll": 0.5, "pitch": 0.25, "yaw": -1.0}
+    )
+    values = read(tmp_path, IMU, asked).channels["reference"].values
+    np.testing.assert_allclose(values, np.tile([0.5, -0.25, 1.0], (N, 1)), rtol=1e-6)
+
+
 def test_velocity_that_the_autopilot_does_not_know_is_nan(tmp_path):
     valid = np.arange(N) >= 50
     place = Logged(

@@ -66,6 +66,7 @@ def test_the_hover_is_read(folder):
         "accel": (20236, 3),
         "command": (926, 4),
         "battery": (464, 1),
+        "reference": (4625, 3),
     }
     assert log.seconds == pytest.approx(92.4755, abs=1e-3)
     flying = (log.channels["accel"].time > 112) & (log.channels["accel"].time < 194)

@@ -72,6 +72,7 @@ FORMATS = {
     "actuator_armed": ACTUATOR_ARMED,
     "vehicle_land_detected": LAND_DETECTED,
     "battery_status": BATTERY_STATUS,
+    "vehicle_rates_setpoint": "uint64_t timestamp;float roll;float pitch;float yaw;",
     "vehicle_local_position": LOCAL_POSITION,
     "vehicle_attitude": ATTITUDE,
     "vehicle_mocap_odometry": ODOMETRY,

@@ -18,6 +18,7 @@ from rotorfit.model.reduce import (
     BandPlan,
     LowPass,
     band_factors,
+    banded_lines,
     merged_bands,
     split_segment,
     time_factors,
@@ -205,6 +206,23 @@ def test_all_lines_together_obey_parseval(n):
     got = F.total.T @ F.total
     assert np.abs((got - expected) / np.outer(size, size)).max() < 1e-12
     assert F.rows.sum() == 2 * (n // 2 + 1) - 1
+
+
+def test_lines_of_any_columns_are_those_of_the_blocks():
+    """A log cut in two: the lines of every block, real and imaginary, have its Gram matrix."""
+    whole = flight(1700)
+    parts = (Segment(start=0, stop=900), Segment(start=900, stop=1700))
+    data, plan = replace(whole, segments=parts), BandPlan(edges=(0.0, 1.0, 4.0, 8.0))
+    F = band_factors(data, VEHICLE, plan=plan)
+    found = banded_lines(data, lambda start, stop: dense(data, start, stop), plan=plan)
+    blocks = [
+        (lines[a:b], frequency[[a, b - 1]]) for lines, bands, frequency in found for a, b in bands
+    ]
+    assert len(blocks) == len(F) == 6
+    for R, band, (lines, ends) in zip(F.R, F.band, blocks, strict=True):
+        np.testing.assert_allclose(ends, band, rtol=1e-12)
+        if band[0] > 0.0:
+            assert_same_gram(R, np.concatenate([lines.real, lines.imag]))
 
 
 def test_a_band_holds_its_lines_and_no_others():

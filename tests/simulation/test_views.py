@@ -97,18 +97,20 @@ def test_log_in_memory_has_the_measured_channels(rough_flight):
 
 
 def test_table_holds_the_flight_to_twelve_digits(rough_flight):
-    channels = ("gyro", "accel", "rotor_speed", "command", "velocity", "position", "attitude")
+    channels = ("gyro", "accel", "rotor_speed", "command", "velocity", "reference")
+    channels += ("position", "attitude")
     rows = list(csv.reader(StringIO(flight_table(rough_flight, channels=channels))))
     numbers = [f"rotor_{i}" for i in range(1, 7)] + [f"command_{i}" for i in range(1, 7)]
     assert rows[0] == [
         *("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", *numbers),
-        *("vel_x", "vel_y", "vel_z", "pos_x", "pos_y", "pos_z"),
+        *("vel_x", "vel_y", "vel_z", "ref_x", "ref_y", "ref_z", "pos_x", "pos_y", "pos_z"),
         *("quat_w", "quat_x", "quat_y", "quat_z"),
     ]
     values = dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
     np.testing.assert_allclose(values["time"], rough_flight.time, atol=1e-12)
     np.testing.assert_allclose(values["accel_z"], rough_flight.accel[:, 2], rtol=1e-11)
     np.testing.assert_allclose(values["rotor_6"], rough_flight.rotor_speed[:, 5], rtol=1e-11)
+    np.testing.assert_allclose(values["ref_y"], rough_flight.reference[:, 1], atol=1e-11)
     np.testing.assert_allclose(values["quat_x"], rough_flight.attitude_wxyz[:, 1], atol=1e-11)
 
 

@@ -35,7 +35,9 @@ LEAST_FREE: Final = 0.25
 FEWEST_LINES: Final = 20
 MOST_LEVERAGE: Final = 0.9
 """Of one line in its block, whose gain is not told without it."""
-_TINY: Final = float(np.finfo(float).tiny)
+EXACT: Final = 1e-12
+"""Least power of the errors, over that of the prediction: a simulation may have none."""
+_TINY: Final = 1e-200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,20 +113,19 @@ def instrumented(
     c = _sums(reference.conj() * predicted, block) / power[told]
     follows = (c * reference - h * predicted) / (1.0 - h)
     count = _sums(np.ones(len(block)), block)
-    w = count / np.maximum(_sums(np.abs(error) ** 2, block), _TINY)
-    told_by = float((w * (follows.conj() * predicted).real).sum())
-    if told_by <= 0.0:
+    power = np.abs(error) ** 2 + EXACT * np.abs(predicted) ** 2
+    w = count / np.maximum(_sums(power, block), _TINY)
+    told_by = float(w @ np.real(follows.conj() * predicted))
+    if not told_by > 0.0:
         return None
-    off = float((w * (follows.conj() * error).real).sum()) / told_by
+    off = float(w @ np.real(follows.conj() * error)) / told_by
     plain = w * np.abs(predicted) ** 2
-    pull = float((w * (predicted.conj() * error).real).sum()) / float(plain.sum())
-    asked = w * (follows.conj() * (error - off * predicted)).real / told_by
-    formal = 0.5 * float((w * np.abs(follows) ** 2).sum()) / told_by**2
+    pull = float(w @ np.real(predicted.conj() * error)) / float(plain.sum())
+    asked = w * np.real(follows.conj() * (error - off * predicted)) / told_by
+    formal = 0.5 * float(w @ np.abs(follows) ** 2) / told_by**2
     variance = max(formal, float((asked**2).sum()), _of_blocks(asked, block))
     left = max(variance - 0.5 / float(plain.sum()), LEAST_FREE * variance)
-    return Instrumented(
-        ratio=1.0 + off, plain=1.0 + pull, std=variance**0.5, apart_std=left**0.5
-    )
+    return Instrumented(ratio=1.0 + off, plain=1.0 + pull, std=variance**0.5, apart_std=left**0.5)
 
 
 def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The lines of a flight's spectrum that an instrument needs: what was asked for, made and missed."""
+"""Spectral lines of a flight that an instrument needs: what was asked for, made and missed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -32,7 +32,14 @@ MAX_COLUMNS: Final = 12
 
 FIELDS: Final = frozenset(
     name
-    for base in (*GYRO_FIELDS, *ACCEL_FIELDS, *ROTOR_FIELDS, *BATTERY_FIELDS, *REFERENCE_FIELDS, *_OTHER_FIELDS)
+    for base in (
+        *GYRO_FIELDS,
+        *ACCEL_FIELDS,
+        *ROTOR_FIELDS,
+        *BATTERY_FIELDS,
+        *REFERENCE_FIELDS,
+        *_OTHER_FIELDS,
+    )
     for name in (base, *(f"{base}[{i}]" for i in range(MAX_COLUMNS)))
 )
 """The fields that make the channels; the others need not be kept."""

@@ -1,4 +1,4 @@
-"""Battery, pose, velocity and rates asked for of a DataFlash log, turned from north-east-down and FRD."""
+"""Battery, pose, velocity and rates asked for of a DataFlash log, turned from NED and FRD."""
 
 from typing import Final
 
