@@ -308,7 +308,9 @@ def test_after_a_flight_it_says_what_is_missing_and_what_fixes_it(after_rolling,
     missing = {m.name: m for m in planned.missing}
     assert {"kd", "Iyy", "Izz"} <= missing.keys()
     assert "Ixx" not in missing
-    assert missing["msz"].manoeuvre == "wiggles"  # and the result's own advice says the same
+    assert missing["msz"].manoeuvre == "wiggles"
+    advised = {p.name: p.advice for p in after_rolling.parameters}
+    assert all(m.advice == advised[m.name] for m in planned.missing)
     assert "wiggle roll and pitch" in after_rolling.parameter("msz", "A").advice
     assert missing["kd"].manoeuvre == "turns"
     assert missing["kd"].predicted == "identified"

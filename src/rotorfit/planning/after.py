@@ -16,7 +16,7 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import WANTABLE
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
-from rotorfit.results.verdicts import judge
+from rotorfit.results.verdicts import ADVISED, FLOWN, WEAK, judge, motion_for
 from rotorfit.simulation.manoeuvres import Manoeuvre
 
 SAME_PLACE: Final = 1e-3
@@ -90,6 +90,8 @@ class Missing:
         Half of the interval predicted after 20 s of it, over the value (or its scale).
     predicted
         The verdict then.
+    advice
+        What to do, in the words of the result.
     """
 
     name: str
@@ -97,6 +99,7 @@ class Missing:
     manoeuvre: Manoeuvre | None
     relative: float
     predicted: Verdict
+    advice: str
 
 
 def check_same_vehicle(result: IdentificationResult, vehicle: Vehicle) -> None:
@@ -231,16 +234,32 @@ def _missing(
         value, half = numbers.number(name)
         scale = number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
         relative[manoeuvre] = half / max(abs(value), scale)
-    least = min(relative.values())
-    good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
-    verdict = judge(1.0, least, scale=0.0, axis="yaw").verdict
+    manoeuvre = _helpful(parameter, relative)
+    verdict = judge(1.0, relative[manoeuvre], scale=0.0, axis="yaw").verdict
+    own = parameter.advice
+    if own is not None and own not in FLOWN.values():  # not for want of a manoeuvre
+        chosen, advice = None, own
+    elif verdict == "not-identified":
+        chosen, advice = None, "no manoeuvre alone; see the plan"
+    else:
+        chosen, advice = manoeuvre, FLOWN[manoeuvre]
     return Missing(
         name=parameter.name,
         verdict=parameter.verdict,
-        manoeuvre=None if verdict == "not-identified" else good[0],
-        relative=least,
+        manoeuvre=chosen,
+        relative=relative[manoeuvre],
         predicted=verdict,
+        advice=advice,
     )
+
+
+def _helpful(parameter: Parameter, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
+    """Return what the result advises where that is enough or as good as any, else the best."""
+    least = min(relative.values())
+    good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
+    advised = ADVISED.get(motion_for(parameter.name))
+    enough = advised is not None and relative[advised] <= max(WEAK, AS_GOOD * least)
+    return advised if advised is not None and enough else good[0]
 
 
 def _information(

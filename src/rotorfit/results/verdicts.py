@@ -7,6 +7,7 @@ from typing import Final
 from rotorfit.fit.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR
 from rotorfit.results.numbers import Verdict
+from rotorfit.simulation.manoeuvres import Manoeuvre
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""
@@ -15,13 +16,31 @@ HOPELESS = 1.0
 HOPELESS_YAW = 0.5
 """The same where little but disturbances moves yaw: their pull is one-sided."""
 
-ADVICE = {
+FLOWN: Final[Mapping[Manoeuvre, str]] = {
+    "hover": "hover, hands off",
     "roll": "roll briskly: 20 s of quick left-right rolls, one or two a second",
     "pitch": "pitch briskly: 20 s of quick nods forward and back, one or two a second",
-    "yaw": "yaw while rolling: fly 20 s of alternating turns",
-    "force": "climb and sink: 20 s of gentle thrust steps",
-    "place": "yaw while rolling and nodding: fly 20 s of alternating turns",
-    "height": "wiggle roll and pitch quickly, once or twice a second, for 20 s",
+    "yaw": "yaw left and right, 20 s",
+    "climb": "climb and sink: 20 s of gentle thrust steps",
+    "sticks": "move all sticks at once, 20 s",
+    "doublets": "kick and counter-kick roll, pitch and yaw, with pauses, 20 s",
+    "wiggles": "wiggle roll and pitch quickly, once or twice a second, in slow turns, for 20 s",
+    "turns": "yaw while rolling: fly 20 s of alternating turns",
+}
+"""What a pilot is asked to fly, in the words of results and of plans."""
+
+ADVISED: Final[Mapping[str, Manoeuvre]] = {
+    "roll": "roll",
+    "pitch": "pitch",
+    "yaw": "turns",
+    "force": "climb",
+    "place": "turns",
+    "height": "wiggles",
+}
+"""The manoeuvre that shows most of a motion."""
+
+ADVICE: Final[Mapping[str, str]] = {
+    **{motion: FLOWN[manoeuvre] for motion, manoeuvre in ADVISED.items()},
     "air": "fly fast to and fro along every axis, 20 s",
     "scale": "nothing in the yaw equation fixes the scale; a measured Izz, or an estimate from "
     "all equations at once, would",
