@@ -1,6 +1,7 @@
 """What inspect says of one log: one screen of text, JSON, or a page."""
 
 import textwrap
+from collections.abc import Sequence
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, Final
 from rotorfit.checks.gravity import GravitySeen
 from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.flight.rotor_telemetry import Telemetry
+from rotorfit.inspection.frequency_sweep import AXES, Sweep
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
@@ -121,6 +123,7 @@ def flight_words(report: LogReport) -> list[str]:
         worst = max(v.level for v in report.vibration)
         verdict = next(name for level, name in SHAKES if worst >= level)
         words.append(f"vibration {levels}: {verdict}")
+    words += sweep_words(report.sweeps)
     words += lateness_words(report)
     words += [*telemetry_words(report.telemetry), *gravity_words(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
@@ -129,6 +132,17 @@ def flight_words(report: LogReport) -> list[str]:
             "and spins, neither the length of the arms nor the shape of the frame; measure them"
         )
     return words
+
+
+def sweep_words(sweeps: Sequence[Sweep]) -> list[str]:
+    """Return which axes an autopilot swept, and which are still to be."""
+    if not sweeps:
+        return []
+    flown = {sweep.axis for sweep in sweeps}
+    missing = [axis for axis in AXES if axis not in flown]
+    listed = "; ".join(sweep.words() for sweep in sweeps)
+    words = f"frequency sweeps (ArduPilot's SystemID mode, Betaflight's chirp): {listed}"
+    return [f"{words}; sweep {' and '.join(missing)}, too" if missing else words]
 
 
 def lateness_words(report: LogReport) -> list[str]:

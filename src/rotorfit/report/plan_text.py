@@ -8,6 +8,7 @@ from rotorfit.planning.candidate import Candidate
 from rotorfit.planning.plan import FlightPlan
 from rotorfit.planning.wanted import WANTABLE
 from rotorfit.report.plan_words import (
+    SWEEPS,
     TITLES,
     digits,
     flown_words,
@@ -141,7 +142,7 @@ def _steps(plan: FlightPlan, width: int) -> list[str]:
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
-    return lines
+    return [*lines, *_wrapped(width, SWEEPS)]
 
 
 def _table(plan: FlightPlan, width: int) -> list[str]:
