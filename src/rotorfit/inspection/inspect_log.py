@@ -1,4 +1,4 @@
-"""Everything that one log could tell: channels, airborne part, motors, gravity, prospects."""
+"""Everything that one log can show: channels, airborne part, motors, gravity, prospects."""
 
 import warnings
 from dataclasses import dataclass, field, replace
@@ -75,7 +75,7 @@ class LogReport:
 def inspect_log(
     log: FlightLog, *, airframe: Path | None = None, entry: FlightEntry | None = None
 ) -> LogReport:
-    """Return what a log holds and lacks, which part of it is flight, and what that could tell."""
+    """Return what a log holds and lacks, which part of it is flight, and what that can show."""
     channels = {
         name: channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
     }

@@ -69,12 +69,12 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
         ("Recording", recording_words(report)),
         ("Flight", flight_words(report)),
         (
-            "What this flight tells" if report.verdicts else "What this flight could tell",
+            "What this flight shows" if report.verdicts else "What this flight can show",
             # Verdicts are what the prospects only foresee.
             [*(report.verdicts or prospect_words(report.prospects)), *report.not_judged],
         ),
         ("To know", list(report.trouble)),
-        ("To set before the next flight", setting_words(report)),
+        ("Settings to change", setting_words(report)),
     ]
     return [(title, words) for title, words in found if words]
 
@@ -207,7 +207,7 @@ def _plus_minus(found: GravitySeen) -> str:
 
 
 def prospect_words(found: Prospects | None) -> list[str]:
-    """Return in words which parameters the motion could tell."""
+    """Return in words which parameters the motion can show."""
     if found is None:
         return []
     return [_thrust_words(found), *(_axis_words(axis, found.thrust) for axis in found.excitation)]
@@ -252,20 +252,23 @@ def _axis_words(axis: Excitation, thrust: Thrust) -> str:
         "roughly": f"{what} roughly{others and f', {others} less surely'}: {_reason(axis, thrust)}",
         "not": f"{what}{others and f', {others}'} cannot be found: {_reason(axis, thrust)}",
     }[axis.prospect]
-    return f"{axis.axis}: {short(axis.turning)} rad/s^2, motors explain {rho} x the rest: {verdict}"
+    return (
+        f"{axis.axis}: {short(axis.turning)} rad/s^2, signal-to-noise {rho} "
+        f"(need {LEAST_EXCITATION:.0f}): {verdict}"
+    )
 
 
 def _reason(axis: Excitation, thrust: Thrust) -> str:
     """Return why the number of an axis is not found well."""
     if axis.rho < LEAST_EXCITATION:
         return (
-            "the motors explain too little of the motion"
+            "noise and disturbances hide the motion"
             if axis.prospect == "not"
-            else "disturbances are not small against this motion"
+            else "disturbances count beside this motion"
         )
     if axis.axis != "yaw" and thrust.prospect != "well":
         return "no better than kt"
-    return "too little of this motion"
+    return "fly more of this motion"
 
 
 def short(value: float) -> str:
@@ -305,7 +308,7 @@ def _channel_lines(c: ChannelReport, width: int) -> list[str]:
 def _spans(spans: tuple[tuple[float, float], ...]) -> str:
     if not spans:
         # The autopilot's own account may well know of a flight.
-        return "not found from motors and IMU, why stands below"
+        return "not found from motors and IMU; the reason is below"
     total = sum(end - start for start, end in spans)
     if len(spans) > MOST_SPANS:
         first, last = spans[0][0], spans[-1][1]

@@ -105,10 +105,7 @@ def judge(
     if hopeless:
         reason = "the interval is wider than the value itself"
     if little:
-        reason = (
-            f"the {axis} response to the rotors is only {excitation:.1f} times what they do not "
-            f"explain (at least {LEAST_EXCITATION:.0f} is needed)"
-        )
+        reason = f"signal-to-noise {excitation:.1f} in {axis} (need {LEAST_EXCITATION:.0f})"
     return Judgement(
         verdict="not-identified" if hopeless else "weak", reason=reason, advice=ADVICE[axis]
     )
