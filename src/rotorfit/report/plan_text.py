@@ -112,9 +112,13 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
         return []
     if not plan.missing:
         return ["Still missing: nothing; every number of the result is identified."]
-    lines = ["Still missing, and what fixes each:"]
+    lines = textwrap.wrap(
+        "Still missing, and what fixes each (the advice of identify, or what does better for this "
+        "vehicle):",
+        width,
+    )
     for missing in plan.missing:
-        head = f"  {missing.name:<11} {missing.verdict:<15}"
+        head = f"  {missing.name:<14} {missing.verdict:<15}"
         lines += textwrap.wrap(
             _missing_words(missing),
             width,

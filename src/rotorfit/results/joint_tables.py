@@ -102,8 +102,8 @@ def _judgements(
         if base in HEIGHTS and not np.isfinite(numbers.number(name)[1]):
             judged[name] = replace(
                 judged[name],
-                reason=f"signal-to-noise {numbers.link(owner):.1f} in roll and pitch (need "
-                f"{LEAST_EXCITATION:.0f})",
+                reason=f"signal-to-noise {numbers.link(owner):.1f} in roll and pitch, need "
+                f"{LEAST_EXCITATION:.0f}",
             )
     return judged
 

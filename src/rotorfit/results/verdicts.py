@@ -46,6 +46,9 @@ ADVICE: Final[Mapping[str, str]] = {
     "all equations at once, would",
 }
 
+NUISANCE: Final = ("accel_bias_x", "accel_bias_y", "accel_bias_z")
+"""Of the sensors, not of the vehicle: nobody flies for them."""
+
 PRACTICE: Final[Mapping[str, str]] = {
     **{name: "place" for name in ("com_x", "com_y", "msx", "msy")},
     **{name: "place" for name in ("rotor_center_x", "rotor_center_y")},
@@ -105,7 +108,7 @@ def judge(
     if hopeless:
         reason = "the interval is wider than the value itself"
     if little:
-        reason = f"signal-to-noise {excitation:.1f} in {axis} (need {LEAST_EXCITATION:.0f})"
+        reason = f"signal-to-noise {excitation:.1f} in {axis}, need {LEAST_EXCITATION:.0f}"
     return Judgement(
         verdict="not-identified" if hopeless else "weak", reason=reason, advice=ADVICE[axis]
     )
