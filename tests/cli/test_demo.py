@@ -96,7 +96,7 @@ def test_printed_numbers_are_those_of_the_files(demonstrated):
 
 
 def test_intervals_hold_the_truth(demonstrated):
-    folder, _ = demonstrated
+    folder, lines = demonstrated
     truth = json.loads((folder / "truth.json").read_text())
     result = IdentificationResult.load(folder / "result.json")
     held: list[bool] = []
@@ -111,6 +111,7 @@ def test_intervals_hold_the_truth(demonstrated):
             held.append(interval[0] <= own[name] <= interval[1])
     assert len(held) >= 12
     assert sum(held) >= len(held) - 1
+    assert f"rotorfit's {sum(held)} of {len(held)}, the paper's" in " ".join(lines)
 
 
 def test_identify_reproduces_it_without_the_truth(run, demonstrated):

@@ -58,7 +58,9 @@ def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here):
     text = " ".join(run("inspect", "hover.csv").out.split())
     assert "the commands follow the motion by" in text
     for axis in ("roll", "pitch", "yaw"):
-        assert re.search(rf"- {axis}: [0-9.]+ rad/s\^2, motors explain 0[.0-9]* x", text), text
+        assert re.search(rf"- {axis}: [0-9.]+ rad/s\^2, signal-to-noise 0[.0-9]* \(need", text), (
+            text
+        )
 
 
 @pytest.mark.parametrize(
@@ -210,7 +212,7 @@ def test_a_page_is_written_once(run, refused, here):
     page = (here / "page.html").read_text(encoding="utf-8")
     assert 'content="width=device-width' in page  # a telephone shows it at its own width
     assert page.index('<div class="scroll"><table') < page.index("</table></div>")
-    assert "<h1>flight.csv</h1>" in page and "What this flight could tell" in page
+    assert "<h1>flight.csv</h1>" in page and "What this flight can show" in page
     assert "http" not in page.replace("http-equiv", "")
     assert "page.html exists" in refused("inspect", "flight.csv", "--report", "page.html")
     assert run("inspect", "flight.csv", "--report", "page.html", "--force").code == 0

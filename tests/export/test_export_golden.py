@@ -1,5 +1,6 @@
 """Each file word by word; rewritten by  pytest --update-golden."""
 
+import json
 import tomllib
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -17,12 +18,15 @@ NAMES = {
     "gazebo-motors": "motors.sdf",
     "px4": "px4.params",
     "px4-sih": "sih.params",
+    "px4-setpoints": "px4_setpoints.json",
     "mujoco": "mujoco.xml",
     "urdf": "vehicle.urdf",
     "rotorpy": "rotorpy_params.py.txt",
     "ardupilot": "ardupilot.param",
     "ardupilot-sitl": "ardupilot.json",
     "betaflight": "betaflight.txt",
+    "indiflight": "indiflight.txt",
+    "paparazzi": "paparazzi.xml",
     "crazyflow": "crazyflow.toml",
     "casadi": "casadi_dynamics.py.txt",
 }
@@ -62,6 +66,8 @@ READERS = {
     "gazebo": ET.fromstring,
     "mujoco": ET.fromstring,
     "urdf": ET.fromstring,
+    "paparazzi": ET.fromstring,
+    "px4-setpoints": json.loads,
     "rotorpy": lambda text: compile(text, "params.py", "exec"),
     "casadi": lambda text: compile(text, "vehicle.py", "exec"),
     "crazyflow": tomllib.loads,

@@ -317,8 +317,8 @@ def test_every_target_says_where_its_numbers_are_from(target):
 
 
 def test_the_doubts_of_the_result_stand_in_the_file():
-    doubtful = replace(a_result(), warnings=("the gyro's bias is left in",))
-    assert "# Doubt: the gyro's bias is left in\n" in text_of(doubtful, "px4")
+    doubtful = replace(a_result(), warnings=("gyro bias not removed",))
+    assert "# Doubt: gyro bias not removed\n" in text_of(doubtful, "px4")
 
 
 ANGLES = np.radians([90, -90, -30, 150, 30, -150])  # clockwise from the front: ArduPilot's hexa X

@@ -78,7 +78,7 @@ def test_without_roll_and_pitch_the_height_of_the_centre_of_mass_is_not_known(tu
     assert result.derived_value("com_z").value is None
     height = result.parameter("msz")
     assert height.verdict == "not-identified"
-    assert "roll and pitch respond to the rotors at most" in height.reason
+    assert "in roll and pitch, need 5" in height.reason
     assert "wiggle roll and pitch" in height.advice
 
 

@@ -70,7 +70,7 @@ def test_drag_enters_by_itself_where_the_velocity_is_known(once, draggy):
     assert used["terms"][-1] == "drag"
     assert used["terms_gain"]["drag"] > used["terms_least_gain"] == LEAST_GAIN
     (words,) = [w for w in result.warnings if "air drag of the frame" in w]
-    assert "the log-likelihood rises by" in words
+    assert "it raises the log-likelihood by" in words
     assert "(drag)" in words
     for axis, true in zip("xyz", draggy.truth.drag, strict=True):
         found = result.parameter(f"drag_{axis}", "A")
@@ -186,4 +186,4 @@ def test_terms_that_are_not_there_stay_out(tmp_path, kind):
         ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag")
     )
     assert set(result.settings["used"]["terms_gain"]) == set(ADDED_TERMS)
-    assert not any("the flights ask for" in words for words in result.warnings)
+    assert not any("raises the log-likelihood" in words for words in result.warnings)

@@ -28,6 +28,7 @@ from rotorfit.planning.noise import Assumptions, assumptions_for, disturbance_st
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.vehicle import payload_pair, rough_vehicle
 from rotorfit.planning.wanted import wanted_accuracy
+from rotorfit.results.about_com import twin_of
 from rotorfit.simulation import (
     Scenario,
     Sensors,
@@ -306,15 +307,20 @@ def after_rolling(tmp_path_factory):
 def test_after_a_flight_it_says_what_is_missing_and_what_fixes_it(after_rolling, usual_plan):
     planned = plan(request(after=after_rolling, payload=0.0))
     missing = {m.name: m for m in planned.missing}
-    assert {"kd", "Iyy", "Izz"} <= missing.keys()
-    assert "Ixx" not in missing
-    assert missing["msz"].manoeuvre == "wiggles"  # and the result's own advice says the same
+    assert {"kd", "Iyy_com", "Izz_com"} <= missing.keys()
+    assert "Ixx_com" not in missing
+    # What the result advises, in its words, where that is enough.
+    advised = {twin_of(m.name): m for m in planned.missing}
+    for p in after_rolling.parameters:
+        if p.name in advised and p.advice and advised[p.name].manoeuvre in ("turns", "wiggles"):
+            assert advised[p.name].advice == p.advice
+    assert missing["com_z"].manoeuvre == "wiggles"
     assert "wiggle roll and pitch" in after_rolling.parameter("msz", "A").advice
     assert missing["kd"].manoeuvre == "turns"
     assert missing["kd"].predicted == "identified"
     # Which pitch it; all sticks at once do so as well as the quick ones.
-    assert missing["Iyy"].manoeuvre in ("pitch", "doublets", "wiggles", "sticks")
-    assert missing["Iyy"].predicted == "identified"
+    assert missing["Iyy_com"].manoeuvre in ("pitch", "doublets", "wiggles", "sticks")
+    assert missing["Iyy_com"].predicted == "identified"
     assert not planned.enough
     # What is known already is not lost, and helps.
     for schedule in ("hover", "turns"):

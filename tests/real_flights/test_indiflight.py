@@ -162,7 +162,7 @@ def test_the_throw_of_a_calm_log_tells_roll_and_pitch_and_no_yaw(joint):
         found = result.parameter(name)
         assert found.verdict == "not-identified"
         assert found.partner is None
-        assert "the yaw response to the rotors is only" in found.reason
+        assert "in yaw, need 5" in found.reason
         assert "yaw while rolling" in found.advice
     for name in ("Izz_com", "kd_over_Izz", "Jr_over_Izz"):
         assert result.derived_value(name).value is None

@@ -68,18 +68,18 @@ def test_two_values_of_kt_with_measured_speed_are_the_accelerometers():
     [
         (
             YAW,
-            "yaw: 0.7 rad/s^2, motors explain 137 x the rest: kd / Izz can be found well; Izz, kd",
+            "yaw: 0.7 rad/s^2, signal-to-noise 137 (need 5): kd / Izz can be found well; Izz, kd",
         ),
-        (replace(YAW, rho=1e6), "explain over 1000 x the rest: kd / Izz can be found well"),
+        (replace(YAW, rho=1e6), "signal-to-noise over 1000 (need 5): kd / Izz can be found well"),
         (
             replace(YAW, rho=1.2, width=None),
-            "1.2 x the rest: kd / Izz, Izz, kd and Jr cannot be found: the motors explain too ",
+            "1.2 (need 5): kd / Izz, Izz, kd and Jr cannot be found: noise and disturbances hide",
         ),
         (
             ROLL,
-            "roll: 51 rad/s^2, motors explain 4 x the rest: Ixx roughly: disturbances are not",
+            "roll: 51 rad/s^2, signal-to-noise 4 (need 5): Ixx roughly: disturbances count",
         ),
-        (replace(ROLL, rho=40.0), "40 x the rest: Ixx roughly: too little of this motion"),
+        (replace(ROLL, rho=40.0), "40 (need 5): Ixx roughly: fly more of this motion"),
     ],
 )
 def test_an_axis(axis, words):

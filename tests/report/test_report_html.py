@@ -102,7 +102,10 @@ def test_the_tables_have_inertia_about_the_com_before_inertia_at_the_origin() ->
 def test_the_summary_says_how_well_and_what_to_do() -> None:
     (_, rotors), (_, body), _ = summary_of(a_result()).groups
     sentences = {f.subject: (f.words, f.advice) for f in (*rotors, *body)}
-    assert sentences["Thrust coefficient"] == ("known to 0.6 %", None)
+    assert sentences["Thrust coefficient"] == (
+        "(3.630 ± 0.020) × 10⁻⁶ N s²/rad²: known to 0.6 %",
+        None,
+    )
     words, advice = sentences["Drag torque coefficient"]
     assert words == "known only as a ratio to the yaw inertia"
     assert advice is not None and advice.startswith("yaw while rolling")
@@ -300,7 +303,7 @@ def test_error_norms_of_the_result_are_shown_without_figures() -> None:
 
 def test_percentages_of_the_paper_are_said_to_be_its_own() -> None:
     page = Page(report_html(a_result(method="tls")))
-    assert "known to 0.6 %, by the paper's formula" in page.text
+    assert "N s²/rad²: known to 0.6 %, by the paper's formula" in page.text
     assert "by the paper's formula" not in Page(report_html(a_result())).text
 
 
@@ -324,7 +327,21 @@ def test_no_percentage_of_a_number_near_zero() -> None:
     assert words["Thrust coefficient of rotor 1"].endswith(
         "N s²/rad²: little more than that rotors are alike"
     )
-    assert words["Thrust coefficient of rotor 2"] == "known only to 50 %"
+    assert words["Thrust coefficient of rotor 2"] == (
+        "(4.0 ± 2.0) × 10⁻⁶ N s²/rad²: known only to 50 %"
+    )
+
+
+def test_a_ratio_in_the_summary_has_its_value_and_interval() -> None:
+    ratio = dataclasses.replace(
+        a_result().derived[0], name="kd_over_Izz", value=1.8, interval=(1.7, 1.9), unit="1/rad^2"
+    )
+    result = a_result()
+    result = dataclasses.replace(result, derived=(*result.derived, ratio))
+    words = {f.subject: f.words for f in summary_of(result).groups[0][1]}
+    assert words["Drag torque coefficient"] == (
+        "known only as a ratio to the yaw inertia: 1.80 ± 0.10 1/rad²"
+    )
 
 
 def test_only_the_condition_of_rotors_and_bodies_is_judged() -> None:

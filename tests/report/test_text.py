@@ -114,7 +114,7 @@ def result_of(
         samples_used=4000,
         used=((1.0, 21.0),),
         cuts=(),
-        warnings=("no second of rest was found",),
+        warnings=("no 1 s at rest found",),
     )
     fields = {
         "name": "test",
@@ -253,7 +253,7 @@ def test_words_are_explained_where_they_occur():
 
 
 def test_doubts_name_their_flight():
-    assert "  - a.csv: no second of rest was found" in result_text(sample())
+    assert "  - a.csv: no 1 s at rest found" in result_text(sample())
 
 
 def test_a_long_name_is_wrapped():

@@ -51,7 +51,7 @@ def test_verdicts_follow_the_width_of_the_interval(value, half, verdict):
 def test_too_little_excitation_is_the_reason_that_is_named(half, verdict):
     found = judge(1.0, half, scale=0.0, axis="pitch", excitation=4.9)
     assert found.verdict == verdict
-    assert "the pitch response to the rotors is only 4.9 times" in found.reason
+    assert "signal-to-noise 4.9 in pitch, need 5" in found.reason
     assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="pitch", excitation=5.0).reason
     assert "+-60 %" in judge(1.0, 0.6, scale=0.0, axis="force").reason
 

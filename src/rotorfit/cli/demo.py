@@ -82,6 +82,9 @@ def demo_text(plan: ExperimentPlan, results: Results) -> str:
     for configuration, truth in truths.items():
         lines += ["", f"Body, configuration {configuration}"]
         lines += [_number_row(name, configuration, truth, results) for name in BODY]
+    ours, paper = (_held(result, truths) for result in results)
+    lines += ["", f"Intervals that hold the truth: rotorfit's {ours}, the paper's {paper}; at 95 %"]
+    lines += ["one in twenty misses by chance."]
     return "\n".join([*lines, "", *_validation_lines(results)])
 
 
@@ -102,6 +105,17 @@ def _beside(estimate: Parameter, true: float) -> tuple[str, str]:
         return estimate.verdict, ""
     low, high = estimate.interval
     return with_interval(estimate.value, estimate.interval), "yes" if low <= true <= high else "NO"
+
+
+def _held(result: IdentificationResult, truths: Mapping[str, Mapping[str, float]]) -> str:
+    """Return how many of the intervals shown hold the truth."""
+    shared = [(name, None, next(iter(truths.values()))) for name in ("kt", "kd")]
+    own = [(name, owner, truth) for owner, truth in truths.items() for name in BODY]
+    holds = [
+        _beside(result.parameter(name, owner), truth[name])[1]
+        for name, owner, truth in shared + own
+    ]
+    return f"{holds.count('yes')} of {len(holds) - holds.count('')}"
 
 
 def _row(name: str, truth: str, ours: str, held: str, paper: str, paper_held: str) -> str:

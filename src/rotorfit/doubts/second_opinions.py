@@ -138,7 +138,7 @@ def _steady_torque_said(name: str, trim: float) -> str:
     more, less = ("ccw", "cw") if trim > 0 else ("cw", "ccw")
     seen = f"the {more} rotors carry {100.0 * abs(trim):.1f} % of the thrust more than the {less}"
     if abs(trim) <= LEAST_TRIM:
-        seen = "yaw answers the rotors otherwise in the mean of every stretch than around it"
+        seen = "the mean of each stretch and the motion around it disagree about yaw"
     return (
         f"{name}: {seen}: a steady yaw torque that the model does not have, as tilted motors or "
         "twisted arms make it; set them upright, until then do not trust kd, Jr and Izz"

@@ -75,19 +75,19 @@ def _geometry(model: VehicleModel) -> list[Parameter]:
         out += [(f"CA_ROTOR{i}_P{axis}", value, FLOAT) for axis, value in places]
         directions = zip("XYZ", frd(rotor.axis).tolist(), strict=True)
         out += [(f"CA_ROTOR{i}_A{axis}", value, FLOAT) for axis, value in directions]
-        if _has_coefficients(model):
+        if has_coefficients(model):
             out.append((f"CA_ROTOR{i}_CT", rotor.kt * model.max_speed**2, FLOAT))
         out.append((f"CA_ROTOR{i}_KM", rotor.spin * model.kd / rotor.kt, FLOAT))
     return out
 
 
-def _has_coefficients(model: VehicleModel) -> bool:
+def has_coefficients(model: VehicleModel) -> bool:
     """Say whether CT can be written for all rotors: PX4 compares them with each other."""
     return max(rotor.kt for rotor in model.rotors) * model.max_speed**2 <= MOST_THRUST
 
 
 def _coefficient_remarks(model: VehicleModel) -> list[str]:
-    if _has_coefficients(model):
+    if has_coefficients(model):
         return ["CT = kt times the squared speed at full command [N]"]
     why = (
         f"a rotor gives over {MOST_THRUST:g} N, more than PX4 takes"

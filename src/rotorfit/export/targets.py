@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from rotorfit.errors import EstimationError, OutputError
 from rotorfit.export import (
     ardupilot,
     ardupilot_sitl,
@@ -19,13 +20,18 @@ from rotorfit.export import (
     rotorpy,
     urdf,
 )
+from rotorfit.export.control import indiflight, paparazzi, px4_setpoints
 from rotorfit.export.header import header_lines
+from rotorfit.export.randomised.variants import variants
 from rotorfit.export.target_names import TargetName
 from rotorfit.export.vehicle import Speed, VehicleModel
 from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
 from rotorfit.results.result import IdentificationResult
 
 Writer = Callable[[VehicleModel, Sequence[str]], str]
+IntervalWriter = Callable[[VehicleModel, Sequence[str], Sequence[VehicleModel]], str]
+DRAWN = 1000
+"""Vehicles drawn for the intervals of what is written: their ends are within 2 % of a width."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,12 +48,15 @@ class Target:
         Whether it holds rotor speeds, or only what a rotor does at full command.
     terms
         Optional terms of the model that it holds.
+    write_intervals
+        What writes it with intervals, from vehicles drawn beside it; None: it has no room for them.
     """
 
     write: Writer
     needs: tuple[str, ...]
     speed: Speed = "rad/s"
     terms: tuple[str, ...] = ()
+    write_intervals: IntervalWriter | None = None
 
 
 TARGETS: Final[Mapping[TargetName, Target]] = {
@@ -60,11 +69,27 @@ TARGETS: Final[Mapping[TargetName, Target]] = {
         speed="full-command",
         terms=px4_sih.TERMS,
     ),
+    "px4-setpoints": Target(
+        write=px4_setpoints.write_px4_setpoints,
+        needs=px4_setpoints.NEEDS,
+        speed="full-command",
+        write_intervals=px4_setpoints.write_px4_setpoints,
+    ),
     "mujoco": Target(write=mjcf.write_mujoco, needs=mjcf.NEEDS),
     "urdf": Target(write=urdf.write_urdf, needs=urdf.NEEDS),
     "rotorpy": Target(write=rotorpy.write_rotorpy, needs=rotorpy.NEEDS),
     "ardupilot": Target(write=ardupilot.write_ardupilot, needs=ardupilot.NEEDS),
     "betaflight": Target(write=betaflight.write_betaflight, needs=betaflight.NEEDS),
+    "indiflight": Target(
+        write=indiflight.write_indiflight,
+        needs=indiflight.NEEDS,
+        write_intervals=indiflight.write_indiflight,
+    ),
+    "paparazzi": Target(
+        write=paparazzi.write_paparazzi,
+        needs=paparazzi.NEEDS,
+        write_intervals=paparazzi.write_paparazzi,
+    ),
     "ardupilot-sitl": Target(
         write=ardupilot_sitl.write_ardupilot_sitl, needs=ardupilot_sitl.NEEDS, speed="full-command"
     ),
@@ -125,5 +150,13 @@ def export(
     if terms:
         words = f"identified, and left out here: {', '.join(terms)}"
         model = replace(model, notes=(*model.notes, words))
+    drawn: Sequence[VehicleModel] = ()
+    if chosen.write_intervals is not None:
+        try:
+            drawn = variants(result, model, count=DRAWN, seed=0).models
+        except (EstimationError, OutputError) as error:
+            model = replace(model, notes=(*model.notes, f"without intervals: {error}"))
     head = header_lines(model, result, target=target, date=date or datetime.date.today())
+    if chosen.write_intervals is not None:
+        return Export(text=chosen.write_intervals(model, head, drawn), model=model)
     return Export(text=chosen.write(model, head), model=model)

@@ -17,8 +17,8 @@ def per_squared_rpm(coefficient: float) -> float:
     return coefficient * RPM**2
 
 
-def frd(vector_flu: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
-    """Return a vector in FRD axes (x forward, y right, z down)."""
+def frd(vector_flu: Float[np.ndarray, "*rows 3"]) -> Float[np.ndarray, "*rows 3"]:
+    """Return vectors in FRD axes (x forward, y right, z down)."""
     return vector_flu * np.array([1.0, -1.0, -1.0])
 
 

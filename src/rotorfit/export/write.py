@@ -28,8 +28,7 @@ def write_export(
     result
         What `identify` returned, or `IdentificationResult.load`.
     target
-        Whose file: ``"gazebo"``, ``"gazebo-motors"``, ``"px4"``, ``"px4-sih"``, ``"mujoco"``,
-        ``"urdf"``, ``"rotorpy"``, ``"ardupilot-sitl"``, ``"crazyflow"`` or ``"casadi"``.
+        Whose file, as ``rotorfit export --to``: ``"gazebo"``, ``"px4"``, ``"mujoco"`` ...
     configuration
         Which of the result's configurations; may be left out where there is one.
     assumed

@@ -78,8 +78,8 @@ class Choice:
     def sentences(self) -> tuple[str, ...]:
         """Say of each term that was added, why."""
         return tuple(
-            f"the flights ask for {TERM_WORDS[name]}: the log-likelihood rises by {gain:.0f} with "
-            f"it (at least {self.least_gain:.0f} was asked for), so it is in the model ({name})"
+            f"the model has {TERM_WORDS[name]} ({name}): it raises the log-likelihood by "
+            f"{gain:.0f} ({self.least_gain:.0f} needed)"
             for name, gain in self.gains.items()
             if name in self.terms
         )

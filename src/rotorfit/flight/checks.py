@@ -272,8 +272,8 @@ def doubts_about(
     doubts: list[str] = []
     if bias is None:
         doubts.append(
-            "no second of rest was found: the gyro's bias is left in; leave the vehicle still on "
-            "the ground for two seconds before take-off"
+            "no 1 s at rest found; gyro bias not removed: leave the vehicle still on the ground "
+            "for two seconds before take-off"
         )
     elif max(map(abs, bias)) > 0.1:
         doubts.append(

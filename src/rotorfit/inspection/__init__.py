@@ -1,1 +1,1 @@
-"""What one log could tell, without an airframe and before any fit."""
+"""What one log can show, without an airframe and before any fit."""

@@ -1,4 +1,4 @@
-"""Everything that one log could tell: channels, airborne part, motors, gravity, prospects."""
+"""Everything that one log can show: channels, airborne part, motors, gravity, prospects."""
 
 import warnings
 from dataclasses import dataclass, field, replace
@@ -15,6 +15,7 @@ from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
 from rotorfit.flight.rotor_telemetry import Telemetry, telemetry
 from rotorfit.identification.identify import identify
+from rotorfit.inspection.frequency_sweep import Sweep, frequency_sweeps
 from rotorfit.inspection.motor_lateness import LATEST, SEARCHED, motor_lateness
 from rotorfit.inspection.prospects import Prospects, prospects
 from rotorfit.inspection.recording import (
@@ -52,6 +53,7 @@ class LogReport:
     channels: tuple[ChannelReport, ...]
     airborne: tuple[tuple[float, float], ...] = ()
     vibration: tuple[Vibration, ...] = ()
+    sweeps: tuple[Sweep, ...] = ()
     motor_lateness: float | None = None
     telemetry: Telemetry | None = None
     gravity: GravitySeen | None = None
@@ -73,7 +75,7 @@ class LogReport:
 def inspect_log(
     log: FlightLog, *, airframe: Path | None = None, entry: FlightEntry | None = None
 ) -> LogReport:
-    """Return what a log holds and lacks, which part of it is flight, and what that could tell."""
+    """Return what a log holds and lacks, which part of it is flight, and what that can show."""
     channels = {
         name: channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
     }
@@ -117,6 +119,7 @@ def inspect_log(
         channels=tuple(channels.values()),
         airborne=_airborne(prepared),
         vibration=() if prepared is None else vibration(prepared.data),
+        sweeps=_sweeps(prepared),
         motor_lateness=late,
         telemetry=speeds,
         gravity=gravity,
@@ -249,4 +252,19 @@ def _airborne(prepared: PreparedFlight | None) -> tuple[tuple[float, float], ...
     t = prepared.data.time
     return tuple(
         (float(t[s.start] - t[0]), float(t[s.stop - 1] - t[0])) for s in prepared.data.segments
+    )
+
+
+def _sweeps(prepared: PreparedFlight | None) -> tuple[Sweep, ...]:
+    """Return the frequency sweeps in flight, in seconds since the first sample."""
+    if prepared is None:
+        return ()
+    data = prepared.data
+    time = data.time - data.time[0]
+    return tuple(
+        sweep
+        for s in data.segments
+        for sweep in frequency_sweeps(
+            time[s.start : s.stop], data.angular_velocity[s.start : s.stop]
+        )
     )

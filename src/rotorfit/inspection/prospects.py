@@ -1,4 +1,4 @@
-"""What one log could tell, cheaply: kt, what each axis was moved, and whose motor order it has."""
+"""What one log can show, cheaply: kt, what each axis was moved, and whose motor order it has."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -116,7 +116,7 @@ class Thrust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prospects:
-    """What a flight could tell.
+    """What a flight can show.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ def _prospect(width: float | None, *, axis: str, excitation: float | None = None
 def prospects(
     prepared: PreparedFlight, motors: MotorResponse | None = None, *, commanded: bool = False
 ) -> Prospects:
-    """Return what a prepared flight could tell, whatever its airframe.
+    """Return what a prepared flight can show, whatever its airframe.
 
     By the rows of an estimate, with the rotors of a usual layout where one is borne out, else with
     rotors as the flight itself places them: excitation is then the estimate's own.

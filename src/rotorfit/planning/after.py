@@ -12,11 +12,13 @@ from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.joint_numbers import number_scale
 from rotorfit.fit.number_intervals import Numbers
+from rotorfit.model.parameters import COM, INERTIA_COM
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import WANTABLE
+from rotorfit.results.about_com import body_verdict, twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
-from rotorfit.results.verdicts import judge
+from rotorfit.results.verdicts import ADVICE, ADVISED, FLOWN, NUISANCE, WEAK, judge, motion_for
 from rotorfit.simulation.manoeuvres import Manoeuvre
 
 SAME_PLACE: Final = 1e-3
@@ -35,8 +37,6 @@ AS_GOOD: Final = 1.1
 SHARED: Final = ("kt", "kd", "Jr")
 RATIOS: Final = {"kd_over_Izz": "kd", "Jr_over_Izz": "Jr"}
 LACKING: Final = ("weak", "ratio-only", "not-identified")
-NUISANCE: Final = ("accel_bias_x", "accel_bias_y", "accel_bias_z")
-"""Of the sensors, not of the vehicle: nobody flies for them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +90,8 @@ class Missing:
         Half of the interval predicted after 20 s of it, over the value (or its scale).
     predicted
         The verdict then.
+    advice
+        What to do, in the words of the result.
     """
 
     name: str
@@ -97,6 +99,7 @@ class Missing:
     manoeuvre: Manoeuvre | None
     relative: float
     predicted: Verdict
+    advice: str
 
 
 def check_same_vehicle(result: IdentificationResult, vehicle: Vehicle) -> None:
@@ -211,36 +214,80 @@ def missing_numbers(
         )
         for manoeuvre in PRACTICE
     }
+    names = next(iter(trials.values())).names
     return tuple(
-        _missing(parameter, problem, trials)
-        for parameter in known.result.parameters
-        if parameter.verdict in LACKING
-        and parameter.name not in NUISANCE
-        and parameter.configuration in (None, known.configuration)
-        and _number_name(parameter) in next(iter(trials.values())).names
+        _missing(number, problem, trials)
+        for number in _judged(known)
+        if number.verdict in LACKING and number.name not in NUISANCE and number.full_name in names
     )
 
 
-def _missing(
-    parameter: Parameter, problem: Problem, trials: Mapping[Manoeuvre, Numbers]
-) -> Missing:
-    name = _number_name(parameter)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Number:
+    """A number as reports have it: those of a body are about its CoM."""
+
+    name: str
+    full_name: str
+    verdict: Verdict
+    advice: str | None
+
+
+def _judged(known: Knowledge) -> list[_Number]:
+    """Return the numbers of a result, each with the verdict that its report shows."""
+    result, owner = known.result, known.configuration
+    kin = {d.name: d for d in result.derived if d.configuration == owner}
+    about = {twin_of(name): kin[name] for name in (*COM, *INERTIA_COM) if name in kin}
+    found: list[_Number] = []
+    for p in result.parameters:
+        if p.configuration not in (None, owner):
+            continue
+        shown = about.get(p.name) if p.configuration else None
+        verdict = p.verdict if shown is None else body_verdict(shown, p, kin)
+        name = p.name if shown is None else shown.name
+        found.append(
+            _Number(
+                name=name,
+                full_name=name if p.configuration is None else f"{name}@{BARE}",
+                verdict=verdict,
+                advice=p.advice if verdict == p.verdict else ADVICE[motion_for(name)],
+            )
+        )
+    return found
+
+
+def _missing(number: _Number, problem: Problem, trials: Mapping[Manoeuvre, Numbers]) -> Missing:
     bare = problem.configurations[0]
     relative: dict[Manoeuvre, float] = {}
     for manoeuvre, numbers in trials.items():
-        value, half = numbers.number(name)
-        scale = number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
+        value, half = numbers.number(number.full_name)
+        scale = number_scale(numbers, number.full_name, mass=bare.mass, vehicle=bare.vehicle)
         relative[manoeuvre] = half / max(abs(value), scale)
+    manoeuvre = _helpful(number, relative)
+    verdict = judge(1.0, relative[manoeuvre], scale=0.0, axis="yaw").verdict
+    own = number.advice
+    if own is not None and own not in FLOWN.values():  # not for want of a manoeuvre
+        chosen, advice = None, own
+    elif verdict == "not-identified":
+        chosen, advice = None, f"{own or FLOWN[manoeuvre]}; that alone is not enough, see the plan"
+    else:
+        chosen, advice = manoeuvre, FLOWN[manoeuvre]
+    return Missing(
+        name=number.name,
+        verdict=number.verdict,
+        manoeuvre=chosen,
+        relative=relative[manoeuvre],
+        predicted=verdict,
+        advice=advice,
+    )
+
+
+def _helpful(number: _Number, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
+    """Return what the result advises where that is enough or as good as any, else the best."""
     least = min(relative.values())
     good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
-    verdict = judge(1.0, least, scale=0.0, axis="yaw").verdict
-    return Missing(
-        name=parameter.name,
-        verdict=parameter.verdict,
-        manoeuvre=None if verdict == "not-identified" else good[0],
-        relative=least,
-        predicted=verdict,
-    )
+    advised = ADVISED.get(motion_for(number.name))
+    enough = advised is not None and relative[advised] <= max(WEAK, AS_GOOD * least)
+    return advised if advised is not None and enough else good[0]
 
 
 def _information(
@@ -313,10 +360,6 @@ def _entry(
 def _known(result: IdentificationResult, name: str, configuration: str) -> float | None:
     entry = _entry(result, name, configuration)
     return None if entry is None else entry.value
-
-
-def _number_name(parameter: Parameter) -> str:
-    return parameter.name if parameter.configuration is None else f"{parameter.name}@{BARE}"
 
 
 def _settings(result: IdentificationResult) -> Mapping[str, Any]:

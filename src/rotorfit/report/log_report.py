@@ -1,6 +1,7 @@
 """What inspect says of one log: one screen of text, JSON, or a page."""
 
 import textwrap
+from collections.abc import Sequence
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any, Final
 from rotorfit.checks.gravity import GravitySeen
 from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.flight.rotor_telemetry import Telemetry
+from rotorfit.inspection.frequency_sweep import AXES, Sweep
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
@@ -67,12 +69,12 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
         ("Recording", recording_words(report)),
         ("Flight", flight_words(report)),
         (
-            "What this flight tells" if report.verdicts else "What this flight could tell",
+            "What this flight shows" if report.verdicts else "What this flight can show",
             # Verdicts are what the prospects only foresee.
             [*(report.verdicts or prospect_words(report.prospects)), *report.not_judged],
         ),
         ("To know", list(report.trouble)),
-        ("To set before the next flight", setting_words(report)),
+        ("Settings to change", setting_words(report)),
     ]
     return [(title, words) for title, words in found if words]
 
@@ -121,6 +123,7 @@ def flight_words(report: LogReport) -> list[str]:
         worst = max(v.level for v in report.vibration)
         verdict = next(name for level, name in SHAKES if worst >= level)
         words.append(f"vibration {levels}: {verdict}")
+    words += sweep_words(report.sweeps)
     words += lateness_words(report)
     words += [*telemetry_words(report.telemetry), *gravity_words(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
@@ -129,6 +132,17 @@ def flight_words(report: LogReport) -> list[str]:
             "and spins, neither the length of the arms nor the shape of the frame; measure them"
         )
     return words
+
+
+def sweep_words(sweeps: Sequence[Sweep]) -> list[str]:
+    """Return which axes an autopilot swept, and which are still to be."""
+    if not sweeps:
+        return []
+    flown = {sweep.axis for sweep in sweeps}
+    missing = [axis for axis in AXES if axis not in flown]
+    listed = "; ".join(sweep.words() for sweep in sweeps)
+    words = f"frequency sweeps (ArduPilot's SystemID mode, Betaflight's chirp): {listed}"
+    return [f"{words}; sweep {' and '.join(missing)}, too" if missing else words]
 
 
 def lateness_words(report: LogReport) -> list[str]:
@@ -193,7 +207,7 @@ def _plus_minus(found: GravitySeen) -> str:
 
 
 def prospect_words(found: Prospects | None) -> list[str]:
-    """Return in words which parameters the motion could tell."""
+    """Return in words which parameters the motion can show."""
     if found is None:
         return []
     return [_thrust_words(found), *(_axis_words(axis, found.thrust) for axis in found.excitation)]
@@ -238,20 +252,23 @@ def _axis_words(axis: Excitation, thrust: Thrust) -> str:
         "roughly": f"{what} roughly{others and f', {others} less surely'}: {_reason(axis, thrust)}",
         "not": f"{what}{others and f', {others}'} cannot be found: {_reason(axis, thrust)}",
     }[axis.prospect]
-    return f"{axis.axis}: {short(axis.turning)} rad/s^2, motors explain {rho} x the rest: {verdict}"
+    return (
+        f"{axis.axis}: {short(axis.turning)} rad/s^2, signal-to-noise {rho} "
+        f"(need {LEAST_EXCITATION:.0f}): {verdict}"
+    )
 
 
 def _reason(axis: Excitation, thrust: Thrust) -> str:
     """Return why the number of an axis is not found well."""
     if axis.rho < LEAST_EXCITATION:
         return (
-            "the motors explain too little of the motion"
+            "noise and disturbances hide the motion"
             if axis.prospect == "not"
-            else "disturbances are not small against this motion"
+            else "disturbances count beside this motion"
         )
     if axis.axis != "yaw" and thrust.prospect != "well":
         return "no better than kt"
-    return "too little of this motion"
+    return "fly more of this motion"
 
 
 def short(value: float) -> str:
@@ -291,7 +308,7 @@ def _channel_lines(c: ChannelReport, width: int) -> list[str]:
 def _spans(spans: tuple[tuple[float, float], ...]) -> str:
     if not spans:
         # The autopilot's own account may well know of a flight.
-        return "not found from motors and IMU, why stands below"
+        return "not found from motors and IMU; the reason is below"
     total = sum(end - start for start, end in spans)
     if len(spans) > MOST_SPANS:
         first, last = spans[0][0], spans[-1][1]

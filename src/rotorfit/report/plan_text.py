@@ -8,7 +8,7 @@ from rotorfit.planning.candidate import Candidate
 from rotorfit.planning.plan import FlightPlan
 from rotorfit.planning.wanted import WANTABLE
 from rotorfit.report.plan_words import (
-    MANOEUVRE_TITLES,
+    SWEEPS,
     TITLES,
     digits,
     flown_words,
@@ -39,7 +39,7 @@ def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
     sections = [
         [line for words in _title(plan) for line in textwrap.wrap(words, width)],
         _answer(plan, width),
-        _missing(plan),
+        _missing(plan, width),
         _steps(plan, width),
         _table(plan, width),
         _lengths(plan),
@@ -107,20 +107,31 @@ def _with_payload(plan: FlightPlan) -> list[str]:
     ]
 
 
-def _missing(plan: FlightPlan) -> list[str]:
+def _missing(plan: FlightPlan, width: int) -> list[str]:
     if plan.request.after is None:
         return []
     if not plan.missing:
         return ["Still missing: nothing; every number of the result is identified."]
-    return ["Still missing, and what fixes each in 20 s:", *map(_missing_line, plan.missing)]
+    lines = textwrap.wrap(
+        "Still missing, and what fixes each (the advice of identify, or what does better for this "
+        "vehicle):",
+        width,
+    )
+    for missing in plan.missing:
+        head = f"  {missing.name:<14} {missing.verdict:<15}"
+        lines += textwrap.wrap(
+            _missing_words(missing),
+            width,
+            initial_indent=head,
+            subsequent_indent=" " * len(head),
+        )
+    return lines
 
 
-def _missing_line(missing: Missing) -> str:
-    name = f"  {missing.name:<15} {missing.verdict:<15}"
+def _missing_words(missing: Missing) -> str:
     if missing.manoeuvre is None:
-        return f"{name} no manoeuvre alone; see the plan"
-    title = MANOEUVRE_TITLES[missing.manoeuvre]
-    return f"{name} {title}: +-{digits(100.0 * missing.relative)} %, {missing.predicted}"
+        return missing.advice
+    return f"{missing.advice} (then +-{digits(100.0 * missing.relative)} %, {missing.predicted})"
 
 
 def _steps(plan: FlightPlan, width: int) -> list[str]:
@@ -135,7 +146,7 @@ def _steps(plan: FlightPlan, width: int) -> list[str]:
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
-    return lines
+    return [*lines, *_wrapped(width, SWEEPS)]
 
 
 def _table(plan: FlightPlan, width: int) -> list[str]:

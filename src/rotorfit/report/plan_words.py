@@ -32,6 +32,11 @@ MANOEUVRE_TITLES: Final[Mapping[Manoeuvre, str]] = {
     "wiggles": TITLES["wiggles"],
     "turns": TITLES["turns"],
 }
+SWEEPS: Final = (
+    "An autopilot that flies frequency sweeps (ArduPilot's SystemID mode, Betaflight's chirp) may "
+    "add them to the flight: roll, pitch and yaw one by one, 0.5 to 10 Hz, 20 s each; what they "
+    "give is not in the table."
+)
 GROUND_SECONDS: Final = 2.0
 SETTLE_SECONDS: Final = 5.0
 LARGEST_SHOWN: Final = 0.05

@@ -1,5 +1,6 @@
 """The top of the page: what is known and what is not, in plain sentences."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rotorfit.display.digits import known, number_of
@@ -60,7 +61,7 @@ def summary_of(result: IdentificationResult) -> Summary:
     shared = [p for p in result.parameters if p.configuration is None]
     # The paper's sigmas do not hold: what is said to be known is said to be so by its formula.
     source = ", by the paper's formula" if result.method == "tls" else ""
-    groups = [("Rotors", _merged(_of_rotors(shared)))]
+    groups = [("Rotors", _merged(_of_rotors(shared, result.derived)))]
     names = configurations(result)
     for name in names:
         title = "Body" if len(names) == 1 else f"Body, configuration {name}"
@@ -85,15 +86,19 @@ def _sourced(findings: tuple[Finding, ...], source: str) -> tuple[Finding, ...]:
     )
 
 
-def _of_rotors(shared: list[Parameter]) -> list[Finding]:
+def _of_rotors(shared: list[Parameter], derived: Sequence[Derived]) -> list[Finding]:
     """Return what is known of the rotors; those of single rotors together where all are known."""
     single = [p for p in shared if p.name.startswith("kt_") and p.verdict == "identified"]
     shares = [share for p in single if (share := percent(p)) is not None]
     if len(shares) < 2:
-        return [_finding(p, p) for p in shared]
-    words = f"known to {percent_words(max(shares))} or better"
-    each = Finding(verdict="identified", subject="Each rotor's own thrust", words=words)
-    findings = [_finding(p, p) for p in shared if p not in single]
+        return [_finding(p, p, derived) for p in shared]
+    each = Finding(
+        verdict="identified",
+        subject="Each rotor's own thrust",
+        words=f"{', '.join(_number(p) for p in single)}: "
+        f"known to {percent_words(max(shares))} or better",
+    )
+    findings = [_finding(p, p, derived) for p in shared if p not in single]
     return [*findings[:1], each, *findings[1:]]
 
 
@@ -127,14 +132,19 @@ def _body(result: IdentificationResult, configuration: str) -> list[Finding]:
     return findings
 
 
-def _finding(number: Parameter | Derived, twin: Parameter) -> Finding:
-    """Return the sentence on one number; `twin` is the parameter with its verdict."""
+def _finding(
+    number: Parameter | Derived, twin: Parameter, ratios: Sequence[Derived] = ()
+) -> Finding:
+    """Return the sentence on one number.
+
+    `twin` is the parameter with its verdict; `ratios` are among numbers that were derived.
+    """
     verdict = twin.verdict if number is twin else _verdict_of(number, twin)
     subject = SUBJECTS.get(number.name, title_of(number.name))
     return Finding(
         verdict=verdict,
         subject=subject[0].upper() + subject[1:],
-        words=_words(number, verdict, twin),
+        words=_words(number, verdict, twin, ratios),
         advice=twin.advice if verdict in ("weak", "ratio-only", "not-identified") else None,
     )
 
@@ -143,29 +153,42 @@ def _verdict_of(number: Parameter | Derived, twin: Parameter) -> str:
     return body_verdict(number, twin) if isinstance(number, Derived) else number.verdict
 
 
-def _words(number: Parameter | Derived, verdict: str, twin: Parameter) -> str:
-    unit = unit_words(number.unit)
-    shown = f"{number_of(number.value, None) or ''} {unit}".strip()
+def _words(
+    number: Parameter | Derived, verdict: str, twin: Parameter, ratios: Sequence[Derived]
+) -> str:
     if verdict == "given":
-        return f"given, {shown}"
+        return f"given, {_number(number)}"
     if verdict == "ratio-only":
         other = SUBJECTS.get(twin.partner or "", title_of(twin.partner or "other parameters"))
-        return f"known only as a ratio to the {other}"
+        return f"known only as a ratio to the {other}{_ratio(twin, ratios)}"
     if verdict == "removed":
         return "left out as unessential"
-    share = percent(number)
     if verdict not in ("identified", "weak"):
         return "not known"
+    share, shown = percent(number), _number(number)
     if share is None:
-        return f"known: {shown}"
-    whole = f"{number_of(number.value, number.interval)} {unit}".strip()
+        return shown
     narrow = share <= 100.0 * WEAK
     if verdict == "weak" and narrow and number is twin and twin.reason:
-        return f"{whole}: {twin.reason}"
+        return f"{shown}: {twin.reason}"
     if verdict == "weak" and share <= 100.0:
-        return f"known only to {percent_words(share)}"
+        return f"{shown}: known only to {percent_words(share)}"
     # Judged by a size that matters, not by its value: no percentage of that.
-    return f"known to {percent_words(share)}" if narrow and verdict == "identified" else whole
+    return f"{shown}: known to {percent_words(share)}" if narrow else shown
+
+
+def _number(number: Parameter | Derived) -> str:
+    """Return the value with its interval and unit."""
+    shown = number_of(number.value, number.interval)
+    return f"{shown or ''} {unit_words(number.unit)}".strip()
+
+
+def _ratio(number: Parameter, ratios: Sequence[Derived]) -> str:
+    """Return the ratio itself, of each configuration that has one."""
+    name = f"{number.name}_over_{number.partner}"
+    found = [d for d in ratios if d.name == name and known(d.value) is not None]
+    values = [_number(d) + (f" ({d.configuration})" if len(found) > 1 else "") for d in found]
+    return f": {', '.join(values)}" if values else ""
 
 
 def _com(derived: dict[str, Derived], parameters: dict[str, Parameter]) -> Finding:

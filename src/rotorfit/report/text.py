@@ -12,7 +12,7 @@ from rotorfit.report.number_words import VERDICT_MEANING, configurations, percen
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
 from rotorfit.results.about_com import twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
-from rotorfit.results.verdicts import WEAK
+from rotorfit.results.verdicts import NUISANCE, WEAK
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
 DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")
@@ -187,7 +187,7 @@ def _advice(result: IdentificationResult) -> list[str]:
     """Return each advice once, after the numbers that it is for and what is wrong with them."""
     groups: dict[str, dict[str, list[str]]] = {}
     for entry in _judged(result):
-        if entry.advice is None or entry.verdict not in DOUBTFUL:
+        if entry.advice is None or entry.verdict not in DOUBTFUL or entry.number.name in NUISANCE:
             continue
         names = groups.setdefault(entry.advice, {}).setdefault(_wrong(entry), [])
         name = entry.number.name

@@ -102,8 +102,8 @@ def _judgements(
         if base in HEIGHTS and not np.isfinite(numbers.number(name)[1]):
             judged[name] = replace(
                 judged[name],
-                reason=f"roll and pitch respond to the rotors at most {numbers.link(owner):.1f} "
-                f"times what they do not explain (at least {LEAST_EXCITATION:.0f} is needed)",
+                reason=f"signal-to-noise {numbers.link(owner):.1f} in roll and pitch, need "
+                f"{LEAST_EXCITATION:.0f}",
             )
     return judged
 

@@ -162,10 +162,7 @@ def excitation_warnings(
         axis, _, owner = key.partition("@")
         if LEAST_EXCITATION <= rho < 2.0 * LEAST_EXCITATION:
             where = f" in configuration {owner}" if several else ""
-            doubts.append(
-                f"{axis}{where}: the rotors explain only {rho:.1f} times what they do not; "
-                f"{ADVICE[axis]}"
-            )
+            doubts.append(f"{axis}{where}: signal-to-noise only {rho:.1f}; {ADVICE[axis]}")
     if vehicle.imu_position is None:
         doubts.append(ORIGIN_IS_IMU)
     return tuple(doubts)

@@ -7,6 +7,7 @@ from typing import Final
 from rotorfit.fit.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR
 from rotorfit.results.numbers import Verdict
+from rotorfit.simulation.manoeuvres import Manoeuvre
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""
@@ -15,17 +16,38 @@ HOPELESS = 1.0
 HOPELESS_YAW = 0.5
 """The same where little but disturbances moves yaw: their pull is one-sided."""
 
-ADVICE = {
+FLOWN: Final[Mapping[Manoeuvre, str]] = {
+    "hover": "hover, hands off",
     "roll": "roll briskly: 20 s of quick left-right rolls, one or two a second",
     "pitch": "pitch briskly: 20 s of quick nods forward and back, one or two a second",
-    "yaw": "yaw while rolling: fly 20 s of alternating turns",
-    "force": "climb and sink: 20 s of gentle thrust steps",
-    "place": "yaw while rolling and nodding: fly 20 s of alternating turns",
-    "height": "wiggle roll and pitch quickly, once or twice a second, for 20 s",
+    "yaw": "yaw left and right, 20 s",
+    "climb": "climb and sink: 20 s of gentle thrust steps",
+    "sticks": "move all sticks at once, 20 s",
+    "doublets": "kick and counter-kick roll, pitch and yaw, with pauses, 20 s",
+    "wiggles": "wiggle roll and pitch quickly, once or twice a second, in slow turns, for 20 s",
+    "turns": "yaw while rolling: fly 20 s of alternating turns",
+}
+"""What a pilot is asked to fly, in the words of results and of plans."""
+
+ADVISED: Final[Mapping[str, Manoeuvre]] = {
+    "roll": "roll",
+    "pitch": "pitch",
+    "yaw": "turns",
+    "force": "climb",
+    "place": "turns",
+    "height": "wiggles",
+}
+"""The manoeuvre that shows most of a motion."""
+
+ADVICE: Final[Mapping[str, str]] = {
+    **{motion: FLOWN[manoeuvre] for motion, manoeuvre in ADVISED.items()},
     "air": "fly fast to and fro along every axis, 20 s",
     "scale": "nothing in the yaw equation fixes the scale; a measured Izz, or an estimate from "
     "all equations at once, would",
 }
+
+NUISANCE: Final = ("accel_bias_x", "accel_bias_y", "accel_bias_z")
+"""Of the sensors, not of the vehicle: nobody flies for them."""
 
 PRACTICE: Final[Mapping[str, str]] = {
     **{name: "place" for name in ("com_x", "com_y", "msx", "msy")},
@@ -86,10 +108,7 @@ def judge(
     if hopeless:
         reason = "the interval is wider than the value itself"
     if little:
-        reason = (
-            f"the {axis} response to the rotors is only {excitation:.1f} times what they do not "
-            f"explain (at least {LEAST_EXCITATION:.0f} is needed)"
-        )
+        reason = f"signal-to-noise {excitation:.1f} in {axis}, need {LEAST_EXCITATION:.0f}"
     return Judgement(
         verdict="not-identified" if hopeless else "weak", reason=reason, advice=ADVICE[axis]
     )

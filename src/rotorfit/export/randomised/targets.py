@@ -108,11 +108,13 @@ SUFFIXES: Final[Mapping[TargetName, str]] = {
     "gazebo-motors": ".xml",
     "px4": ".params",
     "px4-sih": ".params",
+    "px4-setpoints": ".json",
     "mujoco": ".xml",
     "urdf": ".urdf",
     "rotorpy": ".py",
     "ardupilot": ".parm",
     "ardupilot-sitl": ".json",
+    "paparazzi": ".xml",
     "crazyflow": ".toml",
     "casadi": ".py",
 }
