@@ -351,7 +351,7 @@ def test_no_line_is_wider_than_the_terminal(run, changed, monkeypatch):
 
 def test_verdicts_stand_in_the_place_of_what_was_foreseen(run, here):
     text = run("inspect", "flight.csv", "--airframe", "airframe.toml").out
-    assert "What this flight tells\n" in text
+    assert "What this flight shows\n" in text
     assert "can be found" not in text
 
 
