@@ -74,7 +74,7 @@ RHOS = [(4.9, False), (5.0, True), (9.9, True), (10.1, False)]
 @pytest.mark.parametrize(("rho", "warned"), RHOS)
 def test_between_a_rho_of_5_and_10_it_is_said(rho, warned):
     words = [w for w in joint({"roll@A": rho, "pitch@A": 50.0, "yaw@A": 50.0}).warnings]
-    assert any(w.startswith("roll: the rotors explain only") for w in words) is warned
+    assert any(w.startswith("roll: signal-to-noise only") for w in words) is warned
 
 
 def by_rows(rho=50.0):
@@ -124,7 +124,7 @@ def test_a_result_by_rows_states_half_widths_and_their_1_96th_part():
 @pytest.mark.parametrize(("rho", "warned"), RHOS)
 def test_by_rows_it_is_said_as_well(rho, warned):
     words = by_rows(rho).warnings
-    assert any(w.startswith("roll: the rotors explain only") for w in words) is warned
+    assert any(w.startswith("roll: signal-to-noise only") for w in words) is warned
 
 
 def test_a_mass_has_the_interval_of_its_scale():
