@@ -38,6 +38,7 @@ COLUMNS: Final[Mapping[str, str]] = {
     "command": "command_1 command_2 command_3 command_4",
     "battery": "battery",
     "velocity": "vel_x vel_y vel_z",
+    "reference": "ref_x ref_y ref_z",
     "position": "pos_x pos_y pos_z",
     "attitude": "quat_w quat_x quat_y quat_z",
 }
