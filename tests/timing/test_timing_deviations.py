@@ -138,7 +138,7 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
     """Let every fit move the times by a share of the way to the bottom; return where it was."""
     seen = []
 
-    def joint_fit(flown, *, terms, begin):
+    def joint_fit(flown, *, terms, begin=None):
         free = flown.free_timing
         seen.append((free, begin))
         way = {

@@ -134,7 +134,8 @@ def _by_weight(
     surer = weighed.is_surer_than(*found, timed=flown.timing_told)
     if not (contradicts or surer or biased is not None):
         return fit, joint, *_reaching_weight(flown, fit, numbers, terms=terms)
-    fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
+    begin = {**_unmoved(flown, fit), "kt": weighed.kt}
+    fit, joint = joint_fit(flown, weighed=weighed, terms=terms, begin=begin)
     anchored = _joint_numbers(flown, fit, joint)
     anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
     if contradicts:
@@ -178,11 +179,11 @@ def _settled(
     Terms that the user asks for are kept, and a fit that does not settle with them is refused.
     """
     if wanted is not None:
-        return *joint_fit(flown, terms=wanted), tuple(wanted), ()
+        return *joint_fit(flown, terms=wanted, begin=flown.reached), tuple(wanted), ()
     for dropped in FEWER_TERMS:
         terms: tuple[Term, ...] = tuple(t for t in DEFAULT_TERMS if t not in dropped)
         try:
-            fit, joint = joint_fit(flown, terms=terms)
+            fit, joint = joint_fit(flown, terms=terms, begin=flown.reached)
         except UnsettledError:
             if dropped == FEWER_TERMS[-1]:
                 raise
