@@ -109,7 +109,7 @@ def _fitted(
     response = _moved(free, fit)
     if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
         return None  # the motion does not follow these commands at all
-    pull = pull_of_gusts(flown, response)
+    pull = pull_of_gusts(timed)
     total = response.mean_lag + response.delay
     # Before the command no motor answers: there the autopilot answers the noise of its gyro.
     late = response.mean_lag > LEAST_LAG and total > 0.0
