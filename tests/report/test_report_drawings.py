@@ -14,20 +14,12 @@ from hypothesis import strategies as st
 from report_material import ROTORS, a_comparison, a_result
 
 from rotorfit.display.digits import number_of
+from rotorfit.display.series import Series, column_starts, extremes, thinned
 from rotorfit.errors import OutputError
 from rotorfit.report import figures
 from rotorfit.report.number_words import percent_words
 from rotorfit.report.scene import scene_of
-from rotorfit.report.series import (
-    Series,
-    column_starts,
-    encoded,
-    encoded_time,
-    extremes,
-    path_of,
-    series_of,
-    thinned,
-)
+from rotorfit.report.series import encoded, encoded_time, path_of, series_of
 from rotorfit.report.svg import nice_step, tick_label, ticks
 from rotorfit.report.vehicle import SIDE, TOP, whole_view
 

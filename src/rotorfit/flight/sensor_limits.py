@@ -3,7 +3,7 @@
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.flight.signals import true_runs
 
@@ -15,7 +15,15 @@ STEEP: Final = 5.0
 
 
 def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1) -> float:
-    """Return the share of samples that a sensor's end cut off.
+    """Return the share of samples that a sensor's end cut off, see `at_limit`."""
+    stuck = at_limit(values, least, repeats=repeats)
+    return float(stuck.mean()) if len(stuck) else 0.0
+
+
+def at_limit(
+    values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1
+) -> Bool[np.ndarray, " n"]:
+    """Return which samples a sensor's end cut off.
 
     Such stand at one extreme three times in a row or more, and come to it or leave it steeply. A
     rounded peak stands still for a while, too, but a step of the resolution above its neighbours.
@@ -41,4 +49,4 @@ def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: i
             for a, b in true_runs(np.abs(column - extreme) <= 1e-4 * abs(extreme)):
                 beside = steps[[k for k in (a - 1, b - 1) if 0 <= k < len(steps)]]
                 stuck[a:b] |= b - a >= LIMIT_RUN * repeats and bool((beside > steep).any())
-    return float(stuck.mean()) if len(stuck) else 0.0
+    return stuck

@@ -15,8 +15,10 @@ from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
 from rotorfit.flight.rotor_telemetry import Telemetry, telemetry
 from rotorfit.identification.identify import identify
+from rotorfit.inspection.filters import Filter
 from rotorfit.inspection.frequency_sweep import Sweep, frequency_sweeps
 from rotorfit.inspection.motor_lateness import LATEST, SEARCHED, motor_lateness
+from rotorfit.inspection.pictures import LogPictures, log_pictures
 from rotorfit.inspection.prospects import Prospects, prospects
 from rotorfit.inspection.recording import (
     ChannelReport,
@@ -34,12 +36,6 @@ WITH_AIRFRAME = (
     "only with --airframe FILE is it judged whether motor order, spins and arm are right, and each "
     "number gets its verdict"
 )
-CUTOFFS = {
-    "acc_lpf_hz": ("the accelerometer's low-pass", 100.0),
-    "gyro_lpf1_static_hz": ("the gyro's low-pass", 1.0),
-    "gyro_lowpass_hz": ("the gyro's low-pass", 1.0),
-}
-"""Filters in the header of a Blackbox log, and what their number is divided by for Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +61,7 @@ class LogReport:
     settings: tuple[Setting, ...] = ()
     notes: tuple[str, ...] = ()
     metadata: dict[str, str] = field(default_factory=dict[str, str])
+    pictures: LogPictures | None = None
 
     @property
     def usable(self) -> bool:
@@ -109,8 +106,10 @@ def inspect_log(
     if gravity is not None:
         # With an airframe the identification has looked at the flight itself.
         trouble += gravity_doubts(replace(gravity, in_flight=None) if verdicts else gravity)
-    cutoffs = _cutoffs(log)
-    lacking = lacks(channels, accel_cutoff=cutoffs.get("acc_lpf_hz"))
+    pictures = log_pictures(log, prepared, channels)
+    filters = _low_passes(log, pictures)
+    accel = [f.low for f in filters if f.channel == "accel"]
+    lacking = lacks(channels, accel_cutoff=min(accel, default=None))
     return LogReport(
         file=str(log.path),
         format=log.format,
@@ -126,11 +125,12 @@ def inspect_log(
         prospects=foreseen,
         verdicts=verdicts,
         not_judged=(WITH_AIRFRAME,) if prepared is not None and airframe is None else (),
-        filters=tuple(f"{CUTOFFS[k][0]} is at {hz:g} Hz ({k})" for k, hz in cutoffs.items()),
+        filters=tuple(f.words for f in filters),
         trouble=tuple(dict.fromkeys([*trouble, *refused])),
         settings=settings_for(log.format, lacking, log.metadata),
         notes=log.notes,
         metadata=dict(log.metadata),
+        pictures=pictures,
     )
 
 
@@ -178,21 +178,11 @@ def _response(log: FlightLog, late: float | None) -> MotorResponse | None:
     return MotorResponse(lag=lag, delay=late - lag)
 
 
-def _cutoffs(log: FlightLog) -> dict[str, float]:
-    """Return the low-pass filters that the header of a Blackbox log names [Hz]."""
+def _low_passes(log: FlightLog, pictures: LogPictures) -> list[Filter]:
+    """Return the low-passes that a Blackbox log's samples went through."""
     if log.format != "blackbox":
-        return {}
-    found = {
-        key: float(log.metadata[key]) / scale
-        for key, (_, scale) in CUTOFFS.items()
-        if log.metadata.get(key, "").isdecimal()
-    }
-    raw = "Unfiltered" in (log.channels["accel"].source if "accel" in log.channels else "")
-    return {
-        key: cutoff
-        for key, cutoff in found.items()
-        if cutoff > 0 and not (raw and key == "acc_lpf_hz")
-    }
+        return []  # the notes of the other readers say so
+    return [f for f in pictures.filters if f.kind == "low-pass" and f.passed]
 
 
 def _missing(log: FlightLog, *, usable: bool) -> list[str]:

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from html import escape
 from pathlib import Path
 from typing import Any, Final
@@ -39,7 +39,8 @@ WIDTH: Final = 100
 
 def plain(report: LogReport) -> dict[str, Any]:
     """Return a report as JSON can hold it."""
-    found = asdict(report)
+    found = asdict(replace(report, pictures=None))
+    del found["pictures"]
     for setting in found["settings"]:
         setting["asked_by"] = sorted(setting["asked_by"])
     return found

@@ -1,35 +1,13 @@
-"""Long series made small for display: extremes per column, and a compact encoding."""
+"""Series as a page holds them: paths of a drawing, and a compact encoding for zooming."""
 
 import base64
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
+from rotorfit.display.series import Series, column_starts, extremes, middles
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
-
-MOST_COLUMNS = 8192
-"""Columns kept in a page: two numbers each, more than any screen shows at once."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Series:
-    """What a flight's figure shows: by component the two wrenches and their difference.
-
-    Attributes
-    ----------
-    time
-        Since the log's first sample [s].
-    values
-        By ``"Fz body"``, ``"Fz rotor"``, ``"Fz error"`` and so on [N, N m].
-    gap
-        A longer step than this is a cut, over which no line is drawn [s].
-    """
-
-    time: Float[np.ndarray, " n"]
-    values: dict[str, Float[np.ndarray, " n"]]
-    gap: float
 
 
 def series_of(comparison: WrenchComparison) -> Series:
@@ -60,52 +38,13 @@ def is_predicted(comparison: WrenchComparison, component: str) -> bool:
     return error is not None and math.isfinite(error)
 
 
-def thinned(series: Series, *, columns: int = MOST_COLUMNS) -> Series:
-    """Return the series with at most two samples per column of time: its extremes.
-
-    All values keep one time axis: a column stands at its first sample and its middle.
-    """
-    if len(series.time) <= 2 * columns:
-        return series
-    starts = column_starts(series, columns)
-    middle = _middles(starts, len(series.time))
-    time = np.column_stack([series.time[starts], series.time[middle]]).ravel()
-    values = {key: extremes(v, starts).ravel() for key, v in series.values.items()}
-    width = float(series.time[-1] - series.time[0]) / columns
-    return Series(time=time, values=values, gap=max(series.gap, 2.0 * width))
-
-
-def column_starts(series: Series, columns: int) -> Int[np.ndarray, " k"]:
-    """Return where columns of equal time begin; a cut begins one too."""
-    time = series.time
-    span = max(float(time[-1] - time[0]), 1e-9)
-    column = np.minimum(((time - time[0]) / span * columns).astype(int), columns - 1)
-    new = (np.diff(column) > 0) | (np.diff(time) > series.gap)
-    return np.concatenate([[0], np.flatnonzero(new) + 1])
-
-
-def _middles(starts: Int[np.ndarray, " k"], count: int) -> Int[np.ndarray, " k"]:
-    """Return the sample in the middle of each column."""
-    return (starts + np.append(starts[1:], count)) // 2
-
-
-def extremes(
-    values: Float[np.ndarray, " n"], starts: Int[np.ndarray, " k"]
-) -> Float[np.ndarray, "k 2"]:
-    """Return least and greatest of each column, in the order that follows its slope."""
-    low = np.minimum.reduceat(values, starts)
-    high = np.maximum.reduceat(values, starts)
-    last = np.append(starts[1:], len(values)) - 1
-    falls = values[last] < values[starts]
-    return np.where(falls[:, None], np.stack([high, low], 1), np.stack([low, high], 1))
-
-
 def path_of(
     series: Series,
     key: str,
     *,
     size: tuple[float, float],
     span: tuple[float, float],
+    ends: tuple[float, float] | None = None,
     columns: int = 720,
 ) -> str:
     """Return a series as the data of an SVG path, broken at cuts.
@@ -118,15 +57,17 @@ def path_of(
         Width and height of its panel [px].
     span
         Least and greatest value of the panel.
+    ends
+        Of its time axis; those of the series if None.
     columns
         Of the reduction.
     """
     if not len(series.time):
         return ""
     starts = column_starts(series, columns)
-    t0, t1 = float(series.time[0]), float(series.time[-1])
+    t0, t1 = ends or (float(series.time[0]), float(series.time[-1]))
     # The second extreme stands half a column on: a smooth curve must not become a staircase.
-    places = series.time[np.stack([starts, _middles(starts, len(series.time))], 1)]
+    places = series.time[np.stack([starts, middles(starts, len(series.time))], 1)]
     x = (places - t0) / max(t1 - t0, 1e-9) * size[0]
     pairs = extremes(series.values[key], starts)
     y = (span[1] - pairs) / max(span[1] - span[0], 1e-12) * size[1]

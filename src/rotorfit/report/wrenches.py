@@ -4,16 +4,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rotorfit.display.series import Series, thinned
 from rotorfit.logs.files import file_name
-from rotorfit.report.series import (
-    Series,
-    encoded,
-    encoded_time,
-    is_predicted,
-    path_of,
-    series_of,
-    thinned,
-)
+from rotorfit.report.series import encoded, encoded_time, is_predicted, path_of, series_of
 from rotorfit.report.svg import drawing, label, tag, tick_label, ticks
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison

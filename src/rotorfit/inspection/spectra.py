@@ -1,0 +1,353 @@
+"""Spectra of gyro and accelerometer in flight, and which of their peaks the rotors make."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import signal
+
+from rotorfit.errors import FlightError
+from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
+from rotorfit.flight.log import CHANNELS, COMPONENTS, Channel
+
+WINDOW_SECONDS: Final = 1.0
+SHORTEST_WINDOW: Final = 128
+LONGEST_WINDOW: Final = 4096
+"""Rows."""
+FEWEST_ROWS: Final = 64
+BLOCK_SECONDS: Final = 2.0
+MOST_BLOCKS: Final = 400
+"""Of a flight: peaks are held against the rotor speed block by block."""
+LOWEST_PEAK: Final = 10.0
+"""Slower is what pilot and autopilot do [Hz]."""
+LEAST_RISE: Final = 0.4
+"""Of a peak over its surroundings, in powers of ten of the power; in short flights it is more."""
+SURE_RISE: Final = 5.0
+"""Standard deviations of an averaged spectrum that a peak must rise."""
+MOST_PEAKS: Final = 4
+HARMONICS: Final = (1, 2, 3, 4)
+FOLDED: Final = (1, 2)
+"""Those that shake most, balance and blades: of more, folded down, one fits any peak."""
+FEWEST_BLOCKS: Final = 3
+NEAR: Final = 0.02
+"""Share of a rotor's frequency within which a peak can be its, where the speed changes."""
+STRONGER: Final = 2.0
+"""Power at a peak while a rotor turns so fast, over that while none does."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorBand:
+    """Where the rotors turn at a multiple of their frequency, 10 % to 90 % of the time.
+
+    Attributes
+    ----------
+    harmonic
+        1 for the rotors' own frequency.
+    low, high
+        Ends [Hz].
+    """
+
+    harmonic: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peak:
+    """A peak of a spectrum.
+
+    Attributes
+    ----------
+    frequency
+        Where it stands in the log [Hz].
+    rise
+        Power over that of its surroundings.
+    harmonic
+        Of the rotors, where they make it; None where they do not, or their speed is not known.
+    true_frequency
+        Of the vibration, where the log samples too slowly for it and folds it down [Hz].
+    """
+
+    frequency: float
+    rise: float
+    harmonic: int | None = None
+    true_frequency: float | None = None
+
+    @property
+    def words(self) -> str:
+        """Such as ``1st rotor harmonic, 187 Hz``."""
+        at = f"{self.frequency:.0f} Hz"
+        if self.harmonic is None:
+            return at
+        name = f"{ordinal(self.harmonic)} rotor harmonic"
+        if self.true_frequency is None:
+            return f"{name}, {at}"
+        return f"{name} ({self.true_frequency:.0f} Hz), folded to {at}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spectrum:
+    """The spectrum of one sensor.
+
+    Attributes
+    ----------
+    channel, unit
+        As in `CHANNELS`.
+    seconds
+        How much of the flight is in it [s].
+    airborne
+        Whether it is of the airborne part alone.
+    sample_rate
+        Of the recorded samples [Hz].
+    frequency
+        Rising, without 0 [Hz]; up to half the rate of new samples.
+    density
+        Amplitude of each axis, `unit` per root hertz.
+    peaks
+        The clearest, by frequency.
+    rotors_known
+        Whether the log has the rotor speed, by which peaks are named.
+    """
+
+    channel: str
+    unit: str
+    seconds: float
+    airborne: bool
+    sample_rate: float
+    frequency: Float[np.ndarray, " f"]
+    density: dict[str, Float[np.ndarray, " f"]]
+    peaks: tuple[Peak, ...]
+    rotors_known: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorTimes:
+    """How fast each rotor turned, block by block [Hz]: mean and deviation."""
+
+    mean: Float[np.ndarray, "b N"]
+    std: Float[np.ndarray, "b N"]
+
+
+def ordinal(number: int) -> str:
+    """Return 1st, 2nd, 3rd, 4th."""
+    return f"{number}{ {1: 'st', 2: 'nd', 3: 'rd'}.get(number, 'th') }"
+
+
+def rotor_bands(
+    rotor_speed: Channel | None, spans: Sequence[tuple[float, float]]
+) -> tuple[RotorBand, ...]:
+    """Return where the rotors turned within spans of the log's clock; none where not measured."""
+    if rotor_speed is None:
+        return ()
+    t = rotor_speed.time
+    inside = np.any([(t >= a) & (t <= b) for a, b in spans], axis=0) if spans else t == t
+    turning = rotor_speed.values[inside]
+    turning = turning[np.isfinite(turning) & (turning > 0.0)] / (2.0 * np.pi)
+    if not len(turning):
+        return ()
+    low, high = np.percentile(turning, [10.0, 90.0]).tolist()
+    return tuple(RotorBand(harmonic=k, low=k * low, high=k * high) for k in HARMONICS)
+
+
+def spectrum(
+    name: str,
+    channel: Channel,
+    *,
+    spans: Sequence[tuple[float, float]],
+    rotor_speed: Channel | None,
+    new_share: float = 1.0,
+) -> Spectrum:
+    """Return the spectrum of a sensor, by Welch's method.
+
+    Parameters
+    ----------
+    name, channel
+        Which sensor, and its samples as recorded.
+    spans
+        The airborne part on the log's clock [s]; all of it where there is none.
+    rotor_speed
+        Measured, where the log has it.
+    new_share
+        Of the samples, that bring something new.
+
+    Raises
+    ------
+    FlightError
+        If no stretch without a gap is long enough.
+    """
+    uniform = uniform_channels({name: usable_samples(channel, name)}, clock=name)
+    stretches = list(_within(uniform, spans))
+    rows = max((b - a for a, b in stretches), default=0)
+    window = max(round(WINDOW_SECONDS * uniform.sample_rate), SHORTEST_WINDOW)
+    window = min(window, LONGEST_WINDOW, rows)
+    if window < FEWEST_ROWS:
+        where = "airborne stretch" if spans else "stretch"
+        raise FlightError(
+            f"no {where} of {name} without a gap holds {FEWEST_ROWS} samples: fly longer, or log "
+            "faster"
+        )
+    blocks = _blocks(stretches, uniform.sample_rate, window)
+    values = uniform.values[name]
+    f, mean, power = _welch(values, blocks, uniform.sample_rate, window)
+    # Above half the rate of new samples stands what the recorder drew between them.
+    shown = (f > 0.0) & (f <= 0.5 * uniform.sample_rate * new_share)
+    averages = sum(max(2 * (b - a) // window - 1, 1) for a, b in blocks)
+    times = [(float(uniform.time[a]), float(uniform.time[b - 1])) for a, b in blocks]
+    rotors = None if rotor_speed is None else _rotor_times(rotor_speed, times)
+    peaks = _peaks(f[shown], power[:, shown], averages, rotors, uniform.sample_rate)
+    return Spectrum(
+        channel=name,
+        unit=CHANNELS[name][1],
+        seconds=sum(b - a for a, b in blocks) / uniform.sample_rate,
+        airborne=bool(spans),
+        sample_rate=uniform.sample_rate,
+        frequency=f[shown],
+        density={
+            axis: np.sqrt(mean[shown, i]) for i, axis in enumerate(COMPONENTS[values.shape[1]])
+        },
+        peaks=peaks,
+        rotors_known=rotors is not None,
+    )
+
+
+def _within(
+    uniform: UniformChannels, spans: Sequence[tuple[float, float]]
+) -> Iterator[tuple[int, int]]:
+    """Yield the stretches without a gap inside the spans; all of them where there is none."""
+    for a, b in uniform.stretches:
+        if not spans:
+            yield a, b
+        for start, end in spans:
+            first = max(a, int(np.searchsorted(uniform.time, start)))
+            last = min(b, int(np.searchsorted(uniform.time, end, side="right")))
+            if last > first:
+                yield first, last
+
+
+def _blocks(
+    stretches: Sequence[tuple[int, int]], sample_rate: float, window: int
+) -> list[tuple[int, int]]:
+    """Return the stretches in blocks of about two seconds, longer ones in long flights."""
+    total = sum(b - a for a, b in stretches)
+    length = max(round(BLOCK_SECONDS * sample_rate), 2 * window, total // MOST_BLOCKS)
+    return [
+        (start, min(start + length, b))
+        for a, b in stretches
+        for start in range(a, b, length)
+        if min(start + length, b) - start >= window
+    ]
+
+
+def _welch(
+    values: Float[np.ndarray, "n k"],
+    blocks: Sequence[tuple[int, int]],
+    sample_rate: float,
+    window: int,
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, "f k"], Float[np.ndarray, "b f"]]:
+    """Return frequencies, the mean density of each axis, and that of all axes in each block."""
+    frequency = np.fft.rfftfreq(window, 1.0 / sample_rate)
+    mean = np.zeros((len(frequency), values.shape[1]))
+    power = np.zeros((len(blocks), len(frequency)))
+    for i, (a, b) in enumerate(blocks):
+        _, density = signal.welch(values[a:b], sample_rate, nperseg=window, axis=0)
+        mean += density * (b - a)
+        power[i] = density.sum(axis=1)
+    return frequency, mean / sum(b - a for a, b in blocks), power
+
+
+def _rotor_times(rotor_speed: Channel, times: Sequence[tuple[float, float]]) -> RotorTimes | None:
+    """Return how fast the rotors turned in each block; None where that was not recorded."""
+    t, hertz = rotor_speed.time, rotor_speed.values / (2.0 * np.pi)
+    count = hertz.shape[1]
+    mean, std = np.full((len(times), count), np.nan), np.full((len(times), count), np.nan)
+    for i, (start, end) in enumerate(times):
+        inside = hertz[(t >= start) & (t <= end)]
+        inside = inside[np.isfinite(inside).all(axis=1)]
+        if len(inside) > 1:
+            mean[i], std[i] = inside.mean(axis=0), inside.std(axis=0)
+    return RotorTimes(mean=mean, std=std) if np.isfinite(mean).any() else None
+
+
+def _peaks(
+    frequency: Float[np.ndarray, " f"],
+    power: Float[np.ndarray, "b f"],
+    averages: int,
+    rotors: RotorTimes | None,
+    sample_rate: float,
+) -> tuple[Peak, ...]:
+    """Return the clearest peaks of the mean over all blocks, by frequency."""
+    mean = power.mean(axis=0)
+    level = np.log10(np.maximum(mean, 1e-12 * max(float(mean.max(initial=0.0)), 1e-30)))
+    least = max(LEAST_RISE, SURE_RISE * np.log10(np.e) / np.sqrt(averages))
+    found, about = signal.find_peaks(level, prominence=least)
+    kept = [
+        (float(rise), int(i))
+        for i, rise in zip(found, about["prominences"], strict=True)
+        if frequency[i] >= LOWEST_PEAK
+    ]
+    strongest = sorted(kept, reverse=True)[:MOST_PEAKS]
+    return tuple(
+        _named(float(frequency[i]), 10.0**rise, power[:, max(i - 1, 0) : i + 2].max(axis=1),
+               rotors, float(frequency[1] - frequency[0]), sample_rate)
+        for rise, i in sorted(strongest, key=lambda one: one[1])
+    )  # fmt: skip
+
+
+def _named(
+    at: float,
+    rise: float,
+    power: Float[np.ndarray, " b"],
+    rotors: RotorTimes | None,
+    step: float,
+    sample_rate: float,
+) -> Peak:
+    """Return a peak with its harmonic, where it stands while a rotor turns so fast, and only then.
+
+    A log slower than twice a vibration's frequency folds it down: those are looked for, too.
+    """
+    if rotors is None:
+        return Peak(frequency=at, rise=rise)
+    for harmonic in HARMONICS:
+        near = _near(at, harmonic, rotors, step, sample_rate)
+        if not near.any():
+            continue
+        turning = harmonic * float(np.median(rotors.mean[near]))
+        folded = turning > 0.5 * sample_rate
+        if folded and harmonic not in FOLDED:
+            continue
+        if _goes_with(power, near.any(axis=1), sure=folded):
+            true = _unfolded(at, turning, sample_rate) if folded else None
+            return Peak(frequency=at, rise=rise, harmonic=harmonic, true_frequency=true)
+    return Peak(frequency=at, rise=rise)
+
+
+def _unfolded(at: float, near: float, sample_rate: float) -> float:
+    """Return the frequency near to one that a log of so many samples shows at another."""
+    whole = sample_rate * np.arange(1 + int(near / sample_rate) + 1)
+    candidates = np.concatenate([whole + at, whole - at])
+    return float(candidates[np.argmin(np.abs(candidates - near))])
+
+
+def _near(
+    at: float, harmonic: int, rotors: RotorTimes, step: float, sample_rate: float
+) -> Bool[np.ndarray, "b N"]:
+    """Return in which blocks which rotor makes a frequency."""
+    true = harmonic * rotors.mean
+    recorded = np.abs(true - sample_rate * np.round(true / sample_rate))
+    reach = np.maximum(1.5 * step, np.minimum(harmonic * rotors.std, NEAR * true))
+    within: Bool[np.ndarray, "b N"] = np.abs(recorded - at) <= reach
+    return within
+
+
+def _goes_with(
+    power: Float[np.ndarray, " b"], near: Bool[np.ndarray, " b"], *, sure: bool
+) -> bool:
+    """Return whether a peak stands in the blocks where it should, and not in the others.
+
+    In a steady hover there are no others; that is enough unless it is to be `sure`.
+    """
+    if min(int(near.sum()), int((~near).sum())) >= FEWEST_BLOCKS:
+        return bool(np.median(power[near]) > STRONGER * np.median(power[~near]))
+    return not sure and bool(near.mean() > 0.5)
