@@ -21,7 +21,8 @@ from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
 from rotorfit.logs.files import read_head
 from rotorfit.logs.kinds import own_kind
-from rotorfit.report.log_report import plain, report_text, write_page
+from rotorfit.report.log_page import write_log_page
+from rotorfit.report.log_report import plain, report_text
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import FlightEntry
@@ -87,7 +88,7 @@ def _write(options: InspectOptions, reports: Sequence[LogReport | SeveralLogs]) 
     """Write the page, where one is wanted and something is to be said."""
     single = [one for one in reports if isinstance(one, LogReport)]
     if options.report is not None and single:
-        write_page(options.report, single, force=options.force)
+        write_log_page(options.report, single, force=options.force)
         say(f"rotorfit: wrote {options.report}")
 
 

@@ -156,14 +156,18 @@ def _blackbox_notches(told: Mapping[str, str], *, passed: bool) -> list[Filter]:
             )
     low, high = _number(told, "dyn_notch_min_hz"), _number(told, "dyn_notch_max_hz")
     if _number(told, "dyn_notch_count") > 0 and 0 < low < high:
-        found.append(_moving("notch", low, high, "dyn_notch_min_hz, dyn_notch_max_hz", passed=passed))
+        found.append(
+            _moving("notch", low, high, "dyn_notch_min_hz, dyn_notch_max_hz", passed=passed)
+        )
     for count, least in (
         ("rpm_filter_harmonics", "rpm_filter_min_hz"),
         ("gyro_rpm_notch_harmonics", "gyro_rpm_notch_min"),
     ):
         harmonics = int(min(max(_number(told, count), 0.0), 10.0))
         if harmonics and _number(told, "dshot_bidir") > 0:
-            found.append(_following(tuple(range(1, harmonics + 1)), _number(told, least), count, passed))
+            found.append(
+                _following(tuple(range(1, harmonics + 1)), _number(told, least), count, passed)
+            )
     return found
 
 

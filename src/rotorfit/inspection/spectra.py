@@ -341,9 +341,7 @@ def _near(
     return within
 
 
-def _goes_with(
-    power: Float[np.ndarray, " b"], near: Bool[np.ndarray, " b"], *, sure: bool
-) -> bool:
+def _goes_with(power: Float[np.ndarray, " b"], near: Bool[np.ndarray, " b"], *, sure: bool) -> bool:
     """Return whether a peak stands in the blocks where it should, and not in the others.
 
     In a steady hover there are no others; that is enough unless it is to be `sure`.

@@ -6,7 +6,7 @@ from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.figures import write_drawings
 from rotorfit.report.fly_figures import fly_drawings, kind_of
 from rotorfit.report.fly_text import force_rows, headline, manoeuvre_words, rate_rows, verdicts
-from rotorfit.report.page_templates import page_template, template_text
+from rotorfit.report.page_templates import page_style, page_template, template_text
 from rotorfit.report.svg import clean, standalone
 from rotorfit.validation.fly_outcome import AXES, FlyOutcome, told_times
 
@@ -26,7 +26,7 @@ def fly_html(outcome: FlyOutcome) -> str:
         names=[file_name(replay.flight) for replay in outcome.replays],
         manoeuvres=[(name, manoeuvre_words(outcome, name)) for name in outcome.manoeuvres],
         drawings=fly_drawings(outcome),
-        style="".join(template_text(f"{name}.css") for name in ("page", "figure", "fly")),
+        style=page_style("fly"),
     )
     return clean(html)
 

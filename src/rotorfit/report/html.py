@@ -1,7 +1,5 @@
 """A result as one HTML page that needs nothing else: no network, no font, no library."""
 
-import base64
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,7 +7,7 @@ from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
 from rotorfit.report.motor_law import law_section
 from rotorfit.report.number_words import PREDICTED_WELL, VERDICT_MEANING, configurations
-from rotorfit.report.page_templates import page_template, template_text
+from rotorfit.report.page_templates import fingerprint, page_style, page_template, template_text
 from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
 from rotorfit.report.parameters import parameter_tables
 from rotorfit.report.provenance import method_words, provenance_of
@@ -61,9 +59,9 @@ def report_html(
         correlations=correlation_section(result),
         flights=used_flights(result),
         provenance=provenance_of(result, tuple(comparisons)),
-        style=template_text("page.css") + template_text("figure.css"),
+        style=page_style(),
         script=script,
-        script_hash=_fingerprint(script),
+        script_hash=fingerprint(script),
     )
     return clean(html)
 
@@ -94,8 +92,3 @@ def write_report(
     """
     html = report_html(result, comparisons=comparisons, paper=paper)
     write_whole(path, html, force=force)
-
-
-def _fingerprint(script: str) -> str:
-    """Return what the page's content policy knows its one script by; no other one may run."""
-    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()

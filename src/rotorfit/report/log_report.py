@@ -1,10 +1,8 @@
-"""What inspect says of one log: one screen of text, JSON, or a page."""
+"""What inspect says of one log: one screen of text, or JSON."""
 
 import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from html import escape
-from pathlib import Path
 from typing import Any, Final
 
 from rotorfit.checks.gravity import GravitySeen
@@ -16,7 +14,6 @@ from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
 from rotorfit.inspection.recording import ChannelReport
 from rotorfit.inspection.settings import settings_file
-from rotorfit.logs.files import write_whole
 
 MOST_SPANS: Final = 6
 SLOWED: Final = 0.8
@@ -33,6 +30,7 @@ MOST_SHOWN: Final = 1000.0
 """Ratio above which its figure says nothing more."""
 WHAT: Final = {"roll": ("Ixx", ""), "pitch": ("Iyy", ""), "yaw": ("kd / Izz", "Izz, kd and Jr")}
 """What an axis tells, and what it tells with all the others."""
+KNOW: Final = "To know"
 WIDTH: Final = 100
 """Of a line where nothing is known of the terminal."""
 
@@ -55,7 +53,7 @@ def report_text(report: LogReport, *, width: int = WIDTH) -> str:
     lines = [title, "", head]
     lines += [line for channel in report.channels for line in _channel_lines(channel, width)]
     facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
-    notes = [f"airborne: {_spans(report.airborne)}"]
+    notes = [f"airborne: {spans_words(report.airborne)}"]
     notes += [*(f"{name}: {report.metadata[name]}" for name in facts), *report.notes]
     lines += ["", *(line for note in notes for line in _wrapped(note, width, "  ", "    "))]
     for title, words in sections(report):
@@ -74,7 +72,7 @@ def sections(report: LogReport) -> list[tuple[str, list[str]]]:
             # Verdicts are what the prospects only foresee.
             [*(report.verdicts or prospect_words(report.prospects)), *report.not_judged],
         ),
-        ("To know", list(report.trouble)),
+        (KNOW, list(report.trouble)),
         ("Settings to change", setting_words(report)),
     ]
     return [(title, words) for title, words in found if words]
@@ -306,7 +304,8 @@ def _channel_lines(c: ChannelReport, width: int) -> list[str]:
     return _wrapped(c.source, width, start, " " * len(start)) or [start.rstrip()]
 
 
-def _spans(spans: tuple[tuple[float, float], ...]) -> str:
+def spans_words(spans: tuple[tuple[float, float], ...]) -> str:
+    """Return the airborne part in words."""
     if not spans:
         # The autopilot's own account may well know of a flight.
         return "not found from motors and IMU; the reason is below"
@@ -316,58 +315,3 @@ def _spans(spans: tuple[tuple[float, float], ...]) -> str:
         return f"{len(spans)} stretches between {first:.2f} and {last:.2f} s ({total:.1f} s)"
     parts = ", ".join(f"{start:.2f} to {end:.2f} s" for start, end in spans)
     return f"{parts} ({total:.1f} s)"
-
-
-def write_page(path: Path, reports: list[LogReport], *, force: bool) -> None:
-    """Write reports as one page that needs nothing else, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        If the file exists and `force` is false, or cannot be written.
-    """
-    write_whole(path, page(reports), force=force)
-
-
-def page(reports: list[LogReport]) -> str:
-    """Return reports as one HTML page."""
-    style = (Path(__file__).parent / "templates" / "page.css").read_text(encoding="utf-8")
-    body = "\n".join(map(_article, reports))
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<meta http-equiv="Content-Security-Policy" '
-        "content=\"default-src 'none'; style-src 'unsafe-inline'\">"
-        f"<title>Flight logs</title>\n<style>\n{style}</style></head>\n<body><main>\n{body}\n"
-        "</main></body></html>\n"
-    )
-
-
-def _article(report: LogReport) -> str:
-    cells = ("channel", "samples", "rate [Hz]", "new [Hz]", "gaps", "unit", "source")
-    rows = "\n".join(map(_row, report.channels))
-    lists = "\n".join(
-        f"<h2>{title}</h2><ul>{''.join(f'<li>{escape(text)}</li>' for text in words)}</ul>"
-        for title, words in [*sections(report), ("What the reader says", list(report.notes))]
-        if words
-    )
-    return (
-        f"<h1>{escape(Path(report.file).name)}</h1>\n<p>{escape(report.format)}, log {report.log}, "
-        f"{report.seconds:.1f} s; airborne: {_spans(report.airborne)}</p>\n"
-        '<div class="scroll"><table class="channels"><thead><tr>'
-        f"{''.join(f'<th>{cell}</th>' for cell in cells)}</tr></thead><tbody>\n{rows}\n"
-        f"</tbody></table></div>\n{lists}"
-    )
-
-
-def _row(c: ChannelReport) -> str:
-    cells = (
-        c.name,
-        str(c.samples),
-        f"{c.rate:.0f}",
-        f"{c.true_rate:.0f}",
-        str(c.gaps),
-        c.unit,
-        c.source,
-    )
-    return f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"

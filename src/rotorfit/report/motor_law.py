@@ -158,7 +158,7 @@ def law_picture(law: CommandLaw) -> str:
     parts.append(label("command", {"class": "axis-name middle", "x": middle, "y": HEIGHT - 8}))
     parts.append(label("rad/s", {"class": "axis-name", "x": 8, "y": TOP + 12}))
     name = "Rotor speed over command: measured, and the law"
-    shown = {"class": "motor-law wrench", "role": "img", "aria-label": name}
+    shown = {"class": "motor-law chart", "role": "img", "aria-label": name}
     return drawing(WIDTH, HEIGHT, shown, *parts)
 
 

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 
 from rotorfit.display.series import Series, thinned
 from rotorfit.logs.files import file_name
-from rotorfit.report.series import encoded, encoded_time, is_predicted, path_of, series_of
-from rotorfit.report.svg import drawing, label, tag, tick_label, ticks
+from rotorfit.report.chart import Axis, Chart, Curve, Panel, chart_data, chart_svg
+from rotorfit.report.series import is_predicted, series_of
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
-WIDTH, LEFT, RIGHT = 920.0, 58.0, 10.0
-TITLE, MAIN, GAP, ERROR, BELOW = 24.0, 104.0, 6.0, 42.0, 12.0
-BLOCK = TITLE + MAIN + GAP + ERROR + BELOW
-AXIS = 36.0
-LINE = TITLE + 30.0
+MAIN, ERROR = 104.0, 42.0
+LEAST_SECONDS = 0.02
+KINDS = {"body": "body", "rotor": "rotors", "error": "error"}
 COMPONENT = {
     "Fz": ("Thrust Fz", "N"),
     "Mx": ("Roll moment Mx", "N m"),
@@ -34,6 +32,7 @@ class WrenchFigure:
     sha256: str
     svg: str
     data: dict[str, object]
+    legend: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...]
     errors: tuple[tuple[str, str, str], ...]
     seconds: float
 
@@ -45,13 +44,15 @@ def wrench_figures(comparisons: Sequence[WrenchComparison]) -> tuple[WrenchFigur
 
 def _figure(comparison: WrenchComparison) -> WrenchFigure:
     series = thinned(series_of(comparison))
+    chart = wrench_chart(comparison, series)
     return WrenchFigure(
         title=file_name(comparison.flight),
         configuration=comparison.configuration,
         used_in_fit=comparison.used_in_fit,
         sha256=comparison.sha256,
-        svg=wrench_svg(comparison, series),
-        data=_data(series),
+        svg=chart_svg(chart),
+        data=chart_data(chart),
+        legend=switches(comparison),
         errors=tuple(
             (COMPONENT[n][0], error_words(comparison, n), whiteness_words(comparison, n))
             for n in SHOWN
@@ -89,130 +90,51 @@ def _percent(value: float | None) -> str:
     return f"{100 * value:.2f} %" if value is not None and math.isfinite(value) else "–"
 
 
-def _data(series: Series) -> dict[str, object]:
-    return {
-        "time": encoded_time(series.time),
-        "gap": series.gap,
-        "series": {key: encoded(values) for key, values in series.values.items()},
-    }
-
-
 def wrench_svg(comparison: WrenchComparison, series: Series) -> str:
     """Return the four components of one flight, each with its error below, over one time axis."""
-    heights = [BLOCK if is_predicted(comparison, name) else LINE for name in SHOWN]
-    height = sum(heights) + AXIS
-    blocks = [
-        _component(comparison, series, name, sum(heights[:i], 0.0)) for i, name in enumerate(SHOWN)
-    ]
-    attributes: dict[str, str | float] = {
-        "class": "wrench",
-        "data-left": LEFT,
-        "data-right": RIGHT,
-        "role": "img",
-        "aria-label": f"Body wrench against rotor wrench over time, flight "
-        f"{file_name(comparison.flight)}",
-    }
-    return drawing(WIDTH, height, attributes, *blocks, _time_axis(series, height))
+    return chart_svg(wrench_chart(comparison, series))
 
 
-def _component(comparison: WrenchComparison, series: Series, name: str, top: float) -> str:
-    title, unit = COMPONENT[name]
-    error = error_words(comparison, name)
-    main = top + TITLE
-    if not is_predicted(comparison, name):
-        return _unpredicted(f"{title} [{unit}]", top)
-    return tag(
-        "g",
-        {"class": "component"},
-        label(f"{title} [{unit}]", {"class": "panel-title", "x": LEFT, "y": top + 16}),
-        label(
-            f"error {error}",
-            {"class": "panel-error right", "x": WIDTH - RIGHT, "y": top + 16},
+def wrench_chart(comparison: WrenchComparison, series: Series) -> Chart:
+    """Return the panels of one flight."""
+    ends = (float(series.time[0]), float(series.time[-1])) if len(series.time) else (0.0, 1.0)
+    return Chart(
+        panels=tuple(
+            panel for name in SHOWN for panel in _component_panels(comparison, series, name)
         ),
-        _panel(series, (f"{name} body", f"{name} rotor"), top=main, height=MAIN, count=5),
-        _panel(series, (f"{name} error",), top=main + MAIN + GAP, height=ERROR, count=3),
+        axis=Axis(
+            ends=ends, name="time since the log's first sample [s]", unit="s", least=LEAST_SECONDS
+        ),
+        words=f"Body wrench against rotor wrench over time, flight {file_name(comparison.flight)}",
+        style="wrench",
     )
 
 
-def _unpredicted(title: str, top: float) -> str:
-    """Return a component that the result cannot predict: said, and not drawn."""
-    why = "cannot be predicted: a parameter that it needs is not known"
-    return tag(
-        "g",
-        {"class": "component"},
-        label(title, {"class": "panel-title", "x": LEFT, "y": top + 16}),
-        label(why, {"class": "panel-missing", "x": LEFT, "y": top + TITLE + 18}),
+def _component_panels(comparison: WrenchComparison, series: Series, name: str) -> tuple[Panel, ...]:
+    """Return a component and its error; one that the result cannot predict is said, not drawn."""
+    words, unit = COMPONENT[name]
+    title = f"{words} [{unit}]"
+    if not is_predicted(comparison, name):
+        why = "cannot be predicted: a parameter that it needs is not known"
+        return (Panel(title=title, height=0.0, missing=why),)
+
+    def curve(kind: str) -> Curve:
+        key, shown = f"{name} {kind}", KINDS[kind]
+        return Curve(key=key, name=shown, style=kind, series=series, group=kind)
+
+    note = f"error {error_words(comparison, name)}"
+    return (
+        Panel(title=title, note=note, height=MAIN, curves=(curve("body"), curve("rotor"))),
+        Panel(title="", height=ERROR, count=3, curves=(curve("error"),)),
     )
 
 
-def _panel(series: Series, keys: tuple[str, ...], *, top: float, height: float, count: int) -> str:
-    """Return one pair of axes with its curves, in a clipping frame of its own."""
-    width = WIDTH - LEFT - RIGHT
-    span = _span(series, keys)
-    curves = [
-        tag(
-            "path",
-            {
-                "class": f"curve {key.split()[1]}",
-                "data-key": key,
-                "d": path_of(series, key, size=(width, height), span=span),
-            },
-        )
-        for key in keys
-    ]
-    frame: dict[str, str | float] = {"x": LEFT, "y": top, "width": width, "height": height}
-    attributes: dict[str, str | float] = {
-        "class": "panel",
-        "data-top": top,
-        "data-height": height,
-        "data-count": count,
-    }
-    return tag(
-        "g",
-        attributes,
-        tag("g", {"class": "y-ticks"}, *_y_ticks(span, top=top, height=height, count=count)),
-        tag("svg", {"class": "clip", **frame}, *curves),
-        tag("rect", {"class": "frame", **frame}),
+def switches(
+    comparison: WrenchComparison,
+) -> tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...]:
+    """Return what switches the curves of a flight on and off, all components together."""
+    names = [name for name in SHOWN if is_predicted(comparison, name)]
+    kinds = tuple(
+        (words, kind, "|".join(f"{n} {kind}" for n in names)) for kind, words in KINDS.items()
     )
-
-
-def _span(series: Series, keys: tuple[str, ...]) -> tuple[float, float]:
-    """Return the ends of a panel's axis: the values, with a little room."""
-    if not len(series.time):
-        return 0.0, 1.0
-    low = min(float(series.values[key].min()) for key in keys)
-    high = max(float(series.values[key].max()) for key in keys)
-    room = 0.06 * (high - low) or 0.5
-    return low - room, high + room
-
-
-def _y_ticks(span: tuple[float, float], *, top: float, height: float, count: int) -> list[str]:
-    values = ticks(*span, count)
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    parts: list[str] = []
-    for value in values:
-        y = top + (span[1] - value) / (span[1] - span[0]) * height
-        parts.append(tag("path", {"class": "grid", "d": f"M{LEFT} {y:.2f}H{WIDTH - RIGHT}"}))
-        parts.append(
-            label(tick_label(value, step), {"class": "tick right", "x": LEFT - 7, "y": y + 4})
-        )
-    return parts
-
-
-def _time_axis(series: Series, height: float) -> str:
-    t0, t1 = (float(series.time[0]), float(series.time[-1])) if len(series.time) else (0.0, 1.0)
-    values = ticks(t0, t1, 8)
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    top = height - AXIS + 4
-    places = [LEFT + (v - t0) / max(t1 - t0, 1e-9) * (WIDTH - LEFT - RIGHT) for v in values]
-    marks = [
-        label(tick_label(v, step), {"class": "tick middle", "x": x, "y": top})
-        for v, x in zip(values, places, strict=True)
-    ]
-    name = label(
-        "time since the log's first sample [s]",
-        {"class": "axis-name middle", "x": (WIDTH + LEFT - RIGHT) / 2, "y": top + 20},
-    )
-    return tag(
-        "g", {"class": "x-axis", "data-top": top}, tag("g", {"class": "x-ticks"}, *marks), name
-    )
+    return (("Curves", kinds),) if names else ()

@@ -1,0 +1,390 @@
+"""Panels of curves over one axis: an SVG that is complete without a script, and data to zoom it.
+
+`templates/plot.js` redraws the same elements for a part of the axis: curves by ``data-key``, spans
+by ``data-from`` and ``data-to``, lines by ``data-at``, all in the axis' own numbers.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rotorfit.display.series import Series
+from rotorfit.report.series import encoded, encoded_time, path_of
+from rotorfit.report.svg import drawing, label, nice_step, tag, text, tick_label, ticks
+
+WIDTH: Final = 920.0
+LEFT: Final = 58.0
+RIGHT: Final = 10.0
+TITLE: Final = 24.0
+GAP: Final = 6.0
+BELOW: Final = 12.0
+AXIS: Final = 36.0
+MISSING: Final = 30.0
+"""Height of a panel that says why it is empty."""
+PLOT: Final = WIDTH - LEFT - RIGHT
+LETTER: Final = 6.0
+"""Mean width of a letter of a label; a browser measures it."""
+ROW: Final = 14.0
+MOST_DECADES: Final = 6
+LINE: Final = "line"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """One curve.
+
+    Attributes
+    ----------
+    key
+        Of its values in `series`, and in the page; once in a chart.
+    name
+        As the legend and the reading at the pointer have it.
+    style
+        Class of the style sheet.
+    group
+        What is switched on and off with it; its own where None.
+    """
+
+    key: str
+    name: str
+    style: str
+    series: Series
+    group: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """A shaded stretch of a panel; `row` of its strips, the whole height where None."""
+
+    start: float
+    end: float
+    style: str
+    words: str
+    label: str = ""
+    row: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A vertical line with its words."""
+
+    at: float
+    style: str
+    label: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """One pair of axes.
+
+    Attributes
+    ----------
+    title
+        With its unit; a panel without one stands close to the one above.
+    note
+        At the right of the title.
+    height, count
+        In pixels; and about how many ticks.
+    log
+        Whether the values are powers of ten.
+    rows
+        Names of strips in place of a vertical axis; curves are then only read at the pointer.
+    missing
+        Why there is nothing to draw.
+    """
+
+    title: str
+    height: float
+    curves: tuple[Curve, ...] = ()
+    count: int = 5
+    note: str = ""
+    log: bool = False
+    spans: tuple[Span, ...] = ()
+    lines: tuple[Line, ...] = ()
+    rows: tuple[str, ...] = ()
+    missing: str = ""
+    span: tuple[float, float] | None = None
+
+    @property
+    def above(self) -> float:
+        """Room for the title, or what parts it from the panel above."""
+        return TITLE if self.title else GAP
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """What all panels share.
+
+    Attributes
+    ----------
+    ends
+        Of the drawing; powers of ten where `log`.
+    name, unit
+        Beneath it; and behind the number at the pointer.
+    least
+        What zooming ends at.
+    """
+
+    ends: tuple[float, float]
+    name: str
+    unit: str
+    least: float
+    log: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chart:
+    """Panels over one axis; `words` say what is seen to whom does not see it."""
+
+    panels: tuple[Panel, ...]
+    axis: Axis
+    words: str
+    style: str = ""
+
+    @property
+    def curves(self) -> Iterator[Curve]:
+        """Of all panels."""
+        for panel in self.panels:
+            yield from panel.curves
+
+
+def chart_data(chart: Chart) -> dict[str, object]:
+    """Return what a page needs to redraw a chart: clocks, and 16-bit values by curve."""
+    clocks: dict[int, Series] = {id(curve.series.time): curve.series for curve in chart.curves}
+    index = {key: i for i, key in enumerate(clocks)}
+    axis = chart.axis
+    return {
+        "axis": {"ends": axis.ends, "unit": axis.unit, "least": axis.least, "log": axis.log},
+        "clocks": [{"time": encoded_time(s.time), "gap": s.gap} for s in clocks.values()],
+        "series": {
+            curve.key: {
+                "clock": index[id(curve.series.time)],
+                "name": curve.name,
+                "style": curve.style,
+                **encoded(curve.series.values[curve.key]),
+            }
+            for curve in chart.curves
+        },
+    }
+
+
+def chart_svg(chart: Chart) -> str:
+    """Return the drawing."""
+    parts: list[str] = []
+    top = 0.0
+    for i, panel in enumerate(chart.panels):
+        parts.append(_panel(panel, chart.axis, top))
+        top += panel.above + (MISSING if panel.missing else panel.height)
+        last = i + 1 == len(chart.panels)
+        top += BELOW if last or chart.panels[i + 1].title else 0.0
+    height = top + AXIS
+    attributes: dict[str, str | float] = {
+        "class": f"chart {chart.style}".strip(),
+        "data-left": LEFT,
+        "data-right": RIGHT,
+        "role": "img",
+        "aria-label": chart.words,
+    }
+    return drawing(WIDTH, height, attributes, *parts, _x_axis(chart.axis, height))
+
+
+def _panel(panel: Panel, axis: Axis, top: float) -> str:
+    """Return one pair of axes with its curves, in a clipping frame of its own."""
+    head = [label(panel.title, {"class": "panel-title", "x": LEFT, "y": top + 16})]
+    if panel.note:
+        place: dict[str, str | float] = {"x": WIDTH - RIGHT, "y": top + 16}
+        head.append(label(panel.note, {"class": "panel-error right", **place}))
+    start = top + panel.above
+    if panel.missing:
+        words = label(panel.missing, {"class": "panel-missing", "x": LEFT, "y": start + 18})
+        return tag("g", {"class": "component"}, *head, words)
+    frame: dict[str, str | float] = {"x": LEFT, "y": start, "width": PLOT, "height": panel.height}
+    inside = [
+        *(_span(span, panel, axis) for span in panel.spans),
+        *(_curve(curve, panel, axis) for curve in panel.curves if not panel.rows),
+        *_lines(panel, axis),
+    ]
+    attributes: dict[str, str | float] = {
+        "class": "panel",
+        "data-top": start,
+        "data-height": panel.height,
+        "data-count": panel.count,
+        "data-scale": "strips" if panel.rows else "log" if panel.log else "linear",
+        "data-values": "|".join(curve.key for curve in panel.curves),
+    }
+    if panel.span is not None:
+        attributes |= {"data-low": panel.span[0], "data-high": panel.span[1]}
+    return tag(
+        "g",
+        attributes,
+        *(head if panel.title else ()),
+        tag("g", {"class": "y-ticks"}, *_y_ticks(panel, start)),
+        tag("svg", {"class": "clip", **frame}, *inside),
+        tag("rect", {"class": "frame", **frame}),
+    )
+
+
+def span_of(panel: Panel) -> tuple[float, float]:
+    """Return the ends of a panel's axis: the values, with a little room."""
+    if panel.span is not None:
+        return panel.span
+    values = [curve.series.values[curve.key] for curve in panel.curves]
+    values = [v for v in values if len(v)]
+    if not values:
+        return 0.0, 1.0
+    low = min(float(v.min()) for v in values)
+    high = max(float(v.max()) for v in values)
+    room = 0.06 * (high - low) or 0.5
+    return low - room, high + room
+
+
+def _x(value: float, axis: Axis) -> float:
+    low, high = axis.ends
+    return (value - low) / max(high - low, 1e-9) * PLOT
+
+
+def _curve(curve: Curve, panel: Panel, axis: Axis) -> str:
+    d = path_of(
+        curve.series,
+        curve.key,
+        size=(PLOT, panel.height),
+        span=span_of(panel),
+        ends=axis.ends,
+    )
+    return tag("path", {"class": f"curve {curve.style}", "data-key": curve.key, "d": d})
+
+
+def _span(span: Span, panel: Panel, axis: Axis) -> str:
+    x = _x(span.start, axis)
+    width = max(_x(span.end, axis) - x, 1.5)
+    rows = max(len(panel.rows), 1)
+    height = panel.height / rows if span.row is not None else panel.height
+    y = (span.row or 0) * height
+    inset = 1.5 if span.row is not None else 0.0
+    box = tag(
+        "rect",
+        {"x": x, "y": y + inset, "width": width, "height": height - 2 * inset},
+        *([tag("title", {}, text(span.words))] if span.words else ()),
+    )
+    place = {"class": f"span {span.style}", "data-from": f"{span.start:.6g}"}
+    return tag("g", {**place, "data-to": f"{span.end:.6g}"}, box)
+
+
+def _lines(panel: Panel, axis: Axis) -> list[str]:
+    """Return the lines, and the labels of lines and spans in rows that do not overlap."""
+    named = [Line(at=s.start, style=s.style, label=s.label) for s in panel.spans if s.label]
+    parts: list[str] = []
+    free: list[float] = []
+    for line in sorted([*panel.lines, *named], key=lambda one: one.at):
+        x = _x(line.at, axis)
+        wide = LETTER * len(line.label) + 10.0
+        left = min(x, PLOT - wide)
+        row = next((i for i, end in enumerate(free) if end <= left), len(free))
+        free[row : row + 1] = [left + wide]
+        inside: list[str] = []
+        if line in panel.lines:
+            inside.append(tag("path", {"d": f"M{x:.1f} 0V{panel.height:.1f}"}))
+        words = {"class": "halo", "x": left + 4, "y": 13 + ROW * row}
+        inside.append(label(line.label, words))
+        place = {"class": f"{LINE} {line.style}", "data-at": f"{line.at:.6g}"}
+        parts.append(tag("g", place, *inside))
+    return parts
+
+
+def _y_ticks(panel: Panel, top: float) -> list[str]:
+    if panel.rows:
+        height = panel.height / len(panel.rows)
+        return [
+            label(name, {"class": "tick right", "x": LEFT - 7, "y": top + (i + 0.5) * height + 4})
+            for i, name in enumerate(panel.rows)
+        ]
+    span = span_of(panel)
+    parts: list[str] = []
+    for value, words in _decades(span) if panel.log else _plain_ticks(span, panel.count):
+        y = top + (span[1] - value) / (span[1] - span[0]) * panel.height
+        parts.append(tag("path", {"class": "grid", "d": f"M{LEFT} {y:.2f}H{WIDTH - RIGHT}"}))
+        parts.append(label(words, {"class": "tick right", "x": LEFT - 7, "y": y + 4}))
+    return parts
+
+
+def _plain_ticks(span: tuple[float, float], count: int) -> list[tuple[float, str]]:
+    values = ticks(*span, count)
+    step = values[1] - values[0] if len(values) > 1 else 1.0
+    return [(value, tick_label(value, step)) for value in values]
+
+
+def _decades(span: tuple[float, float]) -> list[tuple[float, str]]:
+    """Return whole powers of ten, with 2 and 5 between where there are few."""
+    first, last = int(np.ceil(span[0])), int(np.floor(span[1]))
+    between = (1, 2, 5) if last - first < 1 else (1,)
+    found: list[tuple[float, str]] = []
+    for power in range(first - 1, last + 1):
+        for factor in between:
+            value = power + float(np.log10(factor))
+            if span[0] <= value <= span[1]:
+                found.append((value, power_words(factor, power)))
+    return found
+
+
+def power_words(factor: int, power: int) -> str:
+    """Return a number of a logarithmic axis: plain where short, else a power of ten."""
+    if -3 <= power <= 3:
+        return f"{factor * 10.0**power:g}"
+    digits = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{digits}" if factor == 1 else f"{factor}·10{digits}"
+
+
+def _x_axis(axis: Axis, height: float) -> str:
+    low, high = axis.ends
+    if axis.log:
+        marks = _log_marks(axis.ends)
+    else:
+        step = nice_step(high - low, 8)
+        marks = [(v, tick_label(v, step)) for v in ticks(low, high, 8)]
+    top = height - AXIS + 4
+    words = [
+        label(w, {"class": "tick middle", "x": LEFT + _x(v, axis), "y": top}) for v, w in marks
+    ]
+    name = label(
+        axis.name,
+        {"class": "axis-name middle", "x": (WIDTH + LEFT - RIGHT) / 2, "y": top + 20},
+    )
+    return tag(
+        "g", {"class": "x-axis", "data-top": top}, tag("g", {"class": "x-ticks"}, *words), name
+    )
+
+
+def _log_marks(ends: tuple[float, float]) -> list[tuple[float, str]]:
+    first, last = int(np.floor(ends[0])), int(np.ceil(ends[1]))
+    marks = [
+        (power + float(np.log10(factor)), power_words(factor, power))
+        for power in range(first, last + 1)
+        for factor in (1, 2, 5)
+    ]
+    return [(v, w) for v, w in marks if ends[0] <= v <= ends[1]]
+
+
+def logarithms(series: Series) -> Series:
+    """Return values as powers of ten, what is far below the largest one cut off."""
+    values: dict[str, np.ndarray] = {}
+    for key, v in series.values.items():
+        largest = max(float(v.max(initial=0.0)), 1e-30)
+        values[key] = np.log10(np.maximum(v, largest * 10.0**-MOST_DECADES))
+    return Series(time=series.time, values=values, gap=series.gap)
+
+
+def legend_of(panels: Sequence[Panel]) -> tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...]:
+    """Return by panel the switches of its curves: name, style, and the keys that go with it."""
+    out: list[tuple[str, tuple[tuple[str, str, str], ...]]] = []
+    for panel in panels:
+        if not panel.curves or panel.rows:
+            continue
+        switches: dict[str, tuple[str, list[str]]] = {}
+        for curve in panel.curves:
+            style, keys = switches.setdefault(curve.group or curve.name, (curve.style, []))
+            keys.append(curve.key)
+        title = panel.title.split(" [")[0]
+        out.append((title, tuple((n, s, "|".join(keys)) for n, (s, keys) in switches.items())))
+    return tuple(out)
