@@ -30,6 +30,11 @@ ROW: Final = 14.0
 MOST_DECADES: Final = 6
 LINE: Final = "line"
 
+Switch = tuple[str, str, str]
+"""Name, style, and the keys of the curves that it turns on and off, parted by |."""
+Legend = tuple[tuple[str, tuple[Switch, ...]], ...]
+"""By panel."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
@@ -43,15 +48,12 @@ class Curve:
         As the legend and the reading at the pointer have it.
     style
         Class of the style sheet.
-    group
-        What is switched on and off with it; its own where None.
     """
 
     key: str
     name: str
     style: str
     series: Series
-    group: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -375,16 +377,10 @@ def logarithms(series: Series) -> Series:
     return Series(time=series.time, values=values, gap=series.gap)
 
 
-def legend_of(panels: Sequence[Panel]) -> tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...]:
-    """Return by panel the switches of its curves: name, style, and the keys that go with it."""
-    out: list[tuple[str, tuple[tuple[str, str, str], ...]]] = []
-    for panel in panels:
-        if not panel.curves or panel.rows:
-            continue
-        switches: dict[str, tuple[str, list[str]]] = {}
-        for curve in panel.curves:
-            style, keys = switches.setdefault(curve.group or curve.name, (curve.style, []))
-            keys.append(curve.key)
-        title = panel.title.split(" [")[0]
-        out.append((title, tuple((n, s, "|".join(keys)) for n, (s, keys) in switches.items())))
-    return tuple(out)
+def legend_of(panels: Sequence[Panel]) -> Legend:
+    """Return the switches of all curves, panel by panel."""
+    return tuple(
+        (panel.title.split(" [")[0], tuple((c.name, c.style, c.key) for c in panel.curves))
+        for panel in panels
+        if panel.curves and not panel.rows
+    )

@@ -10,7 +10,9 @@ from pathlib import Path
 
 from rotorfit.errors import OutputError
 from rotorfit.logs.files import file_name, write_whole
+from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
+from rotorfit.report.excitation import excitation_chart
 from rotorfit.report.motor_law import law_picture
 from rotorfit.report.page_templates import template_text
 from rotorfit.report.series import series_of
@@ -19,6 +21,7 @@ from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.wrenches import wrench_svg
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison
+from rotorfit.validation.wrench_spectra import wrench_spectra
 
 ALWAYS = ("vehicle-top.svg", "vehicle-side.svg", "correlations.svg")
 """Files that nearly every report writes: where one is there, so is an earlier report."""
@@ -93,6 +96,9 @@ def figure_texts(
     for number, comparison in enumerate(comparisons, 1):
         name = f"wrench-{number}-{_plain(comparison.configuration)}-{_plain(comparison.flight)}"
         out[name] = standalone(wrench_svg(comparison, series_of(comparison)), style)
+    spectra = wrench_spectra(comparisons)
+    if spectra is not None:
+        out["excitation"] = standalone(chart_svg(excitation_chart(spectra)), style)
     if result.command_law is not None:
         out["motor-law"] = standalone(law_picture(result.command_law), style)
     heat_map = correlation_section(result).heat_map

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
+from rotorfit.report.excitation import TOO_SHORT, excitation_figure
 from rotorfit.report.motor_law import law_section
 from rotorfit.report.number_words import PREDICTED_WELL, VERDICT_MEANING, configurations
 from rotorfit.report.page_templates import fingerprint, page_style, page_template, template_text
@@ -52,6 +53,8 @@ def report_html(
         vehicle=vehicle_drawings(result),
         law=law_section(result),
         figures=wrench_figures(comparisons),
+        excitation=excitation_figure(comparisons),
+        too_short=TOO_SHORT,
         validation=validation_rows(result),
         components=SHOWN,
         predicted_well=PREDICTED_WELL,

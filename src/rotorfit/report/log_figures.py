@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,7 @@ from rotorfit.report.chart import (
     Axis,
     Chart,
     Curve,
+    Legend,
     Line,
     Panel,
     Span,
@@ -57,8 +59,6 @@ MARK_STYLES: Final = {
 }
 ROOM: Final = 0.15
 """Above a spectrum for its labels, of its height."""
-
-Legend = tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +185,7 @@ def _level_spans(axis: Activity, row: int) -> list[Span]:
     level = axis.level
     edges = [0, *(np.flatnonzero(np.diff(level)) + 1).tolist(), len(level)]
     spans: list[Span] = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         if level[a] < 0:
             continue
         start, end = axis.start + a * axis.step, axis.start + b * axis.step

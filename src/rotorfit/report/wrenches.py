@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rotorfit.display.series import Series, thinned
 from rotorfit.logs.files import file_name
-from rotorfit.report.chart import Axis, Chart, Curve, Panel, chart_data, chart_svg
+from rotorfit.report.chart import Axis, Chart, Curve, Legend, Panel, chart_data, chart_svg
 from rotorfit.report.series import is_predicted, series_of
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
@@ -32,7 +32,7 @@ class WrenchFigure:
     sha256: str
     svg: str
     data: dict[str, object]
-    legend: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...]
+    legend: Legend
     errors: tuple[tuple[str, str, str], ...]
     seconds: float
 
@@ -120,7 +120,7 @@ def _component_panels(comparison: WrenchComparison, series: Series, name: str) -
 
     def curve(kind: str) -> Curve:
         key, shown = f"{name} {kind}", KINDS[kind]
-        return Curve(key=key, name=shown, style=kind, series=series, group=kind)
+        return Curve(key=key, name=shown, style=kind, series=series)
 
     note = f"error {error_words(comparison, name)}"
     return (
@@ -129,9 +129,7 @@ def _component_panels(comparison: WrenchComparison, series: Series, name: str) -
     )
 
 
-def switches(
-    comparison: WrenchComparison,
-) -> tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...]:
+def switches(comparison: WrenchComparison) -> Legend:
     """Return what switches the curves of a flight on and off, all components together."""
     names = [name for name in SHOWN if is_predicted(comparison, name)]
     kinds = tuple(

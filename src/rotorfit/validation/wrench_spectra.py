@@ -1,0 +1,118 @@
+"""How much of each wrench component the flights excite, frequency by frequency, over what is left.
+
+Both numbers are ratios of spectra of two signals that went through the same low-pass, so that it
+cancels: the coherence of body wrench and rotor wrench, and the rotor wrench over the difference.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import signal
+
+from rotorfit.flight.signals import whole_samples
+from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
+
+WINDOW_SECONDS: Final = 4.0
+HIGHEST: Final = 8.0
+"""Above, the comparisons' low-pass of 3 Hz leaves too little [Hz]."""
+FEWEST: Final = 4
+"""Independent windows, below which a coherence is chance."""
+INDEPENDENT: Final = 0.95
+"""Of Hann windows that overlap by half, the share that count as independent (Welch 1967)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrenchSpectra:
+    """Spectra of all compared flights together.
+
+    Attributes
+    ----------
+    frequency
+        Rising, without 0 [Hz].
+    coherence
+        By component: 0 where rotors and motion have nothing in common, 1 where one gives the other.
+    ratio
+        By component: amplitude of the rotor wrench over that of the difference.
+    by_chance
+        What the coherence of unrelated signals stays below, 19 times of 20.
+    seconds
+        How much of the flights is in them [s].
+    """
+
+    frequency: Float[np.ndarray, " f"]
+    coherence: dict[str, Float[np.ndarray, " f"]]
+    ratio: dict[str, Float[np.ndarray, " f"]]
+    by_chance: float
+    seconds: float
+
+
+def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | None:
+    """Return the spectra of flights; None where their stretches are too few or too short.
+
+    Parameters
+    ----------
+    comparisons
+        Of any flights of one vehicle; those logged much slower than the first are left out.
+    """
+    grid = np.arange(1, round(HIGHEST * WINDOW_SECONDS) + 1) / WINDOW_SECONDS
+    sums = {name: np.zeros((4, len(grid))) for name in SHOWN}
+    windows = dict.fromkeys(SHOWN, 0)
+    seconds = 0.0
+    for comparison in comparisons:
+        shown = [name for name in SHOWN if name in comparison.relative_error]
+        for rows, rate in _stretches(comparison):
+            count = 2 * len(rows) // whole_samples(WINDOW_SECONDS * rate) - 1
+            seconds += len(rows) / rate
+            for name in shown:
+                i = COMPONENTS.index(name)
+                body, rotor = comparison.body_wrench[rows, i], comparison.rotor_wrench[rows, i]
+                sums[name] += count * _spectra(body, rotor, rate, grid)
+                windows[name] += count
+    enough = [name for name in SHOWN if INDEPENDENT * windows[name] >= FEWEST]
+    if not enough:
+        return None
+    least = INDEPENDENT * min(windows[name] for name in enough)
+    tiny = np.finfo(float).tiny
+    return WrenchSpectra(
+        frequency=grid,
+        coherence={n: np.hypot(s[2], s[3]) ** 2 / np.maximum(s[0] * s[1], tiny)
+                   for n, s in ((n, sums[n]) for n in enough)},
+        ratio={n: np.sqrt(s[1] / np.maximum(s[0] + s[1] - 2.0 * s[2], 1e-12 * s[1] + tiny))
+               for n, s in ((n, sums[n]) for n in enough)},
+        by_chance=float(1.0 - 0.05 ** (1.0 / (least - 1.0))),
+        seconds=seconds,
+    )  # fmt: skip
+
+
+def _stretches(comparison: WrenchComparison) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield the rows of stretches without a cut that hold a window, and their sample rate."""
+    time = comparison.time
+    if len(time) < 2:
+        return
+    step = float(np.median(np.diff(time)))
+    usable = np.isfinite(comparison.body_wrench).all(axis=1)
+    usable &= np.isfinite(comparison.rotor_wrench).all(axis=1)
+    jumps = np.flatnonzero((np.diff(time) > 1.5 * step) | (np.diff(usable.astype(int)) != 0)) + 1
+    if not 2.0 * HIGHEST < 1.0 / step:
+        return
+    for rows in np.split(np.arange(len(time)), jumps):
+        if usable[rows[0]] and len(rows) >= whole_samples(WINDOW_SECONDS / step):
+            yield rows, 1.0 / step
+
+
+def _spectra(
+    body: Float[np.ndarray, " n"],
+    rotor: Float[np.ndarray, " n"],
+    rate: float,
+    grid: Float[np.ndarray, " f"],
+) -> Float[np.ndarray, "4 f"]:
+    """Return the densities of body and rotor wrench, and both parts of that of the two."""
+    window = whole_samples(WINDOW_SECONDS * rate)
+    f, bb = signal.welch(body, rate, nperseg=window)
+    _, rr = signal.welch(rotor, rate, nperseg=window)
+    _, br = signal.csd(body, rotor, rate, nperseg=window)
+    # Each at its own rate: the bins are a little beside those of the grid.
+    return np.array([np.interp(grid, f, part) for part in (bb, rr, br.real, br.imag)])
