@@ -317,7 +317,8 @@ def _named(
         folded = turning > 0.5 * sample_rate
         if folded and harmonic not in FOLDED:
             continue
-        if _goes_with(power, near.any(axis=1), sure=folded):
+        any_near: Bool[np.ndarray, " b"] = np.any(near, axis=1)
+        if _goes_with(power, any_near, sure=folded):
             true = _unfolded(at, turning, sample_rate) if folded else None
             return Peak(frequency=at, rise=rise, harmonic=harmonic, true_frequency=true)
     return Peak(frequency=at, rise=rise)

@@ -230,7 +230,8 @@ def _limited(
     if name in LEAST_LIMIT:
         return at_limit(values, LEAST_LIMIT[name], repeats=repeats), f"{name} at its limit"
     if name == "command":
-        return (values >= FULL_COMMAND).any(axis=1), "a motor at full command"
+        full: Bool[np.ndarray, " n"] = np.any(values >= FULL_COMMAND, axis=1)
+        return full, "a motor at full command"
     return np.zeros(len(values), dtype=bool), ""
 
 

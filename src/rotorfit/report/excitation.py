@@ -78,7 +78,8 @@ def excitation_chart(found: WrenchSpectra) -> Chart:
             Curve(key=key, name=NAMES[key[:2]], style=f"part-{key[:2]}", series=series)
             for key in parts
         ]
-        return (Curve(key=constant, name=constant, style="level", series=series), *shown)
+        name = constant if constant == CHANCE else ""
+        return (Curve(key=constant, name=name, style="level", series=series), *shown)
 
     return Chart(
         panels=(

@@ -51,7 +51,7 @@ def report_html(
         summary=summary_of(result),
         tables=parameter_tables(result),
         vehicle=vehicle_drawings(result),
-        law=law_section(result),
+        law=law_section(result, comparisons),
         figures=wrench_figures(comparisons),
         excitation=excitation_figure(comparisons),
         too_short=TOO_SHORT,

@@ -182,7 +182,7 @@ def _moved(axis: Activity) -> Curve:
 
 def _level_spans(axis: Activity, row: int) -> list[Span]:
     """Return the windows of one level together."""
-    level = axis.level
+    level: list[int] = axis.level.tolist()
     edges = [0, *(np.flatnonzero(np.diff(level)) + 1).tolist(), len(level)]
     spans: list[Span] = []
     for a, b in pairwise(edges):

@@ -1,17 +1,23 @@
 """The motors' law in words and as a picture: measured speeds over commands, and the curve."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, cast
 
 import numpy as np
+from jaxtyping import Float
 
 from rotorfit.display.digits import Number, number_of
+from rotorfit.errors import ExperimentError
+from rotorfit.experiment.experiment import experiment_of_settings
+from rotorfit.experiment.law_table import speed_law_of
+from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.flight.thrust_curve import speeds
 from rotorfit.report.number_words import unit_words
 from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
-from rotorfit.results.command_law import CommandLaw, LawNumber
+from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.results.result import IdentificationResult
+from rotorfit.validation.wrench_comparison import WrenchComparison
 
 WIDTH, HEIGHT = 640.0, 320.0
 LEFT, RIGHT, TOP, BOTTOM = 70.0, 16.0, 14.0, 46.0
@@ -33,6 +39,9 @@ FORMULAS: Final = {
 }
 
 
+Points = Float[np.ndarray, " n"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawRow:
     """One number of the law as it is shown."""
@@ -47,6 +56,7 @@ class LawRow:
 class LawSection:
     """The law as the page shows it."""
 
+    told: bool
     formula: str
     rows: tuple[LawRow, ...]
     sentences: tuple[str, ...]
@@ -54,18 +64,62 @@ class LawSection:
     picture: str
 
 
-def law_section(result: IdentificationResult) -> LawSection | None:
-    """Return the section of a page; None where a result has no law of its own."""
+def law_section(
+    result: IdentificationResult, comparisons: Sequence[WrenchComparison] = ()
+) -> LawSection | None:
+    """Return the section of a page; None where a result neither found a law nor was told one."""
     law = result.command_law
     if law is None:
-        return None
+        return _told_section(result, comparisons)
     return LawSection(
+        told=False,
         formula=formula_of(law),
         rows=tuple(_row(number) for number in law.numbers),
         sentences=law_sentences(law),
         motors=motors_lines(law),
         picture=law_picture(law),
     )
+
+
+def _told_section(
+    result: IdentificationResult, comparisons: Sequence[WrenchComparison]
+) -> LawSection | None:
+    """Return the law of ``[motors]``, and where on it the compared flights were."""
+    law = _told_law(result)
+    if law is None:
+        return None
+    seen = [c.speeds for c in comparisons if c.speeds is not None]
+    commands = None
+    sentences = ["the law is as it was told; no measured speed is there to hold against it"]
+    if seen:
+        low, high = min(s[0] for s in seen), max(s[1] for s in seen)
+        grid = np.linspace(0.0, 1.0, 1001)
+        reached = speeds(law, grid)
+        commands = (
+            float(grid[min(np.searchsorted(reached, low), 1000)]),
+            float(grid[min(np.searchsorted(reached, high), 1000)]),
+        )
+        sentences.append(
+            f"speeds in flight were {low:.0f} to {high:.0f} rad/s, at commands of about "
+            f"{commands[0]:.2f} to {commands[1]:.2f}: there the law must hold"
+        )
+    return LawSection(
+        told=True,
+        formula="",
+        rows=(),
+        sentences=tuple(sentences),
+        motors=(),
+        picture=_picture(law, commands=commands),
+    )
+
+
+def _told_law(result: IdentificationResult) -> SpeedLaw | None:
+    """Return the law of the settings; None where they hold none, or none that is read."""
+    try:
+        entry = experiment_of_settings(result.settings).motors.law
+    except ExperimentError:
+        return None
+    return None if entry is None else speed_law_of(entry)
 
 
 def _row(number: LawNumber) -> LawRow:
@@ -122,9 +176,22 @@ def _toml(value: object) -> str:
 
 def law_picture(law: CommandLaw) -> str:
     """Return the curve over the measured speeds: medians, and bars that hold 90 % of them."""
+    return _picture(
+        law.law, commands=law.commands, points=law.points, spread=2.0 * law.relative_error
+    )
+
+
+def _picture(
+    law: SpeedLaw,
+    *,
+    commands: tuple[float, float] | None,
+    points: Sequence[LawPoint] = (),
+    spread: float = 0.0,
+) -> str:
+    """Return a law, dashed where nobody flew, with a band of a share of it to either side."""
     u = np.linspace(0.0, 1.0, CURVE_POINTS)
-    speed = speeds(law.law, u)
-    top = float(max(speed.max(), *(point.high for point in law.points), 1.0))
+    speed = speeds(law, u)
+    top = float(max((1.0 + spread) * speed.max(), *(point.high for point in points), 1.0))
     values = ticks(0.0, top, 6)
     top = max(top, values[-1])
     wide, high = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
@@ -132,10 +199,18 @@ def law_picture(law: CommandLaw) -> str:
     def at(command: float, rate: float) -> tuple[float, float]:
         return LEFT + command * wide, TOP + (1.0 - rate / top) * high
 
+    def path(commands: Points, rates: Points) -> str:
+        return "L".join(
+            "{:.1f} {:.1f}".format(*at(a, b)) for a, b in zip(commands, rates, strict=True)
+        )
+
     parts = [
         tag("rect", {"class": "frame", "x": LEFT, "y": TOP, "width": wide, "height": high}),
-        *_seen(law, at),
+        *_seen(commands, at),
     ]
+    if spread > 0.0:
+        there, back = path(u, (1.0 + spread) * speed), path(u[::-1], (1.0 - spread) * speed[::-1])
+        parts.append(tag("path", {"class": "spread", "d": f"M{there}L{back}Z"}))
     for value in values:
         x, y = at(0.0, value)
         parts.append(tag("path", {"class": "grid", "d": f"M{x:.1f} {y:.1f}h{wide:.1f}"}))
@@ -144,7 +219,7 @@ def law_picture(law: CommandLaw) -> str:
     for value in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
         x, y = at(value, 0.0)
         parts.append(label(f"{value:g}", {"class": "tick middle", "x": x, "y": y + 16}))
-    for point in law.points:
+    for point in points:
         (x, low), (_, mid), (_, up) = (
             at(point.command, rate) for rate in (point.low, point.median, point.high)
         )
@@ -152,18 +227,25 @@ def law_picture(law: CommandLaw) -> str:
         title = tag("title", {}, text(words))
         parts.append(tag("path", {"class": "bar", "d": f"M{x:.1f} {low:.1f}V{up:.1f}"}))
         parts.append(tag("circle", {"class": "point", "cx": x, "cy": mid, "r": 3}, title))
-    line = "L".join("{:.1f} {:.1f}".format(*at(a, b)) for a, b in zip(u, speed, strict=True))
-    parts.append(tag("path", {"class": "curve rotor", "d": f"M{line}"}))
+    flown = (u >= commands[0]) & (u <= commands[1]) if commands else u < 0.0
+    parts.append(tag("path", {"class": "curve rotor beyond", "d": f"M{path(u, speed)}"}))
+    if flown.any():
+        parts.append(tag("path", {"class": "curve rotor", "d": f"M{path(u[flown], speed[flown])}"}))
     middle = LEFT + 0.5 * wide
     parts.append(label("command", {"class": "axis-name middle", "x": middle, "y": HEIGHT - 8}))
     parts.append(label("rad/s", {"class": "axis-name", "x": 8, "y": TOP + 12}))
-    name = "Rotor speed over command: measured, and the law"
+    measured = "measured, and the law" if points else "the law as told"
+    name = f"Rotor speed over command: {measured}"
     shown = {"class": "motor-law chart", "role": "img", "aria-label": name}
     return drawing(WIDTH, HEIGHT, shown, *parts)
 
 
-def _seen(law: CommandLaw, at: Callable[[float, float], tuple[float, float]]) -> list[str]:
+def _seen(
+    commands: tuple[float, float] | None, at: Callable[[float, float], tuple[float, float]]
+) -> list[str]:
     """Return the range of commands in flight as a shade."""
-    (x, y), (right, _) = at(law.commands[0], 0.0), at(law.commands[1], 0.0)
+    if commands is None:
+        return []
+    (x, y), (right, _) = at(commands[0], 0.0), at(commands[1], 0.0)
     box: dict[str, str | float] = {"x": x, "y": TOP, "width": max(right - x, 1.0)}
     return [tag("rect", {"class": "seen", **box, "height": y - TOP})]

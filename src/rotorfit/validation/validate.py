@@ -19,6 +19,7 @@ from rotorfit.experiment.experiment import (
 from rotorfit.fit.flights import UsedFlight, load_flight, retimed, velocity_known
 from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.flight.motors import MotorResponse
+from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.parameters import AIR, FIRST_MOMENTS, INERTIA, TURN_DAMPING
 from rotorfit.model.reduce import LowPass, filtered_signals
 from rotorfit.model.regressor import Regressor, regressor
@@ -45,6 +46,8 @@ TRIMS = {"Mx": ("msy", "rotor_center_y"), "My": ("msx", "rotor_center_x")}
 """Where thrust acts and where the mass is: together they are the moment's mean, so that one without
 the other is worse than no prediction."""
 WHITENESS_LAGS = 10
+SEEN = (0.1, 99.9)
+"""Percentiles of the rotor speeds between which a flight was."""
 ROTOR_KT = re.compile(r"kt_[0-9]+")
 
 
@@ -225,8 +228,15 @@ def compare_wrenches(
         body_wrench=body,
         rotor_wrench=rotors,
         relative_error=error,
+        speeds=_speeds_seen(used.prepared),
         whiteness={c: _whiteness((body - rotors)[::step, COMPONENTS.index(c)]) for c in predicted},
     )
+
+
+def _speeds_seen(prepared: PreparedFlight) -> tuple[float, float]:
+    """Return between which speeds the rotors were, before lag and delay."""
+    low, high = np.percentile(prepared.motor_channel[prepared.data.used_rows], SEEN).tolist()
+    return low, high
 
 
 def _owner(result: IdentificationResult, configuration: str | None) -> str:

@@ -33,6 +33,8 @@ class WrenchComparison:
     whiteness
         Largest autocorrelation of the difference beyond the low-pass's own memory, by component:
         near 0 where nothing of the motion is left in it.
+    speeds
+        Between which 99.8 % of the rotor speeds in the air were [rad/s]; None where not known.
     """
 
     configuration: str
@@ -44,3 +46,4 @@ class WrenchComparison:
     rotor_wrench: Float[np.ndarray, "n 6"]
     relative_error: Mapping[str, float]
     whiteness: Mapping[str, float]
+    speeds: tuple[float, float] | None = None

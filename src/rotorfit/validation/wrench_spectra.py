@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import signal
 
 from rotorfit.flight.signals import whole_samples
@@ -22,6 +22,7 @@ FEWEST: Final = 4
 """Independent windows, below which a coherence is chance."""
 INDEPENDENT: Final = 0.95
 """Of Hann windows that overlap by half, the share that count as independent (Welch 1967)."""
+TINY: Final = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +59,8 @@ def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | N
         Of any flights of one vehicle; those logged much slower than the first are left out.
     """
     grid = np.arange(1, round(HIGHEST * WINDOW_SECONDS) + 1) / WINDOW_SECONDS
-    sums = {name: np.zeros((4, len(grid))) for name in SHOWN}
-    windows = dict.fromkeys(SHOWN, 0)
+    sums: dict[str, np.ndarray] = {name: np.zeros((4, len(grid))) for name in SHOWN}
+    windows: dict[str, int] = dict.fromkeys(SHOWN, 0)
     seconds = 0.0
     for comparison in comparisons:
         shown = [name for name in SHOWN if name in comparison.relative_error]
@@ -75,16 +76,25 @@ def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | N
     if not enough:
         return None
     least = INDEPENDENT * min(windows[name] for name in enough)
-    tiny = np.finfo(float).tiny
     return WrenchSpectra(
         frequency=grid,
-        coherence={n: np.hypot(s[2], s[3]) ** 2 / np.maximum(s[0] * s[1], tiny)
-                   for n, s in ((n, sums[n]) for n in enough)},
-        ratio={n: np.sqrt(s[1] / np.maximum(s[0] + s[1] - 2.0 * s[2], 1e-12 * s[1] + tiny))
-               for n, s in ((n, sums[n]) for n in enough)},
+        coherence={name: _coherence(sums[name]) for name in enough},
+        ratio={name: _ratio(sums[name]) for name in enough},
         by_chance=float(1.0 - 0.05 ** (1.0 / (least - 1.0))),
         seconds=seconds,
-    )  # fmt: skip
+    )
+
+
+def _coherence(densities: Float[np.ndarray, "4 f"]) -> Float[np.ndarray, " f"]:
+    body, rotor, real, imaginary = densities
+    return np.hypot(real, imaginary) ** 2 / np.maximum(body * rotor, TINY)
+
+
+def _ratio(densities: Float[np.ndarray, "4 f"]) -> Float[np.ndarray, " f"]:
+    """Return rotor wrench over difference, at most a million."""
+    body, rotor, real, _ = densities
+    left = body + rotor - 2.0 * real
+    return np.sqrt(rotor / np.maximum(left, 1e-12 * rotor + TINY))
 
 
 def _stretches(comparison: WrenchComparison) -> Iterator[tuple[np.ndarray, float]]:
@@ -93,10 +103,10 @@ def _stretches(comparison: WrenchComparison) -> Iterator[tuple[np.ndarray, float
     if len(time) < 2:
         return
     step = float(np.median(np.diff(time)))
-    usable = np.isfinite(comparison.body_wrench).all(axis=1)
-    usable &= np.isfinite(comparison.rotor_wrench).all(axis=1)
+    both = np.column_stack([comparison.body_wrench, comparison.rotor_wrench])
+    usable: Bool[np.ndarray, " n"] = np.all(np.isfinite(both), axis=1)
     jumps = np.flatnonzero((np.diff(time) > 1.5 * step) | (np.diff(usable.astype(int)) != 0)) + 1
-    if not 2.0 * HIGHEST < 1.0 / step:
+    if step * 2.0 * HIGHEST > 1.0:
         return
     for rows in np.split(np.arange(len(time)), jumps):
         if usable[rows[0]] and len(rows) >= whole_samples(WINDOW_SECONDS / step):

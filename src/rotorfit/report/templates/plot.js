@@ -284,15 +284,18 @@ Plot.prototype.read = function (t) {
   this.panels.forEach(function (panel) {
     const log = panel.dataset.scale === "log";
     const top = Number(panel.dataset.top), strips = panel.dataset.scale === "strips";
-    const words = self.make("text", { class: "values halo right", x: self.width - self.right - 6, y: strips ? top - 8 : top + 14 });
+    const words = self.make("text", { class: "values halo right", x: self.width - self.right, y: strips ? top - 8 : top + 14 });
     panel.dataset.values.split("|").forEach(function (key) {
       const series = self.series[key], value = series && !series.off ? valueAt(series, t) : null;
-      if (value === null) { return; }
+      if (value === null || !series.name) { return; }
       const said = series.name + " " + shortNumber(log ? Math.pow(10, value) : value);
       words.append(self.make("tspan", { class: series.style, dx: words.childNodes.length ? 9 : 0 }, said));
       if (key.slice(-6) === " error") { spoken.push(key.slice(0, -6) + " " + minus(value.toPrecision(2))); }
     });
     self.overlay.append(words);
+    const title = panel.querySelector(".panel-title"), note = panel.querySelector(".panel-error");
+    const taken = title ? title.getComputedTextLength() + words.getComputedTextLength() + 16 : Infinity;
+    if (!note && taken < self.plotWidth) { words.setAttribute("y", top - 8); }
   });
   const at = this.axis.log ? shortNumber(Math.pow(10, t)) : t.toFixed(this.axis.unit === "s" ? 2 : 1);
   this.figure.querySelector(".readout").textContent =
