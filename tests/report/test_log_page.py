@@ -62,8 +62,8 @@ def test_peak_filters_and_rotors_stand_at_their_frequencies(html: str) -> None:
 
 def test_the_gap_stands_at_its_seconds_and_is_said(html: str) -> None:
     assert places(html, "gap") == [pytest.approx(6.998)]
-    assert "Gap in gyro: 7.00 to 7.50 s." in html
-    assert 'aria-label="What the log recorded over time. Gap in gyro: 7.00 to 7.50 s.' in html
+    assert "Gap in the gyro: 7.00 to 7.50 s." in html
+    assert 'aria-label="What the log recorded over time. Gap in the gyro: 7.00 to 7.50 s.' in html
 
 
 def test_what_is_not_there_is_said_and_not_drawn(html: str) -> None:

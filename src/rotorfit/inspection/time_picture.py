@@ -17,6 +17,13 @@ from rotorfit.flight.sensor_limits import LEAST_LIMIT, at_limit
 from rotorfit.flight.signals import true_runs
 
 DRAWN: Final = ("gyro", "accel", "rotor_speed", "command")
+NAMES: Final = {
+    "gyro": "the gyro",
+    "accel": "the accelerometer",
+    "rotor_speed": "the rotor speeds",
+    "command": "the motor commands",
+    "position": "the position",
+}
 POSE: Final = ("position",)
 """Drawn where none of those is there."""
 COLUMNS: Final = 4096
@@ -157,7 +164,7 @@ def time_picture(
     why: list[str] = []
     for name in names:
         curves, problems = _curves(log.channels[name], name, zero)
-        why += [f"{name} is not drawn in full: {problem}" for problem in problems]
+        why += [f"{NAMES[name]}, in full or in part: {problem}" for problem in problems]
         if curves:
             traces.append(Trace(channel=name, unit=CHANNELS[name][1], curves=curves))
             marks += _channel_marks(log.channels[name], name, zero, new_share.get(name, 1.0))
@@ -218,7 +225,7 @@ def _channel_marks(channel: Channel, name: str, zero: float, share: float) -> li
     limited, words = _limited(x, name, repeats=round(1.0 / share))
     stuck = [(float(t[a]), float(t[b - 1])) for a, b in true_runs(limited)]
     return [
-        *_marks("gap", name, f"gap in {name}", gaps, apart),
+        *_marks("gap", name, f"gap in {NAMES[name]}", gaps, apart),
         *_marks("limit", name, words, stuck, apart),
     ]
 
@@ -228,7 +235,7 @@ def _limited(
 ) -> tuple[Bool[np.ndarray, " n"], str]:
     """Return where a channel stands at its limit, and what that is called."""
     if name in LEAST_LIMIT:
-        return at_limit(values, LEAST_LIMIT[name], repeats=repeats), f"{name} at its limit"
+        return at_limit(values, LEAST_LIMIT[name], repeats=repeats), f"{NAMES[name]} at its limit"
     if name == "command":
         full: Bool[np.ndarray, " n"] = np.any(values >= FULL_COMMAND, axis=1)
         return full, "a motor at full command"

@@ -197,12 +197,7 @@ def _level_spans(axis: Activity, row: int) -> list[Span]:
 
 def time_words(picture: TimePicture, airborne: Sequence[tuple[float, float]]) -> list[str]:
     """Return what is to be seen over time, one sentence each."""
-    words: list[str] = []
-    for name in dict.fromkeys(mark.words for mark in picture.marks if mark.kind != "cut"):
-        marks = [mark for mark in picture.marks if mark.words == name]
-        places = ", ".join(f"{m.start:.2f} to {m.end:.2f} s" for m in marks[:MOST_LISTED])
-        more = len(marks) - MOST_LISTED
-        words.append(_sentence(f"{name}: {places}{f' and {more} more' if more > 0 else ''}"))
+    words = _mark_sentences([mark for mark in picture.marks if mark.kind != "cut"])
     if picture.activity:
         where = "In the air" if airborne else "In all of the log"
         said = [f"{a.axis} for {a.seconds(2, airborne):.0f} s" for a in picture.activity]
@@ -213,6 +208,21 @@ def time_words(picture: TimePicture, airborne: Sequence[tuple[float, float]]) ->
             f"{THRUST_LEVELS[1]:g} and {THRUST_LEVELS[2]:g} g."
         )
     return words
+
+
+def _mark_sentences(marks: Sequence[Mark]) -> list[str]:
+    """Return where the marks are; what is at the same places in one sentence."""
+    at: dict[str, list[tuple[float, float]]] = {}
+    for mark in marks:
+        at.setdefault(mark.words, []).append((mark.start, mark.end))
+    together: dict[str, list[str]] = {}
+    for name, spans in at.items():
+        places = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in spans[:MOST_LISTED])
+        more = len(spans) - MOST_LISTED
+        total = sum(b - a for a, b in spans)
+        rest = f" and {more} more, {total:.2g} s in all" if more > 0 else ""
+        together.setdefault(f"{places}{rest}", []).append(name)
+    return [_sentence(f"{', '.join(names)}: {places}") for places, names in together.items()]
 
 
 def _spectrum_figure(pictures: LogPictures) -> LogFigure:

@@ -14,6 +14,7 @@ from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
 from rotorfit.inspection.recording import ChannelReport
 from rotorfit.inspection.settings import settings_file
+from rotorfit.inspection.spectra import Spectrum
 
 MOST_SPANS: Final = 6
 SLOWED: Final = 0.8
@@ -39,6 +40,7 @@ def plain(report: LogReport) -> dict[str, Any]:
     """Return a report as JSON can hold it."""
     found = asdict(replace(report, pictures=None))
     del found["pictures"]
+    found["peaks"] = {s.channel: [asdict(p) for p in s.peaks] for s in _spectra(report)}
     for setting in found["settings"]:
         setting["asked_by"] = sorted(setting["asked_by"])
     return found
@@ -122,6 +124,7 @@ def flight_words(report: LogReport) -> list[str]:
         worst = max(v.level for v in report.vibration)
         verdict = next(name for level, name in SHAKES if worst >= level)
         words.append(f"vibration {levels}: {verdict}")
+    words += peak_words(report)
     words += sweep_words(report.sweeps)
     words += lateness_words(report)
     words += [*telemetry_words(report.telemetry), *gravity_words(report.gravity)]
@@ -131,6 +134,20 @@ def flight_words(report: LogReport) -> list[str]:
             "and spins, neither the length of the arms nor the shape of the frame; measure them"
         )
     return words
+
+
+def peak_words(report: LogReport) -> list[str]:
+    """Return where vibration is strongest, and whether the rotors make it."""
+    said = [
+        f"{spectrum.channel} {'; '.join(peak.words for peak in spectrum.peaks)}"
+        for spectrum in _spectra(report)
+        if spectrum.airborne and spectrum.peaks
+    ]
+    return [f"peaks of vibration: {', '.join(said)}"] if said else []
+
+
+def _spectra(report: LogReport) -> tuple[Spectrum, ...]:
+    return () if report.pictures is None else report.pictures.spectra
 
 
 def sweep_words(sweeps: Sequence[Sweep]) -> list[str]:
