@@ -78,7 +78,7 @@ def test_a_curve_is_switched_off_and_on(page: Any) -> None:
 
 def test_zooming_moves_marks_and_lines(page: Any) -> None:
     figure = chart(page, 1)
-    line = figure.locator("svg.chart .line.low-pass path")
+    line = figure.locator("svg.chart .line.notch path")
     before = float(line.get_attribute("d")[1:].split(" ")[0])
     figure.get_by_role("button", name="Zoom in").click()
     after = float(line.get_attribute("d")[1:].split(" ")[0])
