@@ -111,22 +111,24 @@ def excitation_chart(found: WrenchSpectra) -> Chart:
 
 def excitation_words(found: WrenchSpectra) -> list[str]:
     """Return where each component is excited, one sentence each."""
-    words: list[str] = []
-    for name, coherence in found.coherence.items():
-        good = coherence >= max(COHERENT, found.by_chance)
-        axis = NAMES[name].capitalize()
-        if not good.any():
-            best = int(np.argmax(coherence))
-            words.append(
-                f"{axis}: nowhere excited well; the coherence is {coherence[best]:.2f} at most, at "
-                f"{found.frequency[best]:.2g} Hz: fly more of it."
-            )
-            continue
-        best = int(np.argmax(found.ratio[name]))
-        at = found.frequency[good]
-        words.append(
-            f"{axis}: excited well (coherence over {COHERENT:g}) in {100 * good.mean():.0f} % of "
-            f"the band, between {at[0]:.2g} and {at[-1]:.2g} Hz; the rotors give up to "
-            f"{found.ratio[name][best]:.2g} times what is left, at {found.frequency[best]:.2g} Hz."
+    return [_component_words(found, name) for name in found.coherence]
+
+
+def _component_words(found: WrenchSpectra, name: str) -> str:
+    coherence, ratio = found.coherence[name], found.ratio[name]
+    axis, best = NAMES[name].capitalize(), int(np.argmax(ratio))
+    rotors = (
+        f"the rotors give up to {ratio[best]:.2g} times what is left, at "
+        f"{found.frequency[best]:.2g} Hz"
+    )
+    good = (coherence >= max(COHERENT, found.by_chance)) & (ratio > 1.0)
+    if not good.any():
+        return (
+            f"{axis}: nowhere excited well; the coherence is up to {coherence.max():.2f}, and "
+            f"{rotors}: fly more of it."
         )
-    return words
+    at = found.frequency[good]
+    return (
+        f"{axis}: excited well (coherence over {COHERENT:g}) in {100 * good.mean():.0f} % of the "
+        f"band, between {at[0]:.2g} and {at[-1]:.2g} Hz; {rotors}."
+    )

@@ -4,6 +4,7 @@ Both numbers are ratios of spectra of two signals that went through the same low
 cancels: the coherence of body wrench and rotor wrench, and the rotor wrench over the difference.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -63,7 +64,8 @@ def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | N
     windows: dict[str, int] = dict.fromkeys(SHOWN, 0)
     seconds = 0.0
     for comparison in comparisons:
-        shown = [name for name in SHOWN if name in comparison.relative_error]
+        error = comparison.relative_error
+        shown = [name for name in SHOWN if math.isfinite(error.get(name, math.nan))]
         for rows, rate in _stretches(comparison):
             count = 2 * len(rows) // whole_samples(WINDOW_SECONDS * rate) - 1
             seconds += len(rows) / rate

@@ -1,0 +1,106 @@
+"""What the report shows by frequency, and the law of the motors, found or told."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from report_material import ROTORS, a_comparison, a_result
+
+from rotorfit.report.excitation import excitation_chart, excitation_figure, excitation_words
+from rotorfit.report.figures import figure_texts
+from rotorfit.report.html import report_html
+from rotorfit.report.motor_law import law_picture, law_section
+from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
+from rotorfit.validation.wrench_spectra import wrench_spectra
+
+TOLD = {
+    "airframe": {"rotors": ROTORS},
+    "motors": {"speed": "commanded", "law": {"linear": [0.0, 1000.0]}},
+    "configuration": [{"name": "A", "mass": 1.0, "flights": ["A1.csv"]}],
+}
+FOUND = CommandLaw(
+    form="power",
+    numbers=(
+        LawNumber(name="full_speed", value=1000.0, interval=(990.0, 1010.0), unit="rad/s"),
+        LawNumber(name="exponent", value=1.0, interval=(0.99, 1.01), unit="1"),
+    ),
+    nominal_voltage=None,
+    known=True,
+    commands=(0.2, 0.8),
+    relative_error=0.05,
+    held_out={"power": 1.0},
+    rotor_factors=(None,) * 4,
+    points=(LawPoint(command=0.5, low=480.0, median=500.0, high=520.0),),
+    motors={},
+    estimator="",
+)
+
+
+def test_each_component_is_excited_where_it_was_moved() -> None:
+    """Sines at 0.5 (Fz), 1.1, 1.3 and 0.7 Hz in white noise."""
+    found = wrench_spectra([a_comparison()])
+    assert found is not None
+    for name, moved in (("Fz", 0.5), ("Mx", 1.1), ("My", 1.3), ("Mz", 0.7)):
+        at = found.frequency[found.coherence[name] > 0.8]
+        assert at.min() <= moved <= at.max() + 0.25
+        assert abs(found.frequency[found.ratio[name].argmax()] - moved) <= 0.25
+        assert at.max() < moved + 1.0
+    words = excitation_words(found)
+    assert [w.split(":")[0] for w in words] == ["Thrust", "Roll", "Pitch", "Yaw"]
+    assert "excited well (coherence over 0.8)" in words[1]
+
+
+def test_an_axis_whose_rotors_do_little_says_so() -> None:
+    still = a_comparison()
+    still.rotor_wrench[:, 5] *= 1e-3
+    found = wrench_spectra([still])
+    assert found is not None
+    words = excitation_words(found)[3]
+    assert words.startswith("Yaw: nowhere excited well; the coherence is up to 1.00")
+    assert "the rotors give up to 0.001 times what is left" in words
+
+
+def test_the_page_draws_it_where_the_flights_are_long_enough() -> None:
+    html = report_html(a_result(), comparisons=[a_comparison()])
+    assert 'data-key="Mx coherence"' in html and 'data-key="Mz ratio"' in html
+    short = report_html(a_result(), comparisons=[a_comparison(seconds=5.0)])
+    assert "coherence" not in re.sub(r"<style>.*?</style>", "", short, flags=re.S)
+    assert "Not drawn: no picture by frequency: the flights compared have too few" in short
+    assert excitation_figure([]) is None
+    assert "excitation" in figure_texts(a_result(), [a_comparison()])
+
+
+def test_the_axis_is_logarithmic_with_its_ends_at_the_grids() -> None:
+    found = wrench_spectra([a_comparison()])
+    assert found is not None
+    low, high = excitation_chart(found).axis.ends
+    assert (10**low, 10**high) == pytest.approx((0.25, 8.0))
+
+
+def test_a_told_law_is_drawn_with_what_was_flown() -> None:
+    flown = replace(a_comparison(seconds=2.0), speeds=(200.0, 800.0))
+    result = a_result(configurations=("A",), settings=TOLD)
+    section = law_section(result, [flown])
+    assert section is not None and section.told
+    assert "speeds in flight were 200 to 800 rad/s, at commands of about 0.20 to 0.80" in " ".join(
+        section.sentences
+    )
+    assert 'class="seen"' in section.picture
+    alone = law_section(result)
+    assert alone is not None
+    assert 'class="seen"' not in alone.picture
+    assert "rotor speed is by the law that was told" in report_html(result, comparisons=[flown])
+    measured = {**TOLD, "motors": {"speed": "measured"}}
+    assert law_section(a_result(configurations=("A",), settings=measured), [flown]) is None
+
+
+def test_a_law_that_was_found_has_a_band_and_is_dashed_beyond_the_flight() -> None:
+    picture = law_picture(FOUND)
+    [band] = re.findall(r'class="spread" d="M([^"]*)Z"', picture)
+    there, back = band.split("L")[:101], band.split("L")[101:]
+    heights = [float(point.split()[1]) for point in (there[100], back[0])]
+    full = 260.0 / 1100.0  # pixels for a rad/s: the axis ends with the band
+    assert heights[1] - heights[0] == pytest.approx(2 * 0.1 * 1000.0 * full, abs=0.2)
+    [solid] = re.findall(r'class="curve rotor" d="M([^"]*)"', picture)
+    ends = [float(point.split()[0]) for point in (solid.split("L")[0], solid.split("L")[-1])]
+    assert ends == pytest.approx([70.0 + 0.2 * 554.0, 70.0 + 0.8 * 554.0], abs=6.0)
