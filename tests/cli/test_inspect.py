@@ -144,12 +144,15 @@ def test_blackbox_cut_inside_its_header(refused, here, blackbox):
 
 @pytest.mark.flights
 @pytest.mark.parametrize("folder", ["betaflight", "tudelft-indiflight"])
-def test_real_logs(run, flight_data_dir, folder):
+def test_real_logs(run, flight_data_dir, folder, tmp_path):
     logs = sorted((flight_data_dir / folder).glob("*.BFL"))
     if not logs:
         pytest.skip(f"no logs in {folder}")
-    ended = run("inspect", *logs, "--json")
-    assert (ended.code, ended.err) == (0, "")
+    page = tmp_path / "page.html"
+    ended = run("inspect", *logs, "--json", "--report", page)
+    assert (ended.code, ended.err) == (0, f"rotorfit: wrote {page}\n")
+    assert page.stat().st_size < 1e6 * len(logs)
+    assert page.read_text(encoding="utf-8").count('data-key="spectrum accel x"') == len(logs)
     reports = json.loads(ended.out)
     assert [Path(report["file"]).name for report in reports] == [log.name for log in logs]
     for report in reports:
