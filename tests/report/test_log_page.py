@@ -2,12 +2,14 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.inspection.filters import Filter
 from rotorfit.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.report.log_page import log_report_html
 
@@ -106,3 +108,18 @@ def test_a_page_of_two_logs_has_both(report: LogReport) -> None:
     page = log_report_html(report, report)
     assert page.count("<h1>made.bfl</h1>") == 2
     assert page.count('<figure class="plot">') == 4
+
+
+def test_a_filter_that_moves_is_drawn_where_it_can_be(report: LogReport) -> None:
+    assert report.pictures is not None
+    moving = Filter(
+        channel="gyro", kind="notch", low=100.0, high=600.0, setting="dyn_notch", passed=True
+    )
+    rotors = replace(moving, low=60.0, high=60.0, harmonics=(1, 2))
+    pictures = replace(report.pictures, filters=(moving, rotors))
+    html = log_report_html(replace(report, pictures=pictures))
+    assert re.findall(r'<g class="span moving" data-from="100" data-to="(\d+)"', html) == ["600"]
+    # At one time the rotors' frequency; twice that is beyond half of 500 Hz.
+    assert re.findall(r'<g class="span notch" data-from="(\d+)" data-to="(\d+)"', html) == [
+        ("187", "187")
+    ]

@@ -242,6 +242,7 @@ def _spectrum_figure(pictures: LogPictures) -> LogFigure:
         "harmonic": "where the rotors turn",
         "low-pass": "low-pass",
         "notch": "notch",
+        "moving": "filter that moves within",
         "elsewhere": "filter that these samples did not pass",
         "peak": "peak",
     }
@@ -304,9 +305,10 @@ def _filter_marks(one: Filter, bands: Sequence[RotorBand]) -> tuple[list[Line], 
         return [], spans
     if one.low == one.high:
         return [Line(at=one.low, style=style, label=one.short)], []
-    span = Span(start=one.low, end=one.high, style=style, words=one.words)
     if one.middle is not None:
+        span = Span(start=one.low, end=one.high, style=style, words=one.words)
         return [Line(at=one.middle, style=style, label=one.short)], [span]
+    style = "moving" if one.passed else style
     return [], [Span(start=one.low, end=one.high, style=style, words=one.words, label=one.short)]
 
 
