@@ -236,8 +236,26 @@ def test_filters_of_betaflight_stand_at_the_headers_frequencies():
     assert [(f.low, f.passed) for f in raw] == [
         (250.0, True), (400.0, True), (150.0, True), (25.0, False),
     ]  # fmt: skip
-    inav = {"Firmware revision": "INAV 7.1.0", "acc_lpf_hz": "15", "gyro_lpf_hz": "60"}
-    assert [f.low for f in filters_of(log_of(imu(), log_format="blackbox", **inav))] == [60.0, 15.0]
+
+
+def test_filters_of_inav():
+    told = {
+        "Firmware revision": "INAV 7.1.0",
+        "gyro_lpf_hz": "60",
+        "acc_lpf_hz": "15",
+        "acc_notch_hz": "90",
+        "acc_notch_cutoff": "60",
+        "rpm_gyro_filter_enabled": "1",
+        "rpm_gyro_harmonics": "2",
+        "rpm_gyro_min_hz": "80",
+    }
+    found = filters_of(log_of(imu(), log_format="blackbox", **told))
+    assert [(f.channel, f.low, f.high, f.harmonics) for f in found] == [
+        ("gyro", 60.0, 60.0, ()),
+        ("accel", 60.0, 135.0, ()),
+        ("gyro", 80.0, 80.0, (1, 2)),
+        ("accel", 15.0, 15.0, ()),
+    ]
 
 
 def test_filters_of_px4_are_behind_the_samples_of_the_sensors():

@@ -110,9 +110,9 @@ def _low_pass(channel: str, at: float, setting: str, *, passed: bool) -> list[Fi
 def _blackbox(log: FlightLog) -> list[Filter]:
     """Return the filters of the header; a static low-pass is off where its dynamic one is on."""
     told = log.metadata
-    raw = {
-        name: "unfilt" in (log.channels[name].source.lower() if name in log.channels else "")
-        for name in ("gyro", "accel")
+    passed = {
+        name: "unfilt" not in (log.channels[name].source.lower() if name in log.channels else "")
+        for name in SENSORS
     }
     inav = told.get("Firmware revision", "").lower().startswith("inav")
     found: list[Filter] = []
@@ -125,50 +125,59 @@ def _blackbox(log: FlightLog) -> list[Filter]:
     ):
         ends = _numbers(told, dynamic)
         if len(ends) == 2 and 0 < ends[0] < ends[1]:
-            found.append(_moving("low-pass", ends[0], ends[1], dynamic, passed=not raw["gyro"]))
+            found.append(_moving("low-pass", ends[0], ends[1], dynamic, passed=passed["gyro"]))
         else:
-            found += _low_pass("gyro", _number(told, fixed), fixed, passed=not raw["gyro"])
-    found += _blackbox_notches(told, passed=not raw["gyro"])
+            found += _low_pass("gyro", _number(told, fixed), fixed, passed=passed["gyro"])
+    found += _blackbox_notches(told, passed=passed)
     # Betaflight writes it in hundredths.
     accel = _number(told, "acc_lpf_hz") / (1.0 if inav else 100.0)
-    return found + _low_pass("accel", accel, "acc_lpf_hz", passed=not raw["accel"])
+    return found + _low_pass("accel", accel, "acc_lpf_hz", passed=passed["accel"])
 
 
 def _moving(kind: FilterKind, low: float, high: float, setting: str, *, passed: bool) -> Filter:
     return Filter(channel="gyro", kind=kind, low=low, high=high, setting=setting, passed=passed)
 
 
-def _blackbox_notches(told: Mapping[str, str], *, passed: bool) -> list[Filter]:
-    found: list[Filter] = []
-    middles, cutoffs = _numbers(told, "gyro_notch_hz"), _numbers(told, "gyro_notch_cutoff")
-    for middle, cutoff in zip(middles, cutoffs, strict=False):
-        if 0 < cutoff < middle:
-            found.append(
-                Filter(
-                    channel="gyro",
-                    kind="notch",
-                    low=cutoff,
-                    high=middle**2 / cutoff,  # as far above as the cut-off is below
-                    middle=middle,
-                    setting="gyro_notch_hz",
-                    passed=passed,
-                )
-            )
+def _blackbox_notches(told: Mapping[str, str], *, passed: Mapping[str, bool]) -> list[Filter]:
+    """Return fixed notches, Betaflight's dynamic one, and those that follow the rotors."""
+    found = [
+        *_fixed_notches(told, "gyro", "gyro_notch", passed=passed["gyro"]),
+        *_fixed_notches(told, "accel", "acc_notch", passed=passed["accel"]),
+    ]
     low, high = _number(told, "dyn_notch_min_hz"), _number(told, "dyn_notch_max_hz")
     if _number(told, "dyn_notch_count") > 0 and 0 < low < high:
-        found.append(
-            _moving("notch", low, high, "dyn_notch_min_hz, dyn_notch_max_hz", passed=passed)
-        )
-    for count, least in (
-        ("rpm_filter_harmonics", "rpm_filter_min_hz"),
-        ("gyro_rpm_notch_harmonics", "gyro_rpm_notch_min"),
+        setting = "dyn_notch_min_hz, dyn_notch_max_hz"
+        found.append(_moving("notch", low, high, setting, passed=passed["gyro"]))
+    for count, least, switch in (
+        ("rpm_filter_harmonics", "rpm_filter_min_hz", "dshot_bidir"),
+        ("gyro_rpm_notch_harmonics", "gyro_rpm_notch_min", "dshot_bidir"),
+        ("rpm_gyro_harmonics", "rpm_gyro_min_hz", "rpm_gyro_filter_enabled"),
     ):
         harmonics = int(min(max(_number(told, count), 0.0), 10.0))
-        if harmonics and _number(told, "dshot_bidir") > 0:
-            found.append(
-                _following(tuple(range(1, harmonics + 1)), _number(told, least), count, passed)
-            )
+        if harmonics and _number(told, switch) > 0:
+            followed = tuple(range(1, harmonics + 1))
+            found.append(_following(followed, _number(told, least), count, passed["gyro"]))
     return found
+
+
+def _fixed_notches(
+    told: Mapping[str, str], channel: str, name: str, *, passed: bool
+) -> list[Filter]:
+    """Return notches by their middles and the cut-offs below them."""
+    middles, cutoffs = _numbers(told, f"{name}_hz"), _numbers(told, f"{name}_cutoff")
+    return [
+        Filter(
+            channel=channel,
+            kind="notch",
+            low=cutoff,
+            high=middle**2 / cutoff,  # as many octaves above as the cut-off is below
+            middle=middle,
+            setting=f"{name}_hz",
+            passed=passed,
+        )
+        for middle, cutoff in zip(middles, cutoffs, strict=False)
+        if 0 < cutoff < middle
+    ]
 
 
 def _following(harmonics: tuple[int, ...], least: float, setting: str, passed: bool) -> Filter:

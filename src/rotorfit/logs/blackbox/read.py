@@ -39,6 +39,8 @@ _METADATA: Final = (
     "gyro_scale",
     "blackbox_high_resolution",
     "debug_mode",
+    "rpm_gyro_harmonics",
+    "rpm_gyro_min_hz",
 )
 _FILTER = re.compile(r"(gyro|dterm|rpm|dyn|acc|yaw).*(lpf|lowpass|notch|filter).*", re.IGNORECASE)
 
