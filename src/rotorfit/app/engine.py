@@ -21,7 +21,6 @@ from rotorfit.app.outcome import Progress, identified
 from rotorfit.errors import (
     ExperimentError,
     MissingNumbersError,
-    OutputError,
     RotorfitError,
 )
 from rotorfit.logs.files import write_whole
@@ -195,6 +194,11 @@ class Engine:
         else:
             path = self.folder / DOCUMENTS[kind] if kind in DOCUMENTS else None
         return path if path is not None and path.exists() else None
+
+    def bytes_held(self) -> int:
+        """Return how large the dropped files are together."""
+        paths = [one.path for one in dropped(self.folder)]
+        return sum(path.stat().st_size for path in paths if path.exists())
 
     def clear(self) -> None:
         """Forget everything."""
