@@ -1,7 +1,7 @@
 """The engine of the page: calls by name on a folder, JSON in and out; see protocol.md.
 
 No thread, no process, no server: what runs it decides where it runs, the server in a process for
-each long call, a web worker in the browser itself.
+each long call, a web worker in the browser itself. What only long calls need is imported by them.
 """
 
 import json
@@ -12,12 +12,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from rotorfit import version
-from rotorfit.app.exports import exported, missing_numbers, targets
-from rotorfit.app.files import dropped, file_named, forget, in_their_names, receive, tell
-from rotorfit.app.findings import looked_at
+from rotorfit.app.export_targets import targets
+from rotorfit.app.files import Progress, dropped, file_named, forget, in_their_names, receive, tell
 from rotorfit.app.form import described, form_of_file
-from rotorfit.app.next_flight import planned
-from rotorfit.app.outcome import Progress, identified
 from rotorfit.errors import (
     ExperimentError,
     MissingNumbersError,
@@ -126,6 +123,8 @@ class Engine:
 
     def look(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
         """Return what is to be said of a file, of one log in it where it holds several."""
+        from rotorfit.app.findings import looked_at
+
         one = file_named(self.folder, argument["name"])
         progress(f"reading {one.name}", None)
         told = looked_at(one, log_number=argument.get("log"))
@@ -150,12 +149,16 @@ class Engine:
 
     def identify(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
         """Return the outcome of an identification."""
+        from rotorfit.app.outcome import identified
+
         form = argument["form"]
         write_whole(self.folder / "form.json", json.dumps(form), force=True)
         return identified(self.folder, form, progress=progress)
 
     def plan(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
         """Return the flight to fly next, for the form as it was described last."""
+        from rotorfit.app.next_flight import planned
+
         form = argument.get("form") or _kept(self.folder / "form.json")
         if form is None:
             raise ExperimentError("a plan needs the airframe: describe the vehicle first")
@@ -163,6 +166,8 @@ class Engine:
 
     def export(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
         """Return the result as the file of another tool."""
+        from rotorfit.app.exports import exported
+
         progress("writing the file", None)
         return exported(self.folder, argument)
 
@@ -227,6 +232,8 @@ def _refusal(error: RotorfitError) -> Answer:
     if isinstance(error, ExperimentError) and error.problems:
         answer["problems"] = [{"place": p, "words": words} for p, words in error.problems]
     if isinstance(error, MissingNumbersError):
+        from rotorfit.app.exports import missing_numbers
+
         answer["missing"] = missing_numbers(error)
     return answer
 

@@ -5,52 +5,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, get_args
 
+from rotorfit.app.export_targets import TITLES
 from rotorfit.errors import MissingNumbersError, OutputError
 from rotorfit.export.assumptions import parse_assumptions, unit_of
-from rotorfit.export.randomised.targets import SUFFIXES, drawn_words, randomised
-from rotorfit.export.target_names import RandomTargetName, TargetName
+from rotorfit.export.randomised.targets import drawn_words, randomised
+from rotorfit.export.target_names import SUFFIXES, RandomTargetName
 from rotorfit.export.targets import export
 from rotorfit.export.vehicle import VehicleModel
 from rotorfit.results.sound_result import load_sound
 
-TITLES: Final[Mapping[TargetName | RandomTargetName, str]] = {
-    "gazebo": "Gazebo: a whole model (SDF)",
-    "gazebo-motors": "Gazebo: motor plugins to paste into a model",
-    "px4": "PX4: control allocation and thrust curve",
-    "px4-sih": "PX4: simulation in hardware",
-    "px4-setpoints": "PX4: newton per unit of the setpoints",
-    "mujoco": "MuJoCo: MJCF",
-    "urdf": "URDF, gym-pybullet-drones",
-    "rotorpy": "RotorPy: quad_params",
-    "ardupilot": "ArduPilot: thrust curve and hover throttle",
-    "ardupilot-sitl": "ArduPilot: frame of its simulator",
-    "betaflight": "Betaflight: thrust_linear",
-    "indiflight": "INDIflight: control effectiveness",
-    "paparazzi": "Paparazzi: control effectiveness",
-    "crazyflow": "Crazyflow: params.toml",
-    "casadi": "CasADi: dynamics in Python",
-    "samples": "Vehicles drawn from the result (NumPy arrays)",
-    "isaac-lab": "Isaac Lab: ranges to randomise",
-    "pegasus": "Pegasus: drawn vehicles",
-    "crazyflow-worlds": "Crazyflow: drawn worlds",
-}
-DRAWN: Final[Mapping[RandomTargetName, str]] = {
-    "samples": ".npz",
-    "isaac-lab": ".py",
-    "pegasus": ".py",
-    "crazyflow-worlds": ".npz",
-}
 DOUBTFUL: Final = ("weak", "removed", "assumed", "from-ratio")
-
-
-def suffix_of(target: TargetName | RandomTargetName) -> str:
-    """Return how the file of a target ends."""
-    return {**SUFFIXES, **DRAWN}.get(target, ".txt")
-
-
-def targets() -> list[dict[str, str]]:
-    """Return every target with its title, and how its file ends."""
-    return [{"target": t, "suffix": suffix_of(t), "title": words} for t, words in TITLES.items()]
 
 
 def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
@@ -68,7 +32,7 @@ def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
     RotorfitError
         If there is no result yet, or what the target needs is not known.
     """
-    target = wanted.get("target")
+    target = wanted["target"]
     if target not in TITLES:
         raise OutputError(f"no target {target!r}; targets: {', '.join(TITLES)}")
     path = folder / "result.json"
@@ -77,7 +41,7 @@ def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
     result = load_sound(path)
     assumed = _assumed(wanted.get("assume") or {})
     configuration = wanted.get("configuration")
-    name = f"{target}{suffix_of(target)}"
+    name = f"{target}{SUFFIXES[target]}"
     if target in get_args(RandomTargetName):
         content, found = randomised(
             result, target, Path(name), configuration=configuration, assumed=assumed

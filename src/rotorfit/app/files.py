@@ -7,7 +7,7 @@ can lead out of the folder.
 import json
 import re
 import secrets
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, cast
@@ -15,6 +15,8 @@ from typing import Any, Final, cast
 from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.logs.files import file_name, write_whole
 
+Progress = Callable[[str, float | None], None]
+"""Told the step and how far it is, from 0 to 1; None where that is not known."""
 MOST_FILES: Final = 64
 """On one page."""
 LONGEST_NAME: Final = 120

@@ -51,7 +51,7 @@ def _short(entry: Mapping[str, Any]) -> dict[str, Any]:
     """Return a configuration whose flights are names, where they are nothing but that."""
     short = dict(entry)
     for kind in FLIGHTS:
-        flights = [flight for flight in _list(entry.get(kind)) if flight]
+        flights = [flight for flight in rows(entry.get(kind)) if flight]
         if flights and all(set(flight) == {"file"} for flight in flights):
             short[kind] = [flight["file"] for flight in flights]
     return short
@@ -104,7 +104,7 @@ def _missing(form: Mapping[str, Any], files: Mapping[str, Dropped]) -> list[Prob
         elif told.get("logs") and flight.get("log") is None:
             problems.append((place, f"{name} holds {len(told['logs'])} logs: choose one"))
         pose = flight.get("mocap")
-        recording = pose.get("file") if isinstance(pose, Mapping) else pose
+        recording = pose if isinstance(pose, str) else table(pose).get("file")
         if recording is not None and recording not in files:
             problems.append((place, f"no file {recording} is on the page: drop it here"))
     return problems
@@ -112,27 +112,30 @@ def _missing(form: Mapping[str, Any], files: Mapping[str, Dropped]) -> list[Prob
 
 def _flights(form: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield every flight that is well enough written to be looked up, with its place."""
-    for number, entry in enumerate(_list(form.get("configuration"))):
-        for kind in FLIGHTS if isinstance(entry, Mapping) else ():
-            flights = cast("Mapping[str, Any]", entry).get(kind)
-            for i, flight in enumerate(_list(flights)):
-                one = {"file": flight} if isinstance(flight, str) else flight
-                if isinstance(one, Mapping):
-                    place = f"configuration[{number}].{kind}[{i}].file"
-                    yield place, cast("Mapping[str, Any]", one)
+    for number, entry in enumerate(rows(form.get("configuration"))):
+        for kind in FLIGHTS:
+            for i, flight in enumerate(rows(table(entry).get(kind))):
+                one = {"file": flight} if isinstance(flight, str) else table(flight)
+                if one:
+                    yield f"configuration[{number}].{kind}[{i}].file", one
 
 
-def _list(value: Any) -> Sequence[Any]:
+def rows(value: Any) -> Sequence[Any]:
+    """Return a list of the form; empty where it is none."""
     return cast("list[Any]", value) if isinstance(value, list) else []
+
+
+def table(value: Any) -> Mapping[str, Any]:
+    """Return a table of the form; empty where it is none."""
+    return cast("Mapping[str, Any]", value) if isinstance(value, Mapping) else {}
 
 
 def _with_known_motors(folder: Path, form: Mapping[str, Any]) -> dict[str, Any]:
     """Return the form with law and lag from a result of the page, where it names one."""
     tables = dict(form)
-    motors = tables.get("motors")
-    if not isinstance(motors, Mapping) or not isinstance(motors.get("result"), str):
+    own = table(tables.get("motors"))
+    if not isinstance(own.get("result"), str):
         return tables
-    own = cast("Mapping[str, Any]", motors)
     try:
         known = file_named(folder, file_name(own["result"]))
         tables["motors"] = {**own, "result": str(known.path)}
@@ -165,10 +168,9 @@ def form_of_file(path: Path) -> dict[str, Any]:
         If it is none.
     """
     tables = read_toml(path)
-    motors = tables.get("motors")
     bare = dict(tables)
-    if isinstance(motors, dict):
-        bare["motors"] = {k: v for k, v in cast("dict[str, Any]", motors).items() if k != "result"}
+    if isinstance(tables.get("motors"), dict):
+        bare["motors"] = {k: v for k, v in tables["motors"].items() if k != "result"}
     if "configuration" not in tables:
         airframe_of_tables(bare, source=path)
         return tables
@@ -185,8 +187,9 @@ def _written_out(entry: Mapping[str, Any]) -> dict[str, Any]:
     return whole
 
 
-def _by_own_name(flight: Mapping[str, Any]) -> dict[str, Any]:
-    named = {**file_as_table(flight, "mocap"), "file": file_name(flight["file"])}
+def _by_own_name(flight: dict[str, Any]) -> dict[str, Any]:
+    named: dict[str, Any] = {**file_as_table(flight, "mocap")}
+    named["file"] = file_name(flight["file"])
     if "mocap" in named:
         named["mocap"] = {**named["mocap"], "file": file_name(named["mocap"]["file"])}
     return named
@@ -195,5 +198,5 @@ def _by_own_name(flight: Mapping[str, Any]) -> dict[str, Any]:
 def files_of(form: Mapping[str, Any]) -> list[str]:
     """Return the names of all files that a form wants."""
     names = [str(flight["file"]) for _, flight in _flights(form)]
-    poses = [flight["mocap"]["file"] for _, flight in _flights(form) if "mocap" in flight]
+    poses = [str(f["mocap"]["file"]) for _, f in _flights(form) if "mocap" in f]
     return list(dict.fromkeys([*names, *poses]))

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 from threadpoolctl import threadpool_limits
 
-from rotorfit.app.outcome import Progress
+from rotorfit.app.files import Progress
+from rotorfit.app.form import rows, table
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import airframe_of_tables, vehicle_of
 from rotorfit.logs.files import write_whole
@@ -74,8 +75,8 @@ def _request(folder: Path, form: Mapping[str, Any], accuracy: str) -> PlanReques
 
 def _mass(form: Mapping[str, Any]) -> float:
     """Return the mass of the first configuration [kg]."""
-    entries = form.get("configuration") or [{}]
-    mass = entries[0].get("mass")
+    entry = next(iter(rows(form.get("configuration"))), None)
+    mass = table(entry).get("mass")
     if not isinstance(mass, int | float):
         raise ExperimentError("a plan needs the mass of the vehicle as it flies: weigh it")
     return float(mass)

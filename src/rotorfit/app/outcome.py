@@ -3,11 +3,11 @@
 import dataclasses
 import json
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rotorfit.app.files import in_its_name, in_their_names
+from rotorfit.app.files import Progress, in_its_name, in_their_names
 from rotorfit.app.form import experiment_of, text_of
 from rotorfit.display.digits import finite_interval, known
 from rotorfit.errors import RotorfitWarning
@@ -21,9 +21,6 @@ from rotorfit.report.summary import summary_of
 from rotorfit.report.text import advice_of, doubts_of, hangs_on, result_text
 from rotorfit.results.result import IdentificationResult, configuration_names
 from rotorfit.validation.validate import drawn_comparisons
-
-Progress = Callable[[str, float | None], None]
-"""Told the step and how far it is, from 0 to 1; None where that is not known."""
 
 
 def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> dict[str, Any]:

@@ -53,10 +53,10 @@ class Job:
 
     async def events(self) -> AsyncGenerator[dict[str, Any]]:
         """Yield progress, and at the end the answer."""
-        told = None
+        told: Mapping[str, Any] | None = None
         while self.answer is None:
             changed = self.changed
-            if self.progress is not None and self.progress is not told:
+            if self.progress is not told:
                 told = self.progress
                 yield {"progress": told}
             else:

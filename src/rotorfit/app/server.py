@@ -209,12 +209,16 @@ async def _json_of(request: Request) -> dict[str, Any]:
         if len(sent) > LONGEST_ASKED:
             raise OutputError(f"a call of over {LONGEST_ASKED} bytes: the form is too long")
     try:
-        found = json.loads(sent or b"{}")
+        found = json.loads(sent or b"{}", parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
         raise OutputError(f"a call that is not JSON ({error})") from error
     if not isinstance(found, dict):
         raise OutputError("a call that is not a table of JSON")
     return found  # pyright: ignore[reportUnknownVariableType]
+
+
+def _no_number(word: str) -> float:
+    raise ValueError(f"{word} is no number of JSON")
 
 
 async def _pieces(request: Request) -> AsyncGenerator[bytes]:

@@ -30,12 +30,10 @@ def experiment_text(tables: Mapping[str, Any]) -> str:
 
 def _is_table(value: Any) -> bool:
     """Return whether a value has a head of its own, or is nothing at all."""
-    several = isinstance(value, list) and len(cast("list[Any]", value)) > 0
-    return value is None or isinstance(value, Mapping) or (several and _all_tables(value))
-
-
-def _all_tables(values: Sequence[Any]) -> bool:
-    return all(isinstance(value, Mapping) for value in values)
+    if not isinstance(value, list):
+        return value is None or isinstance(value, Mapping)
+    rows = cast("list[Any]", value)
+    return len(rows) > 0 and all(isinstance(row, Mapping) for row in rows)
 
 
 def _block(head: str, table: Mapping[str, Any]) -> str:

@@ -13,8 +13,7 @@ export class Refused extends Error {
 }
 
 export async function connect(told = () => {}) {
-  const settings = await fetch("engine.json");
-  const { engine, ...where } = settings.ok ? await settings.json() : { engine: "server" };
+  const { engine, ...where } = await (await fetch("engine.json")).json();
   return engine === "worker" ? startWorker(where, told) : openServer();
 }
 
