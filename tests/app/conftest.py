@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("starlette", reason="the page needs the extra app")
 pytest.importorskip("uvicorn", reason="the page needs the extra app")
 
-from served import Client, served
+from served import MOST, Client, served
 
 from rotorfit.app.server import Served
 from rotorfit.simulation import (
@@ -17,19 +17,6 @@ from rotorfit.simulation import (
     simulate_flight,
     variant,
 )
-
-FORM = {
-    "name": "page",
-    "airframe": {
-        "layout": "quad-plus",
-        "arm": 0.2,
-        "order": "paper",
-        "imu": {"position": [0.0, 0.0, 0.0]},
-    },
-    "identification": {"method": "ols"},
-    "configuration": [{"name": "A", "mass": 1.285, "flights": [{"file": "flight.csv"}]}],
-}
-MOST = 20_000_000
 
 
 @pytest.fixture(scope="session")

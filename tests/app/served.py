@@ -11,6 +11,18 @@ from urllib.parse import quote, urlsplit
 
 from rotorfit.app.server import Served, ready
 
+FORM = {
+    "name": "page",
+    "airframe": {
+        "layout": "quad-plus",
+        "arm": 0.2,
+        "order": "paper",
+        "imu": {"position": [0.0, 0.0, 0.0]},
+    },
+    "identification": {"method": "ols"},
+    "configuration": [{"name": "A", "mass": 1.285, "flights": [{"file": "flight.csv"}]}],
+}
+MOST = 20_000_000
 PATIENCE = 120.0
 """For what comes at last on a busy machine [s]."""
 

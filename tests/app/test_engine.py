@@ -5,8 +5,8 @@ import re
 from typing import get_args
 
 import pytest
+from served import FORM
 
-from conftest import FORM
 from rotorfit.app.engine import Engine
 from rotorfit.app.export_targets import TITLES
 from rotorfit.app.files import MOST_FILES, receive

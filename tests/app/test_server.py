@@ -14,9 +14,8 @@ from pathlib import Path
 from threading import Thread
 
 import pytest
-from served import PATIENCE, Client, served, wait_for
+from served import FORM, MOST, PATIENCE, Client, served, wait_for
 
-from conftest import FORM, MOST
 from rotorfit.app import pages as pages_module
 from rotorfit.app.pages import MOST_PAGES, MOST_WAITING, Job, Pages
 from rotorfit.app.server import MOST_CONNECTIONS
