@@ -144,7 +144,7 @@ def inspect(
     run(logs, options)
 
 
-@app.command(name="app", epilog="Example: rotorfit app")
+@app.command(name="app", epilog="Example: rotorfit app --port 8421")
 @interruptible()
 def page(
     port: Annotated[

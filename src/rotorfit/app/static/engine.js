@@ -95,15 +95,16 @@ async function openServer() {
 async function lastLine(body, progress) {
   const reader = body.pipeThrough(new TextDecoderStream()).getReader();
   let text = "";
+  let answer = { refused: "the server has ended before it was done: start rotorfit app again" };
   for (;;) {
     const { value, done } = await reader.read().catch(() => ({ done: true }));
-    if (done) return { refused: "the server has ended before it was done: start rotorfit app again" };
+    if (done) return answer;
     const lines = (text + value).split("\n");
     text = lines.pop();
     for (const line of lines) {
       const said = JSON.parse(line);
-      if (said.answer !== undefined) return said.answer;
-      progress(said.progress);
+      if (said.answer === undefined) progress(said.progress);
+      else answer = said.answer;
     }
   }
 }
