@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, runtime_checkable
 
 from rotorfit.app.engine import CALLS, Answer, Engine
 from rotorfit.errors import RotorfitError
@@ -15,6 +15,7 @@ MOST_BYTES: Final = 500_000_000
 Told = Callable[[str, float | None], Any]
 
 
+@runtime_checkable
 class Bytes(Protocol):
     """An array of JavaScript."""
 
