@@ -1,4 +1,4 @@
-"""What the readers find in every real log, and what is identified from one: to compare two platforms.
+"""What the readers find in every real log, and one identification: to compare two platforms.
 
     python benchmarks/platform_numbers.py DATA -o numbers.json [--against other.json]
 
