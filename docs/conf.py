@@ -2,6 +2,9 @@
 
 import importlib
 import inspect
+import os
+import sys
+from pathlib import Path
 
 import typer.main
 from docutils import nodes
@@ -9,6 +12,9 @@ from docutils.utils.math.latex2mathml import tex2mathml
 
 import rotorfit
 import rotorfit.cli.main
+
+sys.path.insert(0, str(Path(__file__).parent))
+from page_site import write_page
 
 project = "rotorfit"
 author = "rotorfit contributors"
@@ -113,7 +119,15 @@ def help_of(command, name):
     return command.get_help(command.context_class(command, info_name=name, terminal_width=80))
 
 
+def with_page(app, failed):
+    """Put the page on which logs are dropped into the site, with the package that it runs."""
+    if failed is None and app.builder.format == "html":
+        pyodide = os.environ.get("ROTORFIT_PYODIDE")
+        write_page(Path(app.outdir) / "app", None if pyodide is None else Path(pyodide))
+
+
 def setup(app):
+    app.connect("build-finished", with_page)
     app.connect("source-read", with_help)
     app.add_html_math_renderer("mathml", (mathml, None), (mathml, None))
     app.connect("missing-reference", public_name)

@@ -4,7 +4,7 @@ A message says what was met, what was expected, and what to do next.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 
 class RotorfitError(Exception):
@@ -39,7 +39,15 @@ class ExcitationError(FlightError):
 
 
 class ExperimentError(_OneLineError):
-    """The experiment or airframe description is wrong or incomplete."""
+    """The experiment or airframe description is wrong or incomplete.
+
+    `problems` are the places that are wrong, such as ``configuration[0].mass``, each with its
+    sentence: for what shows them one by one.
+    """
+
+    def __init__(self, message: str, *, problems: Sequence[tuple[str, str]] = ()) -> None:
+        super().__init__(message)
+        self.problems = tuple(problems)
 
 
 class EstimationError(RotorfitError):
@@ -59,6 +67,17 @@ class UnsettledError(EstimationError):
 
 class OutputError(RotorfitError):
     """A result cannot be written or read back."""
+
+
+class MissingNumbersError(OutputError):
+    """A file needs numbers that the flights do not give.
+
+    `names` are those that a user may supply: for what asks for them one by one.
+    """
+
+    def __init__(self, message: str, *, names: Sequence[str]) -> None:
+        super().__init__(message)
+        self.names = tuple(names)
 
 
 class RotorfitWarning(UserWarning):

@@ -1,12 +1,10 @@
 """rotorfit airframe: questions that a ruler answers, and the file that comes of them."""
 
-import re
 import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from pydantic import ValidationError
 
@@ -16,21 +14,13 @@ from rotorfit.cli.terminal import say, show
 from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.inspection.inspect_log import inspect_log
+from rotorfit.inspection.seen_airframe import SeenAirframe, seen_airframe
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.files import write_whole
 from rotorfit.model.layouts import LAYOUTS, spaced_rotors
 
 SMALLEST, LARGEST = 15.0, 10_000.0
 """Of a spacing [mm]."""
-OWN_ORDER: Final = {
-    "blackbox": "betaflight",
-    "ulog": "px4",
-    "dataflash": "ardupilot",
-    "crazyflie": "crazyflie",
-}
-_BORNE_OUT: Final = re.compile(
-    r'layout = "(?P<layout>[^"]+)", order = "(?P<order>[^"]+)"(?P<turned> with every spin rev)?'
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,32 +35,6 @@ class AirframeRequest:
     spacing: str | None = None
     speed: str | None = None
     force: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
-    """What a log says of the airframe.
-
-    Attributes
-    ----------
-    rotors
-        How many; None without a log.
-    layout, order
-        That the flight bears out, else that is usual for such a log.
-    borne_out
-        Whether it is the flight that says so.
-    turned
-        Whether every rotor turns the other way (props out).
-    speed
-        ``measured`` or ``commanded``.
-    """
-
-    rotors: int | None = None
-    layout: str | None = None
-    order: str | None = None
-    borne_out: bool = False
-    turned: bool = False
-    speed: str | None = None
 
 
 def run(request: AirframeRequest) -> None:
@@ -100,41 +64,30 @@ def run(request: AirframeRequest) -> None:
     show(f"  rotorfit identify {log} --mass KG --airframe {request.output}")
 
 
-def _seen(request: AirframeRequest) -> Seen:
+def _seen(request: AirframeRequest) -> SeenAirframe:
     """Return what the log says, and say it."""
     if request.log is None:
-        return Seen()
+        return SeenAirframe()
     with steps() as tell:
         tell(f"reading {request.log.name}")
         log = read_log(request.log, options=ReadOptions(log_number=request.log_number))
-        report = inspect_log(log)
-    motors = log.channels.get("rotor_speed", log.channels.get("command"))
-    if motors is None:
+        seen = seen_airframe(log, inspect_log(log))
+    if seen.rotors is None:
         raise ExperimentError(
             f"{request.log}: no motors in this log, so it says nothing of the rotors: leave it out "
             "and answer the questions, or give a log with motor outputs"
         )
-    count = motors.values.shape[1]
-    speed = "measured" if "rotor_speed" in log.channels else "commanded"
-    found = _BORNE_OUT.match((report.prospects and report.prospects.motors) or "")
-    say(f"{request.log.name}: {log.format}, {count} motors, rotor speed {speed}")
-    if found is None:
-        say("the flight does not show which layout and motor order it is: look at the vehicle")
-        return Seen(rotors=count, order=OWN_ORDER.get(log.format), speed=speed)
-    turned = found["turned"] is not None
-    words = ", every spin reversed (props out)" if turned else ""
-    say(f"the flight bears out {found['layout']} in the motor order of {found['order']}{words}")
-    return Seen(
-        rotors=count,
-        layout=found["layout"],
-        order=found["order"],
-        borne_out=True,
-        turned=turned,
-        speed=speed,
+    say(f"{request.log.name}: {log.format}, {seen.rotors} motors, rotor speed {seen.speed}")
+    words = ", every spin reversed (props out)" if seen.turned else ""
+    say(
+        f"the flight bears out {seen.layout} in the motor order of {seen.order}{words}"
+        if seen.borne_out
+        else "the flight does not show which layout and motor order it is: look at the vehicle"
     )
+    return seen
 
 
-def _layouts(seen: Seen) -> list[str]:
+def _layouts(seen: SeenAirframe) -> list[str]:
     """Return the layouts of so many rotors."""
     names = dict.fromkeys(name for name, _ in LAYOUTS)
     return [
@@ -144,7 +97,7 @@ def _layouts(seen: Seen) -> list[str]:
     ]
 
 
-def _chosen(what: str, given: str | None, seen: Seen, choices: list[str]) -> str:
+def _chosen(what: str, given: str | None, seen: SeenAirframe, choices: list[str]) -> str:
     """Return layout or order: as given, else as asked, the flight's own as default."""
     own = {"layout": seen.layout, "order": seen.order}[what]
     if not choices:

@@ -144,6 +144,29 @@ def inspect(
     run(logs, options)
 
 
+@app.command(name="app", epilog="Example: rotorfit app --port 8421")
+@interruptible()
+def page(
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="N", help="Listen here; 0: any free port.")
+    ] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")
+    ] = True,
+    limit: Annotated[
+        int, typer.Option(min=1, metavar="MB", help="Largest sum of the files on a page [MB].")
+    ] = 2000,
+) -> None:
+    """Open a page on which you drop your logs.
+
+    It looks at them, asks for the vehicle with a drawing, identifies, and gives report, result and
+    exports. It runs on this computer alone, and nothing is sent anywhere. Ctrl-C ends it.
+    """
+    from rotorfit.cli.app import run
+
+    run(port=port, browser=browser, limit=limit)
+
+
 @app.command(epilog="Example: rotorfit airframe flight.bfl -o airframe.toml")
 @interruptible()
 def airframe(

@@ -43,10 +43,9 @@ def figure_names() -> tuple[str, ...]:
 
 
 def _comparisons(result: IdentificationResult, experiment: Experiment) -> list[WrenchComparison]:
-    """Return the comparisons on flights kept apart; where there is none, on those of the fit."""
-    from rotorfit.validation.validate import fitted_comparisons, validation_comparisons
+    from rotorfit.validation.validate import drawn_comparisons
 
     with warnings.catch_warnings(), steps() as tell:
         warnings.simplefilter("ignore", RotorfitWarning)
         tell("drawing")
-        return validation_comparisons(result, experiment) or fitted_comparisons(result)
+        return drawn_comparisons(result, experiment)

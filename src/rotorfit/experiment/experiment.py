@@ -5,7 +5,7 @@ message names the place in the file. Paths of flights are relative to the file.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -286,10 +286,43 @@ def load_experiment(path: Path) -> Experiment:
             f"beside it (rotorfit identify LOG --mass KG --airframe {path.name}), or add "
             '[[configuration]] with mass and flights = ["LOG"]'
         )
-    experiment = _checked(Experiment, tables, path)
+    return experiment_of_tables(tables, source=path, place=lambda file: path.parent / file)
+
+
+def experiment_of_tables(
+    tables: Mapping[str, Any], *, source: Path, place: Callable[[str], Path]
+) -> Experiment:
+    """Return the experiment of the tables of its file, its flights' paths made absolute.
+
+    Parameters
+    ----------
+    tables
+        As in the file.
+    source
+        What messages name.
+    place
+        Where the file of a flight is, by its name in the tables.
+
+    Raises
+    ------
+    ExperimentError
+        If it is not an experiment; every place that is wrong is named.
+    """
+    experiment = _checked(Experiment, tables, source)
     return experiment.model_copy(
-        update={"configuration": tuple(_absolute(c, path.parent) for c in experiment.configuration)}
+        update={"configuration": tuple(_placed(c, place) for c in experiment.configuration)}
     )
+
+
+def airframe_of_tables(tables: Mapping[str, Any], *, source: Path) -> AirframeFile:
+    """Return airframe and motors of the tables of an airframe or experiment file.
+
+    Raises
+    ------
+    ExperimentError
+        As `experiment_of_tables`.
+    """
+    return _checked(AirframeFile, _without_flights(tables), source)
 
 
 def single_flight_experiment(
@@ -471,9 +504,9 @@ def _flu(vector: Vector, axes: Axes) -> Vector:
     return (x, -y, -z) if axes == "FRD" else vector
 
 
-def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationEntry:
+def _placed(configuration: ConfigurationEntry, place: Callable[[str], Path]) -> ConfigurationEntry:
     def moved(flights: tuple[FlightEntry, ...]) -> tuple[FlightEntry, ...]:
-        return tuple(_found_from(flight, folder) for flight in flights)
+        return tuple(_found_from(flight, place) for flight in flights)
 
     return configuration.model_copy(
         update={
@@ -483,12 +516,12 @@ def _absolute(configuration: ConfigurationEntry, folder: Path) -> ConfigurationE
     )
 
 
-def _found_from(flight: FlightEntry, folder: Path) -> FlightEntry:
+def _found_from(flight: FlightEntry, place: Callable[[str], Path]) -> FlightEntry:
     """Return a flight with absolute paths."""
-    placed = flight.placed(folder / flight.file)
+    placed = flight.placed(place(flight.file))
     if flight.mocap is None:
         return placed
-    pose = {"file": str((folder / flight.mocap.file).absolute())}
+    pose = {"file": str(place(flight.mocap.file).absolute())}
     return placed.model_copy(update={"mocap": flight.mocap.model_copy(update=pose)})
 
 
@@ -498,7 +531,8 @@ def _checked(kind: type[Model], data: Any, path: Path) -> Model:
     except ValidationError as error:
         known = {name for table in _TABLES for name in table.model_fields}
         problems = problems_in_words(error.errors(), sorted(known))
-        raise ExperimentError(f"{path.name}: " + "; ".join(problems)) from None
+        words = "; ".join(sentence for _, sentence in problems)
+        raise ExperimentError(f"{path.name}: {words}", problems=problems) from None
 
 
 _TABLES: tuple[type[BaseModel], ...] = (

@@ -14,8 +14,8 @@ EXPECTED: dict[str, str] = {
 """The checker's types in the words of TOML."""
 
 
-def problems_in_words(details: list[ErrorDetails], known: list[str]) -> list[str]:
-    """Return every problem that the checker found, once for each place.
+def problems_in_words(details: list[ErrorDetails], known: list[str]) -> list[tuple[str, str]]:
+    """Return every problem that the checker found, once for each place: the place, and a sentence.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def problems_in_words(details: list[ErrorDetails], known: list[str]) -> list[str
     for detail in details:
         if not _is_echo(detail):
             by_place.setdefault(_place(detail["loc"]), []).append(detail)
-    return [_problem(place, found, known) for place, found in by_place.items()]
+    return [(place, _problem(place, found, known)) for place, found in by_place.items()]
 
 
 def _is_echo(detail: ErrorDetails) -> bool:

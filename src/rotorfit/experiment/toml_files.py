@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -111,12 +112,17 @@ def read_toml(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         why = f"{path} is not valid TOML: {error}"
         raise ExperimentError(_in_place_of_toml(path) or why) from error
+    refuse_too_many_values(tables, path)
+    return tables
+
+
+def refuse_too_many_values(tables: Mapping[str, Any], source: Path) -> None:
+    """Raise where tables hold more than any experiment does."""
     if (count := _values(tables)) > MOST_VALUES:
         raise ExperimentError(
-            f"{path} holds {count} values, expected at most {MOST_VALUES}; flights, rotors and "
+            f"{source} holds {count} values, expected at most {MOST_VALUES}; flights, rotors and "
             "laws are named in an experiment file, their data stay in the logs"
         )
-    return tables
 
 
 def _in_place_of_toml(path: Path) -> str | None:
@@ -130,7 +136,7 @@ def _in_place_of_toml(path: Path) -> str | None:
     return f"{path}: this is {kind}; give an airframe or experiment file (.toml) in its place"
 
 
-def _values(tables: dict[str, Any]) -> int:
+def _values(tables: Mapping[str, Any]) -> int:
     """Return how many values there are, at any depth."""
     count, left = 0, list[Any](tables.values())
     while left:

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.errors import ExperimentError, OutputError
+from rotorfit.errors import ExperimentError, MissingNumbersError, OutputError
 from rotorfit.experiment.experiment import Experiment, experiment_of_settings, vehicle_of
 from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.export.assumptions import unit_of
@@ -188,9 +188,8 @@ def _refuse_missing(numbers: Mapping[str, Number | Missing], needed: Sequence[st
     advice = "fly what the report advises, or" if flown else ""
     flags = " ".join(f"--assume {name}=VALUE" for name in cures)
     units = ", ".join(f"{name} in {unit_of(name)}" for name in cures)
-    raise OutputError(
-        " ".join(f"{told}: missing; {advice} supply it with {flags} ({units})".split())
-    )
+    words = f"{told}: missing; {advice} supply it with {flags} ({units})"
+    raise MissingNumbersError(" ".join(words.split()), names=cures)
 
 
 ABSENT: Final = "not in the result"

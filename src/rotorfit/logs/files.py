@@ -3,6 +3,7 @@
 import hashlib
 import mmap
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from rotorfit.errors import LogError, OutputError
@@ -11,8 +12,10 @@ Content = bytes | mmap.mmap
 """Of a file: in memory, or mapped."""
 
 
-def open_mapped(path: Path) -> mmap.mmap:
+def open_mapped(path: Path) -> Content:
     """Return a file as bytes that come into memory when they are looked at.
+
+    Where the system maps no files, as in a browser, they are in memory at once.
 
     Raises
     ------
@@ -23,8 +26,8 @@ def open_mapped(path: Path) -> mmap.mmap:
     try:
         with path.open("rb") as file:
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    except (OSError, ValueError) as error:  # ValueError: emptied since
-        raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
+    except (OSError, ValueError):  # ValueError: emptied since
+        return read_bytes(path)
 
 
 def file_name(path: str) -> str:
@@ -35,7 +38,8 @@ def file_name(path: str) -> str:
 def let_go(data: Content) -> None:
     """Give back the memory of a mapped file; what is looked at again is read again."""
     if isinstance(data, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
-        data.madvise(mmap.MADV_DONTNEED)
+        with suppress(OSError):  # advice that the system does not take
+            data.madvise(mmap.MADV_DONTNEED)
 
 
 def read_bytes(path: Path) -> bytes:

@@ -290,7 +290,7 @@ def _fitted(
     found = scipy.optimize.least_squares(
         lambda x: at(x)[0] - recording.speed,
         np.clip(begin, lower + 1e-6, upper - 1e-6),
-        jac=lambda x: at(x)[1],
+        jac=lambda x: at(x)[1].copy(),  # some versions of SciPy weigh it in place
         bounds=(lower, upper),
         x_scale="jac",
         loss="huber" if robust else "linear",

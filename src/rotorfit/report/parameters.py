@@ -16,13 +16,15 @@ COM_FIRST = (*COM, *INERTIA_COM)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One line of a table."""
+    """One line of a table; `source` is the number with all its digits, `ends` those of its bar."""
 
+    source: Parameter | Derived
     name: str
     title: str
     number: Number | None
     unit: str
     bar: str | None
+    ends: tuple[float, float] | None
     verdict: str
     partner: str | None
     note: str
@@ -165,12 +167,15 @@ def _table(title: str, explanation: str, entries: Sequence[Entry]) -> ParameterT
 
 def _row(entry: Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
     number = entry.number
+    ends = axis_range(kin)
     return Row(
+        source=number,
         name=number.name,
         title=title_of(number.name),
         number=number_of(number.value, number.interval),
         unit=unit_words(number.unit),
-        bar=interval_bar(number, axis_range(kin), entry.verdict or "plain"),
+        bar=interval_bar(number, ends, entry.verdict or "plain"),
+        ends=ends,
         verdict=entry.verdict,
         partner=entry.partner,
         note=mark,

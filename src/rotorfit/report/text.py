@@ -48,8 +48,8 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
             width,
         ),
         _listed("What the verdicts mean", _meanings(result), width),
-        _listed("What to do next", _advice(result), width),
-        _listed("To know", _doubts(result), width),
+        _listed("What to do next", advice_of(result), width),
+        _listed("To know", doubts_of(result), width),
         _listed("No flight tells these: see that they are right", hangs_on(result), width),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
@@ -183,7 +183,7 @@ def _meanings(result: IdentificationResult) -> list[str]:
     return [f"{verdict}: {VERDICT_MEANING[verdict]}" for verdict in DOUBTFUL if verdict in met]
 
 
-def _advice(result: IdentificationResult) -> list[str]:
+def advice_of(result: IdentificationResult) -> list[str]:
     """Return each advice once, after the numbers that it is for and what is wrong with them."""
     groups: dict[str, dict[str, list[str]]] = {}
     for entry in _judged(result):
@@ -203,7 +203,7 @@ def _wrong(entry: Entry) -> str:
     return entry.verdict if entry.verdict == "weak" else entry.reason or "-"
 
 
-def _doubts(result: IdentificationResult) -> list[str]:
+def doubts_of(result: IdentificationResult) -> list[str]:
     """Return the warnings of the result and its flights, without advice that was given already."""
     doubts = list(result.warnings)
     for flight in result.flights:

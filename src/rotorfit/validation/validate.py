@@ -155,6 +155,13 @@ def validation_comparisons(
     return comparisons
 
 
+def drawn_comparisons(
+    result: IdentificationResult, experiment: Experiment
+) -> list[WrenchComparison]:
+    """Return the comparisons on flights kept apart; where there is none, on those of the fit."""
+    return validation_comparisons(result, experiment) or fitted_comparisons(result)
+
+
 def validation_rows(
     comparisons: list[WrenchComparison], files: Sequence[str] | None = None
 ) -> tuple[dict[str, Any], ...]:

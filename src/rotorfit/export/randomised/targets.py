@@ -9,7 +9,7 @@ from typing import Final
 from rotorfit.export.header import header_lines
 from rotorfit.export.randomised import crazyflow_worlds, isaac_lab, pegasus, samples_file
 from rotorfit.export.randomised.variants import Variants, variants
-from rotorfit.export.target_names import RandomTargetName, TargetName
+from rotorfit.export.target_names import SUFFIXES, RandomTargetName, TargetName
 from rotorfit.export.targets import TARGETS, export
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.results.result import IdentificationResult
@@ -99,25 +99,8 @@ def variant_files(
         drawn = replace(model, notes=(*model.notes, note))
         head = header_lines(drawn, result, target=target, date=when)
         text = TARGETS[target].write(drawn, head)
-        files[f"{target}-{i:0{digits}}{SUFFIXES.get(target, '.txt')}"] = text
+        files[f"{target}-{i:0{digits}}{SUFFIXES[target]}"] = text
     return files, found
-
-
-SUFFIXES: Final[Mapping[TargetName, str]] = {
-    "gazebo": ".sdf",
-    "gazebo-motors": ".xml",
-    "px4": ".params",
-    "px4-sih": ".params",
-    "px4-setpoints": ".json",
-    "mujoco": ".xml",
-    "urdf": ".urdf",
-    "rotorpy": ".py",
-    "ardupilot": ".parm",
-    "ardupilot-sitl": ".json",
-    "paparazzi": ".xml",
-    "crazyflow": ".toml",
-    "casadi": ".py",
-}
 
 
 def drawn_words(found: Variants) -> list[str]:

@@ -5,6 +5,7 @@ position at hand (`ByteIndex`), a run of k numbers is skipped in one step, whate
 lengths, and the numbers of all frames are gathered with array operations.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -239,11 +240,18 @@ def read_tag2_3s32(
     for i in range(3):
         width = (b0 >> (2 * i)) & 3
         word = sum(_bytes(index, position + j) << (8 * j) for j in range(4))
-        whole = np.choose(width, [sign_extend(np.asarray(word), bits) for bits in (8, 16, 24, 32)])
+        whole = _chosen(width, [sign_extend(np.asarray(word), bits) for bits in (8, 16, 24, 32)])
         bits = [sign_extend(*choice[i]) for choice in (small, medium, large)]
-        values[:, i] = np.choose(selector, [*bits, whole])
+        values[:, i] = _chosen(selector, [*bits, whole])
         position = position + width + 1
     return values, np.where(selector == 3, position, starts + selector + 1)
+
+
+def _chosen(
+    number: Int[np.ndarray, " n"], choices: Sequence[Int[np.ndarray, " n"]]
+) -> Int[np.ndarray, " n"]:
+    """Return from each row that of its number; numpy counts in the platform's own integers."""
+    return np.choose(number.astype(np.intp), choices)
 
 
 def read_tag8_4s16(
@@ -279,7 +287,7 @@ def read_tag8_4s16(
         word = (_bytes(index, at) << 16) | (_bytes(index, at + 1) << 8) | _bytes(index, at + 2)
         top = np.where(odd == 1, word << 4, word)  # the number begins at bit 23
         four, eight, sixteen = (sign_extend(top >> (24 - bits), bits) for bits in (4, 8, 16))
-        values[:, i] = np.choose(tag, [np.zeros_like(four), four, eight, sixteen])
+        values[:, i] = _chosen(tag, [np.zeros_like(four), four, eight, sixteen])
         nibble = nibble + np.array([0, 1, 2, 4])[tag]
     return values, (nibble + 1) >> 1
 
@@ -296,7 +304,7 @@ def _read_tag8_4s16_v1(
         low, high = _bytes(index, position), _bytes(index, position + 1)
         word = low | (high << 8)
         choices = [np.zeros_like(low), *(sign_extend(word, bits) for bits in (4, 8, 16))]
-        values[:, i] += np.choose(tag, choices)
+        values[:, i] += _chosen(tag, choices)
         paired = tag == 1
         if i < 3:
             values[:, i + 1] = np.where(paired, sign_extend(low >> 4, 4), 0)

@@ -30,7 +30,8 @@ _WEIGHTS: Final = {
 
 def wrap(values: Int[np.ndarray, "*n k"], signed: tuple[bool, ...]) -> Int[np.ndarray, "*n k"]:
     """Return numbers as the 32-bit integers, signed or not, that the recorder calculates with."""
-    offset = np.where(signed, _WRAP // 2, 0)
+    # Numbers of the platform may have 32 bits themselves.
+    offset = np.where(signed, np.int64(_WRAP // 2), np.int64(0))
     return ((values + offset) & (_WRAP - 1)) - offset
 
 

@@ -127,7 +127,7 @@ def _numbers(messages: Messages, name: str) -> list[int]:
     if numbers is None or numbers.dtype.kind not in "iu":
         return []
     inside = numbers[(numbers >= 0) & (numbers < MOST_IMUS)]
-    counts = np.bincount(inside.astype(np.int64), minlength=1)
+    counts = np.bincount(inside.astype(np.intp), minlength=1)
     # A damaged message or two is no IMU.
     return np.flatnonzero(counts > 0.02 * counts.max()).tolist()
 

@@ -1,0 +1,80 @@
+"""A result as the files of other tools, for a page that downloads them."""
+
+import base64
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, get_args
+
+from rotorfit.app.export_targets import TITLES
+from rotorfit.errors import MissingNumbersError, OutputError
+from rotorfit.export.assumptions import parse_assumptions, unit_of
+from rotorfit.export.randomised.targets import drawn_words, randomised
+from rotorfit.export.target_names import SUFFIXES, RandomTargetName
+from rotorfit.export.targets import export
+from rotorfit.export.vehicle import VehicleModel
+from rotorfit.results.sound_result import load_sound
+
+DOUBTFUL: Final = ("weak", "removed", "assumed", "from-ratio")
+
+
+def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the file of a target, made of the page's result.
+
+    Parameters
+    ----------
+    folder
+        Of the page.
+    wanted
+        ``target``, and where wanted ``configuration``, ``assume`` and ``project``.
+
+    Raises
+    ------
+    RotorfitError
+        If there is no result yet, or what the target needs is not known.
+    """
+    target = wanted["target"]
+    if target not in TITLES:
+        raise OutputError(f"no target {target!r}; targets: {', '.join(TITLES)}")
+    path = folder / "result.json"
+    if not path.exists():
+        raise OutputError("there is no result yet: identify first")
+    result = load_sound(path)
+    assumed = _assumed(wanted.get("assume") or {})
+    configuration = wanted.get("configuration")
+    name = f"{target}{SUFFIXES[target]}"
+    if target in get_args(RandomTargetName):
+        content, found = randomised(
+            result, target, Path(name), configuration=configuration, assumed=assumed
+        )
+        data = base64.b64encode(content).decode()
+        return {"name": name, "base64": data, "notes": drawn_words(found)}
+    made = export(
+        result,
+        target,
+        configuration=configuration,
+        assumed=assumed,
+        project=wanted.get("project") is True,
+    )
+    return {"name": name, "text": made.text, "notes": _notes(made.model)}
+
+
+def missing_numbers(error: MissingNumbersError) -> list[dict[str, str]]:
+    """Return the numbers that the user may supply, with their units."""
+    return [{"name": name, "unit": unit_of(name)} for name in error.names]
+
+
+def _assumed(given: Mapping[str, Any]) -> dict[str, float]:
+    try:
+        return parse_assumptions([f"{name}={value}" for name, value in given.items()])
+    except ValueError as error:
+        raise OutputError(str(error)) from error
+
+
+def _notes(model: VehicleModel) -> list[str]:
+    """Return which numbers are to be doubted, and what else is to be said."""
+    doubts = [
+        f"{n.name} is {n.origin}{'' if n.remark is None else f': {n.remark}'}"
+        for n in model.numbers
+        if n.origin in DOUBTFUL
+    ]
+    return [*doubts, *model.notes]

@@ -1,0 +1,391 @@
+"""The server of the page: bound to this computer alone, each long call in a process of its own."""
+
+import asyncio
+import json
+import mimetypes
+import secrets
+import signal
+import socket
+from collections.abc import AsyncGenerator, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Route
+from starlette.types import Receive, Scope, Send
+
+from rotorfit.app.engine import CALLS, LONG, MOST_BYTES, Answer
+from rotorfit.app.guard import DOCUMENT_POLICY, Guard
+from rotorfit.app.pages import GRACE, STOPPED, Job, Page, Pages
+from rotorfit.errors import OutputError, RotorfitError
+
+STATIC: Final = Path(__file__).parent / "static"
+LONGEST_ASKED: Final = 1_000_000
+"""Of the JSON of a call [bytes]."""
+SLOWEST: Final = 60.0
+"""Between two pieces of what is sent [s]."""
+MOST_CONNECTIONS: Final = 40
+GONE: Final = "this page was closed: load it anew"
+TYPES: Final = {".js": "text/javascript", ".html": "text/html", ".css": "text/css"}
+ENDED: Final = {"type": "http.response.body", "body": b"", "more_body": False}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Served:
+    """A server that is ready to run.
+
+    Attributes
+    ----------
+    address
+        Of the page, token included.
+    server
+        To be run with `sockets`; `should_exit` ends it.
+    sockets
+        On which it listens already.
+    pages
+        What it keeps.
+    """
+
+    address: str
+    server: uvicorn.Server
+    sockets: list[socket.socket]
+    pages: Pages
+
+
+class _Server(uvicorn.Server):
+    """Ends quietly at a signal, with all that runs for the pages."""
+
+    def __init__(self, config: uvicorn.Config, pages: Pages) -> None:
+        super().__init__(config)
+        self._kept = pages
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End; uvicorn would raise the signal once more, and nobody would tidy up."""
+        del sig, frame
+        self.should_exit = True
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Close what is open, then end."""
+        await self._kept.end()
+        await super().shutdown(sockets)
+
+
+def ready(*, port: int = 0, most_bytes: int = MOST_BYTES, grace: float = GRACE) -> Served:
+    """Return a server of the page that listens on this computer, and is still to be run.
+
+    Parameters
+    ----------
+    port
+        On which; 0: any that is free.
+    most_bytes
+        That the files of one page may hold together.
+    grace
+        For which a closed page is kept [s].
+
+    Raises
+    ------
+    OutputError
+        If the port is taken.
+    """
+    try:
+        listening = socket.create_server(("127.0.0.1", port))
+    except (OSError, OverflowError) as error:
+        raise OutputError(
+            f"port {port} cannot be used ({error}): choose another, or leave --port out"
+        ) from error
+    port = listening.getsockname()[1]
+    token = secrets.token_urlsafe(32)
+    pages = Pages(most_bytes=most_bytes, grace=grace)
+    config = uvicorn.Config(
+        Guard(_application(pages), token=token, port=port),
+        http="h11",
+        loop="asyncio",
+        ws="none",
+        lifespan="off",
+        log_config=None,
+        log_level="critical",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        limit_concurrency=MOST_CONNECTIONS,
+        timeout_graceful_shutdown=2,
+    )
+    return Served(
+        address=f"http://127.0.0.1:{port}/{token}/",
+        server=_Server(config, pages),
+        sockets=[listening],
+        pages=pages,
+    )
+
+
+def serve(served: Served) -> None:
+    """Run a server until a signal ends it; then nothing of it is left."""
+    hang_up = getattr(signal, "SIGHUP", None)  # the terminal was closed; Windows has none
+    if hang_up is not None:
+        signal.signal(hang_up, served.server.handle_exit)
+    try:
+        served.server.run(sockets=served.sockets)
+    finally:
+        served.pages.clear()
+
+
+def _application(pages: Pages) -> Starlette:
+    """Return what answers once the guard has let a request through."""
+
+    async def open_page(request: Request) -> Response:
+        asked = await _json_of(request)
+        page = pages.open(asked.get("page"))
+        if page is None:
+            return _refused("too many pages are open: close one of them", 429)
+        return JSONResponse({"page": page.key, "engine": "server"})
+
+    async def call(request: Request) -> Response:
+        page, name = pages.get(request.path_params["page"]), request.path_params["call"]
+        if page is None:
+            return _refused(GONE, 404)
+        if name == "add_file":
+            return await _added(pages, page, request)
+        return _called(pages, page, name, await _json_of(request))
+
+    async def present(request: Request) -> Response:
+        page = pages.get(request.path_params["page"])
+        return _refused(GONE, 404) if page is None else _Presence(pages, page)
+
+    async def document(request: Request) -> Response:
+        page = pages.get(request.path_params["page"])
+        return _refused(GONE, 404) if page is None else _document(page, request)
+
+    routes = [
+        Route("/", _static),
+        Route("/open", open_page, methods=["POST"]),
+        Route("/page/{page}/present", present),
+        Route("/page/{page}/document/{kind}", document),
+        Route("/page/{page}/{call}", call, methods=["POST"]),
+        Route("/{name}", _static),
+    ]
+    handlers: dict[Any, Callable[..., Any]] = {RotorfitError: _answered}
+    return Starlette(routes=routes, exception_handlers=handlers)
+
+
+async def _answered(request: Request, error: Exception) -> Response:
+    del request
+    return _refused(str(error), 400)
+
+
+def _refused(words: str, status: int) -> Response:
+    # What was not read of a request is not waited for.
+    return JSONResponse({"refused": words}, status_code=status, headers={"connection": "close"})
+
+
+async def _static(request: Request) -> Response:
+    """Return a file of the page: one of those that are there, whatever is asked for."""
+    name = request.path_params.get("name", "index.html")
+    if name == "engine.json":
+        return JSONResponse({"engine": "server"})
+    found = {path.name: path for path in STATIC.iterdir() if path.is_file()}.get(name)
+    if found is None:
+        return _refused(f"no file {name!r} belongs to the page", 404)
+    kind = TYPES.get(found.suffix) or mimetypes.guess_type(name)[0]
+    return Response(found.read_bytes(), media_type=kind)
+
+
+async def _json_of(request: Request) -> dict[str, Any]:
+    """Return the table that was sent.
+
+    Raises
+    ------
+    OutputError
+        If it is too long, too slow, or none.
+    """
+    sent = bytearray()
+    async for piece in _pieces(request):
+        sent += piece
+        if len(sent) > LONGEST_ASKED:
+            raise OutputError(f"a call of over {LONGEST_ASKED} bytes: the form is too long")
+    try:
+        found = json.loads(sent or b"{}", parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise OutputError(f"a call that is not JSON ({error})") from error
+    if not isinstance(found, dict):
+        raise OutputError("a call that is not a table of JSON")
+    return found  # pyright: ignore[reportUnknownVariableType]
+
+
+def _no_number(word: str) -> float:
+    raise ValueError(f"{word} is no number of JSON")
+
+
+async def _pieces(request: Request) -> AsyncGenerator[bytes]:
+    """Yield what is sent.
+
+    Raises
+    ------
+    OutputError
+        If nothing comes for too long, or the sender has gone.
+    """
+    pieces = aiter(request.stream())
+    while True:
+        try:
+            async with asyncio.timeout(SLOWEST):
+                piece = await anext(pieces, None)
+        except TimeoutError as error:
+            raise OutputError(f"nothing was sent for {SLOWEST:.0f} s: send it again") from error
+        except ClientDisconnect as error:
+            raise OutputError("the sender has gone before all was sent") from error
+        if piece is None:
+            return
+        yield piece
+
+
+def _called(pages: Pages, page: Page, name: str, argument: dict[str, Any]) -> Response:
+    """Return the answer of a call: at once, or line by line where it takes long."""
+    if name == "stop":
+        page.stop()
+        return JSONResponse({})
+    if name == "follow":
+        job = page.running("identify")
+        return JSONResponse(STOPPED) if job is None else _Lines(job, pages)
+    if name in LONG:
+        return _Lines(pages.begin(page, name, argument), pages)
+    if name not in CALLS:
+        return _refused(f"no call {name!r}", 404)
+    if name == "remove_file":
+        return JSONResponse(_removed(page, argument))
+    answer = page.engine.call(name, argument, _nobody)
+    if name == "restore":
+        answer["running"] = page.running("identify") is not None
+    return JSONResponse(answer)
+
+
+async def _added(pages: Pages, page: Page, request: Request) -> Response:
+    """Take a file, then look at it."""
+    own, path = page.engine.receive(request.query_params.get("name", ""))
+    try:
+        await _taken(page, path, request)
+    except (OutputError, OSError) as error:
+        page.engine.call("remove_file", {"name": own}, _nobody)
+        return _refused(f"{own}: {error}", 413)
+    return _Lines(pages.begin(page, "add_file", {"name": own}), pages)
+
+
+async def _taken(page: Page, path: Path, request: Request) -> None:
+    """Write what is sent into a file.
+
+    Raises
+    ------
+    OutputError
+        If it is more than the page may hold, or does not come.
+    """
+    most = page.engine.most_bytes
+    limit = f"too large: the files of a page may hold {most / 1e6:.0f} MB (see --limit)"
+    announced = request.headers.get("content-length", "0")
+    if announced.isdecimal() and page.held + int(announced) > most:
+        raise OutputError(limit)
+    taken = 0
+    try:
+        with path.open("xb") as file:
+            async for piece in _pieces(request):
+                taken += len(piece)
+                page.held += len(piece)
+                if page.held > most:
+                    raise OutputError(limit)
+                file.write(piece)
+    except (OutputError, OSError):
+        page.held -= taken
+        raise
+
+
+def _removed(page: Page, argument: dict[str, Any]) -> Answer:
+    """Forget a file, and the looks at it."""
+    page.stop(str(argument.get("name")))
+    before = page.engine.bytes_held()
+    answer = page.engine.call("remove_file", argument, _nobody)
+    page.held += page.engine.bytes_held() - before
+    return answer
+
+
+def _nobody(step: str, share: float | None) -> None:
+    del step, share
+
+
+def _document(page: Page, request: Request) -> Response:
+    """Return a report, a result or a page of findings, with nothing that it could speak to."""
+    path = page.engine.document(request.path_params["kind"], request.query_params.get("name"))
+    if path is None:
+        return _refused("there is no such document yet", 404)
+    kind = "text/html" if path.suffix == ".html" else "text/plain; charset=utf-8"
+    return FileResponse(path, media_type=kind, headers={"content-security-policy": DOCUMENT_POLICY})
+
+
+class _Lines(Response):
+    """What a long call says, one line of JSON each; it goes on where nobody listens."""
+
+    media_type = "application/x-ndjson"
+
+    def __init__(self, job: Job, pages: Pages) -> None:
+        super().__init__()
+        del self.headers["content-length"]
+        self._job, self._closing = job, pages.closing
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send line after line."""
+        del scope
+        start = {"type": "http.response.start", "status": 200, "headers": self.raw_headers}
+        await send(start)
+
+        async def lines() -> None:
+            async for event in self._job.events():
+                line = f"{json.dumps(event)}\n".encode()
+                await send({"type": "http.response.body", "body": line, "more_body": True})
+            await send(ENDED)
+
+        await _first_of(lines(), _disconnected(receive))
+
+
+class _Presence(Response):
+    """Nothing, for as long as the page is open."""
+
+    def __init__(self, pages: Pages, page: Page) -> None:
+        super().__init__()
+        del self.headers["content-length"]
+        self._pages, self._page = pages, page
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Stay."""
+        del scope
+        with self._pages.present(self._page):
+            start = {"type": "http.response.start", "status": 200, "headers": self.raw_headers}
+            await send(start)
+            await send({"type": "http.response.body", "body": b"\n", "more_body": True})
+            await _first_of(self._pages.closing.wait(), _disconnected(receive))
+        with suppress(OSError):
+            await send(ENDED)
+
+
+async def _disconnected(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass
+
+
+async def _first_of(*works: Any) -> None:
+    """Wait until the first of several has ended, then end the others."""
+    tasks = [asyncio.ensure_future(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def answer_of(lines: bytes) -> Answer:
+    """Return the answer at the end of what a long call said."""
+    return json.loads(lines.strip().splitlines()[-1])["answer"]

@@ -1,0 +1,65 @@
+"""What a flight and its log say of the airframe, where nobody has described it yet."""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from rotorfit.flight.log import FlightLog
+from rotorfit.inspection.inspect_log import LogReport
+
+OWN_ORDER: Final = {
+    "blackbox": "betaflight",
+    "ulog": "px4",
+    "dataflash": "ardupilot",
+    "crazyflie": "crazyflie",
+}
+"""Whose motor numbering a log of a format usually has."""
+_BORNE_OUT: Final = re.compile(
+    r'layout = "(?P<layout>[^"]+)", order = "(?P<order>[^"]+)"(?P<turned> with every spin rev)?'
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeenAirframe:
+    """What a log says of the airframe.
+
+    Attributes
+    ----------
+    rotors
+        How many; None where the log has no motors.
+    layout, order
+        That the flight bears out, else the order that is usual for such a log.
+    borne_out
+        Whether it is the flight that says so.
+    turned
+        Whether every rotor turns the other way (props out).
+    speed
+        ``measured`` or ``commanded``.
+    """
+
+    rotors: int | None = None
+    layout: str | None = None
+    order: str | None = None
+    borne_out: bool = False
+    turned: bool = False
+    speed: str | None = None
+
+
+def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
+    """Return what a log and the look at it say of the airframe."""
+    motors = log.channels.get("rotor_speed", log.channels.get("command"))
+    if motors is None:
+        return SeenAirframe()
+    count = motors.values.shape[1]
+    speed = "measured" if "rotor_speed" in log.channels else "commanded"
+    found = _BORNE_OUT.match((report.prospects and report.prospects.motors) or "")
+    if found is None:
+        return SeenAirframe(rotors=count, order=OWN_ORDER.get(log.format), speed=speed)
+    return SeenAirframe(
+        rotors=count,
+        layout=found["layout"],
+        order=found["order"],
+        borne_out=True,
+        turned=found["turned"] is not None,
+        speed=speed,
+    )

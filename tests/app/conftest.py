@@ -1,0 +1,40 @@
+"""A short flight as a file, and a server that all tests of this folder share."""
+
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip("starlette", reason="the page needs the extra app")
+pytest.importorskip("uvicorn", reason="the page needs the extra app")
+
+from served import MOST, Client, served
+
+from rotorfit.app.server import Served
+from rotorfit.simulation import (
+    Scenario,
+    flight_table,
+    paper_vehicle,
+    simulate_flight,
+    variant,
+)
+
+
+@pytest.fixture(scope="session")
+def flight() -> bytes:
+    """A short real-looking flight from the ground and back, as a table."""
+    (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
+    scenario = Scenario(seconds=14.0, ground_seconds=3.0, sensors=sensors)
+    flown = simulate_flight(truth, vehicle, scenario, seed=1)
+    return flight_table(flown, channels=("gyro", "accel", "rotor_speed")).encode()
+
+
+@pytest.fixture(scope="session")
+def server() -> Iterator[Served]:
+    with served(most_bytes=MOST) as one:
+        yield one
+
+
+@pytest.fixture
+def page(server) -> Client:
+    """A new page of the server; those that tests before this one have left make room."""
+    return Client(server.address).opened()

@@ -1,0 +1,249 @@
+"""The page's engine: files, form, identification and exports, without a server."""
+
+import json
+import re
+from typing import get_args
+
+import pytest
+from served import FORM
+
+from rotorfit.app.engine import Engine
+from rotorfit.app.export_targets import TITLES
+from rotorfit.app.files import MOST_FILES, receive
+from rotorfit.errors import OutputError
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.export.target_names import AnyTargetName
+from rotorfit.identification.identify import identify
+from rotorfit.model.layouts import LAYOUTS
+
+
+def quiet(step: str, share: float | None) -> None:
+    del step, share
+
+
+@pytest.fixture
+def engine(tmp_path) -> Engine:
+    (tmp_path / "page").mkdir()
+    return Engine(folder=tmp_path / "page")
+
+
+def dropped(engine: Engine, name: str, content: bytes) -> dict:
+    own, path = engine.receive(name)
+    path.write_bytes(content)
+    return engine.call("add_file", {"name": own}, quiet)
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory, flight):
+    """An engine that has identified the short flight, and its outcome."""
+    folder = tmp_path_factory.mktemp("page")
+    engine = Engine(folder=folder)
+    told = dropped(engine, "flight.csv", flight)
+    steps: list[tuple[str, float | None]] = []
+    outcome = engine.call("identify", {"form": FORM}, lambda *step: steps.append(step))
+    assert "refused" not in outcome, outcome
+    return engine, told, outcome, steps
+
+
+def test_the_result_is_that_of_the_command_line_to_the_last_digit(identified, tmp_path, flight):
+    engine, _, outcome, _ = identified
+    (tmp_path / "flight.csv").write_bytes(flight)
+    (tmp_path / "experiment.toml").write_text(outcome["experiment"])
+    result = json.loads(identify(load_experiment(tmp_path / "experiment.toml")).to_json())
+    for part in ("parameters", "derived", "covariance", "flights", "warnings", "diagnostics"):
+        assert outcome["result"][part] == result[part]
+    kt = next(p["value"] for p in result["parameters"] if p["name"] == "kt")
+    shown = {row["name"]: row for table in outcome["tables"] for row in table["rows"]}
+    assert shown["kt"]["value"] == kt
+    assert json.loads((engine.folder / "result.json").read_text()) == outcome["result"]
+
+
+def test_nothing_tells_where_the_files_are_kept(identified):
+    engine, told, outcome, steps = identified
+    everything = json.dumps([told, outcome, steps, engine.call("restore", {}, quiet)])
+    for document in ("report", "result", "experiment"):
+        everything += engine.document(document).read_text()
+    everything += engine.document("findings", "flight.csv").read_text()
+    assert str(engine.folder) not in everything
+    kept = next((engine.folder / "files").glob("*.log"))
+    assert kept.stem not in everything
+    assert "flight.csv" in everything
+
+
+def test_the_doctor_fills_the_form(identified):
+    _, told, _, steps = identified
+    assert (told["kind"], told["name"], told["logs"]) == ("log", "flight.csv", [])
+    found = told["findings"]
+    assert (found["rotors"], found["guess"]["speed"]) == (4, "measured")
+    assert found["verdict"]["level"] in ("good", "fair", "poor")
+    assert found["verdict"]["words"].startswith("This flight ")
+    titles = [section["title"] for section in found["sections"]]
+    assert titles == ["Flight", "What this flight can show"]
+    assert ("reading flight.csv", 1.0) in steps
+
+
+def test_a_new_page_has_what_was_done(identified):
+    engine, told, outcome, _ = identified
+    kept = engine.call("restore", {}, quiet)
+    assert kept["files"] == [told]
+    assert kept["form"] == FORM
+    assert kept["outcome"] == outcome
+
+
+def test_an_export_asks_for_what_is_missing(identified):
+    engine, _, _, _ = identified
+    refused = engine.call("export", {"target": "mujoco"}, quiet)
+    assert "supply it" in refused["refused"]
+    units = {one["name"]: one["unit"] for one in refused["missing"]}
+    assert units["motor_lag"] == "s"
+    own = {"motor_lag": 0.03, "max_speed": 1500.0, "Izz_com": 0.029, "kd": 5e-8, "Jr": 1e-5}
+    assume = {name: own.get(name, 0.0) for name in units}
+    made = engine.call("export", {"target": "mujoco", "assume": assume}, quiet)
+    assert made["name"] == "mujoco.xml"
+    assert "<mujoco" in made["text"]
+    assert any(note.startswith("motor_lag is assumed") for note in made["notes"])
+
+
+def test_exports_without_sense_are_refused(identified):
+    engine, _, _, _ = identified
+    wrong = engine.call("export", {"target": "px4", "assume": {"max_speed": -1}}, quiet)
+    assert "above 0" in wrong["refused"]
+    assert "targets: " in engine.call("export", {"target": "nothing"}, quiet)["refused"]
+
+
+def test_every_layout_and_target_is_offered(engine):
+    offered = engine.call("options", {}, quiet)
+    assert [(one["layout"], one["order"]) for one in offered["layouts"]] == list(LAYOUTS)
+    assert set(TITLES) == set(get_args(AnyTargetName)) - {"table"}
+    assert {one["target"] for one in offered["targets"]} == set(TITLES)
+
+
+@pytest.mark.parametrize(
+    ("change", "place", "words"),
+    [
+        ({"airframe": {"layout": "quad-x"}}, "airframe", "spacing"),
+        ({"airframe": {"layout": "quad-y", "arm": 0.2}}, "airframe", "no layout 'quad-y'"),
+        ({"airframe": {"rotors": []}}, "airframe", "0 rotors"),
+        ({"configuration": []}, "configuration", "too few"),
+        ({"configuration": [{"flights": []}]}, "configuration[0].mass", "missing"),
+        (
+            {"configuration": [{"mass": "1.2", "flights": [{"file": "a"}]}]},
+            "configuration[0].mass",
+            "'1.2'",
+        ),
+        (
+            {"configuration": [{"mass": 1, "flights": [{"file": "a.bfl"}]}]},
+            "configuration[0].flights[0].file",
+            "no file a.bfl is on the page",
+        ),
+        ({"colour": "red"}, "colour", "unknown key"),
+        ({"motors": {"result": "../other.json"}}, "motors.result", "no file other.json"),
+        ({"motors": 7}, "motors", "table"),
+        ({"configuration": "A"}, "configuration", "list"),
+        ({"configuration": [7, None]}, "configuration[0]", "table"),
+    ],
+)
+def test_what_is_wrong_has_its_place(engine, change, place, words):
+    told = engine.call("describe", {"form": {**FORM, **change}}, quiet)
+    assert told["text"] is None
+    problems = {problem["place"]: problem["words"] for problem in told["problems"]}
+    assert words in problems[place]
+    assert (told["rotors"] is None) == ("airframe" in change)
+    assert engine.call("restore", {}, quiet)["form"] == {**FORM, **change}
+
+
+def test_the_file_of_the_form_is_what_the_command_line_reads(engine, flight, tmp_path):
+    dropped(engine, "flight.csv", flight)
+    configuration = {**FORM["configuration"][0], "validation": [{"file": "flight.csv", "log": 1}]}
+    told = engine.call("describe", {"form": {**FORM, "configuration": [configuration]}}, quiet)
+    assert told["problems"] == []
+    assert [rotor["spin"] for rotor in told["rotors"]] == ["ccw", "ccw", "cw", "cw"]
+    (tmp_path / "experiment.toml").write_text(told["text"])
+    experiment = load_experiment(tmp_path / "experiment.toml")
+    assert experiment.airframe.arm == 0.2
+    assert experiment.configuration[0].validation[0].log == 1
+    again = dropped(engine, "my experiment.toml", told["text"].encode())
+    assert again["kind"] == "experiment"
+    assert again["form"] == {**FORM, "configuration": [configuration]}
+    assert again["words"] == ["it names flight.csv: drop these here too"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "kind", "words"),
+    [
+        (
+            "a.bfl",
+            b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n",
+            "other",
+            "a.bfl",
+        ),
+        ("b.ulg", b"ULog\x01\x12\x35" + bytes(9), "other", "b.ulg"),
+        ("c.toml", b"airframe = [", "other", "c.toml is not valid TOML"),
+        ("d.toml", b'motors = { result = "/etc/passwd" }\n', "other", "airframe is missing"),
+        ("e.json", b'{"candidates": []}', "other", "e.json"),
+        ("f.json", b'{"parameters": [], "covariance": {}}', "result", "motors' law"),
+        ("g.csv", b"time,nothing\n0,1\n", "other", "g.csv"),
+        ("h.bin", b"", "other", "empty"),
+        ("i.png", b"\x89PNG\r\n\x1a\n" + bytes(99), "other", "i.png"),
+    ],
+)
+def test_what_is_no_log_is_told_in_one_line(engine, name, content, kind, words):
+    told = dropped(engine, name, content)
+    assert told["kind"] == kind
+    assert len(told["words"]) == 1 and "\n" not in told["words"][0]
+    assert words in told["words"][0]
+    assert str(engine.folder) not in told["words"][0]
+    refused = engine.call("identify", {"form": {**FORM, "configuration": [
+        {"mass": 1, "flights": [{"file": name}]}]}}, quiet)  # fmt: skip
+    assert "\n" not in refused["refused"]
+    assert refused["problems"][0]["place"] == "configuration[0].flights[0].file"
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("../../x.csv", "x.csv"),
+        ("/etc/passwd", "passwd"),
+        ("C:\\logs\\LOG1.BFL", "LOG1.BFL"),
+        ("a\x00b.csv", "ab.csv"),
+        ("..", "flight"),
+        ("", "flight"),
+        ("\u202egnp.bfl", "gnp.bfl"),
+        ("Flug über Köln 飛行.csv", "Flug über Köln 飛行.csv"),
+        ("x" * 500 + ".csv", "x" * 108 + ".csv"),
+    ],
+)
+def test_a_name_is_only_shown(engine, name, shown):
+    own, path = engine.receive(name)
+    assert own == shown
+    assert path.parent == engine.folder / "files"
+    assert re.fullmatch(r"[0-9a-f]{16}\.log", path.name)
+
+
+def test_two_files_of_one_name_are_two(engine):
+    assert [engine.receive("LOG.BFL")[0] for _ in range(3)] == ["LOG.BFL", "LOG-2.BFL", "LOG-3.BFL"]
+    engine.call("remove_file", {"name": "LOG.BFL"}, quiet)
+    assert engine.receive("LOG.BFL")[0] == "LOG.BFL"
+
+
+def test_there_is_an_end_to_files(engine):
+    for _ in range(MOST_FILES):
+        receive(engine.folder, "a")
+    with pytest.raises(OutputError, match="remove some first"):
+        receive(engine.folder, "a")
+
+
+@pytest.mark.parametrize(
+    ("name", "argument"),
+    [("look", {}), ("look", {"name": ["a"]}), ("describe", {"form": 7}), ("identify", {}),
+     ("plan", {"form": {"airframe": 3}}), ("export", {}), ("remove_file", {"name": None})],
+)  # fmt: skip
+def test_calls_without_sense_are_refused_in_one_line(engine, name, argument):
+    refused = engine.call(name, argument, quiet)["refused"]
+    assert "\n" not in refused
+    assert refused
+
+
+def test_no_document_but_the_known_ones(engine):
+    for kind in ("../form", "form.json", "", "report"):
+        assert engine.document(kind) is None

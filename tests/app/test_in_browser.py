@@ -1,0 +1,103 @@
+"""The engine as a web worker calls it, and the site's copy of the page that runs it there."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rotorfit.app import in_browser
+from rotorfit.app.engine import CALLS
+
+DOCS = Path(__file__).parents[2] / "docs"
+sys.path.insert(0, str(DOCS))
+from page_site import write_page  # noqa: E402
+
+
+class Sent:
+    """An array of JavaScript, as far as Python sees it."""
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+
+    def to_bytes(self) -> bytes:
+        return self._content
+
+
+def quiet(step: str, share: float | None) -> None:
+    del step, share
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch):
+    monkeypatch.setattr(in_browser, "FOLDER", tmp_path / "page")
+    monkeypatch.setattr(in_browser, "MOST_BYTES", 1000)
+
+    def answer(name: str, argument: dict, sent: bytes | None = None) -> dict:
+        given = None if sent is None else Sent(sent)
+        return json.loads(in_browser.call(name, json.dumps(argument), quiet, given))
+
+    return answer
+
+
+def test_files_come_and_go(call):
+    told = call("add_file", {"name": "../a.toml"}, b"[airframe]\nlayout = 'quad-x'\narm = 0.1\n")
+    assert (told["name"], told["kind"]) == ("a.toml", "airframe")
+    assert told["form"] == {"airframe": {"layout": "quad-x", "arm": 0.1}}
+    assert call("restore", {})["files"] == [told]
+    assert call("remove_file", {"name": "a.toml"}) == {}
+    assert call("restore", {})["files"] == []
+
+
+def test_documents_come_as_text(call):
+    assert call("document", {"kind": "experiment"}) == {"refused": "there is no such document yet"}
+    call("add_file", {"name": "a.csv"}, b"")
+    form = {
+        "airframe": {"layout": "quad-x", "arm": 0.1},
+        "configuration": [{"mass": 1, "flights": [{"file": "b.csv"}]}],
+    }
+    told = call("describe", {"form": form})
+    assert [problem["place"] for problem in told["problems"]] == [
+        "configuration[0].flights[0].file"
+    ]
+    call("add_file", {"name": "b.csv"}, b"")
+    told = call("describe", {"form": form})
+    assert told["problems"][0]["words"] == "b.csv is no flight log: name one"
+
+
+def test_more_than_the_browser_holds_is_refused(call):
+    refused = call("add_file", {"name": "a.bin"}, bytes(1001))["refused"]
+    assert "rotorfit app takes more" in refused
+    assert call("restore", {})["files"] == []
+
+
+def test_calls_of_a_server_alone_are_refused(call):
+    assert call("follow", {}) == {"refused": "no call 'follow' here"}
+    assert "follow" not in CALLS
+
+
+def test_the_site_has_all_that_the_page_runs(tmp_path):
+    (tmp_path / "pyodide").mkdir()
+    (tmp_path / "pyodide" / "pyodide.js").write_text("")
+    write_page(tmp_path / "app", tmp_path / "pyodide")
+    settings = json.loads((tmp_path / "app" / "engine.json").read_text())
+    assert settings["engine"] == "worker"
+    assert (tmp_path / "app" / settings["pyodide"] / "pyodide.js").exists()
+    for name in ("engine.js", "worker.js", *settings["archives"]):
+        assert (tmp_path / "app" / name).stat().st_size > 0
+    # From the archive alone, without what is installed here of rotorfit.
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import rotorfit.app.in_browser as b; "
+        "print(b.__file__); import jaxtyping; print(jaxtyping.__file__)"
+    )
+    archive = str(tmp_path / "app" / settings["archives"][0])
+    ended = subprocess.run(
+        [sys.executable, "-c", code, archive], capture_output=True, text=True, check=True
+    )
+    assert all(line.startswith(archive) for line in ended.stdout.splitlines())
+
+
+def test_a_site_without_pyodide_says_so(tmp_path):
+    write_page(tmp_path / "app", None)
+    assert json.loads((tmp_path / "app" / "engine.json").read_text())["pyodide"] is None
