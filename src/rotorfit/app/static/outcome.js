@@ -1,0 +1,186 @@
+// What came out: parameters with intervals and verdicts, the report, the next flight, the exports.
+
+import { download, h } from "./dom.js";
+import { asked, askedLong, set, state } from "./state.js";
+import { seconds } from "./units.js";
+
+export function outcomeView() {
+  const { outcome } = state;
+  if (!outcome) return h("p", { class: "hint" }, "Parameters, report and exports appear here.");
+  return [
+    h("p", { class: "lead" }, `${outcome.name}: identified in ${seconds(outcome.seconds)}.`),
+    counts(outcome),
+    inShort(outcome),
+    remarks("To know", outcome.doubts),
+    outcome.tables.map(table),
+    meanings(outcome),
+    validation(outcome),
+    report(),
+    nextFlight(outcome),
+    downloads(outcome),
+    h("details", { class: "section" }, h("summary", {}, "What no flight tells"), list(outcome.hangs_on)),
+  ];
+}
+
+const list = (lines) => h("ul", {}, lines.map((line) => h("li", {}, line)));
+
+const verdict = (word, partner) => word
+  ? h("span", { class: `verdict ${word}` }, word, partner && h("span", { class: "partner" }, ` with ${partner}`))
+  : h("span", { class: "verdict derived" }, "derived");
+
+function counts({ tables }) {
+  const all = tables.flatMap(({ rows }) => rows.map((row) => row.verdict)).filter(Boolean);
+  return h("p", { class: "counts" }, [...new Set(all)].map((word) =>
+    h("span", { class: "count" }, h("b", {}, String(all.filter((one) => one === word).length)), verdict(word))));
+}
+
+function inShort({ summary }) {
+  return h("ul", { class: "findings" }, summary.map(({ words, verdict: word }) =>
+    h("li", { class: `finding ${word}` }, words)));
+}
+
+function remarks(title, lines) {
+  return lines.length
+    ? h("aside", { class: "doubts", "aria-label": title }, h("h3", {}, title), list(lines)) : null;
+}
+
+function table({ title, explanation, rows, notes }) {
+  return h("div", { class: "parameter-table" },
+    h("h3", {}, title), h("p", { class: "explanation" }, explanation),
+    h("table", { class: "parameters" },
+      h("thead", {}, h("tr", {}, ["Parameter", "Value ± half of its 95 % interval", "Unit"].map((words) =>
+        h("th", { scope: "col" }, words)), h("th", { scope: "col" }, h("span", { class: "hidden" }, "Interval")), h("th", { scope: "col" }, "Verdict"))),
+      h("tbody", {}, rows.map(row))),
+    notes.length ? h("ul", { class: "notes" }, notes.map(note)) : null);
+}
+
+function row(one) {
+  const { name, title, shown, value, unit, note: mark } = one;
+  return h("tr", { "data-name": name, "data-value": value === null ? null : String(value) },
+    h("th", { scope: "row" }, title, h("code", {}, name)),
+    h("td", { class: "number", title: value === null ? null : String(value) }, shown || "–"),
+    h("td", { class: "unit" }, unit),
+    h("td", { class: "bar" }, bar(one)),
+    h("td", { class: "judged" }, verdict(one.verdict, one.partner), mark ? h("sup", {}, mark) : null));
+}
+
+/** The interval drawn as the report draws it: a thin line at zero, a bar, a dot at the value. */
+function bar({ value, interval, ends, verdict: word }) {
+  if (value === null || !ends) return null;
+  const place = (x) => (5 + ((x - ends[0]) / (ends[1] - ends[0])) * 122).toFixed(2);
+  const [low, high] = (interval ?? [value, value]).map(place);
+  return h("svg", { class: `interval ${word || "plain"}`, viewBox: "0 0 132 18", "aria-hidden": "true" },
+    h("path", { class: "track", d: "M5 9H127" }),
+    h("path", { class: "zero", d: `M${place(0)} 1V17` }),
+    h("rect", { class: "span", x: low, y: 5, width: Math.max(1, high - low), height: 8, rx: 2 }),
+    h("circle", { class: "value", cx: place(value), cy: 9, r: 3 }));
+}
+
+function note({ mark, names, reason, advice }) {
+  return h("li", {}, h("sup", {}, mark), " ",
+    h("span", { class: "names" }, names.map((name, i) => [i ? ", " : "", h("code", {}, name)])),
+    reason && `: ${reason}.`, advice && [" ", h("span", { class: "advice" }, advice)]);
+}
+
+function meanings({ tables }) {
+  const met = new Set(tables.flatMap(({ rows }) => rows.map((one) => one.verdict)));
+  return h("dl", { class: "legend verdicts" }, Object.entries(state.options.meanings ?? {})
+    .filter(([word]) => met.has(word))
+    .map(([word, words]) => h("div", {}, h("dt", {}, verdict(word)), h("dd", {}, words))));
+}
+
+function validation({ validation: flights, validation_predicted_well: worth }) {
+  if (!flights.length) return null;
+  const axes = Object.keys(flights[0].errors);
+  return [
+    h("h3", {}, "Flights kept apart"),
+    h("p", { class: "explanation" }, `How far the model is off on flights that it has not seen. ${worth}`),
+    h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Flights kept apart" },
+      h("table", { class: "plain" },
+        h("thead", {}, h("tr", {}, ["Flight", "Configuration", ...axes].map((words) => h("th", { scope: "col" }, words)))),
+        h("tbody", {}, flights.map(({ flight, configuration, errors }) => h("tr", {},
+          h("th", { scope: "row" }, flight), h("td", {}, configuration),
+          axes.map((axis) => h("td", {}, `${(100 * errors[axis]).toFixed(1)} %`))))))),
+  ];
+}
+
+function report() {
+  return [
+    h("h3", {}, "The report"),
+    h("p", {}, h("button", { type: "button", "data-do": "open-document", "data-name": "report" }, "Open the report"), " ",
+      h("span", { class: "hint" }, "A page of its own with the drawings, the fit over time and all settings: to keep and to send.")),
+    state.reportAddress && h("iframe", { class: "report", sandbox: "allow-scripts", title: "Report", src: state.reportAddress }),
+  ];
+}
+
+function nextFlight({ advice }) {
+  const { plan } = state;
+  return [
+    h("h3", {}, "What to fly next"),
+    advice.length ? list(advice) : h("p", {}, "Nothing must be flown again."),
+    h("p", {}, h("button", { type: "button", "data-do": "plan" }, "Plan the next flight"),
+      plan && [" ", h("button", { type: "button", "data-do": "open-document", "data-name": "card" }, "Card to print and take along")]),
+    plan && h("pre", { tabindex: 0, role: "region", "aria-label": "The next flight" }, plan.text),
+  ];
+}
+
+function downloads({ configurations }) {
+  const { exports, options } = state;
+  const target = options.targets.find((one) => one.target === exports.target) ?? options.targets[0];
+  return [
+    h("h3", {}, "Take it along"),
+    h("div", { class: "deeds" }, [["result", "Result (JSON)"], ["report", "Report (HTML)"], ["experiment", "Experiment file (TOML)"]]
+      .map(([name, words]) => h("button", { type: "button", "data-do": "save-document", "data-name": name }, words))),
+    h("form", { class: "export card", "data-submit": "export" },
+      h("label", { class: "field", for: "target" }, "For another tool",
+        h("select", { id: "target", "data-change": "target" }, options.targets.map((one) =>
+          h("option", { value: one.target, selected: one === target }, `${one.title} (${one.target})`)))),
+      configurations.length > 1 && h("label", { class: "field", for: "of" }, "Configuration",
+        h("select", { id: "of", "data-change": "of" }, configurations.map((name) =>
+          h("option", { value: name, selected: name === exports.of }, name)))),
+      (exports.missing ?? []).map(assumption),
+      h("button", { type: "submit", id: "export" }, `Download ${target.title}`),
+      exports.refusal && h("p", { class: "finding not-identified", role: "alert" }, exports.refusal),
+      (exports.notes ?? []).length ? h("div", { class: "notes" }, `In ${exports.file}:`, list(exports.notes)) : null),
+  ];
+}
+
+/** The flights do not give it: the person may, and the file says that it was assumed. */
+function assumption({ name, unit }) {
+  return h("label", { class: "field", for: `assume-${name}` }, `${name} is not known from these flights; assume [${unit}]`,
+    h("input", { id: `assume-${name}`, name, inputmode: "decimal", autocomplete: "off", required: true,
+      value: state.exports.assume?.[name] ?? "" }));
+}
+
+const setExports = (change) => set({ exports: { ...state.exports, ...change } });
+
+const FILES = { result: "result.json", report: "report.html", experiment: "experiment.toml" };
+
+export const actions = {
+  "open-document": async ({ name }) => {
+    const address = await state.engine.open(name);
+    if (name === "report" && !state.reportAddress) return set({ reportAddress: address });
+    return window.open(address, "_blank");
+  },
+  "save-document": async ({ name }) => {
+    const answer = await fetch(await state.engine.open(name));
+    download(FILES[name], await answer.blob());
+  },
+  plan: async () => set({ plan: await askedLong("plan", { accuracy: 5 }, "planning the next flight") }),
+  target: (_, { value }) => set({ exports: { target: value, of: state.exports.of } }),
+  of: (_, { value }) => setExports({ of: value, missing: null, notes: null, refusal: null }),
+  export: async (_, form) => {
+    const { options, exports, outcome } = state;
+    const assume = Object.fromEntries([...new FormData(form)].map(([name, text]) => [name, Number(text.replace(",", "."))]));
+    const target = exports.target ?? options.targets[0].target;
+    try {
+      const made = await state.engine.call("export",
+        { target, configuration: exports.of ?? outcome.configurations[0] ?? null, assume, project: false });
+      setExports({ file: made.name, notes: made.notes, refusal: null, assume });
+      download(made.name, made.text ?? Uint8Array.from(atob(made.base64), (c) => c.charCodeAt(0)));
+    } catch (error) {
+      if (!error.message) throw error;
+      setExports({ refusal: error.message, missing: error.missing ?? exports.missing, notes: null, assume });
+    }
+  },
+};
