@@ -1,5 +1,12 @@
 // The vehicle as it is drawn, and the [airframe] table that says the same. Axes FLU, metres.
 
+export const LAYOUT_WORDS = {
+  "quad-x": "Quad X", "quad-plus": "Quad +", "hexa-x": "Hexa X", "hexa-plus": "Hexa +",
+  "octo-x": "Octo X", "octo-plus": "Octo +", "octo-coax-x": "Octo coaxial (X8)" };
+export const ORDER_WORDS = {
+  px4: "PX4", ardupilot: "ArduPilot", betaflight: "Betaflight, INAV, INDIflight",
+  crazyflie: "Crazyflie", paper: "the paper (Six et al.)" };
+
 /** Layouts by name and motor order, at arms of 1 m; the engine tells them. */
 let layouts = [];
 

@@ -18,6 +18,9 @@ function draw() {
   for (const [name, view] of Object.entries(views)) {
     morph(document.getElementById(`${name}-view`), h("div", {}, view()));
   }
+  for (const [name, ready] of Object.entries(identify.done())) {
+    document.querySelector(`nav a[href="#${name}"]`).classList.toggle("done", ready);
+  }
   announce();
 }
 

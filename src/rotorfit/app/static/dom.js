@@ -69,7 +69,11 @@ function setControl(met, node) {
 /** Give a file to the person at the screen. */
 export function download(name, content, kind = "application/octet-stream") {
   const address = URL.createObjectURL(new Blob([content], { type: kind }));
-  const link = h("a", { href: address, download: name });
-  link.click();
+  save(name, address);
   setTimeout(() => URL.revokeObjectURL(address), 60_000);
+}
+
+/** The same for what has an address of its own. */
+export function save(name, address) {
+  h("a", { href: address, download: name }).click();
 }

@@ -1,6 +1,6 @@
 // The vehicle from above: motors to click, their spins, and the line along which to measure.
 
-import { extent, hasSize, rotorsOf, seatWords } from "./airframe.js";
+import { extent, rotorsOf, seatWords } from "./airframe.js";
 import { h } from "./dom.js";
 import { LENGTHS, shown } from "./units.js";
 
@@ -18,13 +18,12 @@ export function vehicleDrawing(vehicle, { turn, picked, mode }) {
     "aria-label": `${rotors.length} motors seen from above` },
     front(turn),
     rotors.map((rotor) => arm(place, rotor)),
-    measures(vehicle, rotors, place, radius),
     stacks(rotors).map((members) =>
       members.map((i, depth) => motor(rotors[i], i, {
         at: offset(place(rotors[i].position), depth, radius), radius, size, mode,
         picked: picked === i })),
     ),
-  );
+    measures(vehicle, rotors, place, (radius + 16) / (REACH / size)));
 }
 
 /** From metres, x forward and y left, to the paper: front is up before it is turned. */
@@ -98,24 +97,22 @@ function spinArrow(x, y, r, spin) {
     h("path", { class: "arc", d }), h("polygon", { class: "head", points: head.join(" ") }));
 }
 
-/** Lines where the ruler lies: from the centre to a motor axis, or between motor axes. */
-function measures(vehicle, rotors, place, radius) {
+/** Lines where the ruler lies: from the centre to a motor axis, or `beside` the motors [m]. */
+function measures(vehicle, rotors, place, beside) {
   if (vehicle.listed) return [];
   const words = (value) => (value > 0 ? `${shown(value, LENGTHS[vehicle.unit])} ${vehicle.unit}` : "?");
   if (vehicle.measure === "arm") {
     return [ruler(place([0, 0]), place(rotors[0].position), `arm ${words(vehicle.arm)}`)];
   }
   const [long, wide] = [extent(rotors, 0) / 2, extent(rotors, 1) / 2];
-  const known = hasSize(vehicle) ? vehicle.spacing : [null, null];
-  const [a, b] = vehicle.spacing.map((value, axis) => words(known[axis] ?? value));
-  const out = 1 + (radius + 14) / REACH;
+  const [a, b] = vehicle.spacing.map(words);
   return [
-    ruler(place([-long * out, wide]), place([-long * out, -wide]), `left to right ${b}`),
-    ruler(place([long, wide * out]), place([-long, wide * out]), `front to back ${a}`),
+    ruler(place([-long - beside, wide]), place([-long - beside, -wide]), `left to right ${b}`, 1),
+    ruler(place([long, wide + beside]), place([-long, wide + beside]), `front to back ${a}`, -1),
   ];
 }
 
-function ruler([x0, y0], [x1, y1], words) {
+function ruler([x0, y0], [x1, y1], words, side = -1) {
   const length = Math.hypot(x1 - x0, y1 - y0) || 1;
   const [nx, ny] = [(5 * (y1 - y0)) / length, (5 * (x0 - x1)) / length];
   const tick = (x, y) => `M${(x - nx).toFixed(1)} ${(y - ny).toFixed(1)}L${(x + nx).toFixed(1)} ${(y + ny).toFixed(1)}`;
@@ -124,5 +121,5 @@ function ruler([x0, y0], [x1, y1], words) {
   const [mx, my] = [(x0 + x1) / 2, (y0 + y1) / 2];
   return h("g", { class: "ruler" },
     h("path", { d: `${tick(x0, y0)}M${x0.toFixed(1)} ${y0.toFixed(1)}L${x1.toFixed(1)} ${y1.toFixed(1)}${tick(x1, y1)}` }),
-    h("text", { class: "middle", x: mx, y: my - 6, transform: `rotate(${angle.toFixed(1)} ${mx.toFixed(1)} ${my.toFixed(1)})` }, words));
+    h("text", { class: "middle", x: mx, y: my + (side > 0 ? 16 : -6), transform: `rotate(${angle.toFixed(1)} ${mx.toFixed(1)} ${my.toFixed(1)})` }, words));
 }

@@ -12,8 +12,8 @@ export function flightsView() {
   const { configuration } = state.form;
   return [
     h("div", { class: "configurations" }, configuration.map((one, i) => configurationCard(one, i))),
-    h("p", {}, h("button", { type: "button", "data-do": "add-configuration" }, "Add a configuration"),
-      h("span", { class: "hint beside-button" }, "The same vehicle with something hung on: drag torque, yaw inertia and the height of the centre of mass get sharper.")),
+    h("div", { class: "deeds" }, h("button", { type: "button", "data-do": "add-configuration" }, "Add a configuration"),
+      h("span", { class: "hint" }, "The same vehicle with something hung on: drag torque, yaw inertia and the height of the centre of mass get sharper.")),
     usesTable(),
   ];
 }

@@ -25,8 +25,20 @@ export function identifyView() {
   ];
 }
 
-const lacks = () =>
-  missing(state.form, { sized: hasSize(state.vehicle), files: logs().filter(({ findings }) => findings?.usable) });
+const usable = () => logs().filter(({ findings }) => findings?.usable);
+
+const lacks = () => missing(state.form, { sized: hasSize(state.vehicle), files: usable() });
+
+/** Which steps are done: ticked in the list of steps. */
+export const done = () => {
+  const open = lacks().map(({ at }) => at);
+  return {
+    logs: usable().length > 0,
+    vehicle: hasSize(state.vehicle),
+    flights: !open.some((at) => at === "uses" || at.startsWith("mass-")),
+    identification: Boolean(state.outcome) && !stale(),
+  };
+};
 
 const stale = () => state.outcome && state.identified && state.identified !== JSON.stringify(state.form);
 

@@ -1,6 +1,6 @@
 // Logs: dropped, looked at, removed.
 
-import { newVehicle, relaid, reverseAll, vehicleOf } from "./airframe.js";
+import { newVehicle, ORDER_WORDS, relaid, reverseAll, vehicleOf } from "./airframe.js";
 import { h } from "./dom.js";
 import { editUse, moveUse, removeFile, usesOf } from "./form.js";
 import { asked, askedLong, awaited, changed, fill, set, setForm, setVehicle, state } from "./state.js";
@@ -76,8 +76,8 @@ export function guessWords(name, { guess, rotors }) {
   const spins = guess.reversed ? ", every spin reversed (props out)" : "";
   let shape = "Nothing in it tells the layout: look at your vehicle.";
   if (guess.airframe && guess.airframe_is === "set") shape = "The places of the motors are those set in the autopilot.";
-  else if (guess.borne_out) shape = `The flight itself bears out ${guess.layout} in the motor order of ${guess.order}${spins}; measure the arms.`;
-  else if (guess.order) shape = `Such logs usually have the motor order of ${guess.order}${guess.layout ? ` (${guess.layout})` : ""}; compare it with your vehicle.`;
+  else if (guess.borne_out) shape = `The flight itself bears out ${guess.layout} in the motor order of ${ORDER_WORDS[guess.order]}${spins}; measure the arms.`;
+  else if (guess.order) shape = `Such logs usually have the motor order of ${ORDER_WORDS[guess.order]}${guess.layout ? ` (${guess.layout})` : ""}; compare it with your vehicle.`;
   return `${name}: ${motors}${shape}`;
 }
 
@@ -167,7 +167,8 @@ export const actions = {
     setForm(removeFile(state.form, name));
     if (!file.gone) await asked("remove_file", { name });
   },
-  "open-findings": async ({ name }) => open(await state.engine.open("findings", { name }), "_blank"),
+  "open-findings": async ({ name }) =>
+    window.open(await state.engine.open("findings", { name }), "_blank", "noopener"),
   "choose-log": async ({ name }, control) => {
     const log = Number(control.value);
     if (!log) return;

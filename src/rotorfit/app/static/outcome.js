@@ -1,6 +1,6 @@
 // What came out: parameters with intervals and verdicts, the report, the next flight, the exports.
 
-import { download, h } from "./dom.js";
+import { download, h, save } from "./dom.js";
 import { asked, askedLong, set, state } from "./state.js";
 import { seconds } from "./units.js";
 
@@ -160,11 +160,10 @@ export const actions = {
   "open-document": async ({ name }) => {
     const address = await state.engine.open(name);
     if (name === "report" && !state.reportAddress) return set({ reportAddress: address });
-    return window.open(address, "_blank");
+    return window.open(address, "_blank", "noopener");
   },
   "save-document": async ({ name }) => {
-    const answer = await fetch(await state.engine.open(name));
-    download(FILES[name], await answer.blob());
+    save(FILES[name], await state.engine.open(name));
   },
   plan: async () => set({ plan: await askedLong("plan", { accuracy: 5 }, "planning the next flight") }),
   target: (_, { value }) => set({ exports: { target: value, of: state.exports.of } }),

@@ -1,6 +1,6 @@
 // The vehicle on a drawing: layout, size, order and spins of the motors.
 
-import { extent, layoutNames, ordersOf, relaid, reverse, reverseAll, rotorCount, rotorsOf, seatWords, swap }
+import { extent, LAYOUT_WORDS, layoutNames, ORDER_WORDS, ordersOf, relaid, reverse, reverseAll, rotorCount, rotorsOf, seatWords, swap }
   from "./airframe.js";
 import { h } from "./dom.js";
 import { vehicleDrawing } from "./drawing.js";
@@ -8,10 +8,6 @@ import { guessWords, takeGuess } from "./logs.js";
 import { logs, set, setForm, setVehicle, state } from "./state.js";
 import { LENGTHS, shown, typed } from "./units.js";
 
-const LAYOUT_WORDS = { "quad-x": "Quad X", "quad-plus": "Quad +", "hexa-x": "Hexa X", "hexa-plus": "Hexa +",
-  "octo-x": "Octo X", "octo-plus": "Octo +", "octo-coax-x": "Octo coaxial (X8)" };
-const ORDER_WORDS = { px4: "PX4", ardupilot: "ArduPilot", betaflight: "Betaflight, INAV, INDIflight",
-  crazyflie: "Crazyflie", paper: "the paper (Six et al.)" };
 const [SMALLEST, LARGEST] = [0.015, 10];
 
 export function vehicleView() {
