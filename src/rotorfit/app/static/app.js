@@ -7,11 +7,11 @@ import * as flights from "./flights.js";
 import * as identify from "./identify.js";
 import * as logs from "./logs.js";
 import * as outcome from "./outcome.js";
-import { drawWith, restore, set, state } from "./state.js";
+import { changed, drawWith, restore, set, state } from "./state.js";
 import * as vehicle from "./vehicle.js";
 
 const views = { logs: logs.logsView, vehicle: vehicle.vehicleView, flights: flights.flightsView,
-  identify: identify.identifyView, outcome: outcome.outcomeView };
+  identify: identify.identifyView, running: identify.runningView, outcome: outcome.outcomeView };
 const actions = { ...logs.actions, ...vehicle.actions, ...flights.actions, ...identify.actions, ...outcome.actions };
 
 function draw() {
@@ -79,6 +79,7 @@ function listenToDrops() {
 
 async function start() {
   state.engine = await connect((step, share) => set({ running: { step, share } }));
+  state.engine.lost = fail;
   state.options = await state.engine.call("options", {});
   setLayouts(state.options.layouts);
   drawWith(draw);
@@ -86,11 +87,16 @@ async function start() {
   listenToDrops();
   const running = await restore();
   set({ running: null });
+  setInterval(() => state.running && changed(), 1000); // the seconds that it takes go on
   document.documentElement.dataset.ready = "";
   if (running) await identify.follow();
 }
 
+function fail(words) {
+  document.getElementById("failed").textContent = words;
+}
+
 start().catch((error) => {
-  document.getElementById("failed").textContent = `The page cannot start: ${error.message}. Load it again.`;
+  fail(`The page cannot start: ${error.message}. Load it again.`);
   throw error;
 });

@@ -6,6 +6,19 @@ export function newForm() {
     configuration: [{ name: "A", flights: [], validation: [] }] };
 }
 
+/** The form with every vector forward, left, up: files may have them forward, right, down. */
+export function inFlu(form) {
+  if (form.airframe?.axes !== "FRD") return form;
+  const { axes, ...airframe } = form.airframe;
+  const turned = ([x, y, z]) => [x, -y + 0, -z + 0];
+  const placed = (one) => ({ ...one, position: turned(one.position), ...(one.axis ? { axis: turned(one.axis) } : {}) });
+  if (airframe.rotors) airframe.rotors = airframe.rotors.map(placed);
+  if (airframe.imu) airframe.imu = placed(airframe.imu);
+  const configuration = form.configuration?.map((one) =>
+    (one.payload ? { ...one, payload: one.payload.map(placed) } : one));
+  return { ...form, airframe, ...(configuration ? { configuration } : {}) };
+}
+
 /** The same with one configuration changed. */
 export function withConfiguration(form, index, change) {
   return { ...form, configuration: form.configuration.map((one, i) =>

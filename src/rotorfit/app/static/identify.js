@@ -3,7 +3,7 @@
 import { hasSize } from "./airframe.js";
 import { download, h } from "./dom.js";
 import { missing } from "./form.js";
-import { asked, askedLong, logs, set, state } from "./state.js";
+import { asked, askedLong, describe, logs, set, state } from "./state.js";
 import { seconds } from "./units.js";
 
 export function identifyView() {
@@ -19,7 +19,6 @@ export function identifyView() {
         "aria-disabled": String(Boolean(lacking.length || state.running)) }, "Identify"),
       h("button", { type: "button", "data-do": "save-experiment", "aria-disabled": String(Boolean(lacking.length || problems.length)) },
         "Download the experiment file")),
-    state.running && running(state.running),
     state.refusal && h("p", { class: "finding not-identified", role: "alert", id: "refusal" }, state.refusal),
     stale() && h("p", { class: "finding weak" }, "The page has changed since the result below: identify again."),
   ];
@@ -40,9 +39,13 @@ export const done = () => {
   };
 };
 
-const stale = () => state.outcome && state.identified && state.identified !== JSON.stringify(state.form);
+/** The experiment is another one than that of the result. */
+const stale = () => state.outcome && state.text && state.text !== state.outcome.experiment;
 
-function running({ step, share, since }) {
+/** What takes its time, at the foot of the window wherever one is on the page. */
+export function runningView() {
+  if (!state.running) return null;
+  const { step, share, since } = state.running;
   return h("div", { class: "running" },
     h("progress", { max: 1, value: share, "aria-label": "Progress" }),
     h("span", { class: "step" }, `${step}${share === null ? "" : ` (${Math.round(100 * share)} %)`}`),
@@ -51,10 +54,10 @@ function running({ step, share, since }) {
 }
 
 async function outcomeOf(call, argument) {
-  const told = JSON.stringify(state.form);
   const outcome = await askedLong(call, argument, "waits its turn");
   if (!outcome) return;
-  set({ outcome, identified: told, plan: null, exports: {} });
+  set({ outcome, plan: null, exports: {}, reportAddress: null });
+  describe();
   setTimeout(() => document.getElementById("outcome").scrollIntoView({ behavior: "smooth" }), 50);
 }
 

@@ -2,7 +2,7 @@
 
 import { newVehicle, ORDER_WORDS, relaid, reverseAll, vehicleOf } from "./airframe.js";
 import { h } from "./dom.js";
-import { editUse, moveUse, removeFile, usesOf } from "./form.js";
+import { editUse, inFlu, moveUse, removeFile, usesOf } from "./form.js";
 import { asked, askedLong, awaited, changed, fill, set, setForm, setVehicle, state } from "./state.js";
 import { bytes, seconds } from "./units.js";
 
@@ -47,7 +47,7 @@ function take(file) {
 /** A log's findings are there: use it for the first configuration, and take what it tells. */
 function useLog(file) {
   const entry = { file: file.name, ...(file.logs.length ? { log: file.chosen } : {}) };
-  if (!usesOf(state.form, file.name).length && file.findings.usable) {
+  if (!usesOf(state.form, file.name).length && file.findings.verdict.level !== "poor") {
     setForm(moveUse(state.form, null, { configuration: 0, role: "flights", entry }));
   }
   if (!state.vehicle.touched) takeGuess(file);
@@ -57,14 +57,14 @@ function useLog(file) {
 export function takeGuess({ name, findings }) {
   const { guess } = findings;
   if (guess.speed) state.form = { ...state.form, motors: { ...state.form.motors, speed: guess.speed } };
-  if (guess.imu) state.form = { ...state.form, airframe: { ...state.form.airframe, imu: guess.imu } };
+  if (guess.imu) state.form = { ...state.form, airframe: { ...state.form.airframe, imu: { position: guess.imu } } };
   const vehicle = guessedVehicle(guess);
   if (vehicle) setVehicle({ ...vehicle, unit: state.vehicle.unit, touched: false });
   set({ said: guessWords(name, findings) });
 }
 
 function guessedVehicle({ airframe, airframe_is, layout, order, reversed }) {
-  if (airframe && airframe_is === "set") return vehicleOf(airframe);
+  if (airframe && airframe_is === "set") return vehicleOf(inFlu({ airframe }).airframe);
   if (!layout && !order) return null;
   const vehicle = relaid(newVehicle(), layout ?? "quad-x", order);
   return reversed ? reverseAll(vehicle) : vehicle;
@@ -157,7 +157,7 @@ export const actions = {
   example: async () => {
     const read = await askedLong("example", {}, "flying an example");
     if (!read) return;
-    set({ files: [...state.files.filter((one) => one.name !== read.file.name), read.file] });
+    set({ files: [...state.files, ...read.files] });
     fill(read.form);
     set({ said: "A simulated flight: its truth is known, and the page is filled in. Look around, then identify." });
   },

@@ -8,7 +8,7 @@ export function outcomeView() {
   const { outcome } = state;
   if (!outcome) return h("p", { class: "hint" }, "Parameters, report and exports appear here.");
   return [
-    h("p", { class: "lead" }, `${outcome.name}: identified in ${seconds(outcome.seconds)}.`),
+    h("p", { class: "lead" }, `${outcome.name}: from ${seconds(outcome.seconds)} in the air.`),
     counts(outcome),
     inShort(outcome),
     remarks("To know", outcome.doubts),
@@ -28,15 +28,19 @@ const verdict = (word, partner) => word
   ? h("span", { class: `verdict ${word}` }, word, partner && h("span", { class: "partner" }, ` with ${partner}`))
   : h("span", { class: "verdict derived" }, "derived");
 
-function counts({ tables }) {
-  const all = tables.flatMap(({ rows }) => rows.map((row) => row.verdict)).filter(Boolean);
-  return h("p", { class: "counts" }, [...new Set(all)].map((word) =>
-    h("span", { class: "count" }, h("b", {}, String(all.filter((one) => one === word).length)), verdict(word))));
+function counts({ counts: all }) {
+  return h("p", { class: "counts" }, all.map(({ verdict: word, count, meaning }) =>
+    h("span", { class: "count", title: meaning }, h("b", {}, String(count)), verdict(word))));
 }
 
 function inShort({ summary }) {
-  return h("ul", { class: "findings" }, summary.map(({ words, verdict: word }) =>
-    h("li", { class: `finding ${word}` }, words)));
+  return h("div", { class: "findings" }, summary.map(({ title, findings }) =>
+    h("div", {}, h("h3", {}, title), h("ul", {}, findings.map(finding)))));
+}
+
+function finding({ verdict: word, subject, words, advice }) {
+  return h("li", { class: `finding ${word}` }, h("b", {}, subject), ` ${words}`,
+    advice && h("span", { class: "advice" }, advice));
 }
 
 function remarks(title, lines) {
@@ -84,7 +88,7 @@ function note({ mark, names, reason, advice }) {
 
 function meanings({ tables }) {
   const met = new Set(tables.flatMap(({ rows }) => rows.map((one) => one.verdict)));
-  return h("dl", { class: "legend verdicts" }, Object.entries(state.options.meanings ?? {})
+  return h("dl", { class: "legend verdicts" }, Object.entries(state.options.meanings)
     .filter(([word]) => met.has(word))
     .map(([word, words]) => h("div", {}, h("dt", {}, verdict(word)), h("dd", {}, words))));
 }

@@ -2,9 +2,9 @@
 
 import { airframeTable, hasSize, newVehicle, vehicleOf } from "./airframe.js";
 import { Refused } from "./engine.js";
-import { filesOf, newForm } from "./form.js";
+import { filesOf, inFlu, newForm } from "./form.js";
 
-const KEPT = "rotorfit page";
+const KEPT = "rotorfit drawing";
 
 export const state = {
   engine: null,
@@ -15,12 +15,13 @@ export const state = {
   view: { turn: 0, mode: "reverse", picked: null, massUnits: {} },
   said: null, // what of the vehicle came from a log, in words
   problems: [],
+  text: null, // the experiment file of the form, null where something is wrong with it
   running: null, // {step, share} of what takes its time
   refusal: null,
   outcome: null,
-  identified: null, // the form that the outcome is of
   plan: null,
-  exports: {}, // by target: what is missing, assumed, noted
+  exports: {}, // the chosen target: what is missing, assumed, noted
+  reportAddress: null,
 };
 
 let drawAll = () => {};
@@ -69,7 +70,7 @@ function restOf({ layout, order, arm, spacing, rotors, ...rest }) {
 
 /** A form from a file or from before a reload. */
 export function fill(form, vehicle = null) {
-  const filled = { ...newForm(), ...form };
+  const filled = { ...newForm(), ...inFlu(form) };
   if (!form.configuration?.length) filled.configuration = state.form.configuration;
   state.vehicle = vehicle ?? (hasAirframe(filled) ? vehicleOf(filled.airframe, state.vehicle.unit) : newVehicle());
   setForm(filled);
@@ -82,11 +83,10 @@ function describeSoon() {
   describing = setTimeout(describe, 250);
 }
 
-async function describe() {
-  if (state.running) return;
+export async function describe() {
   const { form } = state;
   const answer = await asked("describe", { form });
-  if (answer && form === state.form) set({ problems: answer.problems });
+  if (answer && form === state.form) set({ problems: answer.problems, text: answer.text });
 }
 
 /** Ask the engine; a refusal is shown in one line, and the answer is null. */
@@ -95,15 +95,16 @@ export async function asked(name, argument, options) {
     return await state.engine.call(name, argument, options);
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    set({ refusal: error.message, problems: error.problems ?? state.problems });
+    const words = error.stopped ? "Stopped: what was there before is still there." : error.message;
+    set({ refusal: words, problems: error.problems.length ? error.problems : state.problems });
     return null;
   }
 }
 
 /** Ask for what takes its time, with its progress on the page. */
 export async function askedLong(name, argument, step) {
-  set({ running: { step, share: null, since: Date.now() }, refusal: null });
   const since = Date.now();
+  set({ running: { step, share: null, since }, refusal: null });
   const progress = (met) => set({ running: { ...met, since } });
   try {
     return await asked(name, argument, { progress });
@@ -119,7 +120,6 @@ export async function restore() {
   state.files = files;
   state.outcome = outcome;
   if (kept) Object.assign(state, { view: { ...state.view, ...kept.view, picked: null }, said: kept.said });
-  state.identified = kept?.identified ?? null;
   if (form) fill(form, sameVehicle(kept?.vehicle, form.airframe));
   changed();
   return running;
@@ -135,9 +135,9 @@ function sameVehicle(vehicle, airframe) {
 
 /** Units, the turned drawing and clicks are the page's own: the browser keeps them. */
 function keep() {
-  const { vehicle, view, said, identified } = state;
+  const { vehicle, view, said } = state;
   try {
-    sessionStorage.setItem(KEPT, JSON.stringify({ vehicle, view, said, identified }));
+    sessionStorage.setItem(KEPT, JSON.stringify({ vehicle, view, said }));
   } catch {
     // Without storage the page works all the same.
   }
