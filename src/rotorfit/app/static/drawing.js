@@ -107,19 +107,21 @@ function measures(vehicle, rotors, place, beside) {
   const [long, wide] = [extent(rotors, 0) / 2, extent(rotors, 1) / 2];
   const [a, b] = vehicle.spacing.map(words);
   return [
-    ruler(place([-long - beside, wide]), place([-long - beside, -wide]), `left to right ${b}`, 1),
-    ruler(place([long, wide + beside]), place([-long, wide + beside]), `front to back ${a}`, -1),
+    ruler(place([-long - beside, wide]), place([-long - beside, -wide]), `left to right ${b}`),
+    ruler(place([long, wide + beside]), place([-long, wide + beside]), `front to back ${a}`),
   ];
 }
 
-function ruler([x0, y0], [x1, y1], words, side = -1) {
+function ruler([x0, y0], [x1, y1], words) {
   const length = Math.hypot(x1 - x0, y1 - y0) || 1;
   const [nx, ny] = [(5 * (y1 - y0)) / length, (5 * (x0 - x1)) / length];
   const tick = (x, y) => `M${(x - nx).toFixed(1)} ${(y - ny).toFixed(1)}L${(x + nx).toFixed(1)} ${(y + ny).toFixed(1)}`;
   let angle = (Math.atan2(y1 - y0, x1 - x0) * 180) / Math.PI;
   if (angle > 90 || angle <= -90) angle += 180;
   const [mx, my] = [(x0 + x1) / 2, (y0 + y1) / 2];
+  const turned = (angle * Math.PI) / 180;
+  const below = (MIDDLE - mx) * Math.sin(turned) + (my - MIDDLE) * Math.cos(turned) > 1;
   return h("g", { class: "ruler" },
     h("path", { d: `${tick(x0, y0)}M${x0.toFixed(1)} ${y0.toFixed(1)}L${x1.toFixed(1)} ${y1.toFixed(1)}${tick(x1, y1)}` }),
-    h("text", { class: "middle", x: mx, y: my + (side > 0 ? 16 : -6), transform: `rotate(${angle.toFixed(1)} ${mx.toFixed(1)} ${my.toFixed(1)})` }, words));
+    h("text", { class: "middle", x: mx, y: my + (below ? 16 : -6), transform: `rotate(${angle.toFixed(1)} ${mx.toFixed(1)} ${my.toFixed(1)})` }, words));
 }

@@ -12,17 +12,23 @@ export function outcomeView() {
     counts(outcome),
     inShort(outcome),
     remarks("To know", outcome.doubts),
-    outcome.tables.map(table),
-    meanings(outcome),
+    outcome.tables.filter((one) => !ofEquations(one)).map(table),
     validation(outcome),
-    report(),
+    outcome.tables.filter(ofEquations).map((one) => folded(one.title, table(one))),
+    folded("What the verdicts mean", meanings(outcome)),
+    folded("What no flight tells: see that it is right", list(outcome.hangs_on)),
     nextFlight(outcome),
+    report(),
     downloads(outcome),
-    h("details", { class: "section" }, h("summary", {}, "What no flight tells"), list(outcome.hangs_on)),
   ];
 }
 
-const list = (lines) => h("ul", {}, lines.map((line) => h("li", {}, line)));
+const list = (lines) => h("ul", {}, lines.map((line) => h("li", {}, line.replaceAll("+-", "± "))));
+
+const folded = (title, ...content) => h("details", { class: "section" }, h("summary", {}, title), content);
+
+/** First moments and biases: for those who want the equations, folded. */
+const ofEquations = ({ title }) => title.includes(": as the equations");
 
 const verdict = (word, partner) => word
   ? h("span", { class: `verdict ${word}` }, word, partner && h("span", { class: "partner" }, ` with ${partner}`))
@@ -88,7 +94,7 @@ function note({ mark, names, reason, advice }) {
 
 function meanings({ tables }) {
   const met = new Set(tables.flatMap(({ rows }) => rows.map((one) => one.verdict)));
-  return h("dl", { class: "legend verdicts" }, Object.entries(state.options.meanings)
+  return h("dl", { class: "legend" }, Object.entries(state.options.meanings)
     .filter(([word]) => met.has(word))
     .map(([word, words]) => h("div", {}, h("dt", {}, verdict(word)), h("dd", {}, words))));
 }
@@ -109,11 +115,14 @@ function validation({ validation: flights, validation_predicted_well: worth }) {
 }
 
 function report() {
+  const { reportAddress } = state;
   return [
     h("h3", {}, "The report"),
-    h("p", {}, h("button", { type: "button", "data-do": "open-document", "data-name": "report" }, "Open the report"), " ",
-      h("span", { class: "hint" }, "A page of its own with the drawings, the fit over time and all settings: to keep and to send.")),
-    state.reportAddress && h("iframe", { class: "report", sandbox: "allow-scripts", title: "Report", src: state.reportAddress }),
+    h("p", {}, "A page of its own, to keep and to send: the vehicle to scale, the fit over time, every setting."),
+    h("div", { class: "deeds" },
+      h("button", { type: "button", "data-do": "show-report", "aria-pressed": String(Boolean(reportAddress)) }, "Show it here"),
+      h("button", { type: "button", "data-do": "open-document", "data-name": "report" }, "Open it in a tab")),
+    reportAddress && h("iframe", { class: "report", sandbox: "allow-scripts", title: "Report", src: reportAddress }),
   ];
 }
 
@@ -121,10 +130,14 @@ function nextFlight({ advice }) {
   const { plan } = state;
   return [
     h("h3", {}, "What to fly next"),
-    advice.length ? list(advice) : h("p", {}, "Nothing must be flown again."),
-    h("p", {}, h("button", { type: "button", "data-do": "plan" }, "Plan the next flight"),
-      plan && [" ", h("button", { type: "button", "data-do": "open-document", "data-name": "card" }, "Card to print and take along")]),
-    plan && h("pre", { tabindex: 0, role: "region", "aria-label": "The next flight" }, plan.text),
+    advice.length ? list(advice) : h("p", {}, "Every number is known well: nothing needs to be flown again."),
+    h("div", { class: "deeds" },
+      h("button", { type: "button", "data-do": "plan" }, "Plan the next flight"),
+      plan && h("button", { type: "button", "data-do": "open-document", "data-name": "card" }, "Open the card in a tab, to print")),
+    plan && [
+      h("iframe", { class: "report", sandbox: "allow-scripts", title: "The next flight", src: plan.address }),
+      folded("The same in text, with what every flight would tell", h("pre", { tabindex: 0, role: "region", "aria-label": "Plan" }, plan.text)),
+    ],
   ];
 }
 
@@ -161,15 +174,15 @@ const setExports = (change) => set({ exports: { ...state.exports, ...change } })
 const FILES = { result: "result.json", report: "report.html", experiment: "experiment.toml" };
 
 export const actions = {
-  "open-document": async ({ name }) => {
-    const address = await state.engine.open(name);
-    if (name === "report" && !state.reportAddress) return set({ reportAddress: address });
-    return window.open(address, "_blank", "noopener");
-  },
+  "show-report": async () => set({ reportAddress: state.reportAddress ? null : await state.engine.open("report") }),
+  "open-document": async ({ name }) => window.open(await state.engine.open(name), "_blank", "noopener"),
   "save-document": async ({ name }) => {
     save(FILES[name], await state.engine.open(name));
   },
-  plan: async () => set({ plan: await askedLong("plan", { accuracy: 5 }, "planning the next flight") }),
+  plan: async () => {
+    const plan = await askedLong("plan", { accuracy: 5 }, "planning the next flight");
+    if (plan) set({ plan: { ...plan, address: await state.engine.open("card") } });
+  },
   target: (_, { value }) => set({ exports: { target: value, of: state.exports.of } }),
   of: (_, { value }) => setExports({ of: value, missing: null, notes: null, refusal: null }),
   export: async (_, form) => {
