@@ -376,10 +376,10 @@ def test_pictures_of_the_documentation(
 
 
 def small(taken: Path, picture: Path) -> None:
-    """Keep a picture in 64 colours, which a page like this has not more of."""
+    """Keep a picture in 256 colours, which a page like this has not more of."""
     image = pytest.importorskip("PIL.Image", reason="needs Pillow, which matplotlib brings")
     with image.open(taken) as one:
-        one.convert("RGB").quantize(64).save(picture, optimize=True)
+        one.convert("RGB").quantize(256, image.Quantize.MAXCOVERAGE).save(picture, optimize=True)
 
 
 def test_nothing_complained_and_nothing_left_the_machine(work: Any, seen: Seen) -> None:

@@ -16,13 +16,13 @@ export function vehicleDrawing(vehicle, { turn, picked, mode }) {
   const radius = discRadius(rotors, place);
   return h("svg", { class: "vehicle", viewBox: `0 0 ${SIZE} ${SIZE}`, role: "group",
     "aria-label": `${rotors.length} motors seen from above` },
-    front(turn),
     rotors.map((rotor) => arm(place, rotor)),
-    stacks(rotors).map((members) =>
-      members.map((i, depth) => motor(rotors[i], i, {
-        at: offset(place(rotors[i].position), depth, radius), radius, size, mode,
-        picked: picked === i })),
-    ),
+    front(turn),
+    stacks(rotors).map((members) => {
+      const r = members.length > 1 ? 0.52 * radius : radius;
+      return members.map((i, depth) => motor(rotors[i], i, {
+        at: outward(place(rotors[i].position), 1.65 * depth * r), radius: r, size, mode, picked: picked === i }));
+    }),
     measures(vehicle, rotors, place, (radius + 16) / (REACH / size)));
 }
 
@@ -53,14 +53,21 @@ function stacks(rotors) {
   return [...found.values()];
 }
 
-/** The lower one of two looks out at the side, so that it can be clicked. */
-const offset = ([x, y], depth, radius) => [x + 0.75 * depth * radius, y + 0.75 * depth * radius];
+/** Of two that share a place the lower one is drawn farther out, so that both can be clicked. */
+function outward([x, y], distance) {
+  const length = Math.hypot(x - MIDDLE, y - MIDDLE) || 1;
+  return [x + (distance * (x - MIDDLE)) / length, y + (distance * (y - MIDDLE)) / length];
+}
 
 function front(turn) {
-  return h("g", { class: "front", transform: `rotate(${turn} ${MIDDLE} ${MIDDLE})` },
-    h("rect", { class: "hull", x: MIDDLE - 26, y: MIDDLE - 38, width: 52, height: 76, rx: 14 }),
-    h("polygon", { points: `${MIDDLE},${MIDDLE - 62} ${MIDDLE - 13},${MIDDLE - 42} ${MIDDLE + 13},${MIDDLE - 42}` }),
-    h("text", { class: "middle", x: MIDDLE, y: MIDDLE - 68 }, "front"));
+  const angle = (turn * Math.PI) / 180;
+  const [x, y] = [MIDDLE + 22 * Math.sin(angle), MIDDLE - 22 * Math.cos(angle)];
+  const nose = [[0, -60], [-13, -41], [13, -41]].map(([dx, dy]) => `${MIDDLE + dx},${MIDDLE + dy}`).join(" ");
+  return h("g", { class: "front" },
+    h("g", { transform: `rotate(${turn} ${MIDDLE} ${MIDDLE})` },
+      h("rect", { class: "hull", x: MIDDLE - 26, y: MIDDLE - 38, width: 52, height: 76, rx: 14 }),
+      h("polygon", { points: nose })),
+    h("text", { class: "middle", x, y: y + 4 }, "front"));
 }
 
 function arm(place, { position }) {
@@ -102,7 +109,8 @@ function measures(vehicle, rotors, place, beside) {
   if (vehicle.listed) return [];
   const words = (value) => (value > 0 ? `${shown(value, LENGTHS[vehicle.unit])} ${vehicle.unit}` : "?");
   if (vehicle.measure === "arm") {
-    return [ruler(place([0, 0]), place(rotors[0].position), `arm ${words(vehicle.arm)}`)];
+    const rear = rotors.reduce((a, b) => (b.position[0] < a.position[0] ? b : a));
+    return [ruler(place([0, 0]), place(rear.position), `arm ${words(vehicle.arm)}`)];
   }
   const [long, wide] = [extent(rotors, 0) / 2, extent(rotors, 1) / 2];
   const [a, b] = vehicle.spacing.map(words);

@@ -94,7 +94,7 @@ function itemField(words, value, { i, k, axis }) {
 }
 
 function usesTable() {
-  const usable = logs().filter(({ findings }) => findings?.usable);
+  const usable = logs().filter((log) => log.findings?.usable && !isRecording(log));
   if (!usable.length) return null;
   return h("div", { id: "uses", tabindex: -1 },
     h("h3", {}, "Which flight is for what"),
@@ -122,7 +122,22 @@ function useRow(name, use, nth) {
     h("label", { class: "field" }, "Use it for",
       h("select", { id: `use-${name}-${nth}`, "data-change": "use", ...at },
         [["", "nothing"], ...choices].map(([value, words]) => h("option", { value, selected: value === chosen }, words)))),
-    use && time("start", "from"), use && time("end", "to"));
+    use && time("start", "from"), use && time("end", "to"), use && recordingField(use, at));
+}
+
+/** Position and attitude without a gyro: a motion-capture file. */
+const isRecording = ({ findings }) => {
+  const names = findings?.channels.map((channel) => channel.name) ?? [];
+  return names.includes("position") && !names.includes("gyro");
+};
+
+/** The motion-capture file of the same flight, where one was dropped. */
+function recordingField({ entry }, at) {
+  const names = logs().filter(isRecording).map(({ name }) => name);
+  const chosen = entry.mocap?.file ?? entry.mocap ?? "";
+  return names.length ? h("label", { class: "field" }, "with motion capture",
+    h("select", { id: `mocap-${at["data-name"]}-${at["data-nth"]}`, "data-change": "mocap", ...at },
+      ["", ...names].map((name) => h("option", { value: name, selected: name === chosen }, name || "none")))) : null;
 }
 
 const change = (i, what) => setForm(withConfiguration(state.form, Number(i), what));
@@ -158,6 +173,7 @@ export const actions = {
     const { configuration, entry } = useOf({ name, nth: 0 });
     setForm(moveUse(state.form, null, { configuration, role: "validation", entry: { ...entry, start: undefined, end: undefined } }));
   },
+  mocap: (at, { value }) => setForm(editUse(state.form, useOf(at), { mocap: value ? { file: value } : null })),
   part: ({ name, nth, end }, { value }) => setForm(editUse(state.form, useOf({ name, nth }), { [end]: typed(value) })),
 };
 

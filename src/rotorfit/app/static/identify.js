@@ -58,7 +58,7 @@ async function outcomeOf(call, argument) {
   if (!outcome) return;
   set({ outcome, plan: null, exports: {}, reportAddress: null });
   describe();
-  setTimeout(() => document.getElementById("outcome").scrollIntoView({ behavior: "smooth" }), 50);
+  setTimeout(() => actions.go({ at: "outcome" }), 50);
 }
 
 /** Take part again in what runs since before a reload. */
@@ -70,11 +70,14 @@ export const actions = {
     if (first) return actions.go({ at: first.at });
     return state.running ? null : outcomeOf("identify", { form: state.form });
   },
-  stop: () => state.engine.stop(),
+  stop: async () => {
+    document.getElementById("identify").focus({ preventScroll: true }); // the button goes away
+    await state.engine.stop();
+  },
   go: ({ at }) => {
     const there = document.getElementById(at);
-    there?.scrollIntoView({ block: "center" });
-    there?.focus();
+    there?.focus({ preventScroll: true });
+    there?.scrollIntoView({ block: at === "outcome" ? "start" : "center", behavior: "smooth" });
   },
   "save-experiment": async () => {
     const answer = await asked("describe", { form: state.form });

@@ -1,7 +1,8 @@
 // Logs: dropped, looked at, removed.
 
-import { newVehicle, ORDER_WORDS, relaid, reverseAll, vehicleOf } from "./airframe.js";
+import { LAYOUT_WORDS, newVehicle, ORDER_WORDS, relaid, reverseAll, vehicleOf } from "./airframe.js";
 import { h } from "./dom.js";
+import { Refused } from "./engine.js";
 import { editUse, inFlu, moveUse, removeFile, usesOf } from "./form.js";
 import { asked, askedLong, awaited, changed, fill, set, setForm, setVehicle, state } from "./state.js";
 import { bytes, seconds } from "./units.js";
@@ -20,16 +21,17 @@ async function addFile(waiting) {
     Object.assign(waiting, { step, share });
     changed();
   };
-  const read = await asked("add_file", { name: waiting.name }, { bytes: waiting.file, progress });
-  replace(waiting, read ?? refused(waiting));
-  if (read) take(read);
+  const read = await state.engine.call("add_file", { name: waiting.name }, { bytes: waiting.file, progress })
+    .catch((error) => refused(waiting, error));
+  if (!state.files.includes(waiting)) return; // removed while it was read
+  replace(waiting, read);
+  if (!read.gone) take(read);
 }
 
 /** A file that the engine did not even take stays on the page with its reason. */
-function refused({ name, bytes: size }) {
-  const words = [state.refusal];
-  state.refusal = null;
-  return { name, bytes: size, kind: "other", logs: [], words, gone: true };
+function refused({ name, bytes: size }, error) {
+  if (!(error instanceof Refused)) throw error;
+  return { name, bytes: size, kind: "other", logs: [], words: [error.message], gone: true };
 }
 
 function replace(old, file) {
@@ -76,8 +78,11 @@ export function guessWords(name, { guess, rotors }) {
   const spins = guess.reversed ? ", every spin reversed (props out)" : "";
   let shape = "Nothing in it tells the layout: look at your vehicle.";
   if (guess.airframe && guess.airframe_is === "set") shape = "The places of the motors are those set in the autopilot.";
-  else if (guess.borne_out) shape = `The flight itself bears out ${guess.layout} in the motor order of ${ORDER_WORDS[guess.order]}${spins}; measure the arms.`;
-  else if (guess.order) shape = `Such logs usually have the motor order of ${ORDER_WORDS[guess.order]}${guess.layout ? ` (${guess.layout})` : ""}; compare it with your vehicle.`;
+  else if (guess.borne_out) {
+    shape = `In flight each motor turns the vehicle as in ${LAYOUT_WORDS[guess.layout]} with the motor order of `
+      + `${ORDER_WORDS[guess.order]}${spins}. Measure its size: no flight tells it.`;
+  }
+  else if (guess.order) shape = `Such logs usually have the motor order of ${ORDER_WORDS[guess.order]}${guess.layout ? ` (${LAYOUT_WORDS[guess.layout]})` : ""}; compare it with your vehicle.`;
   return `${name}: ${motors}${shape}`;
 }
 
@@ -94,7 +99,7 @@ function fileCard(file) {
     h("div", { class: "file-head" },
       h("h3", {}, file.name),
       h("span", { class: "facts" }, facts(file)),
-      !file.busy && h("button", { type: "button", class: "quiet", "data-do": "remove-file", "data-name": file.name,
+      h("button", { type: "button", class: "quiet", "data-do": "remove-file", "data-name": file.name,
         "aria-label": `Remove ${file.name}` }, "Remove")),
     file.busy ? reading(file) : fileBody(file));
 }
@@ -118,6 +123,8 @@ function fileBody(file) {
   const plain = file.kind === "other" ? "not-identified" : "plain";
   return [
     file.words.map((words) => h("p", { class: `finding ${plain}`, role: file.kind === "other" ? "alert" : null }, words)),
+    file.kind === "result" && h("p", {}, h("button", { type: "button", class: "small", "data-do": "take-law", "data-name": file.name },
+      "Take the motors' law and lag from it")),
     file.logs.length ? logChoice(file) : null,
     file.findings ? findingsView(file) : null,
   ];
@@ -166,6 +173,10 @@ export const actions = {
     set({ files: state.files.filter((one) => one !== file) });
     setForm(removeFile(state.form, name));
     if (!file.gone) await asked("remove_file", { name });
+  },
+  "take-law": ({ name }) => {
+    setForm({ ...state.form, motors: { speed: "commanded", result: name } });
+    set({ said: `The motors' law and lag are those of ${name}.` });
   },
   "open-findings": async ({ name }) =>
     window.open(await state.engine.open("findings", { name }), "_blank", "noopener"),

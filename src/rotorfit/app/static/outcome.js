@@ -1,7 +1,8 @@
 // What came out: parameters with intervals and verdicts, the report, the next flight, the exports.
 
 import { download, h, save } from "./dom.js";
-import { asked, askedLong, set, state } from "./state.js";
+import { Refused } from "./engine.js";
+import { askedLong, set, state } from "./state.js";
 import { seconds } from "./units.js";
 
 export function outcomeView() {
@@ -195,8 +196,8 @@ export const actions = {
       setExports({ file: made.name, notes: made.notes, refusal: null, assume });
       download(made.name, made.text ?? Uint8Array.from(atob(made.base64), (c) => c.charCodeAt(0)));
     } catch (error) {
-      if (!error.message) throw error;
-      setExports({ refusal: error.message, missing: error.missing ?? exports.missing, notes: null, assume });
+      if (!(error instanceof Refused)) throw error;
+      setExports({ refusal: error.message, missing: error.missing.length ? error.missing : exports.missing, notes: null, assume });
     }
   },
 };
