@@ -16,8 +16,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from real_browser import opened_browser
 
+from real_browser import opened_browser
 from rotorfit.display.digits import number_of
 from rotorfit.errors import LogError
 from rotorfit.logs import read_log
@@ -27,6 +27,9 @@ from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, write
 from rotorfit.simulation.experiment_files import experiment_text, table_text
 from rotorfit.simulation.experiments import fly, plan_experiment, planned_flights
 
+expect = pytest.importorskip(
+    "playwright.sync_api", reason='needs a browser driver: pip install "rotorfit[browser]"'
+).expect
 pytest.importorskip("starlette", reason='needs the server: pip install "rotorfit[app]"')
 pytest.importorskip("uvicorn", reason='needs the server: pip install "rotorfit[app]"')
 
@@ -168,8 +171,8 @@ def downloaded(page: Any, button: str, folder: Path) -> Path:
     return path
 
 
-def spins(page: Any) -> list[str]:
-    return page.locator(".rotor-spin").all_text_contents()
+def expect_spins(page: Any, *spins: str) -> None:
+    expect(page.locator(".rotor-spin")).to_have_text(list(spins))
 
 
 def test_the_page_says_what_the_command_line_says(
@@ -229,7 +232,7 @@ def test_a_reload_keeps_the_work(work: Any, flown_log: Flown) -> None:
     assert work.input_value("#mass-0") == flown_log.mass
     assert (work.input_value("#size-0"), work.input_value("#size-1")) == flown_log.spacing
     assert work.locator(".file h3").all_text_contents() == [flown_log.path.name]
-    assert spins(work) == ["cw", "ccw", "ccw", "cw"]
+    expect_spins(work, "cw", "ccw", "ccw", "cw")
 
 
 def test_it_fits_a_phone(work: Any) -> None:
@@ -253,19 +256,20 @@ def test_everybody_can_use_it(work: Any, scheme: str) -> None:
 
 def test_motors_are_reversed_swapped_and_turned(page: Any) -> None:
     page.select_option("#order", "px4")
-    assert spins(page) == ["ccw", "ccw", "cw", "cw"]
+    expect_spins(page, "ccw", "ccw", "cw", "cw")
     page.click("#motor-3")
-    assert spins(page) == ["ccw", "ccw", "ccw", "cw"]
+    expect_spins(page, "ccw", "ccw", "ccw", "cw")
     page.get_by_role("button", name="Reverse all spins").click()
-    assert spins(page) == ["cw", "cw", "cw", "ccw"]
+    expect_spins(page, "cw", "cw", "cw", "ccw")
     before = page.locator("#motor-1 .disc").bounding_box()
     page.get_by_role("button", name="Swap two numbers").click()
     page.click("#motor-1")
     page.click("#motor-2")
-    assert page.get_attribute("#motor-2", "aria-label").startswith("Motor 2, front right, turns")
+    page.wait_for_selector("#motor-2[aria-label^='Motor 2, front right, turns']")
     assert page.locator("#motor-2 .disc").bounding_box() == before
     for _ in range(2):
         page.get_by_role("button", name="Turn the drawing to the right").click()
+    page.wait_for_selector(".front > g[transform^='rotate(90 ']")
     turned = page.locator("#motor-2 .disc").bounding_box()
     assert turned["y"] > before["y"] + 100
     assert turned["x"] == pytest.approx(before["x"], abs=1.0)

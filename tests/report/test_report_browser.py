@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from real_browser import opened_browser
 from report_material import a_comparison, a_result
 
+from real_browser import opened_browser
 from rotorfit.report.html import write_report
 
 
