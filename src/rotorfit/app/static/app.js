@@ -7,7 +7,7 @@ import * as flights from "./flights.js";
 import * as identify from "./identify.js";
 import * as logs from "./logs.js";
 import * as outcome from "./outcome.js";
-import { changed, drawWith, restore, set, state } from "./state.js";
+import { changed, drawWith, restore, state } from "./state.js";
 import * as vehicle from "./vehicle.js";
 
 const views = { logs: logs.logsView, vehicle: vehicle.vehicleView, flights: flights.flightsView,
@@ -78,7 +78,7 @@ function listenToDrops() {
 }
 
 async function start() {
-  state.engine = await connect((step, share) => set({ running: { step, share } }));
+  state.engine = await connect(loading);
   state.engine.lost = fail;
   state.options = await state.engine.call("options", {});
   setLayouts(state.options.layouts);
@@ -86,10 +86,16 @@ async function start() {
   listen();
   listenToDrops();
   const running = await restore();
-  set({ running: null });
   setInterval(() => state.running && changed(), 1000); // the seconds that it takes go on
   document.documentElement.dataset.ready = "";
   if (running) await identify.follow();
+}
+
+/** The engine in the browser takes its time to come. */
+function loading(step, share) {
+  const [bar, words] = document.getElementById("loading").children;
+  words.textContent = step;
+  if (share !== null) bar.value = share;
 }
 
 function fail(words) {

@@ -4,7 +4,7 @@ import { LAYOUT_WORDS, newVehicle, ORDER_WORDS, relaid, reverseAll, vehicleOf } 
 import { h } from "./dom.js";
 import { Refused } from "./engine.js";
 import { editUse, inFlu, moveUse, removeFile, usesOf } from "./form.js";
-import { asked, askedLong, awaited, changed, fill, set, setForm, setVehicle, state } from "./state.js";
+import { asked, askedLong, awaited, changed, describeSoon, fill, set, setForm, setVehicle, state } from "./state.js";
 import { bytes, seconds } from "./units.js";
 
 const LEVELS = { good: "identified", fair: "weak", poor: "not-identified" };
@@ -17,15 +17,20 @@ export async function addFiles(files) {
 }
 
 async function addFile(waiting) {
+  const most = state.options.most_bytes;
+  if (state.files.reduce((sum, one) => sum + one.bytes, 0) > most) {
+    const words = `${waiting.name}: with it the files hold over ${bytes(most)}; remove others, or start rotorfit app with a larger --limit`;
+    return replace(waiting, refused(waiting, new Refused({ refused: words })));
+  }
   const progress = ({ step, share }) => {
     Object.assign(waiting, { step, share });
     changed();
   };
   const read = await state.engine.call("add_file", { name: waiting.name }, { bytes: waiting.file, progress })
     .catch((error) => refused(waiting, error));
-  if (!state.files.includes(waiting)) return; // removed while it was read
+  if (!state.files.includes(waiting)) return null; // removed while it was read
   replace(waiting, read);
-  if (!read.gone) take(read);
+  return read.gone ? null : take(read);
 }
 
 /** A file that the engine did not even take stays on the page with its reason. */
@@ -37,6 +42,7 @@ function refused({ name, bytes: size }, error) {
 function replace(old, file) {
   const files = state.files.filter((one) => one === old || one.name !== file.name);
   set({ files: files.map((one) => (one === old ? file : one)) });
+  describeSoon();
 }
 
 function take(file) {
@@ -122,7 +128,8 @@ function reading({ step, share }) {
 function fileBody(file) {
   const plain = file.kind === "other" ? "not-identified" : "plain";
   return [
-    file.words.map((words) => h("p", { class: `finding ${plain}`, role: file.kind === "other" ? "alert" : null }, words)),
+    // What an experiment file names is asked for below, as long as it is not there.
+    (file.form ? ["It fills the page."] : file.words).map((words) => h("p", { class: `finding ${plain}`, role: file.kind === "other" ? "alert" : null }, words)),
     file.kind === "result" && h("p", {}, h("button", { type: "button", class: "small", "data-do": "take-law", "data-name": file.name },
       "Take the motors' law and lag from it")),
     file.logs.length ? logChoice(file) : null,

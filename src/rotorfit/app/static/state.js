@@ -78,7 +78,8 @@ export function fill(form, vehicle = null) {
 
 const hasAirframe = ({ airframe }) => Boolean(airframe?.rotors || airframe?.layout);
 
-function describeSoon() {
+/** Ask, once for all changes of a moment, what is wrong with the experiment. */
+export function describeSoon() {
   clearTimeout(describing);
   describing = setTimeout(describe, 250);
 }

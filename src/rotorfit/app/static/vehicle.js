@@ -109,7 +109,7 @@ function sizeDoubt(values) {
 function listedFields() {
   return [
     h("p", {}, "Each motor has a place of its own. The drawing reverses spins and swaps numbers; the places are below."),
-    h("button", { type: "button", "data-do": "relay" }, "Choose a layout instead"),
+    h("p", {}, h("button", { type: "button", "data-do": "relay" }, "Choose a layout instead")),
   ];
 }
 
