@@ -2,7 +2,7 @@
 
 import { setLayouts } from "./airframe.js";
 import { h, morph } from "./dom.js";
-import { connect } from "./engine.js";
+import { connect, Refused } from "./engine.js";
 import * as flights from "./flights.js";
 import * as identify from "./identify.js";
 import * as logs from "./logs.js";
@@ -103,6 +103,8 @@ function fail(words) {
 }
 
 start().catch((error) => {
+  document.getElementById("loading").remove();
+  if (error instanceof Refused) return fail(error.message);
   fail(`The page cannot start: ${error.message}. Load it again.`);
   throw error;
 });

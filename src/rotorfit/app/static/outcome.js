@@ -46,7 +46,7 @@ function inShort({ summary }) {
 }
 
 function finding({ verdict: word, subject, words, advice }) {
-  return h("li", { class: `finding ${word}` }, h("b", {}, subject), ` ${words}`,
+  return h("li", { class: `finding ${word}` }, h("b", {}, subject), ` ${words.replaceAll(" %", "\u00a0%")}`,
     advice && h("span", { class: "advice" }, advice));
 }
 
