@@ -19,7 +19,8 @@ export async function addFiles(files) {
 async function addFile(waiting) {
   const most = state.options.most_bytes;
   if (state.files.reduce((sum, one) => sum + one.bytes, 0) > most) {
-    const words = `${waiting.name}: with it the files hold over ${bytes(most)}; remove others, or start rotorfit app with a larger --limit`;
+    const hint = state.engine.kind === "server" ? ", or start rotorfit app with a larger --limit" : "";
+    const words = `${waiting.name}: with it the files hold over ${bytes(most)}; remove others${hint}`;
     return replace(waiting, refused(waiting, new Refused({ refused: words })));
   }
   const progress = ({ step, share }) => {
