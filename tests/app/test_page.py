@@ -370,6 +370,12 @@ def test_the_keyboard_does_all_of_it(page: Any, flown_log: Flown) -> None:
     tab_to("#stop")
     page.keyboard.press("Enter")
     assert page.inner_text("#refusal").startswith("Stopped")
+    assert page.evaluate("document.activeElement.id") == "identify"
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#stop")
+    page.reload()  # which takes part again in what runs
+    page.click("#stop")
+    assert page.inner_text("#refusal").startswith("Stopped")
     assert page.locator("tr[data-name=kt]").count() == 0
 
 

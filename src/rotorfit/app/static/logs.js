@@ -1,6 +1,6 @@
 // Logs: dropped, looked at, removed.
 
-import { LAYOUT_WORDS, newVehicle, ORDER_WORDS, relaid, reverseAll, vehicleOf } from "./airframe.js";
+import { LAYOUT_WORDS, ORDER_WORDS, relaid, reverseAll, vehicleOf } from "./airframe.js";
 import { h } from "./dom.js";
 import { Refused } from "./engine.js";
 import { editUse, inFlu, moveUse, removeFile, usesOf } from "./form.js";
@@ -53,9 +53,12 @@ function take(file) {
   } else if (file.findings) useLog(file);
 }
 
+/** Which of several logs in a file the findings are of: "2 of 3" is the second. */
+const chosenLog = ({ findings }) => (findings ? parseInt(findings.log, 10) : null);
+
 /** A log's findings are there: use it for the first configuration, and take what it tells. */
 function useLog(file) {
-  const entry = { file: file.name, ...(file.logs.length ? { log: file.chosen } : {}) };
+  const entry = { file: file.name, ...(file.logs.length ? { log: chosenLog(file) } : {}) };
   if (!usesOf(state.form, file.name).length && file.findings.verdict.level !== "poor") {
     setForm(moveUse(state.form, null, { configuration: 0, role: "flights", entry }));
   }
@@ -68,14 +71,15 @@ export function takeGuess({ name, findings }) {
   if (guess.speed) state.form = { ...state.form, motors: { ...state.form.motors, speed: guess.speed } };
   if (guess.imu) state.form = { ...state.form, airframe: { ...state.form.airframe, imu: { position: guess.imu } } };
   const vehicle = guessedVehicle(guess);
-  if (vehicle) setVehicle({ ...vehicle, unit: state.vehicle.unit, touched: false });
+  if (vehicle) setVehicle({ ...vehicle, touched: false });
   set({ said: guessWords(name, findings) });
 }
 
-function guessedVehicle({ airframe, airframe_is, layout, order, reversed }) {
-  if (airframe && airframe_is === "set") return vehicleOf(inFlu({ airframe }).airframe);
+/** The vehicle that a log tells, its size as it was typed; null where the log tells none. */
+export function guessedVehicle({ airframe, airframe_is, layout, order, reversed }) {
+  if (airframe && airframe_is === "set") return vehicleOf(inFlu({ airframe }).airframe, state.vehicle.unit);
   if (!layout && !order) return null;
-  const vehicle = relaid(newVehicle(), layout ?? "quad-x", order);
+  const vehicle = relaid(state.vehicle, layout ?? "quad-x", order);
   return reversed ? reverseAll(vehicle) : vehicle;
 }
 
@@ -142,9 +146,9 @@ function fileBody(file) {
 function logChoice(file) {
   return h("label", { class: "field" }, "This file holds several logs; use",
     h("select", { "data-change": "choose-log", "data-name": file.name },
-      h("option", { value: "", selected: !file.chosen }, "choose one"),
+      h("option", { value: "", selected: !file.findings }, "choose one"),
       file.logs.map(({ number, words }) =>
-        h("option", { value: number, selected: file.chosen === number }, `${number}: ${words}`))));
+        h("option", { value: number, selected: chosenLog(file) === number }, `${number}: ${words}`))));
 }
 
 /** The verdict on top, what to know and to change open, the rest folded. */
@@ -178,7 +182,7 @@ export const actions = {
   },
   "remove-file": async ({ name }) => {
     const file = state.files.find((one) => one.name === name);
-    set({ files: state.files.filter((one) => one !== file) });
+    set({ files: state.files.filter((one) => one !== file), said: state.said?.startsWith(`${name}:`) ? null : state.said });
     setForm(removeFile(state.form, name));
     if (!file.gone) await asked("remove_file", { name });
   },
@@ -194,7 +198,6 @@ export const actions = {
     const old = state.files.find((one) => one.name === name);
     const read = await asked("look", { name, log });
     if (!read) return;
-    read.chosen = log;
     replace(old, read);
     if (read.findings) useLog(read);
     for (const use of usesOf(state.form, name)) setForm(editUse(state.form, use, { log }));

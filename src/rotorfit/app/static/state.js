@@ -70,8 +70,7 @@ function restOf({ layout, order, arm, spacing, rotors, ...rest }) {
 
 /** A form from a file or from before a reload. */
 export function fill(form, vehicle = null) {
-  const filled = { ...newForm(), ...inFlu(form) };
-  if (!form.configuration?.length) filled.configuration = state.form.configuration;
+  const filled = { ...(form.configuration ? newForm() : state.form), ...inFlu(form) };
   state.vehicle = vehicle ?? (hasAirframe(filled) ? vehicleOf(filled.airframe, state.vehicle.unit) : newVehicle());
   setForm(filled);
 }

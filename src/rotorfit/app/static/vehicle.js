@@ -4,7 +4,7 @@ import { extent, LAYOUT_WORDS, layoutNames, ORDER_WORDS, ordersOf, relaid, rever
   from "./airframe.js";
 import { h } from "./dom.js";
 import { vehicleDrawing } from "./drawing.js";
-import { guessWords, takeGuess } from "./logs.js";
+import { guessedVehicle, guessWords, takeGuess } from "./logs.js";
 import { logs, set, setForm, setVehicle, state } from "./state.js";
 import { LENGTHS, shown, typed } from "./units.js";
 
@@ -18,18 +18,25 @@ export function vehicleView() {
     h("div", { class: "vehicle-parts" },
       h("div", { class: "draw" }, vehicleDrawing(vehicle, state.view), drawingTools(), drawingHint()),
       h("div", { class: "fields" },
+        h("label", { class: "field", for: "name" }, "Its name, for the report",
+          h("input", { id: "name", value: state.form.name, maxlength: 80, autocomplete: "off", "data-change": "title" })),
         vehicle.listed ? listedFields(vehicle) : [layoutFields(vehicle), sizeFields(vehicle)],
         speedField(), imuFields(), places())),
   ];
 }
 
-/** What another log tells, to be taken by a click. */
+/** What a log tells that the drawing does not show, to be taken by a click. */
 function offers() {
-  const telling = logs().filter(({ findings }) => findings && (findings.guess.borne_out || findings.guess.airframe));
-  return telling.map((log) => ({ log, words: guessWords(log.name, log.findings) }))
-    .filter(({ words }) => words !== state.said)
-    .map(({ log, words }) => h("p", { class: "finding plain offer" }, words, " ",
-      h("button", { type: "button", class: "small", "data-do": "take-guess", "data-name": log.name }, "Take it")));
+  const shown = JSON.stringify(rotorsOf(state.vehicle));
+  return logs().filter(({ findings }) => findings && tells(findings.guess) !== shown)
+    .map(({ name, findings }) => h("p", { class: "finding plain offer" }, guessWords(name, findings), " ",
+      h("button", { type: "button", class: "small", "data-do": "take-guess", "data-name": name }, "Take it")));
+}
+
+/** The rotors that a log is sure of: borne out by the flight, or set in the autopilot. */
+function tells(guess) {
+  const sure = guess.borne_out || guess.airframe_is === "set";
+  return JSON.stringify(rotorsOf((sure && guessedVehicle(guess)) || state.vehicle));
 }
 
 function drawingTools() {
@@ -154,6 +161,7 @@ const setView = (change) => set({ view: { ...state.view, ...change } });
 const setSize = (change) => setVehicle({ ...state.vehicle, ...change, touched: true });
 
 export const actions = {
+  title: (_, { value }) => setForm({ ...state.form, name: value.trim() || "my multirotor" }),
   motor: ({ motor }) => {
     const { mode, picked } = state.view;
     const one = Number(motor);
