@@ -19,22 +19,40 @@ export function h(name, attributes = {}, ...children) {
   return element;
 }
 
-/** Make `old` hold what `wanted` holds: elements of the same kind are kept, with their focus. */
+/**
+ * Make `old` hold what `wanted` holds. What is there already stays, with its focus: an element with an
+ * id or a data-key wherever it stands, another one where it is of the same kind.
+ */
 export function morph(old, wanted) {
-  const before = [...old.childNodes];
-  const after = [...wanted.childNodes];
-  after.forEach((node, i) => {
-    const met = before[i];
-    if (!met) old.append(node);
-    else if (!alike(met, node)) met.replaceWith(node);
-    else if (met.nodeType === Node.TEXT_NODE) setText(met, node);
+  let at = old.firstChild;
+  for (const node of [...wanted.childNodes]) {
+    const met = matching(at, node);
+    if (!met) {
+      old.insertBefore(node, at);
+      continue;
+    }
+    while (at !== met) at = removed(at);
+    at = met.nextSibling;
+    if (met.nodeType === Node.TEXT_NODE) setText(met, node);
     else morphElement(met, node);
-  });
-  before.slice(after.length).forEach((node) => node.remove());
+  }
+  while (at) at = removed(at);
 }
 
-function alike(a, b) {
-  return a.nodeName === b.nodeName && a.id === b.id && a.dataset?.key === b.dataset?.key;
+function matching(at, node) {
+  const key = keyOf(node);
+  if (!key) return at && !keyOf(at) && at.nodeName === node.nodeName ? at : null;
+  let met = at;
+  while (met && keyOf(met) !== key) met = met.nextSibling;
+  return met;
+}
+
+const keyOf = (node) => node.id || node.dataset?.key;
+
+function removed(node) {
+  const next = node.nextSibling;
+  node.remove();
+  return next;
 }
 
 function setText(met, node) {

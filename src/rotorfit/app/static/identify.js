@@ -14,7 +14,7 @@ export function identifyView() {
       h("ul", {}, lacking.map(({ words, at }) => h("li", {},
         h("button", { type: "button", class: "link", "data-do": "go", "data-at": at }, words))))) : null,
     problems.map(({ words }) => h("p", { class: "finding weak" }, words)),
-    h("div", { class: "deeds" },
+    h("div", { class: "deeds", "data-key": "deeds" },
       h("button", { type: "button", class: "primary", id: "identify", "data-do": "identify",
         "aria-disabled": String(Boolean(lacking.length || state.running)) }, "Identify"),
       h("button", { type: "button", "data-do": "save-experiment", "aria-disabled": String(Boolean(lacking.length || problems.length)) },

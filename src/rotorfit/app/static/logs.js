@@ -167,7 +167,7 @@ function findingsView(file) {
 }
 
 function folded({ title, words }, { open }) {
-  return h("details", { class: "section", open },
+  return h("details", { class: "section", "data-key": title, open },
     h("summary", {}, `${title} `, h("span", { class: "soft" }, `(${words.length})`)),
     h("ul", {}, words.map((line) => h("li", {}, line))));
 }

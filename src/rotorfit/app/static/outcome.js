@@ -26,7 +26,7 @@ export function outcomeView() {
 
 const list = (lines) => h("ul", {}, lines.map((line) => h("li", {}, line.replaceAll("+-", "± "))));
 
-const folded = (title, ...content) => h("details", { class: "section" }, h("summary", {}, title), content);
+const folded = (title, ...content) => h("details", { class: "section", "data-key": title }, h("summary", {}, title), content);
 
 /** First moments and biases: for those who want the equations, folded. */
 const ofEquations = ({ title }) => title.includes(": as the equations");
@@ -123,7 +123,7 @@ function report() {
     h("div", { class: "deeds" },
       h("button", { type: "button", "data-do": "show-report", "aria-pressed": String(Boolean(reportAddress)) }, "Show it here"),
       h("button", { type: "button", "data-do": "open-document", "data-name": "report" }, "Open it in a tab")),
-    reportAddress && h("iframe", { class: "report", sandbox: "allow-scripts", title: "Report", src: reportAddress }),
+    reportAddress && h("iframe", { class: "report", sandbox: "allow-scripts", title: "Report", "data-key": "report", src: reportAddress }),
   ];
 }
 
@@ -136,7 +136,7 @@ function nextFlight({ advice }) {
       h("button", { type: "button", "data-do": "plan" }, "Plan the next flight"),
       plan && h("button", { type: "button", "data-do": "open-document", "data-name": "card" }, "Open the card in a tab, to print")),
     plan && [
-      h("iframe", { class: "report", sandbox: "allow-scripts", title: "The next flight", src: plan.address }),
+      h("iframe", { class: "report", sandbox: "allow-scripts", title: "The next flight", "data-key": "card", src: plan.address }),
       folded("The same in text, with what every flight would tell", h("pre", { tabindex: 0, role: "region", "aria-label": "Plan" }, plan.text)),
     ],
   ];
@@ -149,7 +149,7 @@ function downloads({ configurations }) {
     h("h3", {}, "Take it along"),
     h("div", { class: "deeds" }, [["result", "Result (JSON)"], ["report", "Report (HTML)"], ["experiment", "Experiment file (TOML)"]]
       .map(([name, words]) => h("button", { type: "button", "data-do": "save-document", "data-name": name }, words))),
-    h("form", { class: "export card", "data-submit": "export" },
+    h("form", { class: "export card", "data-key": "export", "data-submit": "export" },
       h("label", { class: "field", for: "target" }, "For another tool",
         h("select", { id: "target", "data-change": "target" }, options.targets.map((one) =>
           h("option", { value: one.target, selected: one === target }, `${one.title} (${one.target})`)))),

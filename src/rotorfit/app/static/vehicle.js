@@ -15,7 +15,7 @@ export function vehicleView() {
   return [
     state.said && h("p", { class: "finding identified", id: "said" }, state.said),
     offers(),
-    h("div", { class: "vehicle-parts" },
+    h("div", { class: "vehicle-parts", "data-key": "parts" },
       h("div", { class: "draw" }, vehicleDrawing(vehicle, state.view), drawingTools(), drawingHint()),
       h("div", { class: "fields" },
         h("label", { class: "field", for: "name" }, "Its name, for the report",
