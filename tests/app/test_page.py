@@ -305,6 +305,7 @@ def test_a_broken_log_shows_its_one_line(page: Any, tmp_path: Path) -> None:
     assert words == str(refused.value).replace(str(broken), broken.name)
     page.get_by_role("button", name="Remove broken.ulg").click()
     page.locator(".file").wait_for(state="detached")
+    assert page.evaluate("document.activeElement.id") == "logs"  # where the button was
 
 
 def test_an_experiment_file_with_two_configurations(page: Any, tmp_path: Path) -> None:

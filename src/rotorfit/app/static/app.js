@@ -15,9 +15,12 @@ const views = { logs: logs.logsView, vehicle: vehicle.vehicleView, flights: flig
 const actions = { ...logs.actions, ...vehicle.actions, ...flights.actions, ...identify.actions, ...outcome.actions };
 
 function draw() {
+  const section = document.activeElement?.closest("section");
   for (const [name, view] of Object.entries(views)) {
     morph(document.getElementById(`${name}-view`), h("div", {}, view()));
   }
+  // The button that was pressed may be gone: whoever has no mouse goes on where it was.
+  if (section && document.activeElement === document.body) section.focus({ preventScroll: true });
   for (const [name, ready] of Object.entries(identify.done())) {
     document.querySelector(`nav a[href="#${name}"]`).classList.toggle("done", ready);
   }
