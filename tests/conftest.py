@@ -18,6 +18,7 @@ def flight_data_dir() -> Path:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="write the golden files anew")
+    parser.addoption("--update-pictures", action="store_true", help="take the screenshots anew")
 
 
 @pytest.fixture

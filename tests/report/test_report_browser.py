@@ -5,7 +5,6 @@ Screenshots and the printed page go to $ROTORFIT_SCREENSHOTS if it is set.
 """
 
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,26 +12,8 @@ from typing import Any
 import pytest
 from report_material import a_comparison, a_result
 
+from real_browser import opened_browser
 from rotorfit.report.html import write_report
-
-api = pytest.importorskip(
-    "playwright.sync_api", reason='needs a browser driver: pip install "rotorfit[browser]"'
-)
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-ARGUMENTS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no chromium on the path: install the system's package"
-)
 
 
 @pytest.fixture(scope="module")
@@ -48,15 +29,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    with api.sync_playwright() as playwright:
-        context = playwright.chromium.launch_persistent_context(
-            tmp_path_factory.mktemp("profile"),
-            executable_path=CHROMIUM,
-            args=ARGUMENTS,
-            viewport={"width": 1200, "height": 900},
-        )
+    with opened_browser(tmp_path_factory.mktemp("profile"), width=1200, height=900) as context:
         yield context
-        context.close()
 
 
 @pytest.fixture
