@@ -4,12 +4,12 @@
 
 Per seed: the quadrotor of  rotorfit simulate single --variant noisy  flies (commands only, lag
 unknown) and is identified. Four gains of the stock autopilot (attitude, rate and damping of roll
-and pitch, rate of yaw) are tuned in MuJoCo, each time from the stock ones, by Nelder and Mead: the
-mean over the vehicles of a set, of the mean error in steps of roll, pitch and yaw rate, as a share of
-the step. The sets differ:
+and pitch, rate of yaw) are tuned in MuJoCo, each time from the stock ones, by Nelder and Mead: what
+is minimised is the mean, over the vehicles of a set, of the mean error in steps of roll, pitch and
+yaw rate, as a share of the step. The sets differ:
 
     estimate   the identified vehicle alone
-    posterior  vehicles drawn from the result, as  rotorfit export --to mujoco --samples  writes them
+    posterior  vehicles drawn from the result, as  rotorfit export --to mujoco --samples  does
     +-20 %     thrust, drag torque, lag and moments of inertia within 20 % of the estimate, each by
                itself and uniformly; the CoM within 2 % of the arm
     guess      the same ranges about a guess that is itself so far off the truth, CoM in the middle

@@ -231,7 +231,7 @@ def test_a_recording_of_cameras_alone_belongs_beside_a_log(run, here):
     (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
     [report] = run("inspect", "take.tum", "--json").json
     [words] = report["trouble"]
-    assert words.startswith("only the pose is in this file, no motors")
+    assert words.startswith("this file has only the pose, no motors")
 
 
 def with_commands(order=(0, 1, 2, 3)):
@@ -292,7 +292,7 @@ def test_the_scale_of_the_accelerometer_without_an_airframe(run, changed):
 
 def test_what_needs_an_airframe_is_said_in_one_line(run, here):
     text = " ".join(run("inspect", "flight.csv").out.split())
-    assert text.count("only with --airframe FILE is it judged whether") == 1
+    assert text.count("give --airframe FILE to check") == 1
     [report] = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json").json
     assert report["not_judged"] == []
 
@@ -392,7 +392,7 @@ def test_poses_at_times_of_receipt_are_not_sent_beside_a_log(run, here):
     (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
     [report] = run("inspect", "take.tum", "--json").json
     [words] = report["trouble"]
-    assert words.startswith("only the pose is in this file, no motors")
+    assert words.startswith("this file has only the pose, no motors")
     assert "times of receipt" in words and "name it beside" not in words
 
 

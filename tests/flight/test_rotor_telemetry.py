@@ -134,7 +134,7 @@ def test_speeds_of_another_flight_are_named(log):
         with_channel(log, "rotor_speed", 400.0 + 20.0 * rng.normal(size=values.shape))
     )
     [told] = found.doubts
-    assert told.startswith("the measured rotor speeds go with no command")
+    assert told.startswith("the measured rotor speeds match no command")
     assert found.lateness is None
 
 

@@ -99,7 +99,10 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise ExperimentError(f"no file {path}; give the path of a TOML file") from None
+        raise ExperimentError(
+            f"no file {path}; give the path of an airframe file (rotorfit airframe LOG writes one) "
+            "or of an experiment file"
+        ) from None
     except IsADirectoryError:
         raise ExperimentError(f"{path} is a folder; give the TOML file in it") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -79,10 +79,10 @@ def _remarks(model: VehicleModel) -> list[str]:
 def _air_remark(model: VehicleModel) -> str:
     known = [name for name in TERMS if name in model.air]
     if not known:
-        return "SIH_KDV and SIH_KDW (drag and damping) are 0: these flights do not tell them"
+        return "SIH_KDV and SIH_KDW (drag and damping) are 0: these flights do not show them"
     return (
-        "SIH_KDV is the mean of drag along the three axes, SIH_KDW that of damping about them, 0 "
-        f"where these flights tell none ({', '.join(known)} are told)"
+        "SIH_KDV is the mean of drag along the three axes, SIH_KDW that of damping about them, "
+        f"0 where these flights show none ({', '.join(known)} are shown)"
     )
 
 

@@ -31,8 +31,7 @@ GUESSED_ARM = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""
 NEEDED = ("gyro", "accel")
 WITH_AIRFRAME = (
-    "only with --airframe FILE is it judged whether motor order, spins and arm are right, and each "
-    "number gets its verdict"
+    "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"
 )
 CUTOFFS = {
     "acc_lpf_hz": ("the accelerometer's low-pass", 100.0),
@@ -218,11 +217,11 @@ def _missing(log: FlightLog, *, usable: bool) -> list[str]:
 
 def _of_a_pose_alone(log: FlightLog) -> str:
     """Return what a file of motion capture lacks, and what it is good for."""
-    words = "only the pose is in this file, no motors"
+    words = "this file has only the pose, no motors"
     try:
         camera_clock(log.channels["position"].time)
     except (FlightError, KeyError) as error:
-        return f"{words}, and not as a recording beside a log: {error}"
+        return f"{words}; it cannot be used as a recording beside a log either: {error}"
     beside = 'name it beside the log of the autopilot (flights = [{ file = "LOG", mocap = '
     return f'{words}: {beside}"THIS FILE" }}])'
 

@@ -47,7 +47,7 @@ def write_px4_setpoints(
         "vehicle_torque_setpoint.xyz = torque / (roll, pitch, yaw); until a motor is at 0 or 1",
         "THR_MDL_FAC has to be as here: a motor's thrust then goes with what is asked of it"
         + (
-            "; no law is known, rotor speed is taken in proportion to the command"
+            "; no law is known, rotor speed is taken as proportional to the command"
             if curve is None
             else f", within {100 * curve.error:.2g} % of full thrust"
         ),
