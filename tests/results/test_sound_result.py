@@ -79,8 +79,8 @@ OTHER_TYPES = [
     (("kt", "reason", []), "reason of kt is []"),
     (("kt", "name", None), "there is no number None"),
     (("kt", "name", {}), "there is no number {}"),
-    ((None, "settings", None), "settings is no table"),
-    ((None, "versions", "new"), "versions is no table"),
+    ((None, "settings", None), "settings is not a table"),
+    ((None, "versions", "new"), "versions is not a table"),
     ((None, "parameters", "abc"), "is not a rotorfit result"),
     ((None, "covariance", {"names": [1], "matrix": [[1.0]]}), "names that are not text"),
 ]
