@@ -66,8 +66,7 @@ TITLES = {
 
 VERDICT_MEANING = {
     "identified": "uncertainty up to 25 % of the value or its relevant size (docs/method.md)",
-    "weak": "uncertainty over 25 % of the value and of its relevant size, or mostly from "
-    "the prior (marked so)",
+    "weak": "uncertainty over 25 % of value and relevant size, or mostly prior (marked so)",
     "ratio-only": "known only together with another parameter",
     "not-identified": "this flight does not show it",
     "given": "given to rotorfit, not estimated",
