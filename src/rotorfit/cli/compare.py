@@ -103,7 +103,7 @@ def _latency(results: Sequence[IdentificationResult]) -> list[str]:
         return []
     words = (
         "Motor lag and delay from motion capture include the camera's latency: what its frames are "
-        "late by cannot be told apart from motors that answer late."
+        "late by cannot be separated from motors that respond late."
     )
     return ["", *textwrap.wrap(words, terminal_width())]
 

@@ -82,7 +82,7 @@ def _known_motors(name: Any, folder: Path) -> dict[str, Any]:
         ) from error
     if not motors:
         raise ExperimentError(
-            f"motors.result: {path.name} tells no law from command to rotor speed; identify a log "
+            f"motors.result: {path.name} has no law from command to rotor speed; identify a log "
             "with commands and measured rotor speeds, or give law under [motors]"
         )
     return motors

@@ -392,7 +392,7 @@ def _doubts(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
             for r in apart
         ]
     words += [
-        f"the measured speed of rotor {r.rotor} stands still for {100.0 * r.stuck:.0f} % of the "
+        f"the measured speed of rotor {r.rotor} stays constant for {100.0 * r.stuck:.0f} % of the "
         "time while its command moves: its ESC telemetry is stuck or lost"
         for r in rotors
         if r.state == "stuck"

@@ -4,8 +4,8 @@ Sources: IsaacLab, isaaclab/envs/mdp/events.py (randomize_rigid_body_mass, rando
 randomize_rigid_body_inertia: uniform ranges, one for all elements of an operation) and
 isaaclab_contrib/actuators/thruster_cfg.py (ThrusterCfg: thrust_range, thrust_const_range in N per
 squared revolution per second, tau_inc_range, tau_dec_range, torque_to_thrust_ratio). Ranges have no
-correlations: they are the 95 % of the draws, each by itself, and the file says so. Isaac Lab runs in
-NVIDIA's Isaac Sim: names, units and formulas are those of the source of its package 2.3.2.
+correlations: they are the 95 % of the draws, each by itself, and the file says so. Isaac Lab runs
+in NVIDIA's Isaac Sim: names, units and formulas are those of the source of its package 2.3.2.
 """
 
 from typing import Any, Final
@@ -49,8 +49,8 @@ def isaac_lab_ranges(found: Variants, head: list[str]) -> bytes:
         "inertia is scaled by one range, the widest of Ixx, Iyy, Izz; its products stay, since "
         "Isaac Lab would draw Ixy and Iyx apart",
         "ThrusterCfg(dt=..., thruster_names_expr=[...], **THRUSTER): thrust_const is in N per "
-        "squared revolution per second, and raised to 1e-6 there if it is smaller, which changes the "
-        "thrust at the start alone",
+        "squared revolution per second, and raised to 1e-6 there if it is smaller, which changes "
+        "the thrust at the start alone",
         "the inertia term needs an Isaac Lab with randomize_rigid_body_inertia (2.3 has none)",
     )
     body = f"\nEVENTS = {_written(_events(found))}\n\nTHRUSTER = {_written(_thruster(found))}\n"
