@@ -198,10 +198,17 @@ def _missing(log: FlightLog, *, usable: bool) -> list[str]:
     """Return what the log lacks for an identification, and what to do where it is usable at all."""
     if set(log.channels) and set(log.channels) <= {"position", "attitude", "velocity"}:
         return [_of_a_pose_alone(log)]
-    words: list[str] = []
-    for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
-        if name not in log.channels:
-            words.append(f"no {name} channel ({what}): nothing can be identified from this log")
+    posed = {"position", "attitude"} <= log.channels.keys()
+    loss = (
+        'identify with source = "mocap" if position and attitude are those of motion capture'
+        if posed and {"rotor_speed", "command"} & log.channels.keys()
+        else "nothing can be identified from this log"
+    )
+    words = [
+        f"no {name} channel ({what}): {loss}"
+        for name, what in (("gyro", "rotation rates"), ("accel", "specific force"))
+        if name not in log.channels
+    ]
     if "rotor_speed" not in log.channels:
         if "command" in log.channels:
             words.append(
