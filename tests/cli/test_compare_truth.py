@@ -22,7 +22,7 @@ def test_a_result_beside_its_truth(run, tmp_path, monkeypatch):
         "* the 95 % intervals do not overlap, so that at least one result is wrong: Ixx"
         in ended.out
     )
-    assert "differs: from the value of result, in percent of it" in ended.out
+    assert "differs: from the value of result, in percent;" in ended.out
 
 
 def test_a_truth_that_is_damaged_is_refused(refused, tmp_path, monkeypatch):
