@@ -234,6 +234,18 @@ def test_a_recording_of_cameras_alone_belongs_beside_a_log(run, here):
     assert words.startswith("this file has only the pose, no motors")
 
 
+def test_poses_beside_motors_are_for_motion_capture(run, here):
+    names = (
+        "time pos_x pos_y pos_z quat_w quat_x quat_y quat_z command_1 command_2 command_3 command_4"
+    )
+    lines = [names.replace(" ", ",")]
+    lines += [f"{0.01 * i},{0.1 * i},0,1,1,0,0,0,0.5,0.5,0.5,{0.4 + 0.001 * i}" for i in range(200)]
+    (here / "posed.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    [report] = run("inspect", "posed.csv", "--json").json
+    cure = 'identify with source = "mocap" if position and attitude are those of motion capture'
+    assert f"no gyro channel (rotation rates): {cure}" in report["trouble"]
+
+
 def with_commands(order=(0, 1, 2, 3)):
     """Keep the commands, and give the measured speeds another order."""
     return lambda c: c | {f"rotor_{i + 1}": c[f"rotor_{k + 1}"] for i, k in enumerate(order)}

@@ -146,3 +146,10 @@ def test_python_is_told_the_same():
     broken = replace(a_result(), covariance_names=("kt",), covariance=np.full((1, 1), np.inf))
     with pytest.raises(OutputError, match="identify again"):
         refuse_unsound(broken)
+
+
+def test_a_missing_file_is_named_with_what_writes_it(tmp_path):
+    with pytest.raises(
+        OutputError, match=r"no file .*none.json; rotorfit identify LOG .* none.json"
+    ):
+        load_sound(tmp_path / "none.json")
