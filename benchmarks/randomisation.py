@@ -1,6 +1,6 @@
 """An attitude controller tuned on vehicles drawn from the posterior, beside hand-set ranges.
 
-    python benchmarks/randomisation.py [--seeds 4] [--seconds 30] [--vehicles 6]
+    python benchmarks/randomisation.py [--seeds 4] [--seconds 30] [--evaluations 80]
 
 Per seed: the quadrotor of  rotorfit simulate single --variant noisy  flies (commands only, lag
 unknown) and is identified. Four gains of the stock autopilot (attitude, rate and damping of roll
@@ -52,7 +52,6 @@ from rotorfit.validation.model_flight import BEFORE, STEPS, is_lost
 SHARE = 0.2
 COM_SHARE = 0.02
 TESTED = 20
-EVALUATIONS = 80
 STOCK = np.log([5.8, 25.0, 1.0, 3.0])
 Cost = Callable[[np.ndarray], float]
 
@@ -79,14 +78,14 @@ def cost(logs: np.ndarray, model: VehicleModel, believed: VehicleModel) -> float
     return total / len(STEPS)
 
 
-def tuned(models: Sequence[VehicleModel], believed: VehicleModel) -> np.ndarray:
+def tuned(models: Sequence[VehicleModel], believed: VehicleModel, evaluations: int) -> np.ndarray:
     """Return the logarithms of the gains that fly a set of vehicles best on average."""
     found = minimize(
         lambda logs: float(np.mean([cost(logs, model, believed) for model in models])),
         STOCK,
         method="Nelder-Mead",
         options={
-            "maxfev": EVALUATIONS,
+            "maxfev": evaluations,
             "initial_simplex": STOCK + np.vstack([[0] * 4, np.eye(4) / 3]),
         },
     )
@@ -139,7 +138,9 @@ def identified(seed: int, seconds: float):
         return identify(load_experiment(path)), plan.configurations[0].simulated.truth
 
 
-def one_seed(seed: int, *, seconds: float, count: int) -> dict[str, tuple[float, ...]]:
+def one_seed(
+    seed: int, *, seconds: float, count: int, evaluations: int
+) -> dict[str, tuple[float, ...]]:
     """Return by set: cost on the true vehicle, worst of the posterior, worst within 20 %; gains."""
     result, truth = identified(seed, seconds)
     nominal = vehicle_model(result, needs=NEEDS)
@@ -158,7 +159,7 @@ def one_seed(seed: int, *, seconds: float, count: int) -> dict[str, tuple[float,
     around = [near(real, chance) for _ in range(TESTED)]
     rows: dict[str, tuple[float, ...]] = {}
     for name, (believed, models) in sets.items():
-        logs = tuned(models, believed) if models else STOCK
+        logs = tuned(models, believed, evaluations) if models else STOCK
         worst = [max(cost(logs, m, believed) for m in group) for group in (others, around)]
         rows[name] = (cost(logs, real, believed), *worst, *np.exp(logs).tolist())
     return rows
@@ -193,12 +194,15 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--vehicles", type=int, default=6)
+    parser.add_argument("--evaluations", type=int, default=80)
     parser.add_argument("--workers", type=int, default=1)
     asked = parser.parse_args()
     seeds = range(asked.first_seed, asked.first_seed + asked.seeds)
     runs: list[dict[str, tuple[float, ...]]] = []
     with ProcessPoolExecutor(asked.workers) as pool:
-        study = partial(one_seed, seconds=asked.seconds, count=asked.vehicles)
+        study = partial(
+            one_seed, seconds=asked.seconds, count=asked.vehicles, evaluations=asked.evaluations
+        )
         for seed, run in zip(seeds, pool.map(study, seeds), strict=True):
             runs.append(run)
             costs = (f"{name} {' '.join(f'{v:.4g}' for v in row)}" for name, row in run.items())
