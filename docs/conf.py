@@ -44,6 +44,7 @@ html_theme = "furo"
 html_title = "rotorfit"
 html_static_path = ["_static"]
 html_css_files = ["rotorfit.css"]
+html_js_files = ["versions.js", "switcher.js"]  # docs/versions.py fills in the first
 html_math_renderer = "mathml"
 html_theme_options = {
     "light_css_variables": {

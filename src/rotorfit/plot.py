@@ -30,6 +30,7 @@ Axes = Any
 MAIN: Final = ("kt", "kd", "com_x", "com_y", "com_z", "Ixx_com", "Iyy_com", "Izz_com", "motor_lag")
 COLOURS: Final = {"weak": "#b36200", "given": "#777777"}
 BLUE, ORANGE, GREY = "#175fa0", "#be5408", "#999999"
+SIDES: Final = {"body": "needed by the motion", "rotor": "produced by the rotors"}
 
 
 def intervals(
@@ -69,7 +70,7 @@ def intervals(
 
 
 def wrenches(comparison: WrenchComparison, *, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """Draw what the motion asks for against what the rotors give, over time.
+    """Draw what the motion needs against what the rotors produce, over time.
 
     Parameters
     ----------
@@ -80,18 +81,18 @@ def wrenches(comparison: WrenchComparison, *, axes: Sequence[Axes] | None = None
     """
     series = series_of(comparison)
     told = [name for name in SHOWN if f"{name} body" in series.values]
-    made = _made(len(told), axes, size=(9.0, 1.7 * len(told)))
+    made = _made(len(told), axes, size=(9.0, 2.0 * len(told)))
     breaks = np.flatnonzero(np.diff(series.time) > series.gap) + 1
     time = np.insert(series.time, breaks, np.nan)
     for axis, name in zip(made, told, strict=False):
         title, unit = COMPONENT[name]
         for side, colour in (("body", BLUE), ("rotor", ORANGE)):
             values = np.insert(series.values[f"{name} {side}"], breaks, np.nan)
-            axis.plot(time, values, color=colour, linewidth=0.9, label=side)
+            axis.plot(time, values, color=colour, linewidth=0.9, label=SIDES[side])
         error = comparison.relative_error.get(name)
         axis.set_title("" if error is None else f"differs by {100 * error:.1f} %", loc="right")
         axis.set_ylabel(f"{title} [{unit}]")
-    made[0].legend(loc="upper left")
+    _legend_above(made[0])
     made[-1].set_xlabel("time since the log's first sample [s]")
     return made
 
@@ -109,11 +110,11 @@ def correlations(result: IdentificationResult, *, axes: Axes | None = None) -> A
     names = [name.replace("@", " ") for name in result.covariance_names]
     size = 1.5 + 0.27 * len(names)
     axis = _made(1, None if axes is None else [axes], size=(size + 0.6, size))[0]
-    image = axis.imshow(correlation(result.covariance), cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    image = axis.imshow(correlation(result.covariance), cmap="RdBu", vmin=-1.0, vmax=1.0)
     axis.set_xticks(range(len(names)), names, rotation=90)
     axis.set_yticks(range(len(names)), names)
     figure: Any = axis.figure
-    figure.colorbar(image, ax=axis, label="correlation")
+    figure.colorbar(image, ax=axis, label="correlation", fraction=0.046, pad=0.04)
     return axis
 
 
@@ -132,7 +133,7 @@ def replay(
     result
         Whose model flies; its logs are read again.
     configuration
-        Which of its configurations; may be left out where there is one.
+        Which of its configurations; not needed if there is only one.
     flight
         Another log of the vehicle; the first flight of the result if None.
     seconds
@@ -170,7 +171,7 @@ def replay_axes(
                 rates = broken(side.rates[:, :, i])
                 axis.plot(time, rates, color=colour, linewidth=1.0, label=side.label)
         axis.set_ylabel(f"{name} rate [rad/s]")
-    made[0].legend(loc="upper left")
+    _legend_above(made[0])
     made[-1].set_xlabel("time since the log's first sample [s]")
     return made
 
@@ -187,6 +188,11 @@ def _found(
                 words += [entry.configuration] if entry.configuration else []
                 out.append((" ".join(words), entry, result))
     return out
+
+
+def _legend_above(axis: Axes) -> None:
+    """Put the legend where it hides no curve."""
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
 
 
 def _made(count: int, axes: Sequence[Axes] | None, *, size: tuple[float, float]) -> list[Axes]:

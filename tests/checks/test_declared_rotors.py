@@ -145,7 +145,7 @@ def test_a_turned_imu_is_refused(flights, name, quarters):
 def test_a_numbering_that_no_swap_mends_is_refused(flights):
     data, vehicle = flights["hexa-x"]
     message = refusal(data, reordered(vehicle, (3, 0, 4, 1, 5, 2)))
-    assert "with free places of the rotors their speeds explain +0.9" in message
+    assert "with rotor positions left free, the speeds explain +0.9" in message
     assert "check the rotors' positions, order and spin" in message
 
 

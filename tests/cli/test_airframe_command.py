@@ -42,10 +42,20 @@ def test_questions_are_asked_one_by_one_and_the_file_is_written(answered, tmp_pa
     assert "commanded" in (tmp_path / "airframe.toml").read_text()
 
 
+def test_wrong_answers_are_asked_again(answered, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ended = answered("quad\nquad-x\npx4\n91, 127\n91\n127\nfast\nmeasured\n")
+    assert ended.code == 0
+    assert "'quad' is none of quad-x," in ended.err
+    assert "a spacing of '91, 127' mm; expected 15 to 10000 millimetres" in ended.err
+    made = tomllib.loads((tmp_path / "airframe.toml").read_text())
+    assert (made["airframe"]["spacing"], made["motors"]["speed"]) == ([0.091, 0.127], "measured")
+
+
 def test_a_log_fills_in_layout_order_and_speed(answered, here):
     ended = answered("400\n\n", "flight.csv", "-o", "mine.toml")
     assert ended.code == 0, ended
-    assert "the flight bears out quad-plus in the motor order of p" in ended.err
+    assert "the flight confirms quad-plus, motors in the order of p" in ended.err
     made = vehicle(here / "mine.toml").rotors
     assert [r.spin for r in made] == ["ccw", "ccw", "cw", "cw"]
     assert np.abs([r.position[:2] for r in made]).max() == 0.2
@@ -55,7 +65,7 @@ def test_what_the_flight_does_not_bear_out_is_said(answered, here):
     asked = ("flight.csv", "-o", "mine.toml", "--layout", "quad-x", "--order", "px4")
     ended = answered("", *asked, "--spacing", "200,200")
     assert ended.code == 0
-    assert "the flight answers as layout quad-plus, not quad-x" in ended.err
+    assert "the flight responds like layout quad-plus, not quad-x" in ended.err
 
 
 def test_without_an_answer_nothing_is_written(refused, tmp_path, monkeypatch):

@@ -149,7 +149,7 @@ def test_the_other_log_of_a_file_validates(run, refused, here, columns):
     assert [row["flight"] for row in other.json] == ["two.bbl"]
     assert "used in the fit" in refused("validate", "one.json", "two.bbl", "--log", "1")
     nameless = run("fly", "one.json", "--log", "2")
-    assert (nameless.code, "--log is of a --flight" in nameless.err) == (2, True)
+    assert (nameless.code, "--log needs a --flight" in nameless.err) == (2, True)
 
 
 def test_speed_overrides_the_file(run, changed, here):

@@ -18,8 +18,11 @@ def test_a_result_beside_its_truth(run, tmp_path, monkeypatch):
     lines = {line.split()[0]: line for line in ended.out.splitlines() if line.strip()}
     assert lines["kt"].endswith("+0.50 %  N s^2/rad^2")
     assert "%*" in lines["Ixx"]
-    assert "* the 95 % intervals do not meet, so that not both can be right: Ixx" in ended.out
-    assert "differs: from the value of result, in percent of it" in ended.out
+    assert (
+        "* the 95 % intervals do not overlap, so that at least one result is wrong: Ixx"
+        in ended.out
+    )
+    assert "differs: from the value of result, in percent;" in ended.out
 
 
 def test_a_truth_that_is_damaged_is_refused(refused, tmp_path, monkeypatch):

@@ -234,7 +234,19 @@ def test_a_recording_of_cameras_alone_belongs_beside_a_log(run, here):
     (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
     [report] = run("inspect", "take.tum", "--json").json
     [words] = report["trouble"]
-    assert words.startswith("only the pose is in this file, no motors")
+    assert words.startswith("this file has only the pose, no motors")
+
+
+def test_poses_beside_motors_are_for_motion_capture(run, here):
+    names = (
+        "time pos_x pos_y pos_z quat_w quat_x quat_y quat_z command_1 command_2 command_3 command_4"
+    )
+    lines = [names.replace(" ", ",")]
+    lines += [f"{0.01 * i},{0.1 * i},0,1,1,0,0,0,0.5,0.5,0.5,{0.4 + 0.001 * i}" for i in range(200)]
+    (here / "posed.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    [report] = run("inspect", "posed.csv", "--json").json
+    cure = 'identify with source = "mocap" if position and attitude are those of motion capture'
+    assert f"no gyro channel (rotation rates): {cure}" in report["trouble"]
 
 
 def with_commands(order=(0, 1, 2, 3)):
@@ -295,7 +307,7 @@ def test_the_scale_of_the_accelerometer_without_an_airframe(run, changed):
 
 def test_what_needs_an_airframe_is_said_in_one_line(run, here):
     text = " ".join(run("inspect", "flight.csv").out.split())
-    assert text.count("only with --airframe FILE is it judged whether") == 1
+    assert text.count("give --airframe FILE to check") == 1
     [report] = run("inspect", "flight.csv", "--airframe", "airframe.toml", "--json").json
     assert report["not_judged"] == []
 
@@ -395,7 +407,7 @@ def test_poses_at_times_of_receipt_are_not_sent_beside_a_log(run, here):
     (here / "take.tum").write_text("\n".join(lines) + "\n", encoding="utf-8")
     [report] = run("inspect", "take.tum", "--json").json
     [words] = report["trouble"]
-    assert words.startswith("only the pose is in this file, no motors")
+    assert words.startswith("this file has only the pose, no motors")
     assert "times of receipt" in words and "name it beside" not in words
 
 

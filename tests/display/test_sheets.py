@@ -95,3 +95,16 @@ def test_without_pandas_a_frame_is_refused_in_words(monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(OutputError, match=r"a frame needs pandas .*pip install pandas"):
         a_result().to_frame()
+
+
+def test_a_notebook_shows_numbers_as_in_print():
+    made = Sheet(
+        heading="+- is half of it",
+        columns=("", "value", "unit"),
+        rows=(("kt", "(2.655 +- 0.063)e-07", "N s^2/rad^2"), ("a<b", "LOG_e-5", "1")),
+    )
+    html = sheet_html(made)
+    assert "<strong>± is half of it" in html
+    assert "(2.655 ± 0.063) × 10<sup>−7</sup>" in html
+    assert "N s<sup>2</sup>/rad<sup>2</sup>" in html
+    assert "a&lt;b" in html and "LOG_e-5" in html

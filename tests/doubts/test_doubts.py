@@ -120,7 +120,7 @@ def test_a_vibration_is_named_with_its_frequency(flights, doubts):
     shake = 0.03 * np.sin(2 * np.pi * 12.3 * flights["A"].time)[:, None] * [1.0, 0.0, 0.0]
     shaken = replace(flights["A"], gyro=flights["A"].gyro + shake)
     (words,) = doubts({"A": shaken}).warnings
-    assert "what the model leaves of the roll has a peak at 12." in words
+    assert "the part of roll that the model does not explain has a peak at 12." in words
 
 
 def test_tilted_motors_are_seen_in_the_steady_yaw_torque_and_found(doubts):

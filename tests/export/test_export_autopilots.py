@@ -386,7 +386,7 @@ def test_sih_brakes_as_the_vehicle():
     text = text_of(told, "px4-sih")
     p = params(text)
     assert (p["SIH_KDV"], p["SIH_KDW"]) == pytest.approx((1.0, 0.025))
-    assert "identified, and left out here" not in text
+    assert "identified, but left out of this file" not in text
     assert "drag_x = 0.9" in text_of(told, "px4")
 
 

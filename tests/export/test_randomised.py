@@ -4,6 +4,9 @@ import io
 import json
 import os
 import runpy
+import sys
+import types
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
@@ -140,12 +143,15 @@ def test_isaac_lab_ranges_hold_95_percent_of_the_draws(result):
     off = np.array([m.com[0] for m in found.models]) - found.nominal.com[0]
     assert np.mean((off >= low) & (off <= high)) == pytest.approx(0.95, abs=0.01)
     thruster = module["THRUSTER"]
-    assert thruster["thrust_const_range"][0] < found.nominal.kt < thruster["thrust_const_range"][1]
+    low, high = thruster["thrust_const_range"]
+    assert low < found.nominal.kt * (2 * np.pi) ** 2 < high  # N per squared revolution per second
     assert thruster["torque_to_thrust_ratio"] == found.nominal.kd / found.nominal.kt
     assert set(thruster) == {  # isaaclab_contrib/actuators/thruster_cfg.py
         *("thrust_range", "thrust_const_range", "tau_inc_range", "tau_dec_range"),
         "torque_to_thrust_ratio",
     }
+    low, high = thruster["thrust_range"]
+    assert (low, high) == (0.0, found.nominal.kt * found.nominal.max_speed**2)
     scale = module["EVENTS"]["inertia"]["params"]["inertia_distribution_params"]
     assert scale[0] < 1.0 < scale[1] and scale[1] - scale[0] == pytest.approx(0.08, rel=0.2)
 
@@ -227,3 +233,45 @@ def python(content: bytes) -> dict:
         path = Path(folder) / "made.py"
         path.write_bytes(content)
         return runpy.run_path(str(path))
+
+
+def test_isaac_lab_without_a_term_is_told(result, monkeypatch):
+    """`isaaclab.envs.mdp` of 2.3 has no randomize_rigid_body_inertia."""
+    module = python(drawn(result, "isaac-lab", count=20)[0])
+    mdp = types.SimpleNamespace(randomize_rigid_body_com="com")
+    envs = types.SimpleNamespace(mdp=mdp)
+    managers = types.SimpleNamespace(EventTermCfg=lambda **given: given)
+    monkeypatch.setitem(sys.modules, "isaaclab", types.SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "isaaclab.envs", envs)
+    monkeypatch.setitem(sys.modules, "isaaclab.managers", managers)
+    with pytest.raises(ImportError, match=r"has no .'randomize_rigid_body_inertia'.: update it"):
+        module["event_terms"]("body")
+    mdp.randomize_rigid_body_inertia = "inertia"
+    terms = module["event_terms"]("body")
+    assert [(t["func"], t["mode"]) for t in terms.values()] == [
+        ("com", "startup"),
+        ("inertia", "startup"),
+    ]
+    assert {t["params"]["asset_cfg"] for t in terms.values()} == {"body"}
+
+
+def test_urdf_variants_are_read_as_gym_pybullet_drones_reads_them(result):
+    """BaseAviary._parseURDFParameters takes elements by their place, all numbers with one value."""
+    files, found = variant_files(result, "urdf", count=3, date=DATE)
+    for text, model in zip(files.values(), found.models, strict=True):
+        properties, base = list(ET.fromstring(text))[:2]
+        inertial, _, collision = base
+        assert float(inertial[1].attrib["value"]) == pytest.approx(model.mass, rel=1e-9)
+        tensor = [float(inertial[2].attrib[f"i{a}{a}"]) for a in "xyz"]
+        np.testing.assert_allclose(tensor, np.diag(model.inertia_com), rtol=1e-9)
+        assert {"length", "radius"} <= set(collision[1][0].attrib)
+        assert len([float(s) for s in collision[0].attrib["xyz"].split(" ")]) == 3
+        rpm = 2.0 * np.pi / 60.0
+        mean = np.mean([rotor.kt for rotor in model.rotors])
+        assert float(properties.attrib["kf"]) == pytest.approx(mean * rpm**2, rel=1e-9)
+        assert float(properties.attrib["km"]) == pytest.approx(model.kd * rpm**2, rel=1e-9)
+        for name in (
+            *("arm", "thrust2weight", "max_speed_kmh", "gnd_eff_coeff", "prop_radius"),
+            *("drag_coeff_xy", "drag_coeff_z", "dw_coeff_1", "dw_coeff_2", "dw_coeff_3"),
+        ):
+            assert np.isfinite(float(properties.attrib[name])), name

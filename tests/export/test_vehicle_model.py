@@ -87,7 +87,10 @@ def test_terms_that_are_left_out_are_named_in_the_file(target):
     term = parameter("rotor_drag", 1.2e-5)
     lost = replace(parameter("twist", 0.0, "A"), **UNKNOWN, verdict="not-identified")
     text = text_of(with_numbers(a_result(), term, lost), target)
-    assert "identified, and left out here: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)" in text
+    assert (
+        "identified, but left out of this file: rotor_drag = 1.2e-05 +- 1.2e-07 N s^2/(m rad)"
+        in text
+    )
     assert "left out here" not in text_of(with_numbers(a_result(), lost), target)
 
 
@@ -471,8 +474,8 @@ def test_a_missing_lag_says_why_it_is_missing():
         text_of(a_result(law=None), "gazebo")
     words = str(refused.value)
     assert (
-        "motor_lag is not in the result (measured rotor speed shows none of it without the "
-        "commands beside it)"
+        "motor_lag is not in the result (measured rotor speed alone does not show it; log the "
+        "motor commands, too)"
     ) in words
     assert "missing; supply it with " in words
     assert "max_speed is not in the result (no law from command to rotor speed" in words

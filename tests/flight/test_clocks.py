@@ -188,8 +188,8 @@ def test_a_clock_that_stands_still_is_refused():
     with pytest.raises(FlightError) as refused:
         usable_samples(channel(np.full(50, 3.0), np.ones(50)), "gyro")
     assert str(refused.value) == (
-        "the clock of channel gyro stands still at 3.000000 s: it has 50 samples but 1 different "
-        "times; export the log with its time column"
+        "the clock of channel gyro does not advance from 3.000000 s: it has 50 samples but 1 "
+        "different times; export the log with its time column"
     )
 
 

@@ -335,7 +335,7 @@ def test_a_sensor_that_never_moves_is_refused(hover, name):
     c = hover.channels[name]
     log = with_channel(hover, **{name: channel(c.time, np.full_like(c.values, 2.5))})
     assert refusal(FlightError, log) == (
-        f"the {name} channel is constant (2.5, 2.5, 2.5) over the whole log, where a sensor in "
+        f"the {name} channel is constant (2.5, 2.5, 2.5) over the whole log, which a sensor in "
         "flight never is; check its source: made by hand"
     )
 
@@ -380,7 +380,8 @@ def test_a_gyro_in_degrees_is_refused():
     gyro = replace(log.channels["gyro"], values=np.degrees(log.channels["gyro"].values))
     message = refusal(FlightError, with_channel(log, gyro=gyro))
     assert (
-        "rad/s, which no multirotor turns (below 40 was expected); it looks like deg/s" in message
+        "rad/s, faster than any multirotor turns (below 40 was expected); it looks like "
+        "deg/s" in message
     )
 
 
@@ -437,8 +438,8 @@ def test_fast_flight_is_doubted(hover, speed, said):
     velocity[:, 0] = speed
     result = prepared(with_channel(hover, velocity=channel(t, velocity)))
     message = (
-        "the vehicle flies at up to 8.0 m/s; over 5 m/s the air drag of the frame counts, which "
-        "is in the model only as the term drag: use a slower part of the flight"
+        "the vehicle flies at up to 8.0 m/s; over 5 m/s the air drag of the frame matters, and "
+        "the model has it only with the term drag: use a slower part of the flight"
     )
     assert (message in result.warnings) == said
     assert result.slowest_rate == pytest.approx(200)

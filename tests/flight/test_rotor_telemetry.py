@@ -100,7 +100,7 @@ def test_a_speed_that_stops_on_the_way_is_named(log, lost):
     assert states(found) == ["follows", "stuck", "follows", "follows"]
     assert found.rotors[1].stuck == pytest.approx(0.5, abs=0.1)
     [told] = found.doubts
-    assert told.startswith("the measured speed of rotor 2 stands still for ")
+    assert told.startswith("the measured speed of rotor 2 stays constant for ")
 
 
 @pytest.mark.parametrize("factor", [0.8, 7 / 6])
@@ -134,7 +134,7 @@ def test_speeds_of_another_flight_are_named(log):
         with_channel(log, "rotor_speed", 400.0 + 20.0 * rng.normal(size=values.shape))
     )
     [told] = found.doubts
-    assert told.startswith("the measured rotor speeds go with no command")
+    assert told.startswith("the measured rotor speeds match no command")
     assert found.lateness is None
 
 

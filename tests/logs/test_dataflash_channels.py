@@ -194,7 +194,10 @@ def test_missing_motors_leave_no_command(tmp_path):
     functions = {"SERVO1_FUNCTION": 33.0, "SERVO2_FUNCTION": 35.0}
     found = read(tmp_path, [imu(0.0, *REST), rcou(0.0, [1500] * 4)], settings=functions)
     assert "command" not in found.channels
-    assert "no command: SERVOn_FUNCTION tells of motors 1, 3 only, with gaps between" in found.notes
+    assert (
+        "no command: SERVOn_FUNCTION names only the motors 1, 3, with gaps between them"
+        in found.notes
+    )
 
 
 def esc_messages(speeds, *, first=0, **more):

@@ -517,7 +517,8 @@ def test_a_wrong_time_unit_of_a_map_is_refused_too(tmp_path):
         ),
         (
             {"vel_x": ColumnSpec(name="gyro_x"), "vel_y": ColumnSpec(name="gyro_y")},
-            "column 'vel_z' is missing beside vel_x, vel_y: record vel_x, vel_y, vel_z together",
+            "column 'vel_z' is missing beside vel_x, vel_y: record vel_x, vel_y, vel_z together, "
+            "or name the others in the columns map, too",
         ),
     ],
 )

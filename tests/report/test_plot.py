@@ -41,7 +41,7 @@ def test_wrenches_show_both_sides_on_the_axes_given():
     body, rotor = axes[0].get_lines()
     shown = body.get_ydata()
     np.testing.assert_allclose(shown[np.isfinite(shown)], flight.body_wrench[:, 2])
-    assert rotor.get_label() == "rotor"
+    assert rotor.get_label() == "produced by the rotors"
 
 
 def test_correlations_are_of_the_covariance():

@@ -213,7 +213,7 @@ def test_the_sections_and_their_order() -> None:
         "The vehicle, to scale",
         "Motion against rotors",
         "Beside the paper",
-        "What the flights tell apart",
+        "What the flights can tell apart",
         "What was used of each flight",
         "Settings, versions, fingerprints",
     ]

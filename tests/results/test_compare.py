@@ -75,8 +75,9 @@ def test_text_names_what_is_apart_and_gives_no_percentage_of_zero():
     assert "+1.38 %*" in lines["kt"]
     assert lines["Ixx A"].rstrip().endswith("+3.30 %  kg m^2")
     assert "%" not in lines["Ixy A"]
-    assert "* the 95 % intervals do not meet, so that not both can be right: kt, Iyy B" in (
-        " ".join(text.split())
+    assert (
+        "* the 95 % intervals do not overlap, so that at least one result is wrong: kt, Iyy B"
+        in (" ".join(text.split()))
     )
     assert max(map(len, text.splitlines())) <= 80
     far = result(parameter("kt", 5.787, 0.1))

@@ -43,10 +43,10 @@ def test_what_identify_wrote_is_sound(saved):
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("kt", float("nan"), "kt is nan, and no number"),
-        ("kt", float("inf"), "kt is inf, and no number"),
-        ("kt", 1e-300, "kt is 1e-300, and nothing that flies has such"),
-        ("mass", -1e300, r"mass is -1e\+300, and nothing that flies has such"),
+        ("kt", float("nan"), "kt is nan, not a number"),
+        ("kt", float("inf"), "kt is inf, not a number"),
+        ("kt", 1e-300, "kt is 1e-300, which nothing that flies has"),
+        ("mass", -1e300, r"mass is -1e\+300, which nothing that flies has"),
     ],
 )
 def test_a_value_that_is_no_number(saved, name, value, words):
@@ -69,20 +69,20 @@ def test_a_field_that_is_something_else(saved, field, value, words):
 
 
 OTHER_TYPES = [
-    (("kd", "value", True), "kd is True, and no number"),
-    (("Jr", "value", "much"), "Jr is 'much', and no number"),
-    (("motor_lag", "value", [1]), "motor_lag is [1], and no number"),
+    (("kd", "value", True), "kd is True, not a number"),
+    (("Jr", "value", "much"), "Jr is 'much', not a number"),
+    (("motor_lag", "value", [1]), "motor_lag is [1], not a number"),
     (("kt", "interval", [1.0]), "the interval of kt is [1.0]"),
-    (("kt", "unit", 3), "unit of kt is 3, and no text"),
+    (("kt", "unit", 3), "unit of kt is 3, not text"),
     (("kt", "verdict", "certain"), "kt has the verdict 'certain'"),
     (("kt", "verdict", []), "kt has the verdict []"),
     (("kt", "reason", []), "reason of kt is []"),
     (("kt", "name", None), "there is no number None"),
     (("kt", "name", {}), "there is no number {}"),
-    ((None, "settings", None), "settings is no table"),
-    ((None, "versions", "new"), "versions is no table"),
+    ((None, "settings", None), "settings is not a table"),
+    ((None, "versions", "new"), "versions is not a table"),
     ((None, "parameters", "abc"), "is not a rotorfit result"),
-    ((None, "covariance", {"names": [1], "matrix": [[1.0]]}), "names that are no text"),
+    ((None, "covariance", {"names": [1], "matrix": [[1.0]]}), "names that are not text"),
 ]
 PLAIN = """
 import json, sys
@@ -122,11 +122,11 @@ def test_a_derived_number_is_looked_at_as_well(saved):
     ("change", "words"),
     [
         (lambda d: d.update(axes="FRD"), "axes are 'FRD'"),
-        (lambda d: d["parameters"].append(entry(d, "kt")), "kt is there twice"),
-        (lambda d: d["derived"].append(entry(d, "com_x", "derived")), "com_x is there twice"),
+        (lambda d: d["parameters"].append(entry(d, "kt")), "kt is listed twice"),
+        (lambda d: d["derived"].append(entry(d, "com_x", "derived")), "com_x is listed twice"),
         (
             lambda d: d.update(covariance={"names": ["kt"], "matrix": [[float("nan")]]}),
-            "the covariance holds what is no number",
+            "the covariance holds something that is not a number",
         ),
     ],
 )
@@ -146,3 +146,10 @@ def test_python_is_told_the_same():
     broken = replace(a_result(), covariance_names=("kt",), covariance=np.full((1, 1), np.inf))
     with pytest.raises(OutputError, match="identify again"):
         refuse_unsound(broken)
+
+
+def test_a_missing_file_is_named_with_what_writes_it(tmp_path):
+    with pytest.raises(
+        OutputError, match=r"no file .*none.json; rotorfit identify LOG .* none.json"
+    ):
+        load_sound(tmp_path / "none.json")

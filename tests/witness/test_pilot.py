@@ -100,7 +100,8 @@ def test_a_contradiction_is_said_with_what_to_do(monkeypatch, seen):
     (words,), _ = said(monkeypatch, seen[1], pitch=SURE)
     assert words == (
         "A: by what was asked for the response in pitch (kt / Iyy) is 1.100 +- 0.020 times that of "
-        "the fit: the autopilot answered gusts otherwise than assumed, or what was asked for is "
+        "the fit: the autopilot responded to gusts differently than assumed, or what was asked "
+        "for is "
         "not what moved the vehicle; fly again in calm air with larger, quicker sticks"
     )
 

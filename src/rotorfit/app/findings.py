@@ -15,7 +15,8 @@ from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
 from rotorfit.logs.files import read_head, write_whole
 from rotorfit.logs.kinds import own_kind
-from rotorfit.report.log_report import page, plain, sections
+from rotorfit.report.log_page import log_report_html
+from rotorfit.report.log_report import plain, sections
 
 HEAD_BYTES: Final = 65_536
 KINDS: Final = {
@@ -69,7 +70,7 @@ def _of_log(one: Dropped, number: int | None) -> dict[str, Any]:
         return {"logs": logs}
     log = read_log(one.path, options=ReadOptions(log_number=number))
     report = inspect_log(log)
-    html = in_its_name(one.path.parent.parent, page([report]))
+    html = in_its_name(one.path.parent.parent, log_report_html(report))
     write_whole(one.page, html, force=True)
     seen = asdict(seen_airframe(log, report))
     found = plain(report) | {

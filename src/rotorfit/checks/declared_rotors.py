@@ -225,7 +225,7 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     _refuse_turned(R, vehicle)
     if better or _hidden(declared, free):
         raise FrameError(
-            f"{seen}; with free places of the rotors their speeds explain {_shown(free)}: "
+            f"{seen}; with rotor positions left free, the speeds explain {_shown(free)}: "
             "check the rotors' positions, order and spin, and the log's axes"
         )
     refuse_implausible_size(_inside(factors), vehicle)
@@ -240,8 +240,8 @@ def _refuse_turned(R: Float[np.ndarray, "z z"], vehicle: Vehicle) -> None:
             f"roll and pitch answer the rotors as if the IMU were turned by "
             f"{abs(np.degrees(angle)):.0f} degrees "
             f"{'counter-clockwise' if angle > 0 else 'clockwise'} about z (seen from above) "
-            "against the rotors: turn the rotors' positions by that the other way, or give the "
-            "layout that flies (quad-plus for quad-x)"
+            "relative to the rotors: turn the rotors' positions by as much the other way, or give "
+            "the layout that really flies (quad-plus instead of quad-x)"
         )
 
 

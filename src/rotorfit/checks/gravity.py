@@ -88,8 +88,8 @@ def gravity_doubts(seen: GravitySeen) -> list[str]:
     if rest is not None and abs(rest - 1.0) > ALLOWED:
         doubts.append(
             f"at rest on the ground the accelerometer reads {rest * GRAVITY:.2f} m/s^2 where "
-            f"gravity is {GRAVITY:.2f}: calibrate it; a bias is found and taken off, a wrong scale "
-            "is the error of kt and of all inertia"
+            f"gravity is {GRAVITY:.2f}: calibrate it; a bias is estimated and removed, but a "
+            "wrong scale goes straight into kt and all inertia"
         )
     half = 1.96 * (seen.in_flight_std or 0.0)
     if flight is None or abs(flight - 1.0) <= ALLOWED + half:

@@ -210,9 +210,9 @@ def refuse_rotors_too_fast(
             else "correct poles under [motors]"
         )
         raise FlightError(
-            f"{name}: the rotors hover at {speed:.0f} rad/s, where {FASTEST_HOVER:.0f} is beyond "
-            f"any, and one as small as a quarter of the arm ({arm:g} m) would have tips at "
-            f"{tip:.0f} m/s (up to {FASTEST_TIP:.0f} was expected): rotor speeds look like rpm "
+            f"{name}: the rotors hover at {speed:.0f} rad/s (expected below {FASTEST_HOVER:.0f}), "
+            f"and even rotors with a quarter of the arm ({arm:g} m) as radius would have tips at "
+            f"{tip:.0f} m/s (expected up to {FASTEST_TIP:.0f}): rotor speeds look like rpm "
             f"read as rad/s: {remedy}; or correct the rotors' positions"
         )
 
@@ -232,7 +232,8 @@ def slow_rotor_doubts(
     unit = "correct their unit in columns, or poles" if takes_columns else "correct their poles"
     remedy = "correct the law of [motors]" if law else unit
     return (
-        f"the rotors hover at {speed:.0f} rad/s: one as large as 0.9 of the arm ({arm:g} m) would "
-        f"have tips at {tip:.0f} m/s, and below {SLOWEST_TIP:.0f} hardly any holds up a vehicle: "
+        f"the rotors hover at {speed:.0f} rad/s: even rotors with 0.9 of the arm ({arm:g} m) as "
+        f"radius would have tips at {tip:.0f} m/s, too slow to lift most vehicles (expected over "
+        f"{SLOWEST_TIP:.0f}): "
         f"rotor speeds look like rad/s read as rpm; {remedy}, or the rotors' positions",
     )

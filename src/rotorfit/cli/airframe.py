@@ -49,7 +49,8 @@ def run(request: AirframeRequest) -> None:
     speed = (
         request.speed
         or seen.speed
-        or _asked(
+        or _one_of(
+            ["measured", "commanded"],
             "Rotor speed in the log: measured (ESC telemetry, bidirectional DShot) or commanded",
             "commanded",
             "--speed",
@@ -74,13 +75,13 @@ def _seen(request: AirframeRequest) -> SeenAirframe:
         seen = seen_airframe(log, inspect_log(log))
     if seen.rotors is None:
         raise ExperimentError(
-            f"{request.log}: no motors in this log, so it says nothing of the rotors: leave it out "
-            "and answer the questions, or give a log with motor outputs"
+            f"{request.log}: no motors in this log, so it shows nothing of the rotors: leave it "
+            "out and answer the questions, or give a log with motor outputs"
         )
     say(f"{request.log.name}: {log.format}, {seen.rotors} motors, rotor speed {seen.speed}")
     words = ", every spin reversed (props out)" if seen.turned else ""
     say(
-        f"the flight bears out {seen.layout} in the motor order of {seen.order}{words}"
+        f"the flight confirms {seen.layout}, motors in the order of {seen.order}{words}"
         if seen.borne_out
         else "the flight does not show which layout and motor order it is: look at the vehicle"
     )
@@ -109,11 +110,12 @@ def _chosen(what: str, given: str | None, seen: SeenAirframe, choices: list[str]
     if given is None and seen.borne_out and own in choices:
         return str(own)
     question = f"{what.capitalize()} ({', '.join(choices)})"
-    answer = given or (choices[0] if len(choices) == 1 else _asked(question, default, f"--{what}"))
+    only = choices[0] if len(choices) == 1 else None
+    answer = given or only or _one_of(choices, question, default, f"--{what}")
     if answer not in choices:
         raise ExperimentError(f"{what} {answer!r}; expected one of {', '.join(choices)}")
     if seen.borne_out and own not in (None, answer):
-        say(f"the flight answers as {what} {own}, not {answer}: see that it is right")
+        say(f"the flight responds like {what} {own}, not {answer}: make sure that it is right")
     return answer
 
 
@@ -121,15 +123,24 @@ def _spacing(given: str | None) -> tuple[float, float]:
     """Return front to back and left to right between the motor axes [m]."""
     if given is None:
         say("Measure between the motors' axes with a ruler:")
-        x = _millimetres(_asked("  front to back [mm]", None, "--spacing X,Y"))
-        y = _millimetres(_asked("  left to right [mm]", f"{1e3 * x:g}", "--spacing X,Y"))
-        return x, y
+        x = _measured("  front to back [mm]", None)
+        return x, _measured("  left to right [mm]", f"{1e3 * x:g}")
     parts = given.split(",")
     if len(parts) != 2:
         raise ExperimentError(
             f"--spacing {given!r}; expected front to back and left to right in mm, such as 91,127"
         )
     return _millimetres(parts[0]), _millimetres(parts[1])
+
+
+def _measured(question: str, default: str | None) -> float:
+    """Return a spacing in metres, asked for until it is one."""
+    while True:
+        answer = _asked(question, default, "--spacing X,Y")
+        try:
+            return _millimetres(answer)
+        except ExperimentError as error:
+            say(str(error))
 
 
 def _millimetres(text: str) -> float:
@@ -144,6 +155,13 @@ def _millimetres(text: str) -> float:
             "between the axes of two motors"
         )
     return round(1e-3 * value, 6)
+
+
+def _one_of(choices: list[str], question: str, default: str, option: str) -> str:
+    """Return the answer to a question, asked until it is one of the choices."""
+    while (answer := _asked(question, default, option)) not in choices:
+        say(f"{answer!r} is none of {', '.join(choices)}")
+    return answer
 
 
 def _asked(question: str, default: str | None, option: str) -> str:

@@ -103,7 +103,7 @@ def _latency(results: Sequence[IdentificationResult]) -> list[str]:
         return []
     words = (
         "Motor lag and delay from motion capture include the camera's latency: what its frames are "
-        "late by cannot be told apart from motors that answer late."
+        "late by cannot be separated from motors that respond late."
     )
     return ["", *textwrap.wrap(words, terminal_width())]
 
@@ -123,13 +123,13 @@ def comparison_text(comparison: Comparison) -> str:
     ]
     if apart:
         words = (
-            f"{APART} the 95 % intervals do not meet, so that not both can be right: "
+            f"{APART} the 95 % intervals do not overlap, so that at least one result is wrong: "
             f"{', '.join(apart)}"
         )
         lines += ["", *textwrap.wrap(words, terminal_width(), subsequent_indent="  ")]
     words = (
-        f"differs: from the value of {first}, in percent of it; nothing where its interval holds "
-        "zero."
+        f"differs: from the value of {first}, in percent; left empty where its interval "
+        "includes zero."
     )
     lines += ["", *textwrap.wrap(words, terminal_width())]
     return "\n".join(lines)

@@ -58,7 +58,9 @@ def run(request: ExportRequest) -> None:
         raise typer.BadParameter(str(error), param_hint="--assume") from error
     drawn = request.target in get_args(RandomTargetName)
     if request.project and (drawn or request.samples is not None):
-        raise typer.BadParameter("--project is of one vehicle; drawn ones are bodies already")
+        raise typer.BadParameter(
+            "--project is for one vehicle; drawn vehicles are physical already"
+        )
     if request.samples is not None and not drawn:
         _write_variants(request, assumed)
         return
@@ -66,7 +68,9 @@ def run(request: ExportRequest) -> None:
     result = load_sound(request.result)
     if request.target == "table":
         if assumed or request.project:
-            raise typer.BadParameter("table is of flights, and takes no --assume and no --project")
+            raise typer.BadParameter(
+                "table is made of flights, and takes no --assume and no --project"
+            )
         _write_tables(request, result)
     elif request.target in get_args(RandomTargetName):
         _write_randomised(request, cast("RandomTargetName", request.target), result, assumed)
@@ -97,7 +101,7 @@ def _write_randomised(
 def _write_variants(request: ExportRequest, assumed: dict[str, float]) -> None:
     """Write one file for each of many vehicles into a folder."""
     if request.target == "table":
-        raise typer.BadParameter("table is of flights, and takes no --samples")
+        raise typer.BadParameter("table is made of flights, and takes no --samples")
     result = load_sound(request.result)
     files, found = variant_files(
         result,

@@ -70,7 +70,7 @@ def run(request: FlyRequest) -> None:
     bench = _numbers(request.bench, "--bench")
     _refuse_outputs(request)
     if request.log_number is not None and not request.flights:
-        raise typer.BadParameter("--log is of a --flight, which names the file")
+        raise typer.BadParameter("--log needs a --flight, which names the file")
     result = load_sound(request.result)
     with threadpool_limits(limits=1, user_api="blas"):
         outcome = _outcome(request, result, assumed, bench)
@@ -229,7 +229,7 @@ def _notes(
     drag = [p.name for p in result.parameters if p.name.startswith("drag_") and p.value]
     terms = [t for t in terms_left_out(result, model.configuration) if t.split()[0] not in drag]
     if terms:
-        notes.append(f"identified, and in the replay only: {', '.join(terms)}")
+        notes.append(f"identified, but used in the replay only: {', '.join(terms)}")
     own = [p.value is not None for p in result.parameters if p.name.startswith("kt_")]
     if any(own) and not all(own):
         notes.append(

@@ -131,7 +131,7 @@ def inspect(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show what a log can tell, and which settings to change.
+    """Check what a log can show, and which settings to change.
 
     Its channels, the part in the air, what an identification will find in it, and the settings of
     the autopilot to change before the next flight.
@@ -293,7 +293,8 @@ def validate(
     configuration: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="In which they were flown; may be left out where there is one."
+            metavar="NAME",
+            help="Configuration that was flown; not needed if the result has only one.",
         ),
     ] = None,
     log: LogNumber = None,
@@ -303,7 +304,7 @@ def validate(
 ) -> None:
     """Check a result on flights that its fit has not seen.
 
-    What the motion asks for against what the rotors give, for thrust and the three moments.
+    What the motion needs against what the rotors produce, for thrust and the three moments.
     """
     from rotorfit.cli.validate import run
 
@@ -359,13 +360,15 @@ def export(
     ],
     configuration: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Which to export; may be left out where there is one."),
+        typer.Option(
+            metavar="NAME", help="Which to export; not needed if the result has only one."
+        ),
     ] = None,
     assume: Assume = None,
     project: Annotated[
         bool,
         typer.Option(
-            "--project", help="Replace inertia that no body has by the nearest that one can have."
+            "--project", help="Replace an impossible inertia by the nearest possible one."
         ),
     ] = False,
     samples: Samples = None,
@@ -402,7 +405,7 @@ def fly(
     result: ResultFile,
     configuration: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Which to fly; may be left out where there is one."),
+        typer.Option(metavar="NAME", help="Which to fly; not needed if the result has only one."),
     ] = None,
     assume: Assume = None,
     flight: ReplayedFlights = None,

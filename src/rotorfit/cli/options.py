@@ -13,7 +13,7 @@ ResultFile = Annotated[
 ]
 LogNumber = Annotated[
     int | None,
-    typer.Option("--log", min=1, metavar="N", help="In a file of several logs: which, from 1."),
+    typer.Option("--log", min=1, metavar="N", help="Which log of a file with several, from 1."),
 ]
 Start = Annotated[
     float | None,
@@ -29,13 +29,15 @@ End = Annotated[
 ]
 Speed = Annotated[
     Literal["measured", "commanded"] | None,
-    typer.Option(help="Rotor speed from telemetry or from motor commands; else [motors] says."),
+    typer.Option(
+        help="Rotor speed from telemetry or from motor commands; default: as [motors] says."
+    ),
 ]
 Method = Annotated[
     Literal["banded", "ols", "tls"] | None,
     typer.Option(
         help="banded (default): all equations and configurations at once; ols: equation by "
-        "equation; tls: total least squares, as the paper. Else the experiment file says."
+        "equation; tls: total least squares, as in the paper. Default: as the experiment file says."
     ),
 ]
 Assume = Annotated[
@@ -64,7 +66,7 @@ ResultOutput = Annotated[Path | None, _json_of("result")]
 NumbersOutput = Annotated[Path | None, _json_of("numbers")]
 PlanOutput = Annotated[Path | None, _json_of("plan")]
 
-Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed is another flight.")]
+Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed flies another flight.")]
 
 # export
 Samples = Annotated[
@@ -72,12 +74,12 @@ Samples = Annotated[
     typer.Option(
         min=1,
         metavar="N",
-        help="Vehicles drawn from the joint posterior; with the target of one vehicle, -o names a "
-        "folder for one file each (default for targets of many: 100).",
+        help="Draw so many vehicles from the uncertainty of the result; with a target that holds "
+        "one vehicle, -o names a folder for one file each (targets that hold many: default 100).",
     ),
 ]
 DrawSeed = Annotated[
-    int, typer.Option(min=0, metavar="N", help="With --samples: another seed, other vehicles.")
+    int, typer.Option(min=0, metavar="N", help="With --samples: another seed draws other vehicles.")
 ]
 
 # fly
@@ -90,14 +92,14 @@ ReplayedFlights = Annotated[
 Against = Annotated[
     list[Path] | None,
     typer.Option(
-        metavar="RESULT", help="Another result of the vehicle, to stand beside; repeatable."
+        metavar="RESULT", help="Another result of the vehicle to compare with; repeatable."
     ),
 ]
 Bench = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
-        help="A number of your bench to stand beside, SI; all else as identified; repeatable.",
+        help="A number from your bench to compare with, SI; all else as identified; repeatable.",
     ),
 ]
 
@@ -109,15 +111,15 @@ PlannedMass = Annotated[
     float | None,
     typer.Option(
         metavar="KG",
-        help="Weighed as it flies, battery included [kg]; needed where --after does not say.",
+        help="Weighed as it flies, battery included [kg]; not needed with --after.",
     ),
 ]
 Accuracy = Annotated[
     str,
     typer.Option(
         metavar="PERCENT|NAME=VALUE,...",
-        help="Wanted half of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), or "
-        "names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm).",
+        help="Wanted half-width of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), "
+        "or names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm).",
     ),
 ]
 Lengths = Annotated[
@@ -129,16 +131,14 @@ Lengths = Annotated[
 ]
 PlannedPayload = Annotated[
     float | None,
-    typer.Option(
-        metavar="KG", help="Mass of each of two payloads on one arm [kg]; 0: consider none."
-    ),
+    typer.Option(metavar="KG", help="Mass of each of two payloads on one arm [kg]; 0: no payload."),
 ]
 Guess = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
         help="NAME=VALUE of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr, motor_lag, where you "
-        "know better than a guess from the geometry (SI); repeatable.",
+        "know more than the geometry shows (SI); repeatable.",
     ),
 ]
 LogRate = Annotated[float, typer.Option(metavar="HZ", help="Samples per second of your log.")]

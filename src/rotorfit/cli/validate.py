@@ -50,8 +50,8 @@ def validation_text(comparisons: list[WrenchComparison]) -> str:
     """Return the relative errors as a table, in percent."""
     width = max(len(c.flight) for c in comparisons)
     lines = [
-        "Thrust and moments below 3 Hz, as the motion asks for them and as the rotors",
-        "give them: size (norm) of the difference, % of the rotors' own",
+        "Thrust and moments below 3 Hz: what the motion needs against what the rotors",
+        "produce; norm of the difference, in % of the rotors' own",
         f"  {'':<{width}}  configuration" + "".join(f"{name:>8}" for name in SHOWN),
     ]
     for c in comparisons:

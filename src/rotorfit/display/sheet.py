@@ -1,5 +1,6 @@
 """A heading, a table and remarks: what a thing shows of itself in a terminal and in a notebook."""
 
+import re
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -63,20 +64,30 @@ def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
 
 
 def sheet_html(sheet: Sheet) -> str:
-    """Return a sheet as HTML for a notebook: no script, no style but the alignment, all escaped."""
+    """Return a sheet as HTML for a notebook: no script, no colours of its own, all escaped."""
     left = ' style="text-align:left"'
+    whole = ' style="text-align:left;white-space:nowrap"'
+    styles = [*[whole] * (len(sheet.columns) - 1), left]  # the last column may be a sentence
     head = "".join(f"<th{left}>{escape(name)}</th>" for name in sheet.columns)
     hints = [*sheet.hints, *[""] * (len(sheet.rows) - len(sheet.hints))]
     body = "".join(
         f'<tr title="{escape(hint)}">'
-        + "".join(f"<td{left}>{escape(cell)}</td>" for cell in row)
+        + "".join(f"<td{s}>{_typeset(cell)}</td>" for s, cell in zip(styles, row, strict=True))
         + "</tr>"
         for row, hint in zip(sheet.rows, hints, strict=True)
     )
     below = "".join(f"<li>{escape(words)}</li>" for words in sheet.remarks)
     return (
-        f"<p><strong>{escape(sheet.heading)}</strong></p>"
+        f"<p><strong>{_typeset(sheet.heading)}</strong></p>"
         f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
         + (f"<ul>{below}</ul>" if below else "")
         + (f"<p>{escape(sheet.more)}</p>" if sheet.more else "")
     )
+
+
+def _typeset(words: str) -> str:
+    """Return text of a terminal as HTML, with +-, powers of ten and exponents as in print."""
+    words = escape(words).replace("+-", "±")
+    words = re.sub(r"(?<=[\d)])e([+-]\d+)", lambda m: f" × 10<sup>{int(m[1])}</sup>", words)
+    words = re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", words)
+    return words.replace("<sup>-", "<sup>−")

@@ -74,6 +74,6 @@ def unlike_rotor(numbers: Numbers, vehicle: Vehicle) -> str | None:
     return (
         f"rotor {worst + 1} makes {100 * abs(apart[worst]):.0f} % "
         f"{'more' if apart[worst] > 0 else 'less'} thrust than the others at the same speed: its "
-        "speed has another scale (poles), or its propeller is another or damaged one; until that "
-        "is mended do not trust kt and the centre of mass"
+        "speed has another scale (poles), or its propeller is damaged or of another type; until "
+        "this is fixed do not trust kt and the centre of mass"
     )

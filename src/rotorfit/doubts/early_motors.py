@@ -24,9 +24,9 @@ def early_said(lag: float, delay: float, std: float) -> str | None:
         return None
     return (
         f"with the lag of {1e3 * lag:.0f} ms that is given, the motors answer "
-        f"{-1e3 * delay:.0f} ms before the command (motor_delay), which none does: the lag given "
-        "is longer than the motors'; leave it out, or give lag_std. Until then do not trust "
-        "inertia, and blame no other sensor"
+        f"{-1e3 * delay:.0f} ms before the command (motor_delay), which is impossible: the lag "
+        "given is longer than the motors'; leave it out, or give lag_std. Until then do not "
+        "trust inertia, or doubts about other sensors"
     )
 
 
@@ -41,6 +41,6 @@ def late_speeds(flown: Flown) -> str | None:
     order = "after" if delay < 0 else "before"
     return (
         f"the measured rotor speeds come {1e3 * abs(delay):.0f} ms {order} the motion that they "
-        "make (motor_delay), which is taken into account: ESC telemetry that is stamped late, or "
-        "another clock; see that the log's clocks agree"
+        "make (motor_delay), which is corrected: the ESC telemetry is stamped late or by "
+        "another clock; check that the log's clocks agree"
     )

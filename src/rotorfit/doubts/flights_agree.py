@@ -53,9 +53,9 @@ def odd_flight(
         return None
     size, words = max(found)
     return (
-        f"{words}, {size:.1f} times what chance explains: its vehicle, load, propellers or battery "
-        "were not those of the other flights; identify it by itself, or as a configuration of its "
-        "own"
+        f"{words}, {size:.1f} times what chance explains: its vehicle, load, propellers or "
+        "battery differed from those of the other flights; identify it separately, or as a "
+        "configuration of its own"
     )
 
 

@@ -58,9 +58,9 @@ def _words(name: str, apart: float) -> str:
     late, early = ("accelerometer", "gyro") if apart > 0 else ("gyro", "accelerometer")
     return (
         f"{name}: the {late} follows the rotors {1e3 * abs(apart):.0f} ms later than the {early}, "
-        f"where both answer at once: the {late} is stamped late, or stands behind a low-pass "
-        f"filter of a few Hz that the {early} has not; log both unfiltered with one clock. Until "
-        "then trust neither kt nor inertia"
+        f"though both respond at once: the {late} is stamped late, or passes a low-pass "
+        f"filter of a few Hz that the {early} does not; log both unfiltered with one clock. Until "
+        "then do not trust kt and inertia"
     )
 
 

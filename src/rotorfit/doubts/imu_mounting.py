@@ -10,9 +10,9 @@ def mounting_sentence(tilt: ImuTilt) -> str:
     """Return that the IMU is mounted turned, and what was done about it."""
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     return (
-        f"the IMU is mounted {lean_words(tilt)} against the plane of the rotors: in flight the "
-        "thrust leans by that in its axes, and the flight is far likelier so. Its readings are "
-        "turned back; measure the mounting, and declare it under [airframe] "
+        f"the IMU is mounted {lean_words(tilt)} relative to the plane of the rotors: in flight the "
+        "thrust is tilted by that angle in the IMU's axes, and the flight fits far better with it. "
+        "The readings are turned back; measure the mounting, and declare it under [airframe] "
         f"(imu_tilt_deg = [{roll:.1f}, {pitch:.1f}])"
     )
 
@@ -24,9 +24,9 @@ def lean_sentence(flown: Flown) -> tuple[str, ...]:
         return ()
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     return (
-        f"in flight the thrust leans as if the IMU were mounted {lean_words(tilt)} (sound logs: "
-        "up to 4.5 degrees), and the flight does not tell whether it is, or the accelerometer is "
-        "biased, or drag of fast flight leans it: measure the mounting and declare it under "
-        f"[airframe] (imu_tilt_deg = [{roll:.1f}, {pitch:.1f}]); until then trust neither kd, Jr "
-        "nor the inertia about z",
+        f"in flight the thrust is tilted as if the IMU were mounted {lean_words(tilt)} (good logs: "
+        "up to 4.5 degrees); the flight does not show whether it is, or whether a biased "
+        "accelerometer or drag in fast flight is the cause: measure the mounting and declare it "
+        f"under [airframe] (imu_tilt_deg = [{roll:.1f}, {pitch:.1f}]); until then do not trust "
+        "kd, Jr and the inertia about z",
     )

@@ -147,6 +147,6 @@ def _words(found: LeverRatio) -> str:
         cause = "a rectangular frame is declared as a square one"
     return (
         f"the rotors' distances front to back over left to right are {found.declared:.2f} as "
-        f"declared, and the flight is far likelier with {found.best:.2f} (log-likelihood "
+        f"declared, but the flight fits far better with {found.best:.2f} (log-likelihood "
         f"+{found.lost:.0f}): {cause}"
     )

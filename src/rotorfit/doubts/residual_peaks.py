@@ -135,7 +135,7 @@ def peak_sentence(peak: Peak) -> str | None:
     if peak.ratio < HIGHEST_RATIO or peak.probability > UNLIKELY:
         return None
     return (
-        f"{peak.configuration}: what the model leaves of the {peak.axis} has a peak at "
-        f"{peak.frequency:.1f} Hz, {peak.ratio:.0f} times what is around it: look for a loose "
-        "part, a propeller out of balance or a swinging load"
+        f"{peak.configuration}: the part of {peak.axis} that the model does not explain has a "
+        f"peak at {peak.frequency:.1f} Hz, {peak.ratio:.0f} times its surroundings: look for a "
+        "loose part, a propeller out of balance or a swinging load"
     )

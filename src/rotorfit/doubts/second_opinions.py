@@ -92,7 +92,7 @@ def without_mean(fit: BandedEstimate, numbers: Numbers) -> tuple[str | None, dic
     return (
         f"{names[worst].replace('@', ' of ')}: {value:.3g} with the mean of every stretch of "
         f"flight, {value + float(shift.values[worst]):.3g} without: a constant force or torque is "
-        "missing in the model, such as that of tilted motors; see that they stand straight",
+        "missing in the model, such as that of tilted motors; check that they are upright",
         diagnostics,
     )
 
@@ -140,8 +140,8 @@ def _steady_torque_said(name: str, trim: float) -> str:
     if abs(trim) <= LEAST_TRIM:
         seen = "the mean of each stretch and the motion around it disagree about yaw"
     return (
-        f"{name}: {seen}: a steady yaw torque that the model does not have, as tilted motors or "
-        "twisted arms make it; set them upright, until then do not trust kd, Jr and Izz"
+        f"{name}: {seen}: a steady yaw torque that is not in the model, as from tilted motors or "
+        "twisted arms; set them upright, and until then do not trust kd, Jr and Izz"
     )
 
 
@@ -154,7 +154,7 @@ def _tilt_said(c: JointConfiguration, numbers: Numbers) -> list[str]:
     way = "counter-clockwise" if tilt > 0 else "clockwise"
     return [
         f"{c.name}: the thrust turns the vehicle {way} (seen from above) as if all motors leaned "
-        f"by {abs(tilt):.1f} degrees about their arms; the model has it (twist), but it costs "
+        f"by {abs(tilt):.1f} degrees about their arms; the model includes it (twist), but it costs "
         "yaw authority: set them upright"
     ]
 
@@ -212,8 +212,8 @@ def accelerometer_against_gravity(
             doubts.append(
                 f"{configured.entry.name}: where its flights hover the accelerometer reads "
                 f"{held.ratio * GRAVITY:.2f} +- {1.96 * held.std * GRAVITY:.2f} m/s^2 where "
-                f"gravity is {GRAVITY:.2f}: calibrate it; a bias is found and "
-                "taken off, a wrong scale is the error of kt and of all inertia"
+                f"gravity is {GRAVITY:.2f}: calibrate it; a bias is estimated and removed, but "
+                "a wrong scale goes straight into kt and all inertia"
             )
     return _joined(doubts), diagnostics
 
@@ -298,8 +298,8 @@ def thrust_against_weight(
         return None, diagnostics
     return (
         f"the thrust found is {held.ratio:.3f} +- {1.96 * std:.3f} times the weight it carries: "
-        "the accelerometer's scale is wrong, or thrust does not go with the square of rotor speed; "
-        "kt and all inertia are off by about as much",
+        "the accelerometer's scale is wrong, or thrust is not proportional to the square of rotor "
+        "speed; kt and all inertia are off by about as much",
         diagnostics,
     )
 
@@ -328,7 +328,7 @@ def hovers_differ(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, f
     else:
         what = (
             "one of the masses is wrong, battery or propellers changed, or they are two different "
-            "vehicles, of which each needs an experiment of its own; weigh both again"
+            "vehicles, which need an experiment each; weigh both again"
         )
     return (
         f"{first} hovers on {100 * (ratio - 1.0):.1f} % more thrust for its mass than {second} "

@@ -13,17 +13,17 @@ def contradiction(
     """Return what it means that changes of thrust give another k_t than the weight."""
     ratio = kt / weighed.kt
     seen = (
-        f"thrust changes with the squared {_SPEED[motors.speed]} as if kt were {kt:.3g}, but "
-        f"{weighed.kt:.3g} carries the weight: kt is taken from the weight, inertia with it, and "
-        "the intervals hold both"
+        f"changes of thrust with the squared {_SPEED[motors.speed]} give kt = {kt:.3g}, but "
+        f"carrying the weight takes {weighed.kt:.3g}: kt is taken from the weight, inertia is "
+        "scaled with it, and the intervals cover both"
     )
     if motors.speed == "measured":
         return f"{seen}; calibrate {_SCALE_OF[source]}, or weigh again"
     if motors.law is None:
         return (
-            f"{seen}; thrust goes neither with the command nor with its square, but in between "
-            f"(about the power {2.0 * ratio:.1f} of it in hover): give law under [motors] as a "
-            "thrust stand shows it, or log the rotor speed"
+            f"{seen}; thrust is proportional neither to the command nor to its square, but in "
+            f"between (about its power {2.0 * ratio:.1f} in hover): measure the law on a thrust "
+            "stand and give it under [motors], or log the rotor speed"
         )
     return f"{seen}; the law under [motors] does not hold: measure it again, or log the rotor speed"
 
@@ -45,9 +45,10 @@ def swallowed(
         cure = f"fly slower, {cure}"
     return (
         f"{wrong.configuration}: changes of thrust give kt = {kt:.3g} and a bias of "
-        f"{wrong.fitted:+.2f} m/s^2 along z, but over the flight {seen} gravity to "
-        f"{wrong.read:+.2f} m/s^2: no bias, but {cause}. kt is taken from the weight "
-        f"({weighed.kt:.3g}), inertia with it, and the intervals hold both; {cure}"
+        f"{wrong.fitted:+.2f} m/s^2 along z, but on average over the flight {seen} gravity to "
+        f"{wrong.read:+.2f} m/s^2: there is no bias; the cause is {cause}. kt is taken from the "
+        f"weight ({weighed.kt:.3g}), inertia is scaled with it, and the intervals cover both; "
+        f"{cure}"
     )
 
 
@@ -55,18 +56,18 @@ def missed(ratio: float, kt: float) -> str:
     """Return what it means that the thrust found misses the weight by a little, but surely."""
     return (
         f"the thrust found is {ratio:.3f} times the weight it carries: kt = {kt:.3g} by changes of "
-        f"thrust, {kt / ratio:.3g} by the weight, and the intervals of kt and inertia hold both: "
-        "the accelerometer's scale is wrong, or thrust goes a little otherwise than the model has "
-        "it, in climb above all"
+        f"thrust, {kt / ratio:.3g} by the weight, and the intervals of kt and inertia cover both: "
+        "the accelerometer's scale is wrong, or thrust differs a little from the model, most of "
+        "all in climb"
     )
 
 
 def vagueness(weighed: WeighedThrust, kt: float, std: float) -> str:
     """Return what it means that changes of thrust leave k_t open."""
     return (
-        f"changes of thrust tell kt only to {kt:.3g} +- {1.96 * std:.2g}; {weighed.kt:.3g} carries "
-        "the weight: kt is taken from the weight, inertia with it, and the intervals hold both "
-        f"values; {ADVICE['force']}"
+        f"changes of thrust give kt only as {kt:.3g} +- {1.96 * std:.2g}, carrying the weight "
+        f"takes {weighed.kt:.3g}: kt is taken from the weight, inertia is scaled with it, and the "
+        f"intervals cover both values; {ADVICE['force']}"
     )
 
 

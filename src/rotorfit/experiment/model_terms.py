@@ -39,12 +39,12 @@ TERM_WORDS: Final[dict[Term, str]] = {
     "rotor_spread": "a thrust coefficient of each rotor's own (kt_1, kt_2, ...)",
     "accel_bias": "the bias of the accelerometer",
     "twist": "a yaw torque in proportion to thrust, of motors tilted about their arms",
-    "rotor_drag": "a yaw torque of rotors that a turn carries through the air",
+    "rotor_drag": "a yaw torque of rotors that move sideways through the air in a turn",
     "drag": "air drag of the frame, in proportion to its velocity",
     "turn_damping": "damping of roll and pitch, in proportion to their rates",
     "inflow": "thrust that falls as the rotors climb",
     "translational_lift": "thrust that rises with the square of the sideways velocity",
-    "torque_offset": "a torque that does not change",
+    "torque_offset": "a constant torque",
 }
 
 

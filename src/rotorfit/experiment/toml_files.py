@@ -83,7 +83,7 @@ def _known_motors(name: Any, folder: Path) -> dict[str, Any]:
         ) from error
     if not motors:
         raise ExperimentError(
-            f"motors.result: {path.name} tells no law from command to rotor speed; identify a log "
+            f"motors.result: {path.name} has no law from command to rotor speed; identify a log "
             "with commands and measured rotor speeds, or give law under [motors]"
         )
     return motors
@@ -100,7 +100,10 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise ExperimentError(f"no file {path}; give the path of a TOML file") from None
+        raise ExperimentError(
+            f"no file {path}; give the path of an airframe file (rotorfit airframe LOG writes one) "
+            "or of an experiment file"
+        ) from None
     except IsADirectoryError:
         raise ExperimentError(f"{path} is a folder; give the TOML file in it") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -53,7 +53,11 @@ def flyable(model: VehicleModel) -> tuple[VehicleModel, tuple[str, ...]]:
 
 
 def fly_manoeuvre(
-    model: VehicleModel, manoeuvre: Manoeuvre, *, believed: VehicleModel | None = None
+    model: VehicleModel,
+    manoeuvre: Manoeuvre,
+    *,
+    believed: VehicleModel | None = None,
+    gains: Gains | None = None,
 ) -> ModelFlight:
     """Fly one manoeuvre in MuJoCo.
 
@@ -65,6 +69,8 @@ def fly_manoeuvre(
         Hover for 8 s, or a step.
     believed
         What the autopilot takes the vehicle for; the vehicle itself by default.
+    gains
+        Of the autopilot; the stock ones by default, which hold the place in hover alone.
 
     Raises
     ------
@@ -82,7 +88,7 @@ def fly_manoeuvre(
         vehicle,
         thrust_to_weight=_thrust_to_weight(model),
         period=period,
-        gains=Gains() if manoeuvre == "hover" else FREE,
+        gains=gains or (Gains() if manoeuvre == "hover" else FREE),
     )
     memory, rows = _settled(model, pilot), list[list[float]]()
     kt = np.array([rotor.kt for rotor in model.rotors])

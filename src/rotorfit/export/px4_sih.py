@@ -65,8 +65,8 @@ def _remarks(model: VehicleModel) -> list[str]:
     off = 1e3 * (np.array([r.position for r in model.rotors]).mean(axis=0) - model.com)
     return [
         "inertia about the CoM in body axes FRD: the signs of xy and xz are opposite to the above",
-        "SIH_T_MAX = kt max_speed^2, SIH_Q_MAX = kd max_speed^2; thrust goes with the motor signal "
-        "in SIH, for which THR_MDL_FAC is 0",
+        "SIH_T_MAX = kt max_speed^2, SIH_Q_MAX = kd max_speed^2; thrust is proportional to the "
+        "motor signal in SIH, for which THR_MDL_FAC is 0",
         "SIH puts the CoM in the middle of the rotors; here the rotors' middle is "
         f"{off[0]:.2g} mm forward and {off[1]:.2g} mm left of it, which SIH leaves out; as are Jr "
         "and differences between rotors",
@@ -79,10 +79,10 @@ def _remarks(model: VehicleModel) -> list[str]:
 def _air_remark(model: VehicleModel) -> str:
     known = [name for name in TERMS if name in model.air]
     if not known:
-        return "SIH_KDV and SIH_KDW (drag and damping) are 0: these flights do not tell them"
+        return "SIH_KDV and SIH_KDW (drag and damping) are 0: these flights do not show them"
     return (
-        "SIH_KDV is the mean of drag along the three axes, SIH_KDW that of damping about them, 0 "
-        f"where these flights tell none ({', '.join(known)} are told)"
+        "SIH_KDV is the mean of drag along the three axes, SIH_KDW that of damping about them, "
+        f"0 where these flights show none ({', '.join(known)} are shown)"
     )
 
 

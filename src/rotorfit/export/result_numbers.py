@@ -149,7 +149,7 @@ def _why(p: Parameter) -> str:
         return f"known only together with {p.partner}"
     if p.verdict == "removed":
         return "the method took it out of the model"
-    return p.reason or "these flights do not tell"
+    return p.reason or "these flights do not show it"
 
 
 def _of_derived(d: Derived, why: str) -> Number | Missing:
@@ -168,7 +168,7 @@ def _about_com(
     for name in (*COM, *INERTIA_COM):
         twin = parameters.get(twin_of(name))
         if name in derived and not (isinstance(twin, Number) and twin.origin == "removed"):
-            why = twin.reason if isinstance(twin, Missing) else "these flights do not tell"
+            why = twin.reason if isinstance(twin, Missing) else "these flights do not show it"
             number = _of_derived(derived[name], why)
             if isinstance(number, Missing) and isinstance(twin, Missing):
                 number = replace(number, verdict=twin.verdict)
@@ -250,8 +250,8 @@ def _in_si(
             return Missing(
                 name=number.name,
                 verdict="not-identified",
-                reason="known only per command: no law from command to rotor speed is given; the "
-                "speed at full command would do, if speed is in proportion to command",
+                reason="known only per command: no law from command to rotor speed is given; "
+                "supply the speed at full command if speed is proportional to the command",
                 cure="max_speed",
             )
         if speed.unit != FULL_COMMAND:

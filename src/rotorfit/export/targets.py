@@ -148,7 +148,7 @@ def export(
     )
     terms = terms_left_out(result, model.configuration, written=chosen.terms)
     if terms:
-        words = f"identified, and left out here: {', '.join(terms)}"
+        words = f"identified, but left out of this file: {', '.join(terms)}"
         model = replace(model, notes=(*model.notes, words))
     drawn: Sequence[VehicleModel] = ()
     if chosen.write_intervals is not None:

@@ -100,9 +100,9 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed
         value, unit, remark = full_speed_of(law), "rad/s", "the law of [motors] at full command"
     elif speed == "full-command" and is_per_command(result):
         value, unit = 1.0, FULL_COMMAND
-        remark = "in parts of its largest, which no law tells"
+        remark = "as a fraction of its maximum: no law gives it in rad/s"
         if law is None:
-            remark = "taken in proportion to the command, no law being known"
+            remark = "taken as proportional to the command: no law is known"
     else:
         return None
     return Number(name="max_speed", value=value, unit=unit, origin="law", remark=remark)
@@ -200,7 +200,7 @@ def _absent(name: str) -> Missing:
 
 
 _WHY_ABSENT: Final = {
-    "motor_lag": "measured rotor speed shows none of it without the commands beside it",
+    "motor_lag": "measured rotor speed alone does not show it; log the motor commands, too",
     "max_speed": "no law from command to rotor speed is given",
 }
 

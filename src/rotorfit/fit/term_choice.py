@@ -78,7 +78,7 @@ class Choice:
     def sentences(self) -> tuple[str, ...]:
         """Say of each term that was added, why."""
         return tuple(
-            f"the model has {TERM_WORDS[name]} ({name}): it raises the log-likelihood by "
+            f"the model includes {TERM_WORDS[name]} ({name}): it raises the log-likelihood by "
             f"{gain:.0f} ({self.least_gain:.0f} needed)"
             for name, gain in self.gains.items()
             if name in self.terms

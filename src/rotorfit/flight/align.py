@@ -132,8 +132,8 @@ def with_poses(log: FlightLog, recording: FlightLog) -> FlightLog:
     """
     if "gyro" not in log.channels:
         raise LogError(
-            f"{log.path.name} has no gyro (it has {', '.join(log.channels)}), by whose rates "
-            f"{recording.path.name} would be aligned; log the raw IMU"
+            f"{log.path.name} has no gyro (it has {', '.join(log.channels)}), which is needed to "
+            f"align {recording.path.name} with it; log the raw IMU"
         )
     try:
         found = align(recording, log.channels["gyro"])
@@ -447,13 +447,14 @@ def _cross_matrix(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3
 def _refuse_vague(found: Alignment) -> None:
     if found.rotation_std > VAGUEST_MOUNTING:
         raise FlightError(
-            f"how the markers are mounted is known to {np.degrees(found.rotation_std):.1f} degrees "
-            "only: the flight turned about one axis, or hardly; fly with roll, pitch and yaw"
+            f"how the markers are mounted is known only to {np.degrees(found.rotation_std):.1f} "
+            "degrees: the flight turned about one axis, or hardly at all; fly with roll, pitch and "
+            "yaw"
         )
     if abs(found.drift) > LARGEST_DRIFT:
         raise FlightError(
-            f"the clocks run apart by {1e2 * abs(found.drift):.2f} %, which clocks do not: export "
-            "the recording with the times of the cameras, and check its frame rate"
+            f"the clocks drift apart by {1e2 * abs(found.drift):.2f} %, more than clocks do: "
+            "export the recording with the times of the cameras, and check its frame rate"
         )
 
 

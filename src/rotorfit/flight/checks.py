@@ -45,6 +45,8 @@ def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -
     for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
         if name not in log.channels:
             named = ", or name its columns with a columns map" if log.takes_columns else ""
+            if {"position", "attitude"} <= log.channels.keys():
+                named += ", or take the motion from the poses (--source mocap), beside motor data"
             raise LogError(
                 f"the log has no {what} (channel {name}; it has {has}); log the raw IMU{named}"
             )
@@ -95,15 +97,15 @@ def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
         if float(np.ptp(values, axis=0).max()) == 0.0:
             first = ", ".join(f"{v:g}" for v in values[0])
             raise FlightError(
-                f"the {name} channel is constant ({first}) over the whole log, where a sensor in "
-                f"flight never is; check its source: {log.channels[name].source}"
+                f"the {name} channel is constant ({first}) over the whole log, which a sensor "
+                f"in flight never is; check its source: {log.channels[name].source}"
             )
     turns = np.abs(uniform.values["gyro"]).max(axis=1)
     fastest = float(np.percentile(turns, 99.8))
     if fastest > FASTEST_TURN and not _is_one_blow(turns, uniform):
         remedy = UNIT_OF_GYRO if log.takes_columns else AS_A_TABLE
         raise FlightError(
-            f"the gyro reads up to {fastest:.0f} rad/s, which no multirotor turns (below "
+            f"the gyro reads up to {fastest:.0f} rad/s, faster than any multirotor turns (below "
             f"{FASTEST_TURN:.0f} was expected); it looks like deg/s: {remedy}"
         )
 
@@ -126,7 +128,7 @@ def refuse_blows(uniform: UniformChannels, flights: list[tuple[int, int]]) -> No
     first, last = (float(uniform.time[i] - uniform.time[0]) for i in (fast[0], fast[-1]))
     raise FlightError(
         f"the gyro reads up to {float(turns[fast].max()):.0f} rad/s from {first:.1f} to "
-        f"{last:.1f} s since the first sample, which no multirotor flies (below "
+        f"{last:.1f} s since the first sample, faster than any multirotor turns (below "
         f"{FASTEST_TURN:.0f} was expected): a "
         f"crash or a blow; set end = {max(first - 0.1, 0.0):.1f} before it, or start = "
         f"{last + 0.1:.1f} after it (--start, --end)"
@@ -260,8 +262,8 @@ def slow_motors_said(motor_rate: float) -> Generator[None, None, None]:
         raise FlightError(
             f"motor data come at {motor_rate:.0f} Hz, too slow to tell flight from ground and to "
             "find inertia (100 Hz and more are good): log motors faster (PX4: bit 4 of "
-            "SDLOG_PROFILE); of this log, thrust at most, with start and end of the flight given "
-            "(--start, --end)"
+            "SDLOG_PROFILE); this log can give thrust at most, and only with start and end of "
+            "the flight (--start, --end)"
         ) from error
 
 
@@ -318,5 +320,5 @@ def _speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
         return []
     return [
         f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air drag of the frame "
-        "counts, which is in the model only as the term drag: use a slower part of the flight"
+        "matters, and the model has it only with the term drag: use a slower part of the flight"
     ]

@@ -82,8 +82,9 @@ def usable_samples(channel: Channel, name: str) -> Channel:
     fresh = np.concatenate([[True], steps > 0])
     if fresh.sum() < FEWEST_SAMPLES:
         raise FlightError(
-            f"the clock of channel {name} stands still at {t[0]:.6f} s: it has {len(t)} samples "
-            f"but {int(fresh.sum())} different times; export the log with its time column"
+            f"the clock of channel {name} does not advance from {t[0]:.6f} s: it has "
+            f"{len(t)} samples but {int(fresh.sum())} different times; "
+            "export the log with its time column"
         )
     if fresh.all():
         return dataclasses.replace(channel, time=t, values=np.asarray(channel.values, dtype=float))

@@ -117,6 +117,6 @@ def ground_said(time: Float[np.ndarray, " n"], standing: list[Rows]) -> tuple[st
         return ()
     when = ", ".join(f"{time[a] - time[0]:.1f} to {time[b - 1] - time[0]:.1f}" for a, b in standing)
     return (
-        f"the vehicle stands on the ground at {when} s: these parts of the stretch between start "
-        "and end are left out; what the ground carries tells nothing of thrust",
+        f"the vehicle stands on the ground at {when} s: these parts of the stretch between "
+        "start and end are left out, as the ground carries some of the weight there",
     )

@@ -381,7 +381,7 @@ def _doubts(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
     apart = [r for r in rotors if r.state == "apart"]
     if len(apart) > 1 and len(apart) == len(pair.live):
         words.append(
-            "the measured rotor speeds go with no command (correlations up to "
+            "the measured rotor speeds match no command (correlations up to "
             f"{max(r.correlation or 0.0 for r in apart):.2f}): they are not of these motors, or "
             "on another clock"
         )
@@ -392,7 +392,7 @@ def _doubts(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
             for r in apart
         ]
     words += [
-        f"the measured speed of rotor {r.rotor} stands still for {100.0 * r.stuck:.0f} % of the "
+        f"the measured speed of rotor {r.rotor} stays constant for {100.0 * r.stuck:.0f} % of the "
         "time while its command moves: its ESC telemetry is stuck or lost"
         for r in rotors
         if r.state == "stuck"
@@ -410,7 +410,7 @@ def _dead_words(rotor: RotorTelemetry, pair: _Pair) -> str:
     speed = pair.speed[pair.used, rotor.rotor - 1]
     command = pair.command[pair.used, rotor.rotor - 1]
     if not np.isfinite(speed).any():
-        return f"the measured speed of rotor {rotor.rotor} has no values: its ESC tells nothing"
+        return f"the measured speed of rotor {rotor.rotor} has no values: its ESC sends nothing"
     if float(np.ptp(speed)) == 0.0:
         return (
             f"the measured speed of rotor {rotor.rotor} is {speed[0]:g} rad/s throughout while "

@@ -182,6 +182,6 @@ def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, .
         if (np.diff(speeds[:, 0]) < 0.0).any():
             doubts.append(
                 f"the motors' law falls somewhere between the commands {low:.3g} and {high:.3g} of "
-                "the flight, where no rotor slows down at more command: check its coefficients"
+                "the flight, but no rotor slows down when the command rises: check its coefficients"
             )
     return tuple(doubts)

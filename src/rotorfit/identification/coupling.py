@@ -40,8 +40,9 @@ LEAST_GAIN_SIMULATED: Final = -3.0
 """The same of a program whose own frames have none: with I_xx = I_yy a body with I_zz the same is
 as likely."""
 WORDS: Final = (
-    "this flight obeys no rigid body: where roll, pitch and yaw are flown together none acts on "
-    "another (log-likelihood {gain:+.0f} without w x I w): a simulator without gyroscopic terms? "
+    "this flight does not move like a rigid body: where roll, pitch and yaw are flown together, "
+    "none affects another (log-likelihood {gain:+.0f} without w x I w): a simulator without "
+    "gyroscopic terms? "
     "They alone give the scale of yaw, so that Izz, kd and Jr are not given, only their ratios; on "
     "a real vehicle the gyro's axes, scale or clock would be wrong"
 )

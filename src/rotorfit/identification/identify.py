@@ -56,7 +56,7 @@ Progress = Callable[[str], None]
 
 ORIGIN_IS_TRACKED = (
     "the origin is the point that motion capture tracks: CoM, first moments and rotor centre are "
-    "measured from it; inertia about the CoM is free of that choice"
+    "measured from it; inertia about the CoM does not depend on that choice"
 )
 IMU_PLACE_UNUSED = (
     "the origin is the point that motion capture tracks: the rotors' positions are taken as "

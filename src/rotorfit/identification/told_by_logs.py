@@ -51,7 +51,7 @@ def told_by_logs(declared: MotorsEntry, flown: Flown) -> tuple[str, ...]:
             battery = f", at {flown.motors.law.voltage.nominal:g} V"
         said.append(
             f"the law from command to rotor speed is the one in the log ({told.words}{battery}): "
-            "as good as that was set; law under [motors] replaces it"
+            "only as good as these settings; a law under [motors] replaces it"
         )
     return tuple(dict.fromkeys(word for word in said if word))
 
@@ -70,6 +70,7 @@ def _yaw_of_sitl(flight: UsedFlight) -> str:
     c, f = curve.command(thrust), curve.factor
     more = 1.0 + thrust / (c * (1.0 - f + 2.0 * f * c))
     return (
-        f"its yaw torque changes {more:.2f} times as much as one in proportion to thrust: kd, "
-        f"kd/kt and kd/Izz are those of changes, and {more:.2f} times those of hover"
+        f"its yaw torque changes {more:.2f} times as much as a torque proportional to thrust "
+        f"would: kd, kd/kt and kd/Izz describe changes about hover, {more:.2f} times "
+        "their values in hover"
     )

@@ -33,8 +33,7 @@ GUESSED_ARM = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""
 NEEDED = ("gyro", "accel")
 WITH_AIRFRAME = (
-    "only with --airframe FILE is it judged whether motor order, spins and arm are right, and each "
-    "number gets its verdict"
+    "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"
 )
 
 
@@ -189,10 +188,17 @@ def _missing(log: FlightLog, *, usable: bool) -> list[str]:
     """Return what the log lacks for an identification, and what to do where it is usable at all."""
     if set(log.channels) and set(log.channels) <= {"position", "attitude", "velocity"}:
         return [_of_a_pose_alone(log)]
-    words: list[str] = []
-    for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
-        if name not in log.channels:
-            words.append(f"no {name} channel ({what}): nothing can be identified from this log")
+    posed = {"position", "attitude"} <= log.channels.keys()
+    loss = (
+        'identify with source = "mocap" if position and attitude are those of motion capture'
+        if posed and {"rotor_speed", "command"} & log.channels.keys()
+        else "nothing can be identified from this log"
+    )
+    words = [
+        f"no {name} channel ({what}): {loss}"
+        for name, what in (("gyro", "rotation rates"), ("accel", "specific force"))
+        if name not in log.channels
+    ]
     if "rotor_speed" not in log.channels:
         if "command" in log.channels:
             words.append(
@@ -208,11 +214,11 @@ def _missing(log: FlightLog, *, usable: bool) -> list[str]:
 
 def _of_a_pose_alone(log: FlightLog) -> str:
     """Return what a file of motion capture lacks, and what it is good for."""
-    words = "only the pose is in this file, no motors"
+    words = "this file has only the pose, no motors"
     try:
         camera_clock(log.channels["position"].time)
     except (FlightError, KeyError) as error:
-        return f"{words}, and not as a recording beside a log: {error}"
+        return f"{words}; it cannot be used as a recording beside a log either: {error}"
     beside = 'name it beside the log of the autopilot (flights = [{ file = "LOG", mocap = '
     return f'{words}: {beside}"THIS FILE" }}])'
 

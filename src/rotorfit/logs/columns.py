@@ -180,9 +180,10 @@ def complete_groups(
         if not missing:
             groups.append(group)
         elif present and (not asked or asked.intersection(present)) and not _spare(group, have):
+            cure = "name the others in the columns map, too" if asked else f"rename {present[0]!r}"
             raise LogError(
                 f"column {missing[0]!r} is missing beside {', '.join(present)}: "
-                f"record {', '.join(group.names)} together, or rename {present[0]!r}"
+                f"record {', '.join(group.names)} together, or {cure}"
             )
         elif present:
             notes.append(f"Left out {', '.join(present)}: no {', '.join(missing)} beside.")

@@ -220,7 +220,7 @@ def _sheet(plan: FlightPlan) -> Sheet:
     reached = plan.enough or plan.recommended is not None
     return Sheet(
         heading=f"{plan.request.name}: {answer}"
-        + ("" if reached else "; it comes nearest, and no candidate reaches what is wanted"),
+        + ("" if reached else "; it comes closest; no candidate reaches what is wanted"),
         columns=("flight", "enough", *plan.request.wanted.limits),
         rows=candidate_rows(plan.candidates, plan.request.wanted),
         remarks=("half of the 95 % interval, in % of the value (com_x, com_y, com_z: mm)",),

@@ -42,7 +42,7 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
     lines = [
         *_wrapped(headline(outcome), width, "", ""),
         "",
-        "Replay: rms error of the rates [rad/s], so long after the start of a window",
+        "Replay: rms error of the rates [rad/s], this long after the start of a window",
     ]
     column = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
     times = told_times(outcome)
@@ -144,13 +144,13 @@ def meaning(outcome: FlyOutcome) -> list[str]:
     if worse:
         words.append(
             f"{' and '.join(worse)}: over {end:.2g} s the model is worse than holding the rate; "
-            "do not predict with it there: fly livelier about that axis and identify again"
+            "do not predict that axis with it: fly livelier about it and identify again"
         )
     trim = [axis for axis, share in zip(AXES, steady, strict=True) if share > STEADY]
     if trim:
         words.append(
             f"{' and '.join(trim)}: most of the error is steady, which is trim (centre of mass, "
-            "wind, unequal rotors); a controller with integral action takes it out, a prediction "
+            "wind, unequal rotors); a controller with integral action removes it, a prediction "
             "does not"
         )
     if not worse:

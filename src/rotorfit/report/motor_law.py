@@ -149,9 +149,10 @@ def law_sentences(law: CommandLaw) -> tuple[str, ...]:
     ]
     said = [
         f"measured speeds are within {100.0 * law.relative_error:.2g} % of it (root mean square); "
-        "error on stretches left out, over this form's: " + ", ".join(others),
-        f"commands in flight were {law.commands[0]:.2f} to {law.commands[1]:.2f}: beyond, the law "
-        "is continued",
+        "other forms, by their error on stretches left out of the fit over this one's: "
+        + ", ".join(others),
+        f"commands in flight were {law.commands[0]:.2f} to {law.commands[1]:.2f}; outside, the "
+        "law is extrapolated",
     ]
     factors = [f"{i} {f:.3f}" for i, f in enumerate(law.rotor_factors, 1) if f is not None]
     if len(factors) > 1:

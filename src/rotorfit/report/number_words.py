@@ -66,10 +66,10 @@ TITLES = {
 
 VERDICT_MEANING = {
     "identified": "uncertainty up to 25 % of the value or its relevant size (docs/method.md)",
-    "weak": "uncertainty over 25 % of value and relevant size, or mostly from the prior (kt_1 ...)",
+    "weak": "uncertainty over 25 % of value and relevant size, or mostly prior (marked so)",
     "ratio-only": "known only together with another parameter",
     "not-identified": "this flight does not show it",
-    "given": "told to rotorfit, not estimated",
+    "given": "given to rotorfit, not estimated",
     "removed": "taken out of the model as unessential",
 }
 

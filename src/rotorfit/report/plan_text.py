@@ -64,7 +64,8 @@ def _answer(plan: FlightPlan, width: int) -> list[str]:
         return _wrapped(width, f"Fly: {flown_words(plan.recommended)}.", *_with_payload(plan))
     return _wrapped(
         width,
-        f"No candidate reaches this. The nearest is: {flown_words(plan.best)}; it leaves "
+        f"No flight considered here reaches this. The closest is: {flown_words(plan.best)}; it "
+        "leaves "
         f"{unmet_words(plan)}.",
         *_with_payload(plan),
         *remedy_words(plan),
@@ -80,8 +81,8 @@ def remedy_words(plan: FlightPlan) -> list[str]:
             words.append(f"With measured rotor speed (ESC telemetry) in the log: {flown}.")
         else:
             words.append(
-                f"Longer, in several flights of the same configuration if the battery asks for "
-                f"it: {flown}."
+                "Longer (several flights of the same configuration, if the battery does not "
+                f"last): {flown}."
             )
     if words:
         return words
@@ -92,9 +93,9 @@ def remedy_words(plan: FlightPlan) -> list[str]:
         else "Flying longer does not reach it"
     )
     return [
-        f"{tried}: what is left is not chance but gusts, the timing of the motor data and the "
-        "scale. A calm hall, brisker flying, a faster log (--log-rate) or a heavier payload "
-        "(--payload) may."
+        f"{tried}: the remaining error comes from gusts, the timing of the motor data and the "
+        "scale, not from noise. A calm hall, brisker flying, a faster log (--log-rate) or a "
+        "heavier payload (--payload) may help."
     ]
 
 
@@ -113,8 +114,8 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
     if not plan.missing:
         return ["Still missing: nothing; every number of the result is identified."]
     lines = textwrap.wrap(
-        "Still missing, and what fixes each (the advice of identify, or what does better for this "
-        "vehicle):",
+        "Still missing, and what to fly for each (as identify advises, or what works better for "
+        "this vehicle):",
         width,
     )
     for missing in plan.missing:

@@ -42,7 +42,11 @@ def standalone(inline: str, style: str) -> str:
     """Return an SVG of a page as a file of its own, with its style and a white ground."""
     head, rest = inline.split(">", maxsplit=1)
     box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', head)
-    size = "" if box is None else f' width="{box[1]}" height="{box[2]}"'
+    size = (
+        ""
+        if box is None
+        else f' width="{box[1]}" height="{box[2]}" style="max-width:100%;height:auto"'
+    )
     ground = '<rect width="100%" height="100%" fill="#fff"/>'
     return (
         f'<?xml version="1.0" encoding="UTF-8"?>\n{head} xmlns="{NAMESPACE}"{size}>'

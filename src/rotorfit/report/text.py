@@ -50,7 +50,9 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
         _listed("What the verdicts mean", _meanings(result), width),
         _listed("What to do next", advice_of(result), width),
         _listed("To know", doubts_of(result), width),
-        _listed("No flight tells these: see that they are right", hangs_on(result), width),
+        _listed(
+            "No flight can check these: make sure that they are right", hangs_on(result), width
+        ),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 

@@ -11,14 +11,15 @@ from rotorfit.results.result import IdentificationResult
 _PER_MASS: Final = " per kg"
 
 NO_LAW: Final = (
-    "no law from command to rotor speed is given: the command (0 to 1) stands for the speed in "
-    "parts of its largest, w_max; kt, kd and Jr are per (squared) command, so that kt is the "
-    "thrust of one rotor at full command (kt w_max^2); kt w_max^2, kd/kt, inertia and CoM are "
-    "physical as far as the speed is in proportion to the command: else give law under [motors]"
+    "no law from command to rotor speed is given: the command (0 to 1) is taken as the speed "
+    "over its maximum, w_max; kt, kd and Jr are per (squared) command, so that kt is the thrust "
+    "of one rotor at full command (kt w_max^2); kt w_max^2, kd/kt, inertia and CoM are physical "
+    "if the speed is proportional to the command: if not, give law under [motors]"
 )
 RELATIVE_LAW: Final = (
-    "the motors' law has no speed in rad/s: rotor speed counts in parts of its largest, so that kt "
-    "is the thrust of one rotor at full command and kd its torque; kd/kt, inertia and CoM are "
+    "the motors' law has no speed in rad/s: rotor speed is taken as a fraction of its maximum, "
+    "so that kt is the thrust of one rotor at full command and kd its torque; kd/kt, inertia "
+    "and CoM are "
     "physical"
 )
 

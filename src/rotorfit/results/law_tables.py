@@ -32,8 +32,8 @@ FEWEST_IN_POINT: Final = 20
 SURE_LAG: Final = 0.05
 """Of the lag: a deviation that stands for what the next flight may differ in, at least."""
 NO_VOLTAGE: Final = (
-    "the motors' law (command_law) holds at the charge of the battery that was flown: the log "
-    "tells nothing of its voltage; log it for a law of any charge"
+    "the motors' law (command_law) holds for the battery charge of this flight: the log has no "
+    "voltage; log it to get a law for any charge"
 )
 
 Vector = Float[np.ndarray, " p"]

@@ -35,7 +35,8 @@ ROW_ORDER = (
 )
 ORIGIN_IS_IMU = (
     "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured from it, "
-    "and com_z is the height of the CoM over it; inertia about the CoM is free of that choice"
+    "and com_z is the height of the CoM over it; inertia about the CoM does not depend on that "
+    "choice"
 )
 RATIOS = {
     "kd": ("kd_over_Izz", "Izz"),

@@ -261,8 +261,8 @@ def _body(
     if unknown or mass.value is None:
         names = ", ".join([*(["mass"] if mass.value is None else []), *unknown])
         raise EstimationError(
-            f"{mass.configuration}: {names} not known, and without it no nearest "
-            "body; fly what the result advises, then identify again"
+            f"{mass.configuration}: {names} not known, and without it there is no nearest body; "
+            "fly what the result advises, then identify again"
         )
     diagonal = [known[0] for name in ("Ixx", "Iyy", "Izz") if (known := found[name]) is not None]
     filled = [found[name] or (0.0, _widest(name, diagonal, mass.value)) for name in MOMENTS]

@@ -404,6 +404,8 @@ def _from_plain(data: Any, path: Path) -> IdentificationResult:
 
 def _no_result(path: Path, why: str) -> str:
     """Return what a file is in place of a result, and which would be right."""
+    if not path.exists():
+        return f"no file {path}; rotorfit identify LOG ... -o {path.name}  writes a result"
     kind = kind_of(path)
     known = kind is not None and kind != RESULT_FILE
     what = f": this is {kind}, no result" if known else f" is not a rotorfit result ({why})"

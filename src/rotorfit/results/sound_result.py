@@ -69,15 +69,15 @@ def _structure(result: IdentificationResult) -> str | None:
     )
     for name, table in tables:
         if not isinstance(table, dict):
-            return f"{name} is no table"
+            return f"{name} is not a table"
     covariance = result.covariance
     if not (np.abs(covariance) <= LARGEST**2).all():
-        return "the covariance holds what is no number"
+        return "the covariance holds something that is not a number"
     names: tuple[Any, ...] = result.covariance_names
     if not all(isinstance(name, str) for name in names):
-        return "the covariance has names that are no text"
+        return "the covariance has names that are not text"
     if result.axes != "FLU":
-        return f"axes are {result.axes!r}, and FLU in every result"
+        return f"axes are {result.axes!r}, but FLU in every result"
     return None
 
 
@@ -87,7 +87,7 @@ def _doubled(result: IdentificationResult) -> str | None:
         counted = Counter((e.name, e.configuration) for e in entries)
         twice = next((name for (name, _), count in counted.items() if count > 1), None)
         if twice is not None:
-            return f"{twice} is there twice"
+            return f"{twice} is listed twice"
     return None
 
 
@@ -101,13 +101,13 @@ def _entry(entry: Parameter | Derived) -> str | None:
     if isinstance(entry, Parameter):
         texts += [("reason", entry.reason), ("with", entry.partner)]
         if entry.verdict not in get_args(Verdict):
-            return f"{name} has the verdict {entry.verdict!r}, which there is not"
+            return f"{name} has the verdict {entry.verdict!r}, which does not exist"
     for field, text in texts:
         if not isinstance(text, str) and (text is not None or field == "unit"):
-            return f"{field} of {name} is {text!r}, and no text"
+            return f"{field} of {name} is {text!r}, not text"
     unit = known[name].unit
     if entry.unit.removesuffix(" per kg") not in (unit, effective_unit(name, unit)):
-        return f"{name} is in {entry.unit!r}, and {unit} is its unit"
+        return f"{name} is in {entry.unit!r}, but its unit is {unit}"
     return _number(name, entry.value) or _interval(name, entry)
 
 
@@ -116,10 +116,10 @@ def _number(name: str, value: Any) -> str | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return f"{name} is {value!r}, and no number"
+        return f"{name} is {value!r}, not a number"
     small = name in ABOVE_ZERO and 0.0 < value < SMALLEST
     if abs(value) > LARGEST or small:
-        return f"{name} is {value:.3g}, and nothing that flies has such"
+        return f"{name} is {value:.3g}, which nothing that flies has"
     return None
 
 

@@ -112,8 +112,8 @@ def replay_vehicle(
     missing = [name for name in needed if name not in values]
     if missing:
         raise ExperimentError(
-            f"{', '.join(missing)} of configuration {owner}: not known from these flights: "
-            "nothing is flown without; give your own (--assume NAME=VALUE)"
+            f"{', '.join(missing)} of configuration {owner}: not known from these flights, and "
+            "the model cannot fly without; give your own (--assume NAME=VALUE)"
         )
     stack = _stack(values, vehicle)
     good = _possible(stack)

@@ -89,7 +89,8 @@ def _sentence(name: str, axis: str, one: Instrumented) -> str:
     numbers = "kd / Izz and Jr / Izz" if axis == "yaw" else f"kt / I{'xy'[axis == 'pitch'] * 2}"
     return (
         f"{name}: by what was asked for the response in {axis} ({numbers}) is {one.ratio:.3f} +- "
-        f"{one.half_width:.3f} times that of the fit: the autopilot answered gusts otherwise than "
-        "assumed, or what was asked for is not what moved the vehicle; fly again in calm air with "
+        f"{one.half_width:.3f} times that of the fit: the autopilot responded to gusts "
+        "differently than assumed, or what was asked for is not what moved the vehicle; fly "
+        "again in calm air with "
         "larger, quicker sticks"
     )

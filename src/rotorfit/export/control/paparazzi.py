@@ -106,7 +106,7 @@ def _remarks(model: VehicleModel) -> list[str]:
     if model.Jr is None:
         remarks = ["G2 is left out: Jr is not known"]
     if model.law is None:
-        remarks.append("rotor speed is taken in proportion to the command, no law being known")
+        remarks.append("rotor speed is taken as proportional to the command: no law is known")
     remarks.append(
         f"with INDI_RPM_FEEDBACK a unit is 1/{FULL:g} of the range of the servo in RPM: multiply "
         "G1 and G2 by that unit in rad/s over the rad/s above"

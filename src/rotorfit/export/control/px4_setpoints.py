@@ -45,9 +45,9 @@ def write_px4_setpoints(
         "for PX4 with the CA_ROTOR parameters of rotorfit export --to px4; body axes FRD",
         "vehicle_thrust_setpoint.xyz[2] = -F / thrust (F: newton upwards); "
         "vehicle_torque_setpoint.xyz = torque / (roll, pitch, yaw); until a motor is at 0 or 1",
-        "THR_MDL_FAC has to be as here: a motor's thrust then goes with what is asked of it"
+        "THR_MDL_FAC has to be as here: a motor's thrust is proportional to what is asked of it"
         + (
-            "; no law is known, rotor speed is taken in proportion to the command"
+            "; no law is known, rotor speed is taken as proportional to the command"
             if curve is None
             else f", within {100 * curve.error:.2g} % of full thrust"
         ),

@@ -2,10 +2,10 @@
 
 Sources: IsaacLab, isaaclab/envs/mdp/events.py (randomize_rigid_body_mass, randomize_rigid_body_com,
 randomize_rigid_body_inertia: uniform ranges, one for all elements of an operation) and
-isaaclab_contrib/actuators/thruster_cfg.py (ThrusterCfg: thrust_range, thrust_const_range,
-tau_inc_range, tau_dec_range, torque_to_thrust_ratio). Ranges have no correlations: they are the
-95 % of the draws, each by itself, and the file says so. Isaac Lab needs NVIDIA's Isaac Sim: the
-names are held against its documented signatures.
+isaaclab_contrib/actuators/thruster_cfg.py (ThrusterCfg: thrust_range, thrust_const_range in N per
+squared revolution per second, tau_inc_range, tau_dec_range, torque_to_thrust_ratio). Ranges have no
+correlations: they are the 95 % of the draws, each by itself, and the file says so. Isaac Lab runs
+in NVIDIA's Isaac Sim: names, units and formulas are those of the source of its package 2.3.2.
 """
 
 from typing import Any, Final
@@ -25,6 +25,9 @@ def event_terms(asset_cfg):
     from isaaclab.envs import mdp
     from isaaclab.managers import EventTermCfg
 
+    missing = [term["func"] for term in EVENTS.values() if not hasattr(mdp, term["func"])]
+    if missing:
+        raise ImportError(f"this Isaac Lab has no {missing}: update it, or delete it from EVENTS")
     return {
         name: EventTermCfg(
             func=getattr(mdp, term["func"]),
@@ -45,8 +48,10 @@ def isaac_lab_ranges(found: Variants, head: list[str]) -> bytes:
         "body terms are changes of the vehicle that was exported (urdf): com_range is added, "
         "inertia is scaled by one range, the widest of Ixx, Iyy, Izz; its products stay, since "
         "Isaac Lab would draw Ixy and Iyx apart",
-        "ThrusterCfg(dt=..., **THRUSTER): thrust_const is in N s^2/rad^2; the thruster uses it for "
-        "the lag of the speed alone, which is the same in any unit of speed",
+        "ThrusterCfg(dt=..., thruster_names_expr=[...], **THRUSTER): thrust_const is in N per "
+        "squared revolution per second, and raised to 1e-6 there if it is smaller, which changes "
+        "the thrust at the start alone",
+        "the inertia term needs an Isaac Lab with randomize_rigid_body_inertia (2.3 has none)",
     )
     body = f"\nEVENTS = {_written(_events(found))}\n\nTHRUSTER = {_written(_thruster(found))}\n"
     return (hash_comment(remarks) + body + _USE).encode()
@@ -78,7 +83,8 @@ def _events(found: Variants) -> dict[str, Any]:
 
 def _thruster(found: Variants) -> dict[str, Any]:
     models = found.models
-    kt = np.array([[rotor.kt for rotor in m.rotors] for m in models])
+    per_turn = (2.0 * np.pi) ** 2  # from squared rad/s to squared revolutions per second
+    kt = per_turn * np.array([[rotor.kt for rotor in m.rotors] for m in models])
     full = found.nominal.kt * found.nominal.max_speed**2
     return {
         "thrust_range": (0.0, full),

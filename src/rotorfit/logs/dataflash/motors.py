@@ -86,7 +86,8 @@ def wiring(parameters: Parameters, frame: Frame | None) -> Wiring:
     if numbers != list(range(1, len(numbers) + 1)):
         listed = ", ".join(map(str, numbers))
         return Wiring(
-            outputs=(), words=f"SERVOn_FUNCTION tells of motors {listed} only, with gaps between"
+            outputs=(),
+            words=f"SERVOn_FUNCTION names only the motors {listed}, with gaps between them",
         )
     outputs = tuple(found[n] for n in numbers)
     listed = ", ".join(map(str, outputs))

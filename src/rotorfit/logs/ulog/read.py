@@ -134,8 +134,8 @@ def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:
     curve = {0.0: "the command", 1.0: "the square of the command"}.get(factor, curve)
     taken = "taken for their law" if factor else "no law"
     return [
-        f"PX4 takes the thrust of a motor to go with {curve} (THR_MDL_FAC = {factor:g}): {taken}; "
-        f"if it was measured, write under [motors] {law}, with the speed at full command."
+        f"PX4 takes the thrust of a motor as proportional to {curve} (THR_MDL_FAC = {factor:g}): "
+        f"{taken}; if it was measured, write under [motors] {law}, with the speed at full command."
     ]
 
 

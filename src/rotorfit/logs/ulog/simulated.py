@@ -45,7 +45,7 @@ def logged_motors(scan: Scan) -> LoggedMotors | None:
     if simulator == SIH and scan.number("SIH_VEHICLE_TYPE") in (None, QUADCOPTER):
         law = SpeedLaw(curve=SquareRootLaw(1.0, 0.0))
         return LoggedMotors(
-            law=law, words="SIH: thrust goes with the motor signal", lag_on="thrust"
+            law=law, words="SIH: thrust is proportional to the motor signal", lag_on="thrust"
         )
     factor = thrust_curve(scan)
     if factor > 0.0:

@@ -1,0 +1,2 @@
+// Filled in by docs/versions.py; a site built alone has no other versions.
+const ROTORFIT_VERSIONS = [];
