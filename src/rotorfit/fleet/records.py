@@ -14,11 +14,18 @@ KT_WEIGHT: Final = "kt_weight"
 """k_t by which thrust carries the weight over the whole flight [N s^2/rad^2]: the sharpest number
 of a flight, for what changes over time. Its std is that of chance alone, without what a propeller
 in motion differs from one in hover: that is the same in every flight of a vehicle."""
-NUMBERS: Final = (*PARAMETERS, *DERIVED, KT_WEIGHT)
+TRIM: Final = ("thrust_center_x", "thrust_center_y", "hover_motor")
+"""What the motors alone tell of a flight: the mean centre of thrust over the used stretches, with
+all rotors alike [m] (in calm flight it lies over the centre of mass: a battery that was shifted, a
+weight that was added show here first), and the motors' root mean square [rad/s; 0 to 1 where only
+commands are logged]. Their std is that between parts of the flight. A log that cannot be identified
+but shows its motors has a record of these alone, with the reason among its warnings."""
+NUMBERS: Final = (*PARAMETERS, *DERIVED, KT_WEIGHT, *TRIM)
 """Every number that a flight may have, in the order of the tables' columns."""
 COMPARED: Final = (
     *("kt", KT_WEIGHT, "kd", "Jr", "motor_lag"),
     *("com_x", "com_y", "com_z", "Ixx_com", "Iyy_com", "Izz_com", "hover_speed"),
+    *TRIM[:2],
 )
 """Numbers by which flights are compared: a record has their covariance."""
 
@@ -53,6 +60,8 @@ class FlightRecord:
         What to doubt, one sentence each: of the result and of the flight.
     checks
         The numbers behind the warnings, by the names of a result's diagnostics.
+    refused
+        Why the flight was not identified, where the record is of the motors alone; else empty.
     """
 
     file: str
@@ -77,6 +86,7 @@ class FlightRecord:
     battery: float | None = None
     warnings: tuple[str, ...] = ()
     checks: Mapping[str, float] = field(default_factory=dict[str, float])
+    refused: str = ""
 
     def value(self, name: str) -> float:
         """Return a number, NaN where this flight does not give it."""
@@ -136,6 +146,7 @@ def flight_columns(records: Sequence[FlightRecord]) -> Columns:
         "air_pressure": [r.air_pressure for r in records],
         "battery": [r.battery for r in records],
         "warnings": ["\n".join(r.warnings) or None for r in records],
+        "refused": [r.refused or None for r in records],
     }
     return columns
 
