@@ -83,7 +83,7 @@ def write_entry(cache: Path, key: str, entry: Entry) -> None:
     arrays: dict[str, Any] = {"told": text, **entry.factors}
     np.savez_compressed(content, **arrays)
     path = path_of(cache, key)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     write_whole(path, content.getvalue(), force=True)
 
 
@@ -124,8 +124,8 @@ def _record(plain: Mapping[str, Any]) -> FlightRecord:
     return FlightRecord(**fields)
 
 
-def refuse_cache(cache: Path) -> None:
-    """Make the folder of the cache.
+def make_folder(folder: Path) -> None:
+    """Make a folder where there is none.
 
     Raises
     ------
@@ -133,6 +133,6 @@ def refuse_cache(cache: Path) -> None:
         If it cannot be made.
     """
     try:
-        cache.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{cache} cannot be made a folder ({error.strerror})") from error
+        raise OutputError(f"{folder} cannot be made a folder ({error.strerror})") from error

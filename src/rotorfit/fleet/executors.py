@@ -28,7 +28,7 @@ from typing import Any, Final
 from rotorfit import version
 from rotorfit.errors import OutputError
 from rotorfit.fleet.listing import FlightTask
-from rotorfit.fleet.work import TRIES, Answer, Desk, worked_batch
+from rotorfit.fleet.work import TRIES, Answer, Desk, was_begun, worked_batch
 
 BATCH: Final = 30
 """Logs of a task on a cluster, which takes some 16 ms a task by itself."""
@@ -53,11 +53,17 @@ def by_processes(tasks: Sequence[FlightTask], desk: Desk, *, workers: int) -> It
     """
     work = partial(worked_batch, desk=desk)
     left: deque[Batch] = deque((task,) for task in tasks)
+    fruitless = 0
     while left:
         broken: list[Batch] = []
         with _processes(min(workers, len(left))) as pool:
             yield from _answers(pool, left, work, ahead=AHEAD * workers, broken=broken)
-        yield from _alone(broken, work)
+        begun = [batch for batch in broken if was_begun(batch[0], desk)]
+        fruitless = 0 if begun or not broken else fruitless + 1
+        if fruitless > TRIES:
+            _refuse_unanswered(broken)
+        left.extendleft(batch for batch in broken if batch not in begun)
+        yield from _alone(begun, work)
 
 
 def by_cluster(tasks: Sequence[FlightTask], desk: Desk, *, scheduler: str) -> Iterator[Answer]:
@@ -131,9 +137,12 @@ def _alone(broken: Iterable[Batch], work: Work) -> Iterator[Answer]:
     for batch in broken:
         again = [batch]
         for _ in range(TRIES + 1):
-            left, again = deque(again), []
+            left: deque[Batch] = deque(again)
+            again = list[Batch]()
             with _processes(1) as pool:
                 yield from _answers(pool, left, work, ahead=1, broken=again)
+            if not again:
+                break
         _refuse_unanswered(again)
 
 

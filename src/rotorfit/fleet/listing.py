@@ -2,9 +2,10 @@
 
 import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from io import StringIO
+from itertools import pairwise
 from math import isfinite
 from pathlib import Path
 from typing import Final, Literal
@@ -102,7 +103,11 @@ def listed_logs(
         raise ExperimentError(f"{source}: there is no flight log in it; check the folder")
     base = source if source.is_dir() else source.parent
     logs = [_listed(row, base, defaults) for row in rows]
-    return tuple(sorted(logs, key=lambda log: (log.name, log.task.log_number or 0)))
+    logs.sort(key=lambda log: (log.name, log.task.log_number or 0))
+    for one, other in pairwise(logs):
+        if (one.task.file, one.task.log_number) == (other.task.file, other.task.log_number):
+            raise ExperimentError(f"{source}: {one.name} is listed twice; it would count twice")
+    return tuple(logs)
 
 
 def _logs_in(folder: Path, apart: Path | None) -> Iterator[Path]:
@@ -219,8 +224,3 @@ def _log_number(said: str, name: str) -> int | None:
     if not said.isdecimal() or int(said) < 1:
         raise ExperimentError(f"{name}: log is {said!r}; expected a number from 1")
     return int(said)
-
-
-def airframes_of(logs: Sequence[ListedLog]) -> tuple[Path, ...]:
-    """Return the airframe files that the logs name, each once."""
-    return tuple(Path(file) for file in dict.fromkeys(log.task.airframe for log in logs))

@@ -92,8 +92,10 @@ def failure_of(message: str) -> FlightFailure:
 
 def _refused(experiment: Experiment, message: str) -> Entry:
     """Return why a log was not identified, and what its motors tell all the same."""
-    failure = failure_of(message.removeprefix(f"{experiment.configuration[0].flights[0].file}: "))
     flight = experiment.configuration[0].flights[0]
+    for name in (flight.file, Path(flight.file).name):
+        message = message.removeprefix(f"{name}: ")
+    failure = failure_of(message)
     try:
         log = read_log(Path(flight.file), options=read_options_of(flight, experiment.motors))
     except RotorfitError:
@@ -133,9 +135,10 @@ def _record(found: Identified) -> FlightRecord:
 
 
 def _row(numbers: Mapping[str, Number], log: FlightLog, *, mass: Mass) -> FlightRecord:
-    """Return a record of these numbers and of what the log says of itself."""
+    """Return a record of these numbers, each by itself, and of what the log says of itself."""
     told = log.circumstances
     columns = np.array([number[:4] for number in numbers.values()], dtype=float)
+    compared = _comparable(numbers)
     return FlightRecord(
         file="",
         sha256=log.sha256,
@@ -151,8 +154,8 @@ def _row(numbers: Mapping[str, Number], log: FlightLog, *, mass: Mass) -> Flight
         low=columns[:, 2],
         high=columns[:, 3],
         verdicts=tuple(number[4] for number in numbers.values()),
-        compared=(),
-        covariance=np.zeros((0, 0)),
+        compared=compared,
+        covariance=np.diag([numbers[name][1] ** 2 for name in compared]),
         air_density=told.air_density,
         air_temperature=told.air_temperature,
         air_pressure=told.air_pressure,
@@ -182,7 +185,7 @@ def _covariance(
     Correlations are those of the parameters, carried on to what is computed from them; numbers that
     are measured by themselves are independent of the others.
     """
-    names = tuple(n for n in COMPARED if n in numbers and np.isfinite(numbers[n][:2]).all())
+    names = _comparable(numbers)
     std = np.array([numbers[name][1] for name in names])
     bases = [name.partition("@")[0] for name in result.covariance_names]
     values = np.array([numbers[base][0] for base in bases])
@@ -200,6 +203,10 @@ def _covariance(
         for j, m in at:
             R[i, j] = 1.0 if i == j else known[k, m]
     return names, R * np.outer(std, std)
+
+
+def _comparable(numbers: Mapping[str, Number]) -> tuple[str, ...]:
+    return tuple(n for n in COMPARED if n in numbers and np.isfinite(numbers[n][:2]).all())
 
 
 def _from_parameters(

@@ -1,1 +1,222 @@
 """A fleet, top to bottom: logs to entries, entries to rows, rows to files."""
+
+import dataclasses
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rotorfit.errors import OutputError
+from rotorfit.fleet.entries import Entry, make_folder, read_entry
+from rotorfit.fleet.executors import by_cluster, by_processes
+from rotorfit.fleet.listing import FlightTask, ListedLog
+from rotorfit.fleet.one_flight import experiment_of
+from rotorfit.fleet.records import FlightFailure, FlightRecord
+from rotorfit.fleet.work import Answer, Desk, worked
+from rotorfit.logs.files import write_whole
+
+OWNER: Final = "fleet.json"
+"""By which a folder is known as one of a fleet: whose logs it is of."""
+TIME_LIMIT: Final = 600.0
+"""Of a log [s], where none is given."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Workers:
+    """Who works.
+
+    Attributes
+    ----------
+    count
+        Processes of this machine; 0: this process alone, which no time limit can end.
+    scheduler
+        Address of a Dask cluster in their place.
+    time_limit
+        Of a log [s].
+    """
+
+    count: int = 1
+    scheduler: str | None = None
+    time_limit: float = TIME_LIMIT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """How far the work is: `done` of `total` logs, `fresh` of them worked on now."""
+
+    done: int
+    total: int
+    fresh: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fleet:
+    """What all logs came to, in the order of their names.
+
+    Attributes
+    ----------
+    records
+        Flights with a row.
+    failures
+        Logs that were not identified; some have a row of what their motors tell.
+    keys
+        Of the records' entries in the cache, where the factors are.
+    """
+
+    records: tuple[FlightRecord, ...]
+    failures: tuple[FlightFailure, ...]
+    keys: tuple[str, ...]
+
+
+def cores() -> int:
+    """Return how many processors this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+
+
+def claim(out: Path, source: Path, *, force: bool) -> None:
+    """Make a folder that of a fleet, or find it so.
+
+    Raises
+    ------
+    OutputError
+        If it holds something else, or the fleet of another source, and `force` is false.
+    """
+    owner, mine = out / OWNER, {"source": str(source.absolute())}
+    there: list[str] = []
+    try:
+        there = sorted(path.name for path in out.iterdir()) if out.is_dir() else []
+        told = json.loads(owner.read_text(encoding="utf-8")) if OWNER in there else None
+    except (OSError, ValueError):
+        told = None
+    if told == mine:
+        return
+    if there and not force:
+        what = "the fleet of another source" if told else ", ".join(there[:3])
+        raise OutputError(f"{out} already holds {what}; name another folder, or pass --force")
+    make_folder(out)
+    write_whole(owner, json.dumps(mine) + "\n", force=True)
+
+
+def read_fleet(
+    logs: Sequence[ListedLog],
+    cache: Path,
+    workers: Workers,
+    *,
+    tell: Callable[[Told], None] = lambda told: None,
+) -> Fleet:
+    """Return what every log came to; those that are in the cache are not worked on again.
+
+    Parameters
+    ----------
+    logs
+        By `listed_logs`.
+    cache
+        Folder of the entries, made where there is none.
+    workers
+        Who works.
+    tell
+        Told how far the work is.
+
+    Raises
+    ------
+    RotorfitError
+        If an airframe file cannot be used, or nobody can work.
+    """
+    _refuse_airframes(logs)
+    desk = Desk(cache=cache, time_limit=workers.time_limit if workers.count else None)
+    make_folder(cache)
+    shutil.rmtree(desk.running, ignore_errors=True)
+    make_folder(desk.running)
+    found: list[tuple[ListedLog, Answer]] = []
+    new, total, fresh = list(logs), len(logs), 0
+    while new:
+        by_task, new = {log.task: log for log in new}, list[ListedLog]()
+        for answer in _answers(list(by_task), desk, workers):
+            log = by_task[answer.task]
+            if answer.numbers:
+                new += [_numbered(log, number) for number in answer.numbers]
+                total += len(answer.numbers) - 1
+            else:
+                found.append((log, answer))
+            fresh += answer.fresh
+            tell(Told(done=len(found), total=total, fresh=fresh))
+    shutil.rmtree(desk.running, ignore_errors=True)
+    found.sort(key=lambda pair: (pair[0].name, pair[0].task.log_number or 0))
+    return _rows(found, cache)
+
+
+def _refuse_airframes(logs: Sequence[ListedLog]) -> None:
+    """Raise where an airframe file cannot be used, before any log is read."""
+    for task in {log.task.airframe: log.task for log in logs}.values():
+        experiment_of(task)
+
+
+def _answers(tasks: Sequence[FlightTask], desk: Desk, workers: Workers) -> Iterator[Answer]:
+    if workers.scheduler is not None:
+        return by_cluster(tasks, desk, scheduler=workers.scheduler)
+    if workers.count == 0:
+        return (worked(task, desk) for task in tasks)
+    return by_processes(tasks, desk, workers=workers.count)
+
+
+def _numbered(log: ListedLog, number: int) -> ListedLog:
+    """Return one log of a file of several."""
+    return dataclasses.replace(log, task=dataclasses.replace(log.task, log_number=number))
+
+
+def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
+    """Return the rows of the logs; one whose content was there before has none."""
+    records: list[FlightRecord] = []
+    failures: list[FlightFailure] = []
+    keys: list[str] = []
+    before: dict[tuple[str, int], str] = {}
+    for log, answer in found:
+        entry = _entry(answer, cache)
+        record, failure = entry.record, entry.failure
+        if record is not None:
+            first = before.setdefault((record.sha256, record.log_number), log.name)
+            if first != log.name:
+                record, failure = None, _copy_of(first)
+        if failure is not None:
+            number = log.task.log_number or 1
+            failures.append(dataclasses.replace(failure, file=log.name, log_number=number))
+        if record is not None:
+            records.append(
+                dataclasses.replace(
+                    record,
+                    file=log.name,
+                    vehicle=_vehicle(log, entry),
+                    configuration=log.configuration,
+                )
+            )
+            keys.append(answer.key or "")
+    return Fleet(records=tuple(records), failures=tuple(failures), keys=tuple(keys))
+
+
+def _entry(answer: Answer, cache: Path) -> Entry:
+    if answer.key is None:
+        return Entry(record=None, failure=answer.failure)
+    entry = read_entry(cache, answer.key)
+    if entry is None:
+        spoilt = FlightFailure(
+            file="", reason="what was kept of it was spoilt meanwhile", what_to_do="run again"
+        )
+        return Entry(record=None, failure=spoilt)
+    return entry
+
+
+def _copy_of(first: str) -> FlightFailure:
+    return FlightFailure(
+        file="",
+        reason=f"has the same content as {first}: it would count twice",
+        what_to_do="nothing, or remove one of them",
+    )
+
+
+def _vehicle(log: ListedLog, entry: Entry) -> str:
+    """Return whose flight it is: as said, by the log, or by its folder."""
+    return log.vehicle or entry.hardware or Path(log.task.file).parent.name

@@ -99,6 +99,11 @@ def _worked(task: FlightTask, cache: Path) -> Answer:
     return Answer(task=task, key=key, fresh=True)
 
 
+def was_begun(task: FlightTask, desk: Desk) -> bool:
+    """Return whether a process began with a log and did not come to its end."""
+    return _mark(task, desk).exists()
+
+
 def _mark(task: FlightTask, desk: Desk) -> Path:
     return desk.running / hashlib.sha256(repr(task).encode()).hexdigest()[:32]
 
