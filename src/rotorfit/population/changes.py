@@ -20,6 +20,10 @@ from scipy import stats
 
 Kind = Literal["step", "ramp", "once"]
 
+_STEP: Final[Kind] = "step"
+_RAMP: Final[Kind] = "ramp"
+_ONCE: Final[Kind] = "once"
+
 LEAST_SERIES: Final = 4
 """Of fewer values nothing is said."""
 MOST_PLACES: Final = 400
@@ -98,7 +102,7 @@ def shapes_of(n: int) -> Shapes:
                 (j == once[:, None]).astype(float),
             ]
         ),
-        kind=("step",) * len(steps) + ("ramp",) * len(ramps) + ("once",) * len(once),
+        kind=(*(_STEP,) * len(steps), *(_RAMP,) * len(ramps), *(_ONCE,) * len(once)),
         first=np.concatenate([steps, ramps, once]),
     )
 

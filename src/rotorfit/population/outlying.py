@@ -112,7 +112,8 @@ def _against(
     typical = (w * (v[None, :] + between[:, None])).sum(axis=1) / total
     least = others.sum(axis=1) - 1.0
     freedom = least * (std**2 / np.maximum(typical, np.finfo(float).tiny)) ** 2
-    return y - mean, std, 2.0 * stats.t.sf(np.abs(y - mean) / std, np.maximum(freedom, 1.0))
+    t = np.abs(y - mean) / std
+    return y - mean, std, np.asarray(2.0 * stats.t.sf(t, np.maximum(freedom, 1.0)))
 
 
 def _between(

@@ -238,14 +238,18 @@ def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
     y, A = np.where(told, data.values, 0.0), np.where(both, np.linalg.inv(V), 0.0)
     r = np.einsum("npk,nk->np", A, y)
     cost = float(np.linalg.slogdet(V)[1].sum() + np.sum(r * y))
-    total, q = _sums(A, data), _sums(r, data)
+    total: Float[np.ndarray, "g p p"] = _sums(A, data)
+    q: Float[np.ndarray, "g p"] = _sums(r, data)
     if m:
         AX = A @ data.changes
-        cross, own = _sums(AX, data), _sums(data.changes.transpose(0, 2, 1) @ AX, data)
-        rest = _sums(np.einsum("npm,np->nm", data.changes, r), data)
+        cross: Float[np.ndarray, "g p m"] = _sums(AX, data)
+        own: Float[np.ndarray, "g m m"] = _sums(data.changes.transpose(0, 2, 1) @ AX, data)
+        rest: Float[np.ndarray, "g m"] = _sums(np.einsum("npm,np->nm", data.changes, r), data)
         idle = np.einsum("gmm->gm", own) <= 0.0
         own += np.eye(m) * idle[:, :, None]
-        gain = np.linalg.solve(own, cross.transpose(0, 2, 1)).transpose(0, 2, 1)
+        gain: Float[np.ndarray, "g p m"] = np.linalg.solve(own, cross.transpose(0, 2, 1)).transpose(
+            0, 2, 1
+        )
         cost += float(np.linalg.slogdet(own)[1].sum())
         cost -= float(np.sum(rest * np.linalg.solve(own, rest[:, :, None])[:, :, 0]))
         total = total - gain @ cross.transpose(0, 2, 1)
@@ -266,7 +270,7 @@ def _towards_mean(levels: _Levels, between: Float[np.ndarray, " p"]) -> _Posteri
     K = np.eye(len(between)) + D @ A @ D
     G = D @ np.linalg.inv(K) @ D
     keep = np.eye(len(between)) - G @ A
-    C = np.sum(A @ keep, axis=0)
+    C: Float[np.ndarray, "p p"] = np.sum(A @ keep, axis=0)
     c = np.sum(q - np.einsum("gij,gj->gi", A @ G, q), axis=0)
     mean_covariance = np.linalg.inv(C)
     mean = mean_covariance @ c
