@@ -47,5 +47,16 @@ def test_few_groups_are_not_judged():
 
 def test_discoveries_are_those_of_benjamini_and_hochberg():
     p = np.array([0.001, 0.008, 0.039, 0.041, 0.042, 0.06, 0.074, 0.205, 0.212, 0.216])
-    assert discovered(p, 0.05).tolist() == [True, True] + [False] * 8
-    assert not discovered(np.array([np.nan, 0.9]), 0.05).any()
+    found = discovered(p[:, None], 0.05)  # one number of each group
+    assert found[:, 0].tolist() == [True, True] + [False] * 8
+    assert not discovered(np.array([[np.nan], [0.9]]), 0.05).any()
+
+
+def test_a_group_is_selected_before_its_numbers():
+    """Many clear numbers of one group do not lower the bar for the others."""
+    p = np.full((20, 10), 0.5)
+    p[3] = 1e-9
+    p[8, 2] = 0.002  # would pass among ten discoveries of two hundred
+    found = discovered(p, 0.05)
+    assert found[3].all()
+    assert found.sum() == 10

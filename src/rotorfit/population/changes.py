@@ -102,7 +102,7 @@ def shapes_of(n: int) -> Shapes:
                 (j == once[:, None]).astype(float),
             ]
         ),
-        kind=(*(_STEP,) * len(steps), *(_RAMP,) * len(ramps), *(_ONCE,) * len(once)),
+        kind=tuple([_STEP for _ in steps] + [_RAMP for _ in ramps] + [_ONCE for _ in once]),
         first=np.concatenate([steps, ramps, once]),
     )
 

@@ -4,7 +4,9 @@ References
 ----------
 Paule and Mandel, J. of Research of the National Bureau of Standards 87, 1982 (spread between groups
 of unequal precision); Rosner, Technometrics 25, 1983 (several outliers that hide one another);
-Benjamini and Hochberg, J. of the Royal Statistical Society B 57, 1995 (rate of false discoveries).
+Benjamini and Hochberg, J. of the Royal Statistical Society B 57, 1995 (rate of false discoveries);
+Simes, Biometrika 73, 1986 (several tests as one); Benjamini and Bogomolov, J. of the Royal
+Statistical Society B 76, 2014 (rates within what was selected).
 """
 
 from dataclasses import dataclass
@@ -61,20 +63,42 @@ def apart(values: Float[np.ndarray, " g"], variance: Float[np.ndarray, " g"]) ->
     return Apart(difference=out[0], std=out[1], p=out[2])
 
 
-def discovered(p: Float[np.ndarray, "*k"], rate: float) -> Bool[np.ndarray, "*k"]:
-    """Return which tests say something, at most `rate` of them falsely (in the mean).
+def discovered(p: Float[np.ndarray, "g k"], rate: float) -> Bool[np.ndarray, "g k"]:
+    """Return which groups are apart, and in what.
+
+    Groups first: the tests of each are one (Simes), and of those selected a share of `rate` at most
+    is false, in the mean (Benjamini and Hochberg). Of a selected group, numbers at the same rate
+    times the share of groups that was selected (Benjamini and Bogomolov).
 
     Parameters
     ----------
     p
-        Chances under nothing; NaN where there is no test.
+        Chance of each group's numbers under nothing; NaN where there is no test.
     rate
-        Expected share of false ones among those returned.
+        Expected share of false ones among the groups returned.
     """
+    one = np.array([_simes(row) for row in p])
+    selected = _benjamini_hochberg(one, rate)
+    judged = max(int(np.isfinite(one).sum()), 1)
+    inside = rate * selected.sum() / judged
+    out = np.zeros(p.shape, dtype=bool)
+    for g in np.flatnonzero(selected):
+        out[g] = _benjamini_hochberg(p[g], inside)
+    return out
+
+
+def _simes(p: Float[np.ndarray, " k"]) -> float:
+    """Return one chance for several tests; NaN where there is none."""
+    told = np.sort(p[np.isfinite(p)])
+    k = len(told)
+    return float(np.min(told * k / np.arange(1, k + 1))) if k else float("nan")
+
+
+def _benjamini_hochberg(p: Float[np.ndarray, " k"], rate: float) -> Bool[np.ndarray, " k"]:
+    """Return which tests say something."""
     told = np.isfinite(p)
     ranked = np.sort(p[told])
-    limits = rate * np.arange(1, len(ranked) + 1) / max(len(ranked), 1)
-    passed = np.flatnonzero(ranked <= limits)
+    passed = np.flatnonzero(ranked <= rate * np.arange(1, len(ranked) + 1) / max(len(ranked), 1))
     limit = ranked[passed[-1]] if len(passed) else -1.0
     return told & (np.where(told, p, np.inf) <= limit)
 
@@ -113,7 +137,8 @@ def _against(
     least = others.sum(axis=1) - 1.0
     freedom = least * (std**2 / np.maximum(typical, np.finfo(float).tiny)) ** 2
     t = np.abs(y - mean) / std
-    return y - mean, std, np.asarray(2.0 * stats.t.sf(t, np.maximum(freedom, 1.0)))
+    p: Float[np.ndarray, " g"] = 2.0 * stats.t.sf(t, np.maximum(freedom, 1.0))
+    return y - mean, std, p
 
 
 def _between(
