@@ -129,7 +129,7 @@ def _table(
     """Return some numbers of those flights that tell one of them."""
     weighed = any(records[i].mass is not None for i in ordered)
     kept = [i for i in ordered if records[i].mass is not None or not weighed]
-    weather = tuple(_weather(records, kept, name) for name in names)
+    weather: list[Weather] = [_weather(records, kept, name) for name in names]
     factor = np.ones((len(kept), len(names)))
     for k, name in enumerate(names):
         if weather[k] == "taken out":
@@ -144,10 +144,10 @@ def _table(
     return Table(
         names=names,
         configuration=configuration,
-        rows=tuple(i for i, yes in zip(kept, there, strict=True) if yes),
+        rows=tuple(kept[i] for i in np.flatnonzero(there)),
         values=values[there],
         covariance=covariance[there],
-        weather=weather,
+        weather=tuple(weather),
     )
 
 

@@ -322,9 +322,9 @@ def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarra
         at = np.flatnonzero(data.told[:, k] & (data.group == g))
         X = np.column_stack([np.ones(len(at)), *(change.shape for change in changes)])
         root = 1.0 / np.sqrt(data.covariance[at, k, k] + within**2)
-        inverse = np.linalg.pinv(X * root[:, None])
-        value[g] = X[-1] @ inverse @ (root * data.values[at, k])
-        std[g] = np.linalg.norm(X[-1] @ inverse)
+        last: Float[np.ndarray, " n"] = np.linalg.pinv((X * root[:, None]).T) @ X[-1]
+        value[g] = last @ (root * data.values[at, k])
+        std[g] = np.linalg.norm(last)
     return value, std
 
 

@@ -20,10 +20,6 @@ from scipy import stats
 
 Kind = Literal["step", "ramp", "once"]
 
-_STEP: Final[Kind] = "step"
-_RAMP: Final[Kind] = "ramp"
-_ONCE: Final[Kind] = "once"
-
 LEAST_SERIES: Final = 4
 """Of fewer values nothing is said."""
 MOST_PLACES: Final = 400
@@ -91,19 +87,23 @@ class Change:
 def shapes_of(n: int) -> Shapes:
     """Return the shapes that are tried on a series of `n` values, neighbours beside one another."""
     j = np.arange(n)
-    steps = _places(1, n)
-    ramps = _places(1, n - 1)  # the last one would be the last step
-    once = _places(1, n - 1)
+    inside = _places(1, n - 1)  # at the last value all three would be one
+    tried: tuple[tuple[Kind, Int[np.ndarray, " k"]], ...] = (
+        ("step", _places(1, n)),
+        ("ramp", inside),
+        ("once", inside),
+    )
+    (_, steps), *_ = tried
     return Shapes(
         values=np.concatenate(
             [
                 (j >= steps[:, None]).astype(float),
-                np.maximum(j - ramps[:, None] + 1, 0).astype(float),
-                (j == once[:, None]).astype(float),
+                np.maximum(j - inside[:, None] + 1, 0).astype(float),
+                (j == inside[:, None]).astype(float),
             ]
         ),
-        kind=tuple([_STEP for _ in steps] + [_RAMP for _ in ramps] + [_ONCE for _ in once]),
-        first=np.concatenate([steps, ramps, once]),
+        kind=tuple(kind for kind, places in tried for _ in places),
+        first=np.concatenate([places for _, places in tried]),
     )
 
 

@@ -137,8 +137,15 @@ def _against(
     least = others.sum(axis=1) - 1.0
     freedom = least * (std**2 / np.maximum(typical, np.finfo(float).tiny)) ** 2
     t = np.abs(y - mean) / std
-    p: Float[np.ndarray, " g"] = 2.0 * stats.t.sf(t, np.maximum(freedom, 1.0))
-    return y - mean, std, p
+    return (
+        y - mean,
+        std,
+        np.array([_chance(*x) for x in zip(t, np.maximum(freedom, 1.0), strict=True)]),
+    )
+
+
+def _chance(t: float, freedom: float) -> float:
+    return float(2.0 * stats.t.sf(t, freedom))
 
 
 def _between(
