@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.fleet.compared import Table, Weather, tables
@@ -322,7 +323,7 @@ def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarra
         at = np.flatnonzero(data.told[:, k] & (data.group == g))
         X = np.column_stack([np.ones(len(at)), *(change.shape for change in changes)])
         root = 1.0 / np.sqrt(data.covariance[at, k, k] + within**2)
-        last: Float[np.ndarray, " n"] = np.linalg.pinv((X * root[:, None]).T) @ X[-1]
+        last: Float[np.ndarray, " k"] = scipy.linalg.lstsq((X * root[:, None]).T, X[-1])[0]
         value[g] = last @ (root * data.values[at, k])
         std[g] = np.linalg.norm(last)
     return value, std
