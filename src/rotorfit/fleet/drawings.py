@@ -10,7 +10,7 @@ from jaxtyping import Float
 from rotorfit.fleet.compared import IN_METRES
 from rotorfit.fleet.statistics import NumberStatistics
 from rotorfit.population.changes import NORMAL_95
-from rotorfit.report.svg import decimal, drawing, label, tag, tick_label, ticks
+from rotorfit.report.svg import decimal, drawing, label, tag, text, tick_label, ticks
 
 MOST_POINTS: Final = 60
 """Of a drawing; more flights are put together, neighbours in time."""
@@ -164,22 +164,27 @@ def strip_svg(number: NumberStatistics, names: Sequence[str]) -> str:
             ends = f"M{decimal(x(value - half))} {middle}H{decimal(x(value + half))}"
             inside.append(tag("path", {"class": f"interval {kind}", "d": ends}))
         dot = {"class": f"dot {kind}", "cx": x(value), "cy": middle, "r": 3.2}
-        inside.append(tag("circle", dot, tag("title", {}, _escaped(names[number.vehicles[place]]))))
+        inside.append(tag("circle", dot, tag("title", {}, text(names[number.vehicles[place]]))))
+    for end, value in (("", low), (" right", high)):
+        place = {"class": f"tick{end}", "x": 8 if not end else width - 8, "y": 47}
+        inside.append(label(_from_mean(number, value), place))
     words = f"{number.name} of each vehicle about the type's mean"
-    return drawing(width, 40, {"class": "strip", "role": "img", "aria-label": words}, *inside)
+    return drawing(width, 50, {"class": "strip", "role": "img", "aria-label": words}, *inside)
 
 
-def _escaped(words: str) -> str:
-    from html import escape
-
-    return escape(words)
+def _from_mean(number: NumberStatistics, value: float) -> str:
+    """Return how far a value is from the type's mean, short."""
+    scale = 1e3 if number.name in IN_METRES else 100.0 / (abs(number.mean) or 1.0)
+    unit = "mm" if number.name in IN_METRES else "%"
+    return f"{scale * (value - number.mean):+.2g} {unit}".replace("-", "\u2212")
 
 
 def _strip_ends(number: NumberStatistics) -> tuple[float, float]:
-    now = number.now[np.isfinite(number.now)]
+    told = np.isfinite(number.now)
+    now, half = number.now[told], NORMAL_95 * number.now_std[told]
     reach = 2.4 * number.between if np.isfinite(number.between) else 0.0
-    low = float(min([*now, number.mean - reach]))
-    high = float(max([*now, number.mean + reach]))
+    low = float(min([*(now - half), number.mean - reach]))
+    high = float(max([*(now + half), number.mean + reach]))
     return (low, high) if high > low else (low - 1.0, high + 1.0)
 
 
