@@ -1,0 +1,309 @@
+"""What is planted in a simulated fleet: is it found, and nothing else?
+
+    python -m benchmarks.fleet_study [--seeds 20] [--flights 25] [--identified identified.json]
+
+20 vehicles of 25 flights. Some flights are simulated and identified once; every flight of the
+fleet then has the covariance of one of them, and errors drawn from it (whether real errors are as
+large as that is printed first). Planted: two propellers that wear by 1 % a flight, one battery that
+shifts by 5 mm, one vehicle with other propellers. The same fleets with nothing planted follow.
+"""
+
+import argparse
+import dataclasses
+import os
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from benchmarks.common import identify_flights, true_values
+from benchmarks.recovery import flown
+from jaxtyping import Float
+
+from rotorfit.fleet.compared import TOGETHER
+from rotorfit.fleet.records import KT_WEIGHT, FlightRecord
+from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics, fleet_statistics
+from rotorfit.results.result import IdentificationResult
+
+VEHICLES, FLIGHTS, SECONDS = 20, 25, 40.0
+LEVEL: Final = {
+    KT_WEIGHT: 4e-6,
+    "kt_1": 4.08e-6,
+    "kt_2": 3.92e-6,
+    "kt_3": 4.04e-6,
+    "kt_4": 3.96e-6,
+    "kd": 6e-8,
+    "Jr": 2e-5,
+    "com_x": 8.6e-3,
+    "com_y": -5.7e-3,
+    "com_z": -11.4e-3,
+    "Ixx_com": 0.0238,
+    "Iyy_com": 0.0277,
+    "Izz_com": 0.0439,
+}
+"""Of the type."""
+BETWEEN: Final = {
+    **dict.fromkeys((KT_WEIGHT, "kt_1", "kt_2", "kt_3", "kt_4"), 0.005),
+    "kd": 0.005,
+    "Jr": 0.005,
+    "Ixx_com": 0.002,
+    "Iyy_com": 0.002,
+    "Izz_com": 0.004,
+    "com_x": 3e-4,
+    "com_y": 3e-4,
+    "com_z": 3e-4,
+}
+"""Between vehicles of one make: of the level, but in metres for lengths."""
+WITHIN: Final = {
+    **dict.fromkeys((KT_WEIGHT, "kt_1", "kt_2", "kt_3", "kt_4", "kd"), 5e-4),
+    "Jr": 0.0,
+    "Ixx_com": 5e-4,
+    "Iyy_com": 5e-4,
+    "Izz_com": 5e-4,
+    "com_x": 1e-4,
+    "com_y": 1e-4,
+    "com_z": 1e-4,
+}
+"""Between flights of one: the battery is never put quite the same."""
+SIZE: Final = LEVEL | dict.fromkeys(("com_x", "com_y", "com_z"), 0.25)
+"""What 100 % is: lengths count by the arm [m]."""
+CHANCE: Final = 4e-4
+"""Scatter of k_t by the weight between flights, measured on the identified ones."""
+WORN: Final = {2: ("kt_2", 5), 10: ("kt_4", 10)}
+"""Vehicle: which propeller wears, and from which flight on (both from 0)."""
+SHIFTED: Final = (6, "com_x", 12, 5e-3)
+OTHER: Final = (14, {**dict.fromkeys(LEVEL, 1.0), "kd": 1.10, "Jr": 1.15})
+OTHER_KT: Final = 1.05
+
+Truth = dict[str, Float[np.ndarray, "v f"]]
+"""Every flight's true numbers."""
+
+
+def template(result: IdentificationResult, file: str) -> FlightRecord:
+    """Return what a fleet keeps of an identified flight, as far as this study needs it."""
+    names = tuple(name for name in LEVEL if name != KT_WEIGHT)
+    numbers = {n.name: n for n in (*result.parameters, *result.derived)}
+    value = np.array([float(numbers[name].value or np.nan) for name in names])
+    ends = np.array([numbers[name].interval or (np.nan, np.nan) for name in names])
+    std = (ends[:, 1] - ends[:, 0]) / 3.92
+    kt = float(numbers["kt"].value or np.nan) / result.diagnostics["thrust_over_weight"]
+    names, value = (KT_WEIGHT, *names), np.array([kt, *value])
+    std = np.array([CHANCE * kt, *std])
+    at = [result.covariance_names.index(n) for n in ("kd", "Jr", "Izz@A")]
+    C = result.covariance[np.ix_(at, at)]
+    C = C / np.sqrt(np.outer(np.diag(C), np.diag(C)))
+    own = [std[names.index(name)] for name in TOGETHER]
+    return FlightRecord(
+        file=file,
+        sha256="",
+        vehicle="",
+        configuration="A",
+        mass=1.4,
+        seconds_used=SECONDS,
+        names=names,
+        values=value,
+        std=std,
+        low=value - 1.96 * std,
+        high=value + 1.96 * std,
+        verdicts=("identified",) * len(names),
+        compared=TOGETHER,
+        covariance=C * np.outer(own, own),
+    )
+
+
+def identified(folder: Path, count: int) -> list[FlightRecord]:
+    """Return flights that were simulated and identified; kept in a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    out: list[FlightRecord] = []
+    for seed in range(count):
+        path = folder / f"{seed}.json"
+        if not path.exists():
+            (result,) = identify_flights(
+                {"A": flown("quad-x", "real", seconds=SECONDS, seed=seed)}, ("",)
+            )
+            if result is None:
+                continue
+            result.save(path)
+        out.append(template(IdentificationResult.load(path), path.name))
+    return out
+
+
+def print_errors(templates: Sequence[FlightRecord]) -> None:
+    """Print whether the errors of the identified flights are as large as stated."""
+    flight = flown("quad-x", "real", seconds=2.0, seed=0)
+    true = true_values(flight) | LEVEL
+    print(f"{len(templates)} identified flights: mean error and scatter over the stated deviation")
+    for name in LEVEL:
+        errors = np.array([(r.value(name) - true[name]) / r.deviation(name) for r in templates])
+        print(f"  {name:10s} {errors.mean():+6.2f} {errors.std(ddof=1):5.2f}")
+
+
+def true_fleet(rng: np.random.Generator, flights: int, *, planted: bool) -> Truth:
+    """Return the true numbers of every flight."""
+    truth: Truth = {}
+    for name, level in LEVEL.items():
+        unit = 1.0 if name.startswith("com") else level
+        own = level + unit * BETWEEN[name] * rng.standard_normal((VEHICLES, 1))
+        truth[name] = own + unit * WITHIN[name] * rng.standard_normal((VEHICLES, flights))
+    if not planted:
+        return truth
+    for vehicle, (rotor, first) in WORN.items():
+        lost = 0.01 * np.maximum(np.arange(flights) - first + 1, 0)
+        truth[rotor][vehicle] *= 1.0 - lost
+        truth[KT_WEIGHT][vehicle] *= 1.0 - 0.25 * lost
+    vehicle, name, first, size = SHIFTED
+    truth[name][vehicle, first:] += size
+    vehicle, factors = OTHER
+    for name, factor in factors.items():
+        truth[name][vehicle] *= OTHER_KT if "kt" in name else factor
+    return truth
+
+
+def estimated(
+    rng: np.random.Generator, truth: Truth, templates: Sequence[FlightRecord]
+) -> list[FlightRecord]:
+    """Return the flights' records: the truth, with errors of an identified flight's covariance."""
+    out: list[FlightRecord] = []
+    flights = next(iter(truth.values())).shape[1]
+    for v in range(VEHICLES):
+        for f in range(flights):
+            like = templates[int(rng.integers(len(templates)))]
+            values = np.array([truth[name][v, f] for name in like.names])
+            error = like.std * rng.standard_normal(len(values))
+            at = [like.names.index(name) for name in TOGETHER]
+            error[at] = np.linalg.cholesky(like.covariance) @ rng.standard_normal(len(at))
+            record = dataclasses.replace(
+                like, file=f"{v:02d}/{f:02d}", vehicle=f"V{v + 1:02d}", values=values + error
+            )
+            out.append(record)
+    return out
+
+
+def is_planted(vehicle: int, name: str, kind: str) -> bool:
+    """Say whether a number of a vehicle was made to change, or to differ."""
+    if kind == "apart":
+        return vehicle == OTHER[0] and ("kt" in name or name in ("kd", "Jr"))
+    worn = WORN.get(vehicle, ("", 0))[0]
+    return (name in (worn, KT_WEIGHT) and bool(worn)) or (vehicle, name) == SHIFTED[:2]
+
+
+def said(statistics: FleetStatistics) -> Counter[tuple[int, str, str]]:
+    """Return everything that is said to have changed or to stand apart."""
+    out: Counter[tuple[int, str, str]] = Counter()
+    for number in statistics.numbers:
+        for place, vehicle in enumerate(number.vehicles):
+            if number.changes[place]:
+                out[vehicle, number.name, "change"] += 1
+            if number.apart[place]:
+                out[vehicle, number.name, "apart"] += 1
+    return out
+
+
+def must() -> set[tuple[int, str, str]]:
+    """Return what has to be found."""
+    worn = {(v, rotor, "change") for v, (rotor, _) in WORN.items()}
+    other = {(OTHER[0], name, "apart") for name in (KT_WEIGHT, "kt_1", "kt_2", "kt_3", "kt_4")}
+    return worn | other | {(*SHIFTED[:2], "change")}
+
+
+Score = dict[str, list[float]]
+
+
+def level_scores(number: NumberStatistics, truth: Truth, scores: Mapping[str, Score]) -> None:
+    """Add how far the levels of vehicles in which nothing is planted are from the truth."""
+    planted = {*WORN, SHIFTED[0], OTHER[0]}
+    keep = [i for i, v in enumerate(number.vehicles) if v not in planted]
+    true = truth[number.name].mean(axis=1)[[number.vehicles[i] for i in keep]]
+    for kind in ("own", "shrunk"):
+        lone = kind == "own" or number.apart[keep]
+        error = np.where(lone, number.own[keep], number.shrunk[keep]) - true
+        std = np.where(lone, number.own_std[keep], number.shrunk_std[keep])
+        scores[kind].setdefault(number.name, []).extend(error.tolist())
+        scores[f"{kind} held"].setdefault(number.name, []).extend(np.abs(error) <= 1.96 * std)
+
+
+def study(templates: Sequence[FlightRecord], *, seeds: int, flights: int, planted: bool) -> None:
+    """Print what is found over the seeds."""
+    scores: dict[str, Score] = {k: {} for k in ("own", "shrunk", "own held", "shrunk held")}
+    missed: Counter[str] = Counter()
+    false: Counter[str] = Counter()
+    fleets_with = Counter[str]()
+    dated, seconds = 0, 0.0
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        truth = true_fleet(rng, flights, planted=planted)
+        records = estimated(rng, truth, templates)
+        start = time.process_time()
+        statistics = fleet_statistics(records)
+        seconds += time.process_time() - start
+        found = said(statistics)
+        wrong = [x for x in found if not (planted and is_planted(*x))]
+        false.update(f"V{v + 1:02d} {name} {kind}" for v, name, kind in wrong)
+        fleets_with.update({kind for _, _, kind in wrong})
+        if planted:
+            missed.update(f"V{v + 1:02d} {name} {kind}" for v, name, kind in must() - set(found))
+            dated += rightly_dated(statistics)
+        for number in statistics.numbers:
+            level_scores(number, truth, scores)
+    print(
+        f"{seeds} fleets of {VEHICLES} x {flights} flights, {'' if planted else 'nothing '}planted"
+    )
+    print(f"  {seconds / seeds:.1f} processor seconds a fleet")
+    if planted:
+        print(f"  missed: {dict(missed) or 'nothing'}")
+        print(f"  first flight of a change within its interval: {dated / seeds / 3:.2f}")
+    print(f"  fleets with a false change: {fleets_with['change']} of {seeds}")
+    print(f"  fleets with a vehicle falsely apart: {fleets_with['apart']} of {seeds}")
+    print(f"  what: {dict(false)}")
+    print(f"  {'':10s} {'own held':>9s} {'shrunk held':>11s} {'rmse shrunk / own':>18s}")
+    for name, errors in scores["own"].items():
+        ratio = _rms(scores["shrunk"][name]) / _rms(errors)
+        own, shrunk = (np.mean(scores[k][name]) for k in ("own held", "shrunk held"))
+        print(f"  {name:10s} {own:9.3f} {shrunk:11.3f} {ratio:18.2f}")
+    held = [
+        np.mean([h for x in scores[k].values() for h in x]) for k in ("own held", "shrunk held")
+    ]
+    own, shrunk = (_rms([_rms(scores[k][n]) / SIZE[n] for n in SIZE]) for k in ("own", "shrunk"))
+    print(f"  {'all':10s} {held[0]:9.3f} {held[1]:11.3f} {shrunk / own:18.2f}")
+    print(
+        f"  rms error over all numbers, own {100 * own:.2f} %, shrunk {100 * shrunk:.2f} %",
+        flush=True,
+    )
+
+
+def rightly_dated(statistics: FleetStatistics) -> int:
+    """Return how many of the three changes have their first flight within its interval."""
+    places = [(v, rotor, first) for v, (rotor, first) in WORN.items()] + [SHIFTED[:3]]
+    right = 0
+    for vehicle, name, first in places:
+        number = statistics.number(name)
+        changes = () if number is None else number.changes[number.vehicles.index(vehicle)]
+        right += any(c.earliest <= first <= c.latest for c in changes)
+    return right
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def main() -> None:
+    """Run the studies that were asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--flights", type=int, nargs="+", default=[FLIGHTS])
+    parser.add_argument("--identified", type=Path, default=Path("build/fleet_study"))
+    parser.add_argument("--count", type=int, default=25, help="flights to identify")
+    asked = parser.parse_args()
+    templates = identified(asked.identified, asked.count)
+    print_errors(templates)
+    for flights in asked.flights:
+        for planted in (True, False):
+            study(templates, seeds=asked.seeds, flights=flights, planted=planted)
+
+
+if __name__ == "__main__":
+    main()
