@@ -12,8 +12,9 @@ from rotorfit.model.parameters import DERIVED, PARAMETERS
 
 KT_WEIGHT: Final = "kt_weight"
 """k_t by which thrust carries the weight over the whole flight [N s^2/rad^2]: the sharpest number
-of a flight, for what changes over time. Its std is that of chance alone, without what a propeller
-in motion differs from one in hover: that is the same in every flight of a vehicle."""
+of a flight, for what changes over time. Its std is a limit for one flight alone (the velocity at
+its ends is not known), without what is the same in every flight of a vehicle: the flights of one
+vehicle may well scatter ten times less."""
 TRIM: Final = ("thrust_center_x", "thrust_center_y", "hover_motor")
 """What the motors alone tell of a flight: the mean centre of thrust over the used stretches, with
 all rotors alike [m] (in calm flight it lies over the centre of mass: a battery that was shifted, a
