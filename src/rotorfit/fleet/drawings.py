@@ -101,12 +101,10 @@ def small_svg(number: NumberStatistics, place: int, scale: Scale, name: str) -> 
         "rect", {"class": "frame", "x": 2, "y": 2, "width": plot.width, "height": plot.height}
     )
     inside = [_type_band(number, plot), frame, *_series(number, place, plot)]
-    return drawing(200, 70, {"class": kind, "role": "img", "aria-label": words}, *inside)
+    return drawing(200.0, 70.0, {"class": kind, "role": "img", "aria-label": words}, *inside)
 
 
-def large_svg(
-    number: NumberStatistics, place: int, name: str, dates: tuple[str, str] | None
-) -> str:
+def large_svg(number: NumberStatistics, place: int, name: str, dates: Sequence[str]) -> str:
     """Return a number over a vehicle's flights with its axes.
 
     Parameters
@@ -116,7 +114,7 @@ def large_svg(
     name
         Of the vehicle.
     dates
-        Of its first and last flight, where they are told.
+        Of its first and last flight; empty where they are not told.
     """
     scale = scale_of(number, [place])
     low, high = min(scale.low, 0.0), max(scale.high, 0.0)
@@ -137,7 +135,7 @@ def large_svg(
         *_flight_axis(plot, dates),
     ]
     attributes = {"class": "series large", "role": "img", "aria-label": words}
-    return drawing(400, 196, attributes, *inside)
+    return drawing(400.0, 196.0, attributes, *inside)
 
 
 def strip_svg(number: NumberStatistics, names: Sequence[str]) -> str:
@@ -169,7 +167,7 @@ def strip_svg(number: NumberStatistics, names: Sequence[str]) -> str:
         place = {"class": f"tick{end}", "x": 8 if not end else width - 8, "y": 47}
         inside.append(label(_from_mean(number, value), place))
     words = f"{number.name} of each vehicle about the type's mean"
-    return drawing(width, 50, {"class": "strip", "role": "img", "aria-label": words}, *inside)
+    return drawing(width, 50.0, {"class": "strip", "role": "img", "aria-label": words}, *inside)
 
 
 def _from_mean(number: NumberStatistics, value: float) -> str:
@@ -291,15 +289,15 @@ def _grid(plot: _Plot) -> list[str]:
     return out
 
 
-def _flight_axis(plot: _Plot, dates: tuple[str, str] | None) -> list[str]:
+def _flight_axis(plot: _Plot, dates: Sequence[str]) -> list[str]:
     """Return numbers of flights below a drawing, and the first and last day."""
     bottom = plot.top + plot.height
     out: list[str] = []
-    for mark in ticks(1.0, max(plot.flights, 2), 5):
+    for mark in ticks(1.0, float(max(plot.flights, 2)), 5):
         if mark == round(mark) and 1 <= mark <= plot.flights:
             place = {"class": "tick middle", "x": plot.x(mark), "y": bottom + 14}
             out.append(label(f"{mark:.0f}", place))
-    first, last = dates or ("", "")
+    first, last = dates
     below = bottom + 30
     out.append(label(first, {"class": "tick", "x": plot.left, "y": below}))
     middle = plot.left + plot.width / 2

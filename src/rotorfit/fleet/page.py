@@ -136,15 +136,19 @@ def _finding(
 ) -> _Shown:
     lead = finding.numbers[0]
     name = statistics.vehicles[finding.vehicle]
-    days = [records[i].started for i in lead.number.rows_of(lead.place)]
-    dated = [day for day in days if day is not None]
-    ends = (day_words(dated[0]), day_words(dated[-1])) if len(dated) == len(days) else None
+    rows: list[int] = lead.number.rows_of(lead.place).tolist()
+    days = (records[rows[0]].started, records[rows[-1]].started)
     return _Shown(
         vehicle=name,
         sort=finding.sort,
         sentence=finding.sentence,
         advice=finding.advice,
-        drawing=large_svg(lead.number, lead.place, name, ends),
+        drawing=large_svg(
+            lead.number,
+            lead.place,
+            name,
+            tuple("" if day is None else day_words(day) for day in days),
+        ),
         caption=_title(lead.number),
     )
 
@@ -248,7 +252,7 @@ class _Cell:
     """A cell: what is read, what it is sorted by, and what a pointer over it says."""
 
     text: str
-    key: float | str
+    key: float | int | str
     hint: str = ""
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.fleet.compared import Table, Weather, tables
@@ -324,10 +323,10 @@ def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarra
         X: Float[np.ndarray, "n m"] = np.column_stack(
             [np.ones(len(at)), *(change.shape for change in changes)]
         )
-        root = 1.0 / np.sqrt(data.covariance[at, k, k] + within**2)
-        last: Float[np.ndarray, " n"] = scipy.linalg.lstsq((X * root[:, None]).T, X[-1])[0]
-        value[g] = last @ (root * data.values[at, k])
-        std[g] = np.linalg.norm(last)
+        weighted: Float[np.ndarray, "m n"] = X.T / (data.covariance[at, k, k] + within**2)
+        last: Float[np.ndarray, " m"] = np.linalg.solve(weighted @ X, X[-1])
+        value[g] = last @ (weighted @ data.values[at, k])
+        std[g] = np.sqrt(last @ X[-1])
     return value, std
 
 

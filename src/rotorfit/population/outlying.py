@@ -10,6 +10,7 @@ Statistical Society B 76, 2014 (rates within what was selected).
 """
 
 from dataclasses import dataclass
+from math import comb
 from typing import Final
 
 import numpy as np
@@ -56,7 +57,10 @@ def apart(values: Float[np.ndarray, " g"], variance: Float[np.ndarray, " g"]) ->
     if len(told) < LEAST_GROUPS:
         return Apart(difference=nothing, std=nothing, p=nothing)
     y, v = values[told], variance[told]
-    difference, std, p = _against(y, v, ~_set_aside(y, v))
+    away = _set_aside(y, v)
+    difference, std, p = _against(y, v, ~away)
+    # Those set aside with others were chosen among all who could have been.
+    p[away] = np.minimum(p[away] * comb(len(y) - 1, max(int(away.sum()) - 1, 0)), 1.0)
     out = [nothing.copy() for _ in range(3)]
     for whole, part in zip(out, (difference, std, p), strict=True):
         whole[told] = part
@@ -107,16 +111,16 @@ def _set_aside(y: Float[np.ndarray, " g"], v: Float[np.ndarray, " g"]) -> Bool[n
     """Return groups so far from the others that they must not widen the spread of those.
 
     One after the other is taken out, the farthest first; the last that is far even among those
-    left, and all before it, are set aside: two outliers hide one another no more.
+    left, however many sets of as many there are, is set aside with all before it: two outliers
+    hide one another no more.
     """
     away, taken = np.zeros(len(y), dtype=bool), np.zeros(len(y), dtype=bool)
     for _ in range(max(min(int(MOST_APART * len(y)), len(y) - LEAST_GROUPS), 0)):
         _, _, p = _against(y, v, ~taken)
         p = np.where(taken, np.inf, p)
         farthest = int(np.argmin(p))
-        left = int((~taken).sum())
         taken[farthest] = True
-        if p[farthest] * left <= SET_ASIDE:
+        if p[farthest] * comb(len(y), int(taken.sum())) <= SET_ASIDE:
             away = taken.copy()
     return away
 
@@ -135,7 +139,7 @@ def _against(
     # Known only by the others' scatter is the spread between groups, not what each group says.
     typical = (w * (v[None, :] + between[:, None])).sum(axis=1) / total
     least = others.sum(axis=1) - 1.0
-    freedom = least * (std**2 / np.maximum(typical, np.finfo(float).tiny)) ** 2
+    freedom = least * ((v + between) / np.maximum(typical, np.finfo(float).tiny)) ** 2
     t = np.abs(y - mean) / std
     return (
         y - mean,
