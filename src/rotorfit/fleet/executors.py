@@ -23,7 +23,7 @@ from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from multiprocessing import connection
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from rotorfit import version
 from rotorfit.errors import OutputError
@@ -36,6 +36,8 @@ AHEAD: Final = 3
 """Tasks a worker that are handed over before they are needed: a million would fill the memory."""
 CONNECT_SECONDS: Final = 15
 Batch = tuple[FlightTask, ...]
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 Work = Callable[[Batch], tuple[Answer, ...]]
 
 
@@ -96,6 +98,39 @@ def by_cluster(tasks: Sequence[FlightTask], desk: Desk, *, scheduler: str) -> It
             broken = []
             yield from _answers(pool, left, work, ahead=1, broken=broken)
         _refuse_unanswered(broken)
+
+
+def mapped(
+    function: Callable[[Item], Found],
+    items: Sequence[Item],
+    *,
+    workers: int,
+    scheduler: str | None = None,
+) -> list[Found]:
+    """Return what a function makes of every item, in their order: work that ends by itself.
+
+    Parameters
+    ----------
+    function, items
+        Both can be sent to another process.
+    workers
+        How many processes of this machine; 0: this one.
+    scheduler
+        Address of a Dask cluster in their place.
+    """
+    if not items or (workers == 0 and scheduler is None):
+        return [function(item) for item in items]
+    if scheduler is not None:
+        with _cluster(scheduler) as client:
+            return list(client.get_executor(pure=False).map(function, items))
+    try:
+        with _processes(min(workers, len(items))) as pool:
+            return list(pool.map(function, items))
+    except BrokenExecutor:
+        raise OutputError(
+            "a worker process died while the flights of a vehicle were fitted together: use fewer "
+            "--workers, they may need more memory than there is; nothing done so far is lost"
+        ) from None
 
 
 def _answers(

@@ -11,15 +11,24 @@ from typing import Final
 
 from rotorfit.errors import OutputError
 from rotorfit.fleet.entries import Entry, make_folder, read_entry
-from rotorfit.fleet.executors import by_cluster, by_processes
+from rotorfit.fleet.executors import by_cluster, by_processes, mapped
 from rotorfit.fleet.listing import FlightTask, ListedLog
 from rotorfit.fleet.one_flight import experiment_of
-from rotorfit.fleet.records import FlightFailure, FlightRecord
+from rotorfit.fleet.records import (
+    FlightFailure,
+    FlightRecord,
+    failure_columns,
+    flight_columns,
+)
+from rotorfit.fleet.statistics import FleetStatistics
+from rotorfit.fleet.tables import csv_bytes, table_bytes
+from rotorfit.fleet.vehicle_table import Kept, join_tasks, joined_vehicle, vehicle_columns
 from rotorfit.fleet.work import Answer, Desk, worked
 from rotorfit.logs.files import write_whole
 
 OWNER: Final = "fleet.json"
 """By which a folder is known as one of a fleet: whose logs it is of."""
+FAILURES: Final = "failures.csv"
 TIME_LIMIT: Final = 600.0
 """Of a log [s], where none is given."""
 
@@ -62,13 +71,13 @@ class Fleet:
         Flights with a row.
     failures
         Logs that were not identified; some have a row of what their motors tell.
-    keys
-        Of the records' entries in the cache, where the factors are.
+    kept
+        Of each record: where its factors are.
     """
 
     records: tuple[FlightRecord, ...]
     failures: tuple[FlightFailure, ...]
-    keys: tuple[str, ...]
+    kept: tuple[Kept, ...]
 
 
 def cores() -> int:
@@ -149,6 +158,39 @@ def read_fleet(
     return _rows(found, cache)
 
 
+def fleet_files(
+    fleet: Fleet, cache: Path, workers: Workers, *, statistics: FleetStatistics
+) -> dict[str, bytes]:
+    """Return the tables of a fleet, by the names of their files.
+
+    Parameters
+    ----------
+    fleet, cache
+        By `read_fleet`.
+    workers
+        Who fits the flights of each vehicle together.
+    statistics
+        Of the fleet's records.
+    """
+    tasks = join_tasks(fleet.records, fleet.kept, cache)
+    found = mapped(
+        joined_vehicle, list(tasks.values()), workers=workers.count, scheduler=workers.scheduler
+    )
+    together = dict(zip(tasks, found, strict=True))
+    return dict(
+        [
+            table_bytes("flights", flight_columns(fleet.records)),
+            table_bytes("vehicles", vehicle_columns(fleet.records, statistics, together)),
+            (FAILURES, failures_file(fleet)),
+        ]
+    )
+
+
+def failures_file(fleet: Fleet) -> bytes:
+    """Return the table of the logs that were not identified."""
+    return csv_bytes(failure_columns(fleet.failures))
+
+
 def _refuse_airframes(logs: Sequence[ListedLog]) -> None:
     """Raise where an airframe file cannot be used, before any log is read."""
     for task in {log.task.airframe: log.task for log in logs}.values():
@@ -172,7 +214,7 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
     """Return the rows of the logs; one whose content was there before has none."""
     records: list[FlightRecord] = []
     failures: list[FlightFailure] = []
-    keys: list[str] = []
+    kept: list[Kept] = []
     before: dict[tuple[str, int], str] = {}
     for log, answer in found:
         entry = _entry(answer, cache)
@@ -193,8 +235,8 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
                     configuration=log.configuration,
                 )
             )
-            keys.append(answer.key or "")
-    return Fleet(records=tuple(records), failures=tuple(failures), keys=tuple(keys))
+            kept.append(Kept(key=answer.key or "", task=log.task))
+    return Fleet(records=tuple(records), failures=tuple(failures), kept=tuple(kept))
 
 
 def _entry(answer: Answer, cache: Path) -> Entry:
