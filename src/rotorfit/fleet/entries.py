@@ -9,6 +9,7 @@ import hashlib
 import io
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,10 @@ FORM: Final = 1
 """Of the entries: with another number all are made anew."""
 _ARRAYS: Final = ("values", "std", "low", "high", "covariance")
 _TUPLES: Final = ("names", "verdicts", "compared", "warnings")
-SPOILT: Final = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
+SPOILT: Final = (
+    *(OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError),
+    *(zipfile.BadZipFile, zlib.error),
+)
 """What reading a damaged archive raises."""
 
 
@@ -93,7 +97,7 @@ def read_entry(cache: Path, key: str, *, factors: bool = False) -> Entry | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
             told = json.loads(archive["told"].tobytes())
             arrays = {n: archive[n] for n in archive.files if n != "told"} if factors else {}
         if told["form"] != FORM:

@@ -4,7 +4,8 @@ import dataclasses
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -144,15 +145,16 @@ def read_fleet(
     new, total, fresh = list(logs), len(logs), 0
     while new:
         by_task, new = {log.task: log for log in new}, list[ListedLog]()
-        for answer in _answers(list(by_task), desk, workers):
-            log = by_task[answer.task]
-            if answer.numbers:
-                new += [_numbered(log, number) for number in answer.numbers]
-                total += len(answer.numbers) - 1
-            else:
-                found.append((log, answer))
-            fresh += answer.fresh
-            tell(Told(done=len(found), total=total, fresh=fresh))
+        with closing(_answers(list(by_task), desk, workers)) as answers:
+            for answer in answers:
+                log = by_task[answer.task]
+                if answer.numbers:
+                    new += [_numbered(log, number) for number in answer.numbers]
+                    total += len(answer.numbers) - 1
+                else:
+                    found.append((log, answer))
+                fresh += answer.fresh
+                tell(Told(done=len(found), total=total, fresh=fresh))
     shutil.rmtree(desk.running, ignore_errors=True)
     found.sort(key=lambda pair: (pair[0].name, pair[0].task.log_number or 0))
     return _rows(found, cache)
@@ -197,7 +199,7 @@ def _refuse_airframes(logs: Sequence[ListedLog]) -> None:
         experiment_of(task)
 
 
-def _answers(tasks: Sequence[FlightTask], desk: Desk, workers: Workers) -> Iterator[Answer]:
+def _answers(tasks: Sequence[FlightTask], desk: Desk, workers: Workers) -> Generator[Answer]:
     if workers.scheduler is not None:
         return by_cluster(tasks, desk, scheduler=workers.scheduler)
     if workers.count == 0:
