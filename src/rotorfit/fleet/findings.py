@@ -316,7 +316,7 @@ def _difference_words(said: Said) -> str:
     words = size_words(number.name, size, size - half, size + half, number.mean)
     if number.name in IN_METRES:
         return f"{_subject(number.name)[0].lower()}{_subject(number.name)[1:]} {words}"
-    return f"{number_words(number.name)} {words} {'smaller' if size < 0 else 'larger'}"
+    return f"{number_words(number.name)} {'smaller' if size < 0 else 'larger'} by {words}"
 
 
 def _difference_advice(names: Sequence[str]) -> str:

@@ -321,9 +321,11 @@ def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarra
         if not any(change.shape[-1] for change in changes):
             continue
         at = np.flatnonzero(data.told[:, k] & (data.group == g))
-        X = np.column_stack([np.ones(len(at)), *(change.shape for change in changes)])
+        X: Float[np.ndarray, "n m"] = np.column_stack(
+            [np.ones(len(at)), *(change.shape for change in changes)]
+        )
         root = 1.0 / np.sqrt(data.covariance[at, k, k] + within**2)
-        last: Float[np.ndarray, " k"] = scipy.linalg.lstsq((X * root[:, None]).T, X[-1])[0]
+        last: Float[np.ndarray, " n"] = scipy.linalg.lstsq((X * root[:, None]).T, X[-1])[0]
         value[g] = last @ (root * data.values[at, k])
         std[g] = np.linalg.norm(last)
     return value, std
