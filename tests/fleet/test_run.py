@@ -21,7 +21,8 @@ from rotorfit.fleet.work import Desk, worked
 
 
 def files(fleet, cache):
-    return fleet_files(fleet, cache, Workers(count=0), statistics=fleet_statistics(fleet.records))
+    statistics = fleet_statistics(fleet.records)
+    return fleet_files(fleet, cache, Workers(count=0), statistics=statistics, name="small")
 
 
 def test_every_log_has_a_row_or_a_reason(small_fleet):

@@ -69,7 +69,8 @@ def run(request: FleetRequest) -> None:
         tell("comparing the flights")
         statistics = fleet_statistics(fleet.records)
         tell("fitting the flights of each vehicle together")
-        files = fleet_files(fleet, cache, workers, statistics=statistics)
+        name = request.source.absolute().stem
+        files = fleet_files(fleet, cache, workers, statistics=statistics, name=name)
     _write(request.output, files)
     if not has_parquet():
         say("tables are CSV: pip install 'rotorfit[parquet]' writes them as Parquet")

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import shlex
 import shutil
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
@@ -15,6 +16,7 @@ from rotorfit.fleet.entries import Entry, make_folder, read_entry
 from rotorfit.fleet.executors import by_cluster, by_processes, mapped
 from rotorfit.fleet.listing import FlightTask, ListedLog
 from rotorfit.fleet.one_flight import experiment_of
+from rotorfit.fleet.page import Links, fleet_html
 from rotorfit.fleet.records import (
     FlightFailure,
     FlightRecord,
@@ -30,6 +32,7 @@ from rotorfit.logs.files import write_whole
 OWNER: Final = "fleet.json"
 """By which a folder is known as one of a fleet: whose logs it is of."""
 FAILURES: Final = "failures.csv"
+PAGE: Final = "fleet.html"
 TIME_LIMIT: Final = 600.0
 """Of a log [s], where none is given."""
 
@@ -161,9 +164,9 @@ def read_fleet(
 
 
 def fleet_files(
-    fleet: Fleet, cache: Path, workers: Workers, *, statistics: FleetStatistics
+    fleet: Fleet, cache: Path, workers: Workers, *, statistics: FleetStatistics, name: str
 ) -> dict[str, bytes]:
-    """Return the tables of a fleet, by the names of their files.
+    """Return tables and page of a fleet, by the names of their files.
 
     Parameters
     ----------
@@ -173,6 +176,8 @@ def fleet_files(
         Who fits the flights of each vehicle together.
     statistics
         Of the fleet's records.
+    name
+        Of the fleet, for people.
     """
     tasks = join_tasks(fleet.records, fleet.kept, cache)
     found = mapped(
@@ -184,8 +189,30 @@ def fleet_files(
             table_bytes("flights", flight_columns(fleet.records)),
             table_bytes("vehicles", vehicle_columns(fleet.records, statistics, together)),
             (FAILURES, failures_file(fleet)),
+            (PAGE, _page(fleet, statistics, name)),
         ]
     )
+
+
+def _page(fleet: Fleet, statistics: FleetStatistics, name: str) -> bytes:
+    """Return the page; every flight on it says how its own report is made."""
+    pairs = zip(fleet.records, fleet.kept, strict=True)
+    tasks = {(record.file, record.log_number): kept.task for record, kept in pairs}
+
+    def command(record: FlightRecord) -> str:
+        return _report_command(record, tasks[record.file, record.log_number])
+
+    links = Links(reports={}, command=command)
+    html = fleet_html(statistics, fleet.records, fleet.failures, name=name, links=links)
+    return html.encode()
+
+
+def _report_command(record: FlightRecord, task: FlightTask) -> str:
+    """Return the command that identifies one flight again, with a page of its own."""
+    number = [] if task.log_number is None else ["--log", str(task.log_number)]
+    page = f"{Path(task.file).stem}.html"
+    words = ["rotorfit", "identify", record.file, *number, "--mass", str(task.mass)]
+    return shlex.join([*words, "--airframe", Path(task.airframe).name, "--report", page])
 
 
 def failures_file(fleet: Fleet) -> bytes:
