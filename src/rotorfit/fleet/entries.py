@@ -12,6 +12,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -122,10 +123,16 @@ def _plain(record: FlightRecord) -> dict[str, Any]:
 def _record(plain: Mapping[str, Any]) -> FlightRecord:
     fields = dict(plain)
     fields |= {name: np.array(fields[name], dtype=float) for name in _ARRAYS}
-    fields |= {name: tuple(fields[name]) for name in _TUPLES}
+    fields |= {name: _shared(tuple(fields[name])) for name in _TUPLES}
     size = len(fields["compared"])
     fields["covariance"] = fields["covariance"].reshape(size, size)
     return FlightRecord(**fields)
+
+
+@lru_cache(maxsize=1000)
+def _shared(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the same words for equal ones: thousands of records have the names of one."""
+    return words
 
 
 def make_folder(folder: Path) -> None:

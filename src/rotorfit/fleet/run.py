@@ -5,7 +5,7 @@ import json
 import os
 import shlex
 import shutil
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,13 +18,15 @@ from rotorfit.fleet.listing import FlightTask, ListedLog
 from rotorfit.fleet.one_flight import experiment_of
 from rotorfit.fleet.page import Links, fleet_html
 from rotorfit.fleet.records import (
+    Columns,
     FlightFailure,
     FlightRecord,
     failure_columns,
     flight_columns,
+    numbers_of,
 )
 from rotorfit.fleet.statistics import FleetStatistics
-from rotorfit.fleet.tables import csv_bytes, table_bytes
+from rotorfit.fleet.tables import ROWS, csv_bytes, table_file
 from rotorfit.fleet.vehicle_table import Kept, join_tasks, joined_vehicle, vehicle_columns
 from rotorfit.fleet.work import Answer, Desk, worked
 from rotorfit.logs.files import write_whole
@@ -186,12 +188,19 @@ def fleet_files(
     together = dict(zip(tasks, found, strict=True))
     return dict(
         [
-            table_bytes("flights", flight_columns(fleet.records)),
-            table_bytes("vehicles", vehicle_columns(fleet.records, statistics, together)),
+            table_file("flights", _flight_parts(fleet.records)),
+            table_file("vehicles", [vehicle_columns(fleet.records, statistics, together)]),
             (FAILURES, failures_file(fleet)),
             (PAGE, _page(fleet, statistics, name)),
         ]
     )
+
+
+def _flight_parts(records: Sequence[FlightRecord]) -> Iterator[Columns]:
+    """Yield the table of flights, some rows at a time."""
+    numbers = numbers_of(records)
+    for first in range(0, len(records), ROWS):
+        yield flight_columns(records[first : first + ROWS], numbers)
 
 
 def _page(fleet: Fleet, statistics: FleetStatistics, name: str) -> bytes:
@@ -217,7 +226,7 @@ def _report_command(record: FlightRecord, task: FlightTask) -> str:
 
 def failures_file(fleet: Fleet) -> bytes:
     """Return the table of the logs that were not identified."""
-    return csv_bytes(failure_columns(fleet.failures))
+    return csv_bytes([failure_columns(fleet.failures)])
 
 
 def _refuse_airframes(logs: Sequence[ListedLog]) -> None:
@@ -262,6 +271,7 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
                     file=log.name,
                     vehicle=_vehicle(log, entry),
                     configuration=log.configuration,
+                    checks={},  # they stay in the cache: of many flights they would fill the memory
                 )
             )
             kept.append(Kept(key=answer.key or "", task=log.task))
