@@ -41,7 +41,7 @@ class _Now:
         self._began = time.monotonic()
 
     def text(self) -> str:
-        """Return the step in one line. What has passed is said as such, never what is left."""
+        """Return the step in one line. What has passed is said as such."""
         share = "" if self.share is None else f", {100 * self.share:.0f} %"
         return f"{self.words}{share} ({time.monotonic() - self._began:.0f} s so far)"
 
@@ -97,7 +97,7 @@ def counted(what: str) -> Generator[Callable[[int, int], None]]:
 @contextmanager
 def paced(what: str) -> Generator[Callable[[int, int], None]]:
     """Give a function that shows how many of how many are done, how fast, and how long it takes."""
-    now, lately = _Now(), deque[tuple[float, int]]()
+    now, lately = _Now(), deque([(time.monotonic(), 0)])
     now.words = what
 
     def show(done: int, total: int) -> None:
@@ -106,11 +106,15 @@ def paced(what: str) -> Generator[Callable[[int, int], None]]:
             lately.popleft()
         (first, before), (last, _) = lately[0], lately[-1]
         pace = (done - before) / (last - first) if last > first else 0.0
-        left = "" if pace == 0.0 else f", {pace:.2g} a second, {_minutes((total - done) / pace)}"
+        left = f", {_pace(pace)}, {_minutes((total - done) / pace)}" if pace > 0.0 else ""
         now.words, now.share = f"{what}, {done} of {total}{left}", done / total
 
     with _shown(now):
         yield show
+
+
+def _pace(pace: float) -> str:
+    return f"{pace:.1f} a second" if pace >= 0.5 else f"{60 * pace:.1f} a minute"
 
 
 def _minutes(seconds: float) -> str:

@@ -9,8 +9,10 @@ import hashlib
 import io
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,7 +28,10 @@ FORM: Final = 1
 """Of the entries: with another number all are made anew."""
 _ARRAYS: Final = ("values", "std", "low", "high", "covariance")
 _TUPLES: Final = ("names", "verdicts", "compared", "warnings")
-SPOILT: Final = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
+SPOILT: Final = (
+    *(OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError),
+    *(zipfile.BadZipFile, zlib.error),
+)
 """What reading a damaged archive raises."""
 
 
@@ -93,7 +98,7 @@ def read_entry(cache: Path, key: str, *, factors: bool = False) -> Entry | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as archive:
             told = json.loads(archive["told"].tobytes())
             arrays = {n: archive[n] for n in archive.files if n != "told"} if factors else {}
         if told["form"] != FORM:
@@ -118,10 +123,16 @@ def _plain(record: FlightRecord) -> dict[str, Any]:
 def _record(plain: Mapping[str, Any]) -> FlightRecord:
     fields = dict(plain)
     fields |= {name: np.array(fields[name], dtype=float) for name in _ARRAYS}
-    fields |= {name: tuple(fields[name]) for name in _TUPLES}
+    fields |= {name: _shared(tuple(fields[name])) for name in _TUPLES}
     size = len(fields["compared"])
     fields["covariance"] = fields["covariance"].reshape(size, size)
     return FlightRecord(**fields)
+
+
+@lru_cache(maxsize=1000)
+def _shared(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the same words for equal ones: thousands of records have the names of one."""
+    return words
 
 
 def make_folder(folder: Path) -> None:

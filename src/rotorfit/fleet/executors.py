@@ -9,7 +9,7 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -23,12 +23,12 @@ from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from multiprocessing import connection
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from rotorfit import version
 from rotorfit.errors import OutputError
 from rotorfit.fleet.listing import FlightTask
-from rotorfit.fleet.work import TRIES, Answer, Desk, was_begun, worked_batch
+from rotorfit.fleet.work import TRIES, Answer, Desk, left_behind, was_begun, worked_batch
 
 BATCH: Final = 30
 """Logs of a task on a cluster, which takes some 16 ms a task by itself."""
@@ -36,10 +36,12 @@ AHEAD: Final = 3
 """Tasks a worker that are handed over before they are needed: a million would fill the memory."""
 CONNECT_SECONDS: Final = 15
 Batch = tuple[FlightTask, ...]
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 Work = Callable[[Batch], tuple[Answer, ...]]
 
 
-def by_processes(tasks: Sequence[FlightTask], desk: Desk, *, workers: int) -> Iterator[Answer]:
+def by_processes(tasks: Sequence[FlightTask], desk: Desk, *, workers: int) -> Generator[Answer]:
     """Yield the answer to every task, from processes of this machine.
 
     Parameters
@@ -63,10 +65,10 @@ def by_processes(tasks: Sequence[FlightTask], desk: Desk, *, workers: int) -> It
         if fruitless > TRIES:
             _refuse_unanswered(broken)
         left.extendleft(batch for batch in broken if batch not in begun)
-        yield from _alone(begun, work)
+        yield from _alone([batch[0] for batch in begun], desk, work)
 
 
-def by_cluster(tasks: Sequence[FlightTask], desk: Desk, *, scheduler: str) -> Iterator[Answer]:
+def by_cluster(tasks: Sequence[FlightTask], desk: Desk, *, scheduler: str) -> Generator[Answer]:
     """Yield the answer to every task, from the workers of a Dask cluster.
 
     Parameters
@@ -96,6 +98,39 @@ def by_cluster(tasks: Sequence[FlightTask], desk: Desk, *, scheduler: str) -> It
             broken = []
             yield from _answers(pool, left, work, ahead=1, broken=broken)
         _refuse_unanswered(broken)
+
+
+def mapped(
+    function: Callable[[Item], Found],
+    items: Sequence[Item],
+    *,
+    workers: int,
+    scheduler: str | None = None,
+) -> list[Found]:
+    """Return what a function makes of every item, in their order: work that ends by itself.
+
+    Parameters
+    ----------
+    function, items
+        Both can be sent to another process.
+    workers
+        How many processes of this machine; 0: this one.
+    scheduler
+        Address of a Dask cluster in their place.
+    """
+    if not items or (workers == 0 and scheduler is None):
+        return [function(item) for item in items]
+    if scheduler is not None:
+        with _cluster(scheduler) as client:
+            return list(client.get_executor(pure=False).map(function, items))
+    try:
+        with _processes(min(workers, len(items))) as pool:
+            return list(pool.map(function, items))
+    except BrokenExecutor:
+        raise OutputError(
+            "a worker process died while the flights of a vehicle were fitted together: use fewer "
+            "--workers, they may need more memory than there is; nothing done so far is lost"
+        ) from None
 
 
 def _answers(
@@ -132,18 +167,21 @@ def _a_process_ended(error: BaseException) -> bool:
     return cluster or isinstance(error, BrokenExecutor | CancelledError)
 
 
-def _alone(broken: Iterable[Batch], work: Work) -> Iterator[Answer]:
+def _alone(tasks: Sequence[FlightTask], desk: Desk, work: Work) -> Iterator[Answer]:
     """Yield answers to what was at work when a process ended, each in a process of its own."""
-    for batch in broken:
-        again = [batch]
-        for _ in range(TRIES + 1):
-            left: deque[Batch] = deque(again)
-            again = list[Batch]()
-            with _processes(1) as pool:
-                yield from _answers(pool, left, work, ahead=1, broken=again)
-            if not again:
+    for task in tasks:
+        answer = left_behind(task, desk)
+        for _ in range(TRIES):
+            if answer is not None:
                 break
-        _refuse_unanswered(again)
+            with _processes(1) as pool:
+                broken: list[Batch] = []
+                found = list(_answers(pool, deque([(task,)]), work, ahead=1, broken=broken))
+            answer = found[0] if found else left_behind(task, desk)
+        if answer is None:
+            _refuse_unanswered([(task,)])
+        else:
+            yield answer
 
 
 def _refuse_unanswered(broken: Sequence[Batch]) -> None:
@@ -166,8 +204,11 @@ def _processes(workers: int) -> Generator[Executor]:
         yield pool
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - others:
+        own = set(multiprocessing.active_children()) - others
+        for process in own:
             process.terminate()
+        for process in own:
+            process.join()
         raise
     pool.shutdown()
 

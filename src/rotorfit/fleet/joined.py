@@ -57,6 +57,13 @@ class Joined:
     flights: int
     passes: int
 
+    def number(self, name: str) -> tuple[float, float] | None:
+        """Return value and standard deviation of a number; None where it is not told."""
+        if name not in self.names:
+            return None
+        i = self.names.index(name)
+        return float(self.values[i]), float(self.std[i])
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:

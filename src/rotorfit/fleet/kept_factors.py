@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from typing import Final, cast
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -78,10 +78,10 @@ def _plain_timing(timing: FreeTiming) -> dict[str, object]:
     }
 
 
-def _timing(told: Mapping[str, list[float]]) -> FreeTiming:
+def _timing(told: Mapping[str, Any]) -> FreeTiming:
     lag, delay, lag_down = told["at"]
     return FreeTiming(
         at=MotorResponse(lag=lag, delay=delay, lag_down=lag_down),
-        names=tuple(cast("list[str]", told["names"])),
+        names=tuple(told["names"]),
         lag_prior=(told["lag_prior"][0], told["lag_prior"][1]),
     )

@@ -117,6 +117,8 @@ def _logs_in(folder: Path, apart: Path | None) -> Iterator[Path]:
             continue
         if path.is_dir() and not (path / BAG).exists():
             yield from () if path.is_symlink() else _logs_in(path, apart)
+        elif not (path.is_file() or path.is_dir()):
+            continue  # a pipe would be waited for
         elif path.suffix.lower() in SUFFIXES or format_of(path) not in (None, "table"):
             yield path
 

@@ -64,14 +64,18 @@ def fingerprint_of(path: Path) -> str:
 def entry_of(experiment: Experiment) -> Entry:
     """Return what one log comes to; a log that cannot be identified is no error here."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RotorfitWarning)
+        for doubts in (RotorfitWarning, RuntimeWarning):
+            warnings.simplefilter("ignore", doubts)
         try:
-            found = identify_flights(experiment)
+            return _identified(identify_flights(experiment))
         except RotorfitError as error:
             return _refused(experiment, str(error))
         except Exception as error:  # a fault of ours costs this log, not the fleet
             what = f"internal error ({type(error).__name__}: {error})"
             return _refused(experiment, f"{what}; please report it with the log")
+
+
+def _identified(found: Identified) -> Entry:
     return Entry(
         record=_record(found),
         failure=None,
@@ -243,6 +247,8 @@ def _trim(
     stretches: Sequence[Float[np.ndarray, "_ N"]], vehicle: Vehicle, *, rows: int
 ) -> dict[str, Number]:
     """Return the mean centre of thrust and the motors' root mean square, with their deviations."""
+    if not stretches:
+        return {}
     squares = np.concatenate(stretches) ** 2
     count = len(squares) // max(rows, 1)
     if count < FEWEST_PARTS or not squares.any():

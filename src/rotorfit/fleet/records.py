@@ -120,10 +120,17 @@ Columns = dict[str, list[Any]]
 """A table: columns of equal length by name; None where a row has nothing."""
 
 
-def flight_columns(records: Sequence[FlightRecord]) -> Columns:
+def flight_columns(records: Sequence[FlightRecord], numbers: Sequence[str]) -> Columns:
     """Return the table of flights, one row each, in the order given.
 
     A number has five columns: ``kt``, ``kt_std``, ``kt_low``, ``kt_high``, ``kt_verdict``.
+
+    Parameters
+    ----------
+    records
+        Of the table, or of some of its rows.
+    numbers
+        That have columns: `numbers_of` all records.
     """
     columns: Columns = {
         "file": [r.file for r in records],
@@ -135,12 +142,17 @@ def flight_columns(records: Sequence[FlightRecord]) -> Columns:
         "started": [moment_text(r.started) for r in records],
         "seconds_used": [r.seconds_used for r in records],
     }
-    for name in numbers_of(records):
-        columns[name] = [_known(r.value(name)) for r in records]
-        columns[f"{name}_std"] = [_known(r.deviation(name)) for r in records]
-        for end in ("low", "high"):
-            columns[f"{name}_{end}"] = [_end(r, name, end) for r in records]
-        columns[f"{name}_verdict"] = [r.verdict(name) or None for r in records]
+    places = [{name: i for i, name in enumerate(r.names)} for r in records]
+    for name in numbers:
+        at = [place.get(name) for place in places]
+        for ending, array in (("", "values"), ("_std", "std"), ("_low", "low"), ("_high", "high")):
+            columns[f"{name}{ending}"] = [
+                None if i is None else _known(float(getattr(r, array)[i]))
+                for r, i in zip(records, at, strict=True)
+            ]
+        columns[f"{name}_verdict"] = [
+            None if i is None else r.verdicts[i] or None for r, i in zip(records, at, strict=True)
+        ]
     columns |= {
         "air_density": [r.air_density for r in records],
         "air_temperature": [r.air_temperature for r in records],
@@ -178,11 +190,6 @@ def moment_text(seconds: float | None) -> str | None:
     if seconds is None:
         return None
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
-
-
-def _end(record: FlightRecord, name: str, end: str) -> float | None:
-    ends = record.low if end == "low" else record.high
-    return _known(float(ends[record.names.index(name)])) if name in record.names else None
 
 
 def _known(value: float) -> float | None:

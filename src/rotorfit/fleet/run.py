@@ -3,23 +3,38 @@
 import dataclasses
 import json
 import os
+import shlex
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import OutputError
 from rotorfit.fleet.entries import Entry, make_folder, read_entry
-from rotorfit.fleet.executors import by_cluster, by_processes
+from rotorfit.fleet.executors import by_cluster, by_processes, mapped
 from rotorfit.fleet.listing import FlightTask, ListedLog
 from rotorfit.fleet.one_flight import experiment_of
-from rotorfit.fleet.records import FlightFailure, FlightRecord
+from rotorfit.fleet.page import Links, fleet_html
+from rotorfit.fleet.records import (
+    Columns,
+    FlightFailure,
+    FlightRecord,
+    failure_columns,
+    flight_columns,
+    numbers_of,
+)
+from rotorfit.fleet.statistics import FleetStatistics
+from rotorfit.fleet.tables import ROWS, csv_bytes, table_file
+from rotorfit.fleet.vehicle_table import Kept, join_tasks, joined_vehicle, vehicle_columns
 from rotorfit.fleet.work import Answer, Desk, worked
 from rotorfit.logs.files import write_whole
 
 OWNER: Final = "fleet.json"
 """By which a folder is known as one of a fleet: whose logs it is of."""
+FAILURES: Final = "failures.csv"
+PAGE: Final = "fleet.html"
 TIME_LIMIT: Final = 600.0
 """Of a log [s], where none is given."""
 
@@ -62,13 +77,13 @@ class Fleet:
         Flights with a row.
     failures
         Logs that were not identified; some have a row of what their motors tell.
-    keys
-        Of the records' entries in the cache, where the factors are.
+    kept
+        Of each record: where its factors are.
     """
 
     records: tuple[FlightRecord, ...]
     failures: tuple[FlightFailure, ...]
-    keys: tuple[str, ...]
+    kept: tuple[Kept, ...]
 
 
 def cores() -> int:
@@ -135,18 +150,83 @@ def read_fleet(
     new, total, fresh = list(logs), len(logs), 0
     while new:
         by_task, new = {log.task: log for log in new}, list[ListedLog]()
-        for answer in _answers(list(by_task), desk, workers):
-            log = by_task[answer.task]
-            if answer.numbers:
-                new += [_numbered(log, number) for number in answer.numbers]
-                total += len(answer.numbers) - 1
-            else:
-                found.append((log, answer))
-            fresh += answer.fresh
-            tell(Told(done=len(found), total=total, fresh=fresh))
+        with closing(_answers(list(by_task), desk, workers)) as answers:
+            for answer in answers:
+                log = by_task[answer.task]
+                if answer.numbers:
+                    new += [_numbered(log, number) for number in answer.numbers]
+                    total += len(answer.numbers) - 1
+                else:
+                    found.append((log, answer))
+                fresh += answer.fresh
+                tell(Told(done=len(found), total=total, fresh=fresh))
     shutil.rmtree(desk.running, ignore_errors=True)
     found.sort(key=lambda pair: (pair[0].name, pair[0].task.log_number or 0))
     return _rows(found, cache)
+
+
+def fleet_files(
+    fleet: Fleet, cache: Path, workers: Workers, *, statistics: FleetStatistics, name: str
+) -> dict[str, bytes]:
+    """Return tables and page of a fleet, by the names of their files.
+
+    Parameters
+    ----------
+    fleet, cache
+        By `read_fleet`.
+    workers
+        Who fits the flights of each vehicle together.
+    statistics
+        Of the fleet's records.
+    name
+        Of the fleet, for people.
+    """
+    tasks = join_tasks(fleet.records, fleet.kept, cache)
+    found = mapped(
+        joined_vehicle, list(tasks.values()), workers=workers.count, scheduler=workers.scheduler
+    )
+    together = dict(zip(tasks, found, strict=True))
+    return dict(
+        [
+            table_file("flights", _flight_parts(fleet.records)),
+            table_file("vehicles", [vehicle_columns(fleet.records, statistics, together)]),
+            (FAILURES, failures_file(fleet)),
+            (PAGE, _page(fleet, statistics, name)),
+        ]
+    )
+
+
+def _flight_parts(records: Sequence[FlightRecord]) -> Iterator[Columns]:
+    """Yield the table of flights, some rows at a time."""
+    numbers = numbers_of(records)
+    for first in range(0, len(records), ROWS):
+        yield flight_columns(records[first : first + ROWS], numbers)
+
+
+def _page(fleet: Fleet, statistics: FleetStatistics, name: str) -> bytes:
+    """Return the page; every flight on it says how its own report is made."""
+    pairs = zip(fleet.records, fleet.kept, strict=True)
+    tasks = {(record.file, record.log_number): kept.task for record, kept in pairs}
+
+    def command(record: FlightRecord) -> str:
+        return _report_command(record, tasks[record.file, record.log_number])
+
+    links = Links(reports={}, command=command)
+    html = fleet_html(statistics, fleet.records, fleet.failures, name=name, links=links)
+    return html.encode()
+
+
+def _report_command(record: FlightRecord, task: FlightTask) -> str:
+    """Return the command that identifies one flight again, with a page of its own."""
+    number = [] if task.log_number is None else ["--log", str(task.log_number)]
+    page = f"{Path(task.file).stem}.html"
+    words = ["rotorfit", "identify", record.file, *number, "--mass", str(task.mass)]
+    return shlex.join([*words, "--airframe", Path(task.airframe).name, "--report", page])
+
+
+def failures_file(fleet: Fleet) -> bytes:
+    """Return the table of the logs that were not identified."""
+    return csv_bytes([failure_columns(fleet.failures)])
 
 
 def _refuse_airframes(logs: Sequence[ListedLog]) -> None:
@@ -155,7 +235,7 @@ def _refuse_airframes(logs: Sequence[ListedLog]) -> None:
         experiment_of(task)
 
 
-def _answers(tasks: Sequence[FlightTask], desk: Desk, workers: Workers) -> Iterator[Answer]:
+def _answers(tasks: Sequence[FlightTask], desk: Desk, workers: Workers) -> Generator[Answer]:
     if workers.scheduler is not None:
         return by_cluster(tasks, desk, scheduler=workers.scheduler)
     if workers.count == 0:
@@ -172,7 +252,7 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
     """Return the rows of the logs; one whose content was there before has none."""
     records: list[FlightRecord] = []
     failures: list[FlightFailure] = []
-    keys: list[str] = []
+    kept: list[Kept] = []
     before: dict[tuple[str, int], str] = {}
     for log, answer in found:
         entry = _entry(answer, cache)
@@ -191,10 +271,11 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
                     file=log.name,
                     vehicle=_vehicle(log, entry),
                     configuration=log.configuration,
+                    checks={},  # they stay in the cache: of many flights they would fill the memory
                 )
             )
-            keys.append(answer.key or "")
-    return Fleet(records=tuple(records), failures=tuple(failures), keys=tuple(keys))
+            kept.append(Kept(key=answer.key or "", task=log.task))
+    return Fleet(records=tuple(records), failures=tuple(failures), kept=tuple(kept))
 
 
 def _entry(answer: Answer, cache: Path) -> Entry:

@@ -1,11 +1,23 @@
-"""Tables as files: Parquet where pyarrow is installed, else CSV."""
+"""Tables as files: Parquet where pyarrow is installed, else CSV; some rows at a time."""
 
 import csv
 import io
+from collections.abc import Iterable
 from importlib import import_module
 from importlib.util import find_spec
+from typing import Any, Final
 
 from rotorfit.fleet.records import Columns
+
+ROWS: Final = 500
+"""Of a table in memory as Python's own numbers, which take ten times the room."""
+TEXTS: Final = frozenset(
+    (
+        *("file", "sha256", "vehicle", "configuration", "started", "warnings", "refused"),
+        *("first", "last"),
+    )
+)
+COUNTS: Final = frozenset(("log_number", "flights", "identified"))
 
 
 def has_parquet() -> bool:
@@ -13,42 +25,50 @@ def has_parquet() -> bool:
     return find_spec("pyarrow") is not None
 
 
-def csv_bytes(columns: Columns) -> bytes:
+def csv_bytes(parts: Iterable[Columns]) -> bytes:
     """Return a table as CSV (UTF-8); numbers with all their digits, empty cells for nothing."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    for row in zip(*columns.values(), strict=True):
-        writer.writerow("" if cell is None else cell for cell in row)
+    for number, columns in enumerate(parts):
+        if number == 0:
+            writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            writer.writerow("" if cell is None else cell for cell in row)
     return text.getvalue().encode()
 
 
-def parquet_bytes(columns: Columns) -> bytes:
-    """Return a table as Parquet; a column of nothing but None is one of numbers."""
+def parquet_bytes(parts: Iterable[Columns]) -> bytes:
+    """Return a table as Parquet, a group of rows for each part."""
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    arrays = {
-        name: arrow.array(cells, type=arrow.float64() if _empty(cells) else None)
-        for name, cells in columns.items()
-    }
-    sink = io.BytesIO()
-    parquet.write_table(arrow.table(arrays), sink, compression="zstd")
+    sink, writer = io.BytesIO(), None
+    for columns in parts:
+        schema = arrow.schema([(name, _type(arrow, name)) for name in columns])
+        writer = writer or parquet.ParquetWriter(sink, schema, compression="zstd")
+        writer.write_table(arrow.table(columns, schema=schema))
+    if writer is not None:
+        writer.close()
     return sink.getvalue()
 
 
-def _empty(cells: list[object]) -> bool:
-    return all(cell is None for cell in cells)
+def _type(arrow: Any, name: str) -> Any:
+    """Return the type of a column, which its name tells: a part may hold nothing but None."""
+    if name in TEXTS or name.endswith("_verdict"):
+        return arrow.string()
+    if name in COUNTS:
+        return arrow.int64()
+    return arrow.bool_() if name.endswith("_apart") else arrow.float64()
 
 
-def table_bytes(name: str, columns: Columns) -> tuple[str, bytes]:
+def table_file(name: str, parts: Iterable[Columns]) -> tuple[str, bytes]:
     """Return the file of a table, by the format that can be written: its name, and what is in it.
 
     Parameters
     ----------
     name
         Of the table, without an ending.
-    columns
-        The table.
+    parts
+        The table, some rows after the other; each with the same columns.
     """
     if has_parquet():
-        return f"{name}.parquet", parquet_bytes(columns)
-    return f"{name}.csv", csv_bytes(columns)
+        return f"{name}.parquet", parquet_bytes(parts)
+    return f"{name}.csv", csv_bytes(parts)

@@ -68,9 +68,9 @@ class Answer:
 def worked(task: FlightTask, desk: Desk) -> Answer:
     """Return what came of a log; its entry is in the cache then."""
     with _ONE_AT_A_TIME:
-        before = _left_behind(task, desk)
+        before = left_behind(task, desk)
         if before is not None:
-            return Answer(task=task, failure=before, fresh=True)
+            return before
         try:
             with _guarded(task, desk):
                 return _worked(task, desk.cache)
@@ -108,8 +108,8 @@ def _mark(task: FlightTask, desk: Desk) -> Path:
     return desk.running / hashlib.sha256(repr(task).encode()).hexdigest()[:32]
 
 
-def _left_behind(task: FlightTask, desk: Desk) -> FlightFailure | None:
-    """Return why earlier processes ended over a log; None where it may be tried."""
+def left_behind(task: FlightTask, desk: Desk) -> Answer | None:
+    """Return the answer to a log over which earlier processes ended; None where it may be tried."""
     mark = _mark(task, desk)
     if not mark.exists():
         return None
@@ -130,7 +130,7 @@ def _left_behind(task: FlightTask, desk: Desk) -> FlightFailure | None:
     else:
         return None
     mark.unlink()
-    return failure
+    return Answer(task=task, failure=failure, fresh=True)
 
 
 @contextmanager
