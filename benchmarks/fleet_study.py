@@ -1,6 +1,7 @@
 """What is planted in a simulated fleet: is it found, and nothing else?
 
     python -m benchmarks.fleet_study [--seeds 20] [--flights 25] [--identified FOLDER]
+    python -m benchmarks.fleet_study --page fleet.html [--vehicles 400]
     python -m benchmarks.fleet_study --logs FOLDER [--vehicles 10] [--flights 12] [--seconds 20]
 
 20 vehicles of 25 flights. Some flights are simulated and identified once; every flight of the
@@ -8,8 +9,9 @@ fleet then has the covariance of one of them, and errors drawn from it (whether 
 large as that is printed first). Planted: two propellers that wear by 1 % a flight, one battery that
 shifts by 5 mm, one vehicle with other propellers. The same fleets with nothing planted follow.
 
-With --logs every flight is simulated into a log of its own and read by `rotorfit fleet`: the same
-things planted, and a log that breaks off.
+With --page one such fleet is drawn and its page is written; time and size are printed. With --logs
+every flight is simulated into a log of its own and read by `rotorfit fleet`: wear, a shift, other
+propellers, and a log that breaks off.
 """
 
 import argparse
@@ -31,6 +33,7 @@ from benchmarks.recovery import flown
 from jaxtyping import Float
 
 from rotorfit.fleet.compared import TOGETHER
+from rotorfit.fleet.page import fleet_html
 from rotorfit.fleet.records import KT_WEIGHT, FlightRecord
 from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics, fleet_statistics
 from rotorfit.results.result import IdentificationResult
@@ -156,9 +159,9 @@ def true_fleet(rng: np.random.Generator, flights: int, *, planted: bool) -> tupl
     levels: Numbers = {}
     for name, level in LEVEL.items():
         unit = 1.0 if name.startswith("com") else level
-        own = level + unit * BETWEEN[name] * rng.standard_normal((VEHICLES, 1))
+        own = level + unit * BETWEEN[name] * rng.standard_normal((vehicles, 1))
         levels[name] = own
-        truth[name] = own + unit * WITHIN[name] * rng.standard_normal((VEHICLES, flights))
+        truth[name] = own + unit * WITHIN[name] * rng.standard_normal((vehicles, flights))
     if not planted:
         return truth, levels
     for vehicle, (rotor, first) in WORN.items():
@@ -178,8 +181,8 @@ def estimated(
 ) -> list[FlightRecord]:
     """Return the flights' records: the truth, with errors of an identified flight's covariance."""
     out: list[FlightRecord] = []
-    flights = next(iter(truth.values())).shape[1]
-    for v in range(VEHICLES):
+    vehicles, flights = next(iter(truth.values())).shape
+    for v in range(vehicles):
         for f in range(flights):
             like = templates[int(rng.integers(len(templates)))]
             values = np.array([truth[name][v, f] for name in like.names])
@@ -285,6 +288,20 @@ def study(templates: Sequence[FlightRecord], *, seeds: int, flights: int, plante
     )
 
 
+def page(templates: Sequence[FlightRecord], path: Path, *, vehicles: int, flights: int) -> None:
+    """Write the page of one fleet."""
+    rng = np.random.default_rng(0)
+    truth, _ = true_fleet(rng, flights, planted=True, vehicles=vehicles)
+    records = estimated(rng, truth, templates)
+    start = time.process_time()
+    statistics = fleet_statistics(records)
+    compared = time.process_time()
+    path.write_text(fleet_html(statistics, records, name=path.stem), encoding="utf-8")
+    drawn = time.process_time()
+    print(f"{len(records)} flights of {vehicles} vehicles: compared in {compared - start:.0f}")
+    print(f"processor seconds, drawn in {drawn - compared:.1f}; {path.stat().st_size / 1e6:.1f} MB")
+
+
 def rightly_dated(statistics: FleetStatistics) -> int:
     """Return how many of the three changes have their first flight within its interval."""
     places = [(v, rotor, first) for v, (rotor, first) in WORN.items()] + [SHIFTED[:3]]
@@ -365,6 +382,7 @@ def main() -> None:
     parser.add_argument("--identified", type=Path, default=Path("build/fleet_study"))
     parser.add_argument("--count", type=int, default=25, help="flights to identify")
     parser.add_argument("--logs", type=Path, help="folder for simulated logs")
+    parser.add_argument("--page", type=Path, help="page of one fleet")
     parser.add_argument("--vehicles", type=int, default=10)
     parser.add_argument("--seconds", type=float, default=20.0)
     asked = parser.parse_args()
@@ -377,6 +395,9 @@ def main() -> None:
         subprocess.run([sys.executable, "-m", "rotorfit", "fleet", str(logs), *words], check=True)
         return
     templates = identified(asked.identified, asked.count)
+    if asked.page is not None:
+        page(templates, asked.page, vehicles=asked.vehicles, flights=asked.flights[0])
+        return
     print_errors(templates)
     for flights in asked.flights:
         for planted in (True, False):
