@@ -37,8 +37,7 @@ from rotorfit.fleet.kept_factors import fitted_factors
 from rotorfit.fleet.listing import Defaults, FlightTask, listed_logs
 from rotorfit.fleet.one_flight import entry_of, experiment_of
 from rotorfit.fleet.records import flight_columns, numbers_of
-from rotorfit.fleet.run import PAGE, Workers, fleet_files, read_fleet
-from rotorfit.fleet.statistics import fleet_statistics
+from rotorfit.fleet.run import PAGE, Workers, fleet_files, read_fleet, types_of
 from rotorfit.fleet.tables import ROWS, table_file
 from rotorfit.fleet.work import Desk, worked
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
@@ -129,9 +128,7 @@ def in_a_process(function, *arguments):
 def digest(logs, cache: Path, workers: Workers) -> str:
     """Return the fingerprint of everything that a fleet leaves."""
     fleet = read_fleet(logs, cache, workers)
-    statistics = fleet_statistics(fleet.records)
-    files = fleet_files(fleet, cache, workers, statistics=statistics, name="logs")
-    return fingerprint(files)
+    return fingerprint(fleet_files(fleet, types_of(fleet), cache, workers, name="logs"))
 
 
 def fingerprint(files: dict[str, bytes]) -> str:

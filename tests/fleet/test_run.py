@@ -15,14 +15,12 @@ from rotorfit.fleet import run, work
 from rotorfit.fleet.entries import path_of, read_entry, write_entry
 from rotorfit.fleet.executors import by_processes
 from rotorfit.fleet.listing import Defaults, FlightTask, listed_logs
-from rotorfit.fleet.run import Workers, claim, failures_file, fleet_files, read_fleet
-from rotorfit.fleet.statistics import fleet_statistics
+from rotorfit.fleet.run import Workers, claim, failures_file, fleet_files, read_fleet, types_of
 from rotorfit.fleet.work import Desk, worked
 
 
 def files(fleet, cache):
-    statistics = fleet_statistics(fleet.records)
-    return fleet_files(fleet, cache, Workers(count=0), statistics=statistics, name="small")
+    return fleet_files(fleet, types_of(fleet), cache, Workers(count=0), name="small")
 
 
 def test_every_log_has_a_row_or_a_reason(small_fleet):

@@ -17,6 +17,7 @@ from rotorfit.fleet.listing import Defaults, ListedLog, listed_logs, mass_of
 from rotorfit.fleet.run import (
     FAILURES,
     Fleet,
+    FleetType,
     Told,
     Workers,
     claim,
@@ -24,8 +25,9 @@ from rotorfit.fleet.run import (
     failures_file,
     fleet_files,
     read_fleet,
+    types_of,
 )
-from rotorfit.fleet.statistics import FleetStatistics, fleet_statistics
+from rotorfit.fleet.statistics import ALARM
 from rotorfit.fleet.tables import has_parquet
 from rotorfit.logs.files import write_all_whole
 
@@ -67,18 +69,17 @@ def run(request: FleetRequest) -> None:
         )
     with steps() as tell:
         tell("comparing the flights")
-        statistics = fleet_statistics(fleet.records)
+        types = types_of(fleet)
         tell("fitting the flights of each vehicle together")
         name = request.source.absolute().stem
-        files = fleet_files(fleet, cache, workers, statistics=statistics, name=name)
+        files = fleet_files(fleet, types, cache, workers, name=name)
     _write(request.output, files)
     if not has_parquet():
         say("tables are CSV: pip install 'rotorfit[parquet]' writes them as Parquet")
-    found = findings(statistics, fleet.records)
     show(
-        json.dumps(_plain(fleet, statistics, found, files), indent=1)
+        json.dumps(_plain(fleet, types, files), indent=1)
         if request.as_json
-        else _text(fleet, statistics, found, request.output)
+        else _text(fleet, types, request.output)
     )
 
 
@@ -125,24 +126,25 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
         say(f"wrote {folder / name}")
 
 
-def _text(fleet: Fleet, statistics: FleetStatistics, found: Sequence[Finding], folder: Path) -> str:
+def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
     """Return what a fleet came to, in some lines."""
     identified = sum(not record.refused for record in fleet.records)
-    lines = [
-        f"{identified} flights identified, of {len(statistics.vehicles)} vehicles",
-        *_left_out(fleet, folder),
-        "",
-        *(
-            f"{statistics.vehicles[one.vehicle]}: {one.sentence} What to do: {one.advice}."
-            for one in found
-        ),
-    ]
-    if not found:
-        lines.append("Nothing changed, and no vehicle stands apart.")
-    chance = f"{100 * statistics.alarm:.0f} % of fleets in which nothing changed show a change"
-    return "\n".join(
-        [*lines, "", f"({chance} by chance; {statistics.tests} series were looked at.)"]
-    )
+    vehicles = sum(len(one.statistics.vehicles) for one in types)
+    lines = [f"{identified} flights identified, of {vehicles} vehicles", *_left_out(fleet, folder)]
+    for one in types:
+        found = _findings(one)
+        lines += ["", *([f"Type {one.name}:"] if len(types) > 1 else [])]
+        lines += [_sentence(one, finding) for finding in found]
+        if not found:
+            lines.append("Nothing changed, and no vehicle stands apart.")
+    tests = sum(one.statistics.tests for one in types)
+    chance = f"{100 * ALARM:.0f} % of fleets in which nothing changed show a change by chance"
+    return "\n".join([*lines, "", f"({chance}; {tests} series of flights were looked at.)"])
+
+
+def _sentence(one: FleetType, finding: Finding) -> str:
+    vehicle = one.statistics.vehicles[finding.vehicle]
+    return f"{vehicle}: {finding.sentence} What to do: {finding.advice}."
 
 
 def _left_out(fleet: Fleet, folder: Path) -> list[str]:
@@ -158,25 +160,29 @@ def _left_out(fleet: Fleet, folder: Path) -> list[str]:
 
 
 def _plain(
-    fleet: Fleet,
-    statistics: FleetStatistics,
-    found: Sequence[Finding],
-    files: Mapping[str, bytes],
+    fleet: Fleet, types: Sequence[FleetType], files: Mapping[str, bytes]
 ) -> dict[str, object]:
     return {
-        "vehicles": list(statistics.vehicles),
+        "types": {one.name: list(one.statistics.vehicles) for one in types},
         "flights": len(fleet.records),
         "identified": sum(not record.refused for record in fleet.records),
         "failures": [dataclasses.asdict(failure) for failure in fleet.failures],
-        "findings": [
-            {
-                "vehicle": statistics.vehicles[one.vehicle],
-                "sort": one.sort,
-                "sentence": one.sentence,
-                "advice": one.advice,
-                "flight": None if one.record is None else fleet.records[one.record].file,
-            }
-            for one in found
-        ],
+        "findings": [_plain_finding(one, finding) for one in types for finding in _findings(one)],
         "files": list(files),
+    }
+
+
+def _findings(one: FleetType) -> list[Finding]:
+    return findings(one.statistics, one.fleet.records)
+
+
+def _plain_finding(one: FleetType, finding: Finding) -> dict[str, object]:
+    records = one.fleet.records
+    return {
+        "type": one.name,
+        "vehicle": one.statistics.vehicles[finding.vehicle],
+        "sort": finding.sort,
+        "sentence": finding.sentence,
+        "advice": finding.advice,
+        "flight": None if finding.record is None else records[finding.record].file,
     }

@@ -191,22 +191,31 @@ def _covariance(
     """
     names = _comparable(numbers)
     std = np.array([numbers[name][1] for name in names])
+    R = np.eye(len(names))
+    going_on, known = _going_on(result, numbers)
+    at = [(i, going_on.index(name)) for i, name in enumerate(names) if name in going_on]
+    for i, k in at:
+        for j, m in at:
+            R[i, j] = 1.0 if i == j else known[k, m]
+    return names, R * np.outer(std, std)
+
+
+def _going_on(
+    result: IdentificationResult, numbers: Mapping[str, Number]
+) -> tuple[list[str], Float[np.ndarray, "g g"]]:
+    """Return what is computed from the parameters of a covariance, and how that goes together."""
     bases = [name.partition("@")[0] for name in result.covariance_names]
+    if not bases:
+        return [], np.zeros((0, 0))
     values = np.array([numbers[base][0] for base in bases])
-    mass = numbers["mass"][0]
-    going_on = list(_from_parameters(bases, values, mass))
+    mass = numbers["mass"][0] if np.isfinite(numbers["mass"][0]) else 1.0
     jacobian = numerical_jacobian(
         lambda at: np.array(list(_from_parameters(bases, at, mass).values())),
         values,
         np.sqrt(np.diagonal(result.covariance)),
     )
     known = correlation_of(jacobian @ result.covariance @ jacobian.T)
-    R = np.eye(len(names))
-    at = [(i, going_on.index(name)) for i, name in enumerate(names) if name in going_on]
-    for i, k in at:
-        for j, m in at:
-            R[i, j] = 1.0 if i == j else known[k, m]
-    return names, R * np.outer(std, std)
+    return list(_from_parameters(bases, values, mass)), known
 
 
 def _comparable(numbers: Mapping[str, Number]) -> tuple[str, ...]:

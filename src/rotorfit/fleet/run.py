@@ -25,8 +25,8 @@ from rotorfit.fleet.records import (
     flight_columns,
     numbers_of,
 )
-from rotorfit.fleet.statistics import FleetStatistics
-from rotorfit.fleet.tables import ROWS, csv_bytes, table_file
+from rotorfit.fleet.statistics import ALARM, FleetStatistics, fleet_statistics
+from rotorfit.fleet.tables import ROWS, csv_bytes, stacked, table_file
 from rotorfit.fleet.vehicle_table import Kept, join_tasks, joined_vehicle, vehicle_columns
 from rotorfit.fleet.work import Answer, Desk, worked
 from rotorfit.logs.files import write_whole
@@ -79,11 +79,26 @@ class Fleet:
         Logs that were not identified; some have a row of what their motors tell.
     kept
         Of each record: where its factors are.
+    airframes
+        Of each failure: the airframe file of its log.
     """
 
     records: tuple[FlightRecord, ...]
     failures: tuple[FlightFailure, ...]
     kept: tuple[Kept, ...]
+    airframes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetType:
+    """The flights of all vehicles of one type, which is one airframe file, and what they say.
+
+    Vehicles of different types have nothing to be compared by.
+    """
+
+    name: str
+    fleet: Fleet
+    statistics: FleetStatistics
 
 
 def cores() -> int:
@@ -165,35 +180,92 @@ def read_fleet(
     return _rows(found, cache)
 
 
+def types_of(fleet: Fleet) -> tuple[FleetType, ...]:
+    """Return the types of a fleet, and what the flights of each say together.
+
+    The chance of a false change is that of the whole fleet.
+    """
+    airframes = sorted({kept.task.airframe for kept in fleet.kept})
+    return tuple(
+        FleetType(
+            name=name,
+            fleet=own,
+            statistics=fleet_statistics(own.records, alarm=ALARM / len(airframes)),
+        )
+        for name, own in zip(
+            _type_names(airframes), (_of_airframe(fleet, a) for a in airframes), strict=True
+        )
+    )
+
+
+def _type_names(airframes: Sequence[str]) -> list[str]:
+    """Return a name for each airframe file: its own, with its folder where two have the same."""
+    stems = [Path(airframe).stem for airframe in airframes]
+    return [
+        stem if stems.count(stem) == 1 else f"{Path(airframe).parent.name}-{stem}"
+        for airframe, stem in zip(airframes, stems, strict=True)
+    ]
+
+
+def _of_airframe(fleet: Fleet, airframe: str) -> Fleet:
+    pairs = [
+        pair
+        for pair in zip(fleet.records, fleet.kept, strict=True)
+        if pair[1].task.airframe == airframe
+    ]
+    failures = zip(fleet.failures, fleet.airframes, strict=True)
+    own = tuple(failure for failure, of in failures if of == airframe)
+    return Fleet(
+        records=tuple(record for record, _ in pairs),
+        kept=tuple(kept for _, kept in pairs),
+        failures=own,
+        airframes=(airframe,) * len(own),
+    )
+
+
 def fleet_files(
-    fleet: Fleet, cache: Path, workers: Workers, *, statistics: FleetStatistics, name: str
+    fleet: Fleet, types: Sequence[FleetType], cache: Path, workers: Workers, *, name: str
 ) -> dict[str, bytes]:
-    """Return tables and page of a fleet, by the names of their files.
+    """Return tables and pages of a fleet, by the names of their files.
 
     Parameters
     ----------
     fleet, cache
         By `read_fleet`.
+    types
+        Of its vehicles; a page each.
     workers
         Who fits the flights of each vehicle together.
-    statistics
-        Of the fleet's records.
     name
         Of the fleet, for people.
     """
-    tasks = join_tasks(fleet.records, fleet.kept, cache)
+    tables = [_vehicles(one, cache, workers) for one in types]
+    pages = [
+        (PAGE, _page(one, name))
+        if len(types) == 1
+        else (f"fleet-{one.name}.html", _page(one, one.name))
+        for one in types
+    ]
+    return dict(
+        [
+            table_file("flights", _flight_parts(fleet.records)),
+            table_file("vehicles", [stacked(tables)]),
+            (FAILURES, failures_file(fleet)),
+            *pages,
+        ]
+    )
+
+
+def _vehicles(one: FleetType, cache: Path, workers: Workers) -> Columns:
+    """Return the table of the vehicles of a type."""
+    records = one.fleet.records
+    tasks = join_tasks(records, one.fleet.kept, cache)
     found = mapped(
         joined_vehicle, list(tasks.values()), workers=workers.count, scheduler=workers.scheduler
     )
     together = dict(zip(tasks, found, strict=True))
-    return dict(
-        [
-            table_file("flights", _flight_parts(fleet.records)),
-            table_file("vehicles", [vehicle_columns(fleet.records, statistics, together)]),
-            (FAILURES, failures_file(fleet)),
-            (PAGE, _page(fleet, statistics, name)),
-        ]
-    )
+    columns = vehicle_columns(records, one.statistics, together)
+    return {"airframe": [one.name] * len(columns["vehicle"]), **columns}
 
 
 def _flight_parts(records: Sequence[FlightRecord]) -> Iterator[Columns]:
@@ -203,8 +275,9 @@ def _flight_parts(records: Sequence[FlightRecord]) -> Iterator[Columns]:
         yield flight_columns(records[first : first + ROWS], numbers)
 
 
-def _page(fleet: Fleet, statistics: FleetStatistics, name: str) -> bytes:
+def _page(one: FleetType, name: str) -> bytes:
     """Return the page; every flight on it says how its own report is made."""
+    fleet = one.fleet
     pairs = zip(fleet.records, fleet.kept, strict=True)
     tasks = {(record.file, record.log_number): kept.task for record, kept in pairs}
 
@@ -212,7 +285,7 @@ def _page(fleet: Fleet, statistics: FleetStatistics, name: str) -> bytes:
         return _report_command(record, tasks[record.file, record.log_number])
 
     links = Links(reports={}, command=command)
-    html = fleet_html(statistics, fleet.records, fleet.failures, name=name, links=links)
+    html = fleet_html(one.statistics, fleet.records, fleet.failures, name=name, links=links)
     return html.encode()
 
 
@@ -253,6 +326,7 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
     records: list[FlightRecord] = []
     failures: list[FlightFailure] = []
     kept: list[Kept] = []
+    airframes: list[str] = []
     before: dict[tuple[str, int], str] = {}
     for log, answer in found:
         entry = _entry(answer, cache)
@@ -264,6 +338,7 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
         if failure is not None:
             number = log.task.log_number or 1
             failures.append(dataclasses.replace(failure, file=log.name, log_number=number))
+            airframes.append(log.task.airframe)
         if record is not None:
             records.append(
                 dataclasses.replace(
@@ -275,7 +350,12 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
                 )
             )
             kept.append(Kept(key=answer.key or "", task=log.task))
-    return Fleet(records=tuple(records), failures=tuple(failures), kept=tuple(kept))
+    return Fleet(
+        records=tuple(records),
+        failures=tuple(failures),
+        kept=tuple(kept),
+        airframes=tuple(airframes),
+    )
 
 
 def _entry(answer: Answer, cache: Path) -> Entry:

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Final
@@ -14,7 +14,7 @@ ROWS: Final = 500
 TEXTS: Final = frozenset(
     (
         *("file", "sha256", "vehicle", "configuration", "started", "warnings", "refused"),
-        *("first", "last"),
+        *("first", "last", "airframe"),
     )
 )
 COUNTS: Final = frozenset(("log_number", "flights", "identified"))
@@ -57,6 +57,20 @@ def _type(arrow: Any, name: str) -> Any:
     if name in COUNTS:
         return arrow.int64()
     return arrow.bool_() if name.endswith("_apart") else arrow.float64()
+
+
+def stacked(tables: Sequence[Columns]) -> Columns:
+    """Return tables with different columns as one, None where a row has nothing."""
+    names = dict.fromkeys(name for columns in tables for name in columns)
+    rows = [len(next(iter(columns.values()))) for columns in tables]
+    return {
+        name: [
+            cell
+            for columns, count in zip(tables, rows, strict=True)
+            for cell in columns.get(name, [None] * count)
+        ]
+        for name in names
+    }
 
 
 def table_file(name: str, parts: Iterable[Columns]) -> tuple[str, bytes]:
