@@ -324,9 +324,9 @@ def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarra
             [np.ones(len(at)), *(change.shape for change in changes)]
         )
         weighted: Float[np.ndarray, "m n"] = X.T / (data.covariance[at, k, k] + within**2)
-        last: Float[np.ndarray, " m"] = np.linalg.solve(weighted @ X, X[-1])
-        value[g] = last @ (weighted @ data.values[at, k])
-        std[g] = np.sqrt(last @ X[-1])
+        covariance: Float[np.ndarray, "m m"] = np.linalg.inv(weighted @ X)
+        value[g] = X[-1] @ (covariance @ (weighted @ data.values[at, k]))
+        std[g] = np.sqrt(X[-1] @ covariance @ X[-1])
     return value, std
 
 
