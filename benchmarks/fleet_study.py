@@ -1,16 +1,24 @@
 """What is planted in a simulated fleet: is it found, and nothing else?
 
-    python -m benchmarks.fleet_study [--seeds 20] [--flights 25] [--identified identified.json]
+    python -m benchmarks.fleet_study [--seeds 20] [--flights 25] [--identified FOLDER]
+    python -m benchmarks.fleet_study --page fleet.html [--vehicles 400]
+    python -m benchmarks.fleet_study --logs FOLDER [--vehicles 10] [--flights 12] [--seconds 20]
 
 20 vehicles of 25 flights. Some flights are simulated and identified once; every flight of the
 fleet then has the covariance of one of them, and errors drawn from it (whether real errors are as
 large as that is printed first). Planted: two propellers that wear by 1 % a flight, one battery that
 shifts by 5 mm, one vehicle with other propellers. The same fleets with nothing planted follow.
+
+With --page one such fleet is drawn and its page is written; time and size are printed. With --logs
+every flight is simulated into a log of its own and read by `rotorfit fleet`: wear, a shift, other
+propellers, and a log that breaks off.
 """
 
 import argparse
 import dataclasses
 import os
+import subprocess
+import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,14 +28,17 @@ from typing import Final
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from benchmarks.common import identify_flights, true_values
+from benchmarks.common import identify_flights, named_vehicle, true_values
 from benchmarks.recovery import flown
 from jaxtyping import Float
 
 from rotorfit.fleet.compared import TOGETHER
+from rotorfit.fleet.page import fleet_html
 from rotorfit.fleet.records import KT_WEIGHT, FlightRecord
 from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics, fleet_statistics
 from rotorfit.results.result import IdentificationResult
+from rotorfit.simulation import Scenario, Truth, simulate_flight, variant, write_flight_table
+from rotorfit.simulation.tables import IMU_AND_SPEED
 
 VEHICLES, FLIGHTS, SECONDS = 20, 25, 40.0
 LEVEL: Final = {
@@ -79,8 +90,8 @@ SHIFTED: Final = (6, "com_x", 12, 5e-3)
 OTHER: Final = (14, {**dict.fromkeys(LEVEL, 1.0), "kd": 1.10, "Jr": 1.15})
 OTHER_KT: Final = 1.05
 
-Truth = dict[str, Float[np.ndarray, "v f"]]
-"""Every flight's true numbers."""
+Numbers = dict[str, Float[np.ndarray, "v f"]]
+"""Every flight's true numbers; with one column each vehicle's level."""
 
 
 def template(result: IdentificationResult, file: str) -> FlightRecord:
@@ -142,15 +153,17 @@ def print_errors(templates: Sequence[FlightRecord]) -> None:
         print(f"  {name:10s} {errors.mean():+6.2f} {errors.std(ddof=1):5.2f}")
 
 
-def true_fleet(rng: np.random.Generator, flights: int, *, planted: bool) -> Truth:
-    """Return the true numbers of every flight."""
-    truth: Truth = {}
+def true_fleet(rng: np.random.Generator, flights: int, *, planted: bool) -> tuple[Numbers, Numbers]:
+    """Return the true numbers of every flight, and each vehicle's level before any change."""
+    truth: Numbers = {}
+    levels: Numbers = {}
     for name, level in LEVEL.items():
         unit = 1.0 if name.startswith("com") else level
-        own = level + unit * BETWEEN[name] * rng.standard_normal((VEHICLES, 1))
-        truth[name] = own + unit * WITHIN[name] * rng.standard_normal((VEHICLES, flights))
+        own = level + unit * BETWEEN[name] * rng.standard_normal((vehicles, 1))
+        levels[name] = own
+        truth[name] = own + unit * WITHIN[name] * rng.standard_normal((vehicles, flights))
     if not planted:
-        return truth
+        return truth, levels
     for vehicle, (rotor, first) in WORN.items():
         lost = 0.01 * np.maximum(np.arange(flights) - first + 1, 0)
         truth[rotor][vehicle] *= 1.0 - lost
@@ -160,16 +173,16 @@ def true_fleet(rng: np.random.Generator, flights: int, *, planted: bool) -> Trut
     vehicle, factors = OTHER
     for name, factor in factors.items():
         truth[name][vehicle] *= OTHER_KT if "kt" in name else factor
-    return truth
+    return truth, levels
 
 
 def estimated(
-    rng: np.random.Generator, truth: Truth, templates: Sequence[FlightRecord]
+    rng: np.random.Generator, truth: Numbers, templates: Sequence[FlightRecord]
 ) -> list[FlightRecord]:
     """Return the flights' records: the truth, with errors of an identified flight's covariance."""
     out: list[FlightRecord] = []
-    flights = next(iter(truth.values())).shape[1]
-    for v in range(VEHICLES):
+    vehicles, flights = next(iter(truth.values())).shape
+    for v in range(vehicles):
         for f in range(flights):
             like = templates[int(rng.integers(len(templates)))]
             values = np.array([truth[name][v, f] for name in like.names])
@@ -213,11 +226,11 @@ def must() -> set[tuple[int, str, str]]:
 Score = dict[str, list[float]]
 
 
-def level_scores(number: NumberStatistics, truth: Truth, scores: Mapping[str, Score]) -> None:
+def level_scores(number: NumberStatistics, levels: Numbers, scores: Mapping[str, Score]) -> None:
     """Add how far the levels of vehicles in which nothing is planted are from the truth."""
     planted = {*WORN, SHIFTED[0], OTHER[0]}
     keep = [i for i, v in enumerate(number.vehicles) if v not in planted]
-    true = truth[number.name].mean(axis=1)[[number.vehicles[i] for i in keep]]
+    true = levels[number.name][[number.vehicles[i] for i in keep], 0]
     for kind in ("own", "shrunk"):
         lone = kind == "own" or number.apart[keep]
         error = np.where(lone, number.own[keep], number.shrunk[keep]) - true
@@ -235,7 +248,7 @@ def study(templates: Sequence[FlightRecord], *, seeds: int, flights: int, plante
     dated, seconds = 0, 0.0
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
-        truth = true_fleet(rng, flights, planted=planted)
+        truth, levels = true_fleet(rng, flights, planted=planted)
         records = estimated(rng, truth, templates)
         start = time.process_time()
         statistics = fleet_statistics(records)
@@ -248,7 +261,7 @@ def study(templates: Sequence[FlightRecord], *, seeds: int, flights: int, plante
             missed.update(f"V{v + 1:02d} {name} {kind}" for v, name, kind in must() - set(found))
             dated += rightly_dated(statistics)
         for number in statistics.numbers:
-            level_scores(number, truth, scores)
+            level_scores(number, levels, scores)
     print(
         f"{seeds} fleets of {VEHICLES} x {flights} flights, {'' if planted else 'nothing '}planted"
     )
@@ -275,6 +288,20 @@ def study(templates: Sequence[FlightRecord], *, seeds: int, flights: int, plante
     )
 
 
+def page(templates: Sequence[FlightRecord], path: Path, *, vehicles: int, flights: int) -> None:
+    """Write the page of one fleet."""
+    rng = np.random.default_rng(0)
+    truth, _ = true_fleet(rng, flights, planted=True, vehicles=vehicles)
+    records = estimated(rng, truth, templates)
+    start = time.process_time()
+    statistics = fleet_statistics(records)
+    compared = time.process_time()
+    path.write_text(fleet_html(statistics, records, name=path.stem), encoding="utf-8")
+    drawn = time.process_time()
+    print(f"{len(records)} flights of {vehicles} vehicles: compared in {compared - start:.0f}")
+    print(f"processor seconds, drawn in {drawn - compared:.1f}; {path.stat().st_size / 1e6:.1f} MB")
+
+
 def rightly_dated(statistics: FleetStatistics) -> int:
     """Return how many of the three changes have their first flight within its interval."""
     places = [(v, rotor, first) for v, (rotor, first) in WORN.items()] + [SHIFTED[:3]]
@@ -284,6 +311,63 @@ def rightly_dated(statistics: FleetStatistics) -> int:
         changes = () if number is None else number.changes[number.vehicles.index(vehicle)]
         right += any(c.earliest <= first <= c.latest for c in changes)
     return right
+
+
+AIRFRAME: Final = """[airframe]
+rotors = [{rotors}]
+imu = {{ position = {imu} }}
+[motors]
+speed = "measured"
+"""
+
+
+def write_logs(folder: Path, *, vehicles: int, flights: int, seconds: float) -> None:
+    """Write a fleet as logs: the second wears, the fourth's battery shifts, the sixth is other."""
+    rng = np.random.default_rng(1)
+    (truth, vehicle), sensors = variant(named_vehicle("quad-x"), "real")
+    for v in range(vehicles):
+        own = manufactured(truth, rng, other=v == 5)
+        for f in range(flights):
+            path = folder / f"V{v + 1:02d}" / f"flight{f + 1}.csv"
+            if path.exists():
+                continue
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lost = 0.01 * max(f - 2, 0) if v == 1 else 0.0
+            moved = own.mass * 5e-3 if v == 3 and f >= flights // 2 else 0.0
+            spread, (x, y, z) = own.kt_spread, own.first_moments
+            flown_one = dataclasses.replace(
+                own,
+                kt_spread=(spread[0], spread[1] * (1.0 - lost), *spread[2:]),
+                first_moments=(x + moved, y, z),
+            )
+            scenario = Scenario(seconds=seconds, ground_seconds=2.0, sensors=sensors)
+            flight = simulate_flight(flown_one, vehicle, scenario, seed=1000 * v + f)
+            write_flight_table(flight, path, channels=IMU_AND_SPEED)
+    whole = (folder / "V01" / "flight1.csv").read_bytes()
+    (folder / "V01" / "broken.csv").write_bytes(whole[: len(whole) // 50])
+    rotors = ", ".join(
+        f'{{ position = {list(r.position)}, spin = "{r.spin}" }}' for r in vehicle.rotors
+    )
+    text = AIRFRAME.format(rotors=rotors, imu=list(vehicle.imu_position or ()))
+    (folder / "airframe.toml").write_text(text, encoding="utf-8")
+
+
+def manufactured(truth: Truth, rng: np.random.Generator, *, other: bool) -> Truth:
+    """Return one vehicle of a type: half a percent here, a third of a millimetre there."""
+    half = 1.0 + 0.005 * rng.standard_normal(7)
+    moved = 3e-4 * truth.mass * rng.standard_normal(3)
+    x, y, z = (np.array(truth.first_moments) + moved).tolist()
+    spread = np.array(truth.kt_spread) * half[:4]
+    kd, Jr, size = (half[4:] * ([1.1, 1.15, 1.0] if other else 1.0)).tolist()
+    xx, yy, zz, xy, xz, yz = truth.inertia
+    return dataclasses.replace(
+        truth,
+        first_moments=(x, y, z),
+        inertia=(size * xx, size * yy, size * zz, xy, xz, yz),
+        kt_spread=tuple((spread * (OTHER_KT if other else 1.0)).tolist()),
+        kd=kd * truth.kd,
+        Jr=Jr * truth.Jr,
+    )
 
 
 def _rms(values: Sequence[float]) -> float:
@@ -297,8 +381,23 @@ def main() -> None:
     parser.add_argument("--flights", type=int, nargs="+", default=[FLIGHTS])
     parser.add_argument("--identified", type=Path, default=Path("build/fleet_study"))
     parser.add_argument("--count", type=int, default=25, help="flights to identify")
+    parser.add_argument("--logs", type=Path, help="folder for simulated logs")
+    parser.add_argument("--page", type=Path, help="page of one fleet")
+    parser.add_argument("--vehicles", type=int, default=10)
+    parser.add_argument("--seconds", type=float, default=20.0)
     asked = parser.parse_args()
+    if asked.logs is not None:
+        logs = asked.logs / "logs"
+        flights = asked.flights[0]
+        write_logs(logs, vehicles=asked.vehicles, flights=flights, seconds=asked.seconds)
+        words = ["--airframe", str(logs / "airframe.toml"), "--mass", "1.4", "--workers", "1"]
+        words += ["-o", str(asked.logs / "fleet"), "--force"]
+        subprocess.run([sys.executable, "-m", "rotorfit", "fleet", str(logs), *words], check=True)
+        return
     templates = identified(asked.identified, asked.count)
+    if asked.page is not None:
+        page(templates, asked.page, vehicles=asked.vehicles, flights=asked.flights[0])
+        return
     print_errors(templates)
     for flights in asked.flights:
         for planted in (True, False):

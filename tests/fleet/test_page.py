@@ -86,12 +86,13 @@ def test_a_quiet_fleet_says_so():
 
 
 def test_more_flights_are_put_together(monkeypatch):
-    """Sixty points a drawing at most, and not every flight listed."""
-    monkeypatch.setattr("rotorfit.fleet.page.MOST_ROWS", 60)
-    records = [a_fleet(vehicles=3, flights=n, seed=4) for n in (65, 260)]
+    """So many points a drawing at most, and not every flight listed."""
+    monkeypatch.setattr("rotorfit.fleet.page.MOST_ROWS", 12)
+    monkeypatch.setattr("rotorfit.fleet.drawings.MOST_POINTS", 10)
+    records = [a_fleet(vehicles=3, flights=n, seed=4) for n in (14, 56)]
     few, many = (fleet_html(fleet_statistics(r), r) for r in records)
     assert len(many) < 1.3 * len(few)
-    assert "780 more flights are in the file of flights" in many
+    assert "168 more flights are in the file of flights" in many
 
 
 def test_no_flight_at_all():
