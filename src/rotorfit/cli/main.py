@@ -20,6 +20,10 @@ from rotorfit.cli.options import (
     DrawSeed,
     End,
     Figures,
+    FleetAirframe,
+    FleetMass,
+    FleetOutput,
+    FleetSource,
     Force,
     Guess,
     Lengths,
@@ -35,9 +39,13 @@ from rotorfit.cli.options import (
     ResultFile,
     ResultOutput,
     Samples,
+    Scheduler,
     Seed,
     Speed,
     Start,
+    TimeLimit,
+    VehicleOf,
+    WorkerCount,
 )
 from rotorfit.cli.terminal import (
     Colour,
@@ -480,6 +488,44 @@ def plan(
             after=after,
             output=output,
             card=card,
+            force=force,
+            as_json=as_json,
+        )
+    )
+
+
+@app.command(epilog="Example: rotorfit fleet logs --airframe airframe.toml --mass 0.428 -o fleet")
+@interruptible()
+def fleet(
+    source: FleetSource,
+    output: FleetOutput,
+    airframe: FleetAirframe = None,
+    mass: FleetMass = None,
+    vehicle_of: VehicleOf = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
+    time_limit: TimeLimit = 600.0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Identify many logs of many vehicles, and compare them.
+
+    Each log once, by itself, as identify does; then what changed over time, which vehicle stands
+    apart, and what the type is like. Tables of flights, vehicles and logs that cannot be used, and
+    a page. Stopped, it goes on where it was when it is called again.
+    """
+    from rotorfit.cli.fleet import FleetRequest, run
+
+    run(
+        FleetRequest(
+            source=source,
+            output=output,
+            airframe=airframe,
+            mass=mass,
+            vehicle_of=vehicle_of,
+            workers=workers,
+            scheduler=scheduler,
+            time_limit=time_limit,
             force=force,
             as_json=as_json,
         )

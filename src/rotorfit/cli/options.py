@@ -103,6 +103,63 @@ Bench = Annotated[
     ),
 ]
 
+# fleet
+FleetSource = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DIR|TABLE",
+        help="A folder with logs, in folders of it too; or a CSV with the columns file, vehicle, "
+        "configuration, mass, airframe, log (all but file may be left out).",
+    ),
+]
+FleetOutput = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="FOLDER",
+        help="Folder for tables, page and what is kept of each log; a second run goes on there.",
+    ),
+]
+FleetMass = Annotated[
+    str | None,
+    typer.Option(
+        "--mass", metavar="KG", help='Of every vehicle, where no table says it: kg, or "unknown".'
+    ),
+]
+FleetAirframe = Annotated[
+    Path | None,
+    typer.Option(
+        "--airframe",
+        metavar="FILE",
+        help="File with [airframe] and [motors], where no table says it.",
+    ),
+]
+VehicleOf = Annotated[
+    str | None,
+    typer.Option(
+        metavar="REGEX",
+        help="Whose log it is, by its path: the first group, or groups named vehicle and "
+        "configuration. Else the log says it, or its folder.",
+    ),
+]
+WorkerCount = Annotated[
+    int | None,
+    typer.Option("--workers", min=1, metavar="N", help="Processes; default: one a core."),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="Work on a Dask cluster instead (tcp://HOST:PORT; extra dask)."
+    ),
+]
+TimeLimit = Annotated[
+    float,
+    typer.Option(
+        min=1.0, metavar="SECONDS", help="Of one log; one that takes longer is left out, and said."
+    ),
+]
+
 # plan
 AirframeFile = Annotated[
     Path, typer.Argument(metavar="AIRFRAME", help="File with [airframe] and [motors].")

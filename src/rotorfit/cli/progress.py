@@ -5,6 +5,7 @@ Where stderr is a file or a pipe, a plain line every few seconds of longer work.
 
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 BAR_WIDTH = 20
 EVERY = 5.0
 """Between the plain lines [s]."""
+LATELY = 60.0
+"""Over which a pace is taken [s]."""
 
 
 class _Now:
@@ -38,7 +41,7 @@ class _Now:
         self._began = time.monotonic()
 
     def text(self) -> str:
-        """Return the step in one line. What has passed is said as such, never what is left."""
+        """Return the step in one line. What has passed is said as such."""
         share = "" if self.share is None else f", {100 * self.share:.0f} %"
         return f"{self.words}{share} ({time.monotonic() - self._began:.0f} s so far)"
 
@@ -89,6 +92,40 @@ def counted(what: str) -> Generator[Callable[[int, int], None]]:
 
     with _shown(now):
         yield show
+
+
+@contextmanager
+def paced(what: str) -> Generator[Callable[[int, int], None]]:
+    """Give a function that shows how many of how many are done, how fast, and how long it takes."""
+    now, lately = _Now(), deque([(time.monotonic(), 0)])
+    now.words = what
+
+    def show(done: int, total: int) -> None:
+        lately.append((time.monotonic(), done))
+        while len(lately) > 2 and lately[-1][0] - lately[0][0] > LATELY:
+            lately.popleft()
+        (first, before), (last, _) = lately[0], lately[-1]
+        pace = (done - before) / (last - first) if last > first else 0.0
+        left = f", {_pace(pace)}, {_minutes((total - done) / pace)}" if pace > 0.0 else ""
+        now.words, now.share = f"{what}, {done} of {total}{left}", done / total
+
+    with _shown(now):
+        yield show
+
+
+def _pace(pace: float) -> str:
+    return f"{pace:.1f} a second" if pace >= 0.5 else f"{60 * pace:.1f} a minute"
+
+
+def _minutes(seconds: float) -> str:
+    """Return roughly how long it still takes."""
+    if seconds < 90.0:
+        return f"about {seconds:.0f} s left"
+    return (
+        f"about {seconds / 60:.0f} min left"
+        if seconds < 5400.0
+        else (f"about {seconds / 3600:.1f} h left")
+    )
 
 
 @contextmanager

@@ -30,7 +30,7 @@ from rotorfit.fit.weight_balance import Turning, turning
 from rotorfit.flight.align import with_poses
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
 from rotorfit.flight.data import FlightData
-from rotorfit.flight.log import FlightLog
+from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.mocap import prepare_mocap
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.mounting import ImuTilt, levelled
@@ -57,7 +57,7 @@ class UsedFlight:
     `motors`: as declared, completed by the log's parameters.
     `speeds_commanded`: its commands are rotor speeds [rad/s], not shares of full output.
     `telemetry`: how measured speeds go with the commands, where the log has both; `answers`: the
-    two themselves, in flight.
+    two themselves, in flight. `battery`: mean voltage over what is used [V], where it was logged.
     """
 
     entry: FlightEntry
@@ -67,6 +67,7 @@ class UsedFlight:
     speeds_commanded: bool = False
     telemetry: Telemetry | None = None
     answers: tuple[Answer, ...] = ()
+    battery: float | None = None
 
     @cached_property
     def turning(self) -> Turning:
@@ -253,6 +254,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
     window, count = (entry.start, entry.end), len(vehicle.rotors)
+    battery = log.channels.get("battery")
     if source == "mocap":
         prepared = prepare_mocap(
             log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
@@ -272,6 +274,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         telemetry=seen,
         answers=_in_flight(answers, prepared),
         motors=motors,
+        battery=_voltage(battery, prepared),
     )
 
 
@@ -299,10 +302,24 @@ def _not_answering(seen: Telemetry) -> list[int]:
 
 def _in_flight(answers: tuple[Answer, ...], prepared: PreparedFlight) -> tuple[Answer, ...]:
     """Return commands and speeds of the airborne stretches, on the log's own clocks."""
+    return within(answers, _airborne(prepared))
+
+
+def _airborne(prepared: PreparedFlight) -> list[tuple[float, float]]:
+    """Return start and end of every airborne stretch, on the log's own clock [s]."""
     time = prepared.data.time
-    return within(
-        answers, [(float(time[s.start]), float(time[s.stop - 1])) for s in prepared.data.segments]
-    )
+    return [(float(time[s.start]), float(time[s.stop - 1])) for s in prepared.data.segments]
+
+
+def _voltage(battery: Channel | None, prepared: PreparedFlight) -> float | None:
+    """Return the mean voltage in flight [V]; None where none was logged."""
+    if battery is None:
+        return None
+    inside = np.zeros(len(battery.time), dtype=bool)
+    for begin, end in _airborne(prepared):
+        inside |= (battery.time >= begin) & (battery.time <= end)
+    seen = battery.values[inside & np.isfinite(battery.values[:, 0]), 0]
+    return float(seen.mean()) if len(seen) else None
 
 
 def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLog, bool]:

@@ -1,6 +1,7 @@
 """The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +12,25 @@ from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.kt_from_weight import WeighedThrust
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.steering import steered
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedFactors:
+    """All that a fit needs to be made again, or beside other flights; no samples are among it.
+
+    Attributes
+    ----------
+    configurations
+        Factors at the timing that was found, with what counts of them.
+    terms
+        Optional terms of the model.
+    values
+        Free parameters of the fit by name, to begin with.
+    """
+
+    configurations: tuple[JointConfiguration, ...]
+    terms: tuple[Term, ...]
+    values: Mapping[str, float]
 
 
 def joint_fit(

@@ -58,10 +58,14 @@ class SwallowedWeight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeighedThrust:
-    """The thrust coefficient that carries the weight, value and standard deviation."""
+    """The thrust coefficient that carries the weight, value and standard deviation.
+
+    `chance`: its deviation but for what is the same in every flight of a vehicle.
+    """
 
     kt: float
     std: float
+    chance: float = 0.0
 
     def contradicts(self, kt: float, std: float) -> bool:
         """Whether another estimate differs by more than chance and the model's own faults."""
@@ -94,7 +98,9 @@ def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> We
     if not found:
         return None
     mean = pooled(found)
-    return WeighedThrust(kt=mean.ratio, std=float(np.hypot(mean.std, INFLOW_STD * mean.ratio)))
+    return WeighedThrust(
+        kt=mean.ratio, std=float(np.hypot(mean.std, INFLOW_STD * mean.ratio)), chance=mean.std
+    )
 
 
 def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:

@@ -104,6 +104,48 @@ class LoggedMotors:
     lag_on: LagOn = "speed"
 
 
+AIR_CONSTANT: Final = 287.05
+"""Gas constant of dry air [J/(kg K)]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circumstances:
+    """Whose log it is, when it began, and in what air; what the log does not say is None.
+
+    Attributes
+    ----------
+    hardware
+        The autopilot's own number; empty where the log has none.
+    started
+        When the log began, seconds since 1970 (UTC).
+    air_pressure, air_temperature
+        Medians over the log [Pa], [K], as the barometer's chip has them: in its housing it is some
+        degrees warmer than the air.
+    """
+
+    hardware: str = ""
+    started: float | None = None
+    air_pressure: float | None = None
+    air_temperature: float | None = None
+
+    @property
+    def air_density(self) -> float | None:
+        """Of dry air [kg/m^3]."""
+        if self.air_pressure is None or self.air_temperature is None:
+            return None
+        return self.air_pressure / (AIR_CONSTANT * self.air_temperature)
+
+
+def in_air(
+    pressure: Float[np.ndarray, " n"], temperature: Float[np.ndarray, " n"]
+) -> tuple[float | None, float | None]:
+    """Return the medians of pressure [Pa] and temperature [K] where they can be those of air."""
+    good = (pressure > 2e4) & (pressure < 1.2e5) & (temperature > 220.0) & (temperature < 350.0)
+    if not good.any():
+        return None, None
+    return float(np.median(pressure[good])), float(np.median(temperature[good]))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightLog:
     """One log of one flight, as a reader found it.
@@ -135,6 +177,8 @@ class FlightLog:
     gyro_lowpass
         Cut-off of the low-pass on board that the samples of the gyro went through [Hz]; None where
         there is none, or it is not known.
+    circumstances
+        Whose log it is, when it began, in what air.
     """
 
     path: Path
@@ -150,6 +194,7 @@ class FlightLog:
     simulator: str = ""
     motors: LoggedMotors | None = None
     gyro_lowpass: float | None = None
+    circumstances: Circumstances = Circumstances()
 
     @property
     def takes_columns(self) -> bool:

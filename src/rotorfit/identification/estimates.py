@@ -17,7 +17,7 @@ from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, at_values, joint_estimate
-from rotorfit.fit.joint_fit import joint_fit
+from rotorfit.fit.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.joint_numbers import joint_numbers, physical
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
 from rotorfit.fit.number_intervals import Numbers
@@ -100,7 +100,10 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
         warnings=(*tables.warnings, *unsettled, *choice.sentences, *doubts),
         settings={**tables.settings, **choice.settings},
     )
-    tables = with_timing_total(tables, flown.motor_timing)
+    kept = FittedFactors(
+        configurations=tuple(joint), terms=tuple(terms), values=fit.estimate.by_name
+    )
+    tables = with_timing_total(replace(tables, factors=kept), flown.motor_timing)
     tables = with_doubts(tables, flown, numbers, fit=fit, joint=joint)
     tables = with_pilot(tables, flown, numbers, fit=fit, joint=joint)
     return tables if uncoupled is None else without_yaw_scale(tables, uncoupled.gain)

@@ -4,6 +4,7 @@ import dataclasses
 import platform
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ from rotorfit.fit.flights import (
     levelled_flights,
     load_flight,
 )
-from rotorfit.fit.joint_fit import joint_fit
+from rotorfit.fit.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.term_choice import velocity_wanted
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.mounting import found_tilt
@@ -53,6 +54,26 @@ from rotorfit.timing.timing_fit import find_timing
 from rotorfit.validation.validate import validation_comparisons, validation_rows
 
 Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identified:
+    """A result, and what it was made of.
+
+    Attributes
+    ----------
+    result
+        As `identify` returns it.
+    flown
+        The flights as they were fitted, their samples too.
+    factors
+        The flights without their samples; None of methods that fit no joint likelihood.
+    """
+
+    result: IdentificationResult
+    flown: Flown
+    factors: FittedFactors | None
+
 
 ORIGIN_IS_TRACKED = (
     "the origin is the point that motion capture tracks: CoM, first moments and rotor centre are "
@@ -79,6 +100,11 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
     RotorfitError
         One of its kinds, if the experiment, a log or a flight cannot be used.
     """
+    return identify_flights(experiment, progress=progress).result
+
+
+def identify_flights(experiment: Experiment, *, progress: Progress | None = None) -> Identified:
+    """Return the same with what it was made of; see `identify`."""
     # The matrices are small: a second thread of the linear algebra only waits, at ten times the
     # cost where another program uses the other cores.
     with threadpool_limits(limits=1, user_api="blas"):
@@ -91,7 +117,7 @@ def identify(experiment: Experiment, *, progress: Progress | None = None) -> Ide
             ) from error
 
 
-def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
+def _identify(experiment: Experiment, tell: Progress) -> Identified:
     method = resolved_method(experiment)
     flown = _flown(experiment, tell)
     told = told_by_logs(experiment.motors, flown)
@@ -110,12 +136,12 @@ def _identify(experiment: Experiment, tell: Progress) -> IdentificationResult:
         settings={**tables.settings, "hangs_on": list(what_numbers_hang_on(tables, flown))},
     )
     result = dataclasses.replace(_result(experiment, flown, tables), command_law=law)
-    if not any(entry.validation for entry in experiment.configuration):
-        return result
-    tell("validating on flights kept apart")
-    comparisons = validation_comparisons(result, experiment)
-    written = [entry.written for c in experiment.configuration for entry in c.validation]
-    return dataclasses.replace(result, validation=validation_rows(comparisons, written))
+    if any(entry.validation for entry in experiment.configuration):
+        tell("validating on flights kept apart")
+        comparisons = validation_comparisons(result, experiment)
+        written = [entry.written for c in experiment.configuration for entry in c.validation]
+        result = dataclasses.replace(result, validation=validation_rows(comparisons, written))
+    return Identified(result=result, flown=flown, factors=tables.factors)
 
 
 def _with_command_law(

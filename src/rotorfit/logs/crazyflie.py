@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.flight.log import Channel, Circumstances, FlightLog, in_air
 from rotorfit.logs.axes import attitude_from_euler
 from rotorfit.logs.crazyflie_records import (
     MAGIC,
@@ -55,6 +55,7 @@ _ATTITUDE: Final = (
 _VELOCITY: Final = ("stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz")
 _REFERENCE: Final = ("controller.rollRate", "controller.pitchRate", "controller.yawRate")
 _EULER: Final = ("stateEstimate.roll", "stateEstimate.pitch", "stateEstimate.yaw")
+_AIR: Final = ("baro.pressure", "baro.temp")
 _ACCEL_Z: Final = "controller.accelz"
 
 LEGACY_MIXER: Final = np.array(
@@ -139,6 +140,7 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
         metadata=_metadata(records, chosen),
         notes=_notes(recording, found),
         warnings=_damage(records, unordered),
+        circumstances=_circumstances(recording),
     )
 
 
@@ -372,6 +374,15 @@ def _metadata(records: Records, event: Event) -> dict[str, str]:
         "event": ascii(event.name)[1:-1],
         "events recorded": _event_counts(records),
     }
+
+
+def _circumstances(recording: _Recording) -> Circumstances:
+    """Return the air by the barometer [mbar, degC]; the vehicle has neither number nor clock."""
+    if not recording.has(*_AIR):
+        return Circumstances()
+    values = recording.stack(_AIR)
+    pressure, temperature = in_air(100.0 * values[:, 0], values[:, 1] + 273.15)
+    return Circumstances(air_pressure=pressure, air_temperature=temperature)
 
 
 def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:

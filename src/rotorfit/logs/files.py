@@ -3,6 +3,7 @@
 import hashlib
 import mmap
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -146,15 +147,38 @@ def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> Non
     OutputError
         If the file is there and may not be replaced, is a device, or cannot be written.
     """
-    refuse_special_file(path)
-    if path.exists() and not force:
-        raise OutputError(f"{path}: is there already: choose another name, or force")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+    write_all_whole({path: content}, force=force)
+
+
+def write_all_whole(files: Mapping[Path, str | bytes], *, force: bool = False) -> None:
+    """Write several files whole or none of them: moved into place when the last one is complete.
+
+    Parameters
+    ----------
+    files
+        What is to be in each; their folders exist.
+    force
+        Replace files that are there.
+
+    Raises
+    ------
+    OutputError
+        As `write_whole`.
+    """
+    for path in files:
+        refuse_special_file(path)
+        if path.exists() and not force:
+            raise OutputError(f"{path}: is there already: choose another name, or force")
+    unfinished = {path: path.with_name(f".{path.name}.{os.getpid()}.unfinished") for path in files}
+    path = Path()
     try:
-        with unfinished.open("xb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-        unfinished.replace(path)
+        for path, content in files.items():
+            with unfinished[path].open("xb") as file:
+                file.write(content.encode() if isinstance(content, str) else content)
+        for path, complete in unfinished.items():
+            complete.replace(path)
     except OSError as error:
-        unfinished.unlink(missing_ok=True)
+        for left in unfinished.values():
+            left.unlink(missing_ok=True)
         reason = error.strerror or str(error)
         raise OutputError(f"{path}: cannot be written ({reason}): check the folder") from error

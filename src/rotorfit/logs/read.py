@@ -126,6 +126,20 @@ def kind_of(path: Path) -> str | None:
     return "a flight log" if known else None
 
 
+def format_of(path: Path) -> str | None:
+    """Return the name of a log's format, by its first bytes; None where it is none.
+
+    Nearly any text may be a table. Never raises: for looking through folders.
+    """
+    try:
+        if path.is_dir():
+            return "rosbag" if _is_rosbag_folder(path) else None
+        head = read_head(path, _HEAD)
+    except (LogError, OSError):
+        return None
+    return next((form.name for form in FORMATS if form.recognises(head)), None)
+
+
 def _format_named(name: str) -> Format:
     for candidate in FORMATS:
         if candidate.name == name:

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.excitation import LEAST_EXCITATION
+from rotorfit.fit.joint_fit import FittedFactors
 from rotorfit.fit.motor_timing import MotorTiming, told
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.parameters import (
@@ -48,7 +49,10 @@ RATIOS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tables:
-    """What an estimator contributes to a result."""
+    """What an estimator contributes to a result.
+
+    `factors`: what its fit was made of, for fitting again without samples.
+    """
 
     parameters: tuple[Parameter, ...]
     derived: tuple[Derived, ...]
@@ -57,6 +61,7 @@ class Tables:
     settings: Mapping[str, object]
     warnings: tuple[str, ...] = ()
     diagnostics: Mapping[str, float] = field(default_factory=dict[str, float])
+    factors: FittedFactors | None = None
 
 
 def unit_of(info: ParameterInfo, entry: ConfigurationEntry) -> str:

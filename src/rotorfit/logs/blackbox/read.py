@@ -4,11 +4,12 @@ import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import FlightLog
+from rotorfit.flight.log import Circumstances, FlightLog
 from rotorfit.logs.blackbox.channels import FIELDS, read_channels, seconds
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
 from rotorfit.logs.blackbox.header import LOG_START, find_logs, read_header
@@ -148,6 +149,7 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
         metadata=_metadata(log.header.entries),
         notes=(_frame_counts(log), *missing),
         warnings=tuple(_damage(log)),
+        circumstances=_circumstances(log.header.entries),
     )
 
 
@@ -188,6 +190,17 @@ def _metadata(entries: Mapping[str, str]) -> dict[str, str]:
     if metadata.get("Log start datetime", "").startswith("0000"):  # the clock was never set
         del metadata["Log start datetime"]
     return metadata
+
+
+def _circumstances(entries: Mapping[str, str]) -> Circumstances:
+    """Return the number of the processor, and when the log began."""
+    hardware = entries.get("DeviceUID", "")
+    try:
+        began = datetime.fromisoformat(entries.get("Log start datetime", "").strip())
+    except ValueError:  # none, or the year 0 of a clock that was never set
+        return Circumstances(hardware=hardware)
+    began = began if began.tzinfo else began.replace(tzinfo=UTC)
+    return Circumstances(hardware=hardware, started=began.timestamp())
 
 
 def _frame_counts(log: BlackboxLog) -> str:

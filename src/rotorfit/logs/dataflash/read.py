@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, Channel, FlightLog, LoggedMotors
+from rotorfit.flight.log import CHANNELS, Channel, Circumstances, FlightLog, LoggedMotors
 from rotorfit.flight.simulators import simulated_sentence
-from rotorfit.logs.dataflash import imu, law, motors, parameters, pose, remix
+from rotorfit.logs.dataflash import circumstances, imu, law, motors, parameters, pose, remix
 from rotorfit.logs.dataflash.advice import advice, too_slow
 from rotorfit.logs.dataflash.columns import in_order, time_of
 from rotorfit.logs.dataflash.formats import HEAD
@@ -28,7 +28,10 @@ CHOICE: Final = Wanted(
     names=frozenset((*imu.CHOICE_NAMES, *parameters.NAMES)), glimpsed=frozenset(imu.GLIMPSED)
 )
 """Messages that tell which IMU to read."""
-NAMES: Final = (*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, "UNIT", "FMTU")
+NAMES: Final = (
+    *(*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, *circumstances.NAMES),
+    *("UNIT", "FMTU"),
+)
 LEAST_RESTART: Final = 1.0
 """By which the clock goes back where a log begins anew [s]."""
 LEAST_LEFT: Final = 0.01
@@ -92,6 +95,7 @@ def read_dataflash(path: Path) -> FlightLog:
         simulator=found.simulator,
         motors=found.motors,
         gyro_lowpass=found.gyro_lowpass,
+        circumstances=found.circumstances,
     )
 
 
@@ -134,6 +138,7 @@ class _Found:
     simulator: str
     motors: LoggedMotors | None
     gyro_lowpass: float | None
+    circumstances: Circumstances
 
 
 def _understood(path: Path) -> _Found:
@@ -202,6 +207,7 @@ def _understood(path: Path) -> _Found:
         simulator=simulator,
         motors=law.logged_motors(settings, battery="battery" in channels),
         gyro_lowpass=sensors.gyro_lowpass,
+        circumstances=circumstances.circumstances_of(messages, said, _begin(channels)),
     )
 
 
@@ -322,6 +328,10 @@ def _changed(settings: Parameters) -> list[str]:
     if not names:
         return []
     return [f"{', '.join(names[:6])} changed within the log: the last value is taken"]
+
+
+def _begin(channels: Mapping[str, Channel]) -> float:
+    return min((float(c.time[0]) for c in channels.values() if len(c.time)), default=0.0)
 
 
 def _seconds(channels: Mapping[str, Channel]) -> float:

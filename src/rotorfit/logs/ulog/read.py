@@ -6,11 +6,17 @@ from typing import Final
 from rotorfit.errors import LogError
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.simulators import SIH, simulated_sentence
-from rotorfit.logs.ulog import imu, motors, pose, simulated, vehicle
+from rotorfit.logs.ulog import circumstances, imu, motors, pose, simulated, vehicle
 from rotorfit.logs.ulog.messages import MAGIC
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
-WANTED: Final = {**imu.TOPICS, **motors.TOPICS, **pose.TOPICS, **vehicle.TOPICS}
+WANTED: Final = {
+    **imu.TOPICS,
+    **motors.TOPICS,
+    **pose.TOPICS,
+    **vehicle.TOPICS,
+    **circumstances.TOPICS,
+}
 SLOW_MOTORS: Final = 50.0
 """Commands slower than this say little of inertia [Hz]."""
 _LISTED: Final = 20
@@ -67,6 +73,7 @@ def read_ulog(path: Path) -> FlightLog:
         warnings=(*scan.warnings, *vehicle.flight_doubts(scan), *_rate_doubts(channels)),
         simulator=simulator,
         motors=simulated.logged_motors(scan),
+        circumstances=circumstances.circumstances_of(scan, float(begin)),
     )
 
 

@@ -1,0 +1,228 @@
+"""Which logs a fleet has: all of a folder, or those of a table."""
+
+import csv
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from io import StringIO
+from itertools import pairwise
+from math import isfinite
+from pathlib import Path
+from typing import Final, Literal
+
+from rotorfit.errors import ExperimentError, LogError
+from rotorfit.logs.files import read_bytes
+from rotorfit.logs.read import format_of
+
+Mass = float | Literal["unknown"]
+COLUMNS: Final = ("file", "vehicle", "configuration", "mass", "airframe", "log")
+"""Of a table of logs; all but the first may be left out."""
+SUFFIXES: Final = (
+    *(".bfl", ".bbl", ".ulg", ".bin", ".bag", ".db3", ".mcap"),
+    *(".csv", ".tsv", ".parquet"),
+)
+"""Of files that are logs by their names, so that one that cannot be read is said."""
+BAG: Final = "metadata.yaml"
+"""In a folder that is one recording of ROS 2."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightTask:
+    """One log to identify: all that its numbers hang on, but for the bytes of the files.
+
+    `log_number` is None where the file may hold several.
+    """
+
+    file: str
+    airframe: str
+    mass: Mass
+    log_number: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListedLog:
+    """A log of a fleet, and what is said of it.
+
+    Attributes
+    ----------
+    name
+        As the tables and the page call it.
+    task
+        What is to be done.
+    vehicle
+        Whose it is; None: the log tells, or its folder.
+    configuration
+        How the vehicle was loaded.
+    """
+
+    name: str
+    task: FlightTask
+    vehicle: str | None = None
+    configuration: str = "A"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Defaults:
+    """What holds for every log that no table says it of."""
+
+    mass: Mass | None = None
+    airframe: Path | None = None
+    vehicle_of: re.Pattern[str] | None = None
+
+
+def listed_logs(
+    source: Path, defaults: Defaults, *, apart: Path | None = None
+) -> tuple[ListedLog, ...]:
+    """Return the logs of a folder and all folders in it, or those that a table lists.
+
+    Parameters
+    ----------
+    source
+        A folder, or a CSV with a column ``file`` and any of `COLUMNS`; paths in it count from its
+        folder.
+    defaults
+        For what the table does not say.
+    apart
+        A folder that is not looked into.
+
+    Raises
+    ------
+    ExperimentError
+        If there is no log, the table is none, or nobody says mass or airframe.
+    """
+    if not source.exists():
+        raise ExperimentError(
+            f"{source}: no such file or folder: name a folder with logs, or a table of them (CSV)"
+        )
+    rows = (
+        [{"file": str(path)} for path in _logs_in(source, apart)]
+        if source.is_dir()
+        else _rows_of(source)
+    )
+    if not rows:
+        raise ExperimentError(f"{source}: there is no flight log in it; check the folder")
+    base = source if source.is_dir() else source.parent
+    logs = [_listed(row, base, defaults) for row in rows]
+    logs.sort(key=lambda log: (log.name, log.task.log_number or 0))
+    for one, other in pairwise(logs):
+        if (one.task.file, one.task.log_number) == (other.task.file, other.task.log_number):
+            raise ExperimentError(f"{source}: {one.name} is listed twice; it would count twice")
+    return tuple(logs)
+
+
+def _logs_in(folder: Path, apart: Path | None) -> Iterator[Path]:
+    """Yield every log under a folder; a folder that is a bag counts as one."""
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or (apart is not None and path.absolute() == apart.absolute()):
+            continue
+        if path.is_dir() and not (path / BAG).exists():
+            yield from () if path.is_symlink() else _logs_in(path, apart)
+        elif not (path.is_file() or path.is_dir()):
+            continue  # a pipe would be waited for
+        elif path.suffix.lower() in SUFFIXES or format_of(path) not in (None, "table"):
+            yield path
+
+
+def _rows_of(table: Path) -> list[dict[str, str]]:
+    """Return the rows of a table of logs."""
+    try:
+        text = read_bytes(table).decode("utf-8-sig")
+        rows = list(csv.DictReader(StringIO(text)))
+        names = [str(name) for name in csv.DictReader(StringIO(text)).fieldnames or []]
+    except (LogError, UnicodeDecodeError, csv.Error) as error:
+        raise ExperimentError(f"{table}: no table of logs ({error}): {_expected()}") from error
+    unknown = [name for name in names if name not in COLUMNS]
+    if "file" not in names or unknown:
+        met = f"column {unknown[0]!r}" if unknown else "no column file"
+        raise ExperimentError(f"{table}: {met}; {_expected()}")
+    for number, row in enumerate(rows, start=2):
+        if not (row["file"] or "").strip() or None in row:
+            raise ExperimentError(f"{table}, line {number}: no file named, or too many cells")
+    return [{key: (value or "").strip() for key, value in row.items()} for row in rows]
+
+
+def _expected() -> str:
+    return f"expected a CSV with the columns {', '.join(COLUMNS)} (all but file may be left out)"
+
+
+def _listed(row: Mapping[str, str], base: Path, defaults: Defaults) -> ListedLog:
+    """Return one log, what its row does not say filled in."""
+    path = base / row["file"] if base not in Path(row["file"]).parents else Path(row["file"])
+    name = path.relative_to(base).as_posix() if path.is_relative_to(base) else str(path)
+    vehicle, configuration = _by_pattern(name, defaults.vehicle_of)
+    airframe = _airframe(row.get("airframe", ""), base, defaults)
+    return ListedLog(
+        name=name,
+        task=FlightTask(
+            file=str(path.absolute()),
+            airframe=str(airframe.absolute()),
+            mass=_mass(row.get("mass", ""), name, defaults),
+            log_number=_log_number(row.get("log", ""), name),
+        ),
+        vehicle=row.get("vehicle") or vehicle,
+        configuration=row.get("configuration") or configuration or "A",
+    )
+
+
+def _by_pattern(name: str, pattern: re.Pattern[str] | None) -> tuple[str | None, str | None]:
+    """Return vehicle and configuration that a path tells by the pattern."""
+    if pattern is None:
+        return None, None
+    found = pattern.search(name)
+    if found is None:
+        raise ExperimentError(
+            f"--vehicle-of {pattern.pattern!r} does not match {name}: give a pattern that every "
+            "path matches, or a table with a column vehicle"
+        )
+    named = found.groupdict()
+    first = found[1] if pattern.groups and not named else found[0]
+    return named.get("vehicle", first), named.get("configuration")
+
+
+def _airframe(said: str, base: Path, defaults: Defaults) -> Path:
+    if said:
+        return base / said
+    if defaults.airframe is None:
+        raise ExperimentError(
+            "nobody says where the rotors are: give --airframe FILE (rotorfit airframe LOG writes "
+            "one), or a table with a column airframe"
+        )
+    return defaults.airframe
+
+
+def _mass(said: str, name: str, defaults: Defaults) -> Mass:
+    if not said:
+        if defaults.mass is None:
+            raise ExperimentError(
+                f"{name}: nobody says its mass: give --mass KG, a table with a column mass, or "
+                "--mass unknown (all numbers are per kilogram then)"
+            )
+        return defaults.mass
+    return mass_of(said, f"the mass of {name}")
+
+
+def mass_of(said: str, what: str) -> Mass:
+    """Return a mass as it was written: kilograms or ``unknown``.
+
+    Raises
+    ------
+    ExperimentError
+        If it is neither.
+    """
+    if said == "unknown":
+        return "unknown"
+    try:
+        mass = float(said)
+    except ValueError:
+        mass = float("nan")
+    if not (isfinite(mass) and mass > 0):
+        raise ExperimentError(f'{what} is {said!r}; expected kilograms such as 0.428, or "unknown"')
+    return mass
+
+
+def _log_number(said: str, name: str) -> int | None:
+    if not said:
+        return None
+    if not said.isdecimal() or int(said) < 1:
+        raise ExperimentError(f"{name}: log is {said!r}; expected a number from 1")
+    return int(said)

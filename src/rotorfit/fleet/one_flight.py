@@ -1,0 +1,274 @@
+"""The map step: one log, identified as `rotorfit identify` does, to what the fleet keeps of it."""
+
+import hashlib
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import RotorfitError, RotorfitWarning
+from rotorfit.estimation.propagate import numerical_jacobian
+from rotorfit.experiment.experiment import (
+    Experiment,
+    single_flight_experiment,
+    vehicle_of,
+)
+from rotorfit.experiment.read_options import read_options_of
+from rotorfit.fit.kt_from_weight import kt_from_weight
+from rotorfit.fit.number_intervals import correlation_of
+from rotorfit.fleet.entries import Entry
+from rotorfit.fleet.kept_factors import factor_arrays
+from rotorfit.fleet.listing import FlightTask, Mass
+from rotorfit.fleet.records import COMPARED, KT_WEIGHT, TRIM, FlightFailure, FlightRecord
+from rotorfit.flight.log import FlightLog
+from rotorfit.identification.identify import Identified, identify_flights
+from rotorfit.logs.files import sha256_of
+from rotorfit.logs.read import read_log
+from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, INERTIA_COM, inertia_about
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.results.result import IdentificationResult, verdict_of
+
+PART_SECONDS: Final = 2.0
+"""Of a flight, whose means scatter as the mean of the whole is unsure."""
+FEWEST_PARTS: Final = 3
+HALF: Final = 0.5
+"""Share of the usual thrust under which a sample counts as on the ground, where motors alone are
+logged."""
+Number = tuple[float, float, float, float, str]
+"""Value, standard deviation, ends of the interval, verdict."""
+NOTHING: Final = float("nan")
+
+
+def experiment_of(task: FlightTask) -> Experiment:
+    """Return the experiment that `rotorfit identify LOG --mass --airframe` makes of a log."""
+    return single_flight_experiment(
+        Path(task.file),
+        mass=task.mass,
+        airframe=Path(task.airframe),
+        log_number=task.log_number,
+    )
+
+
+def fingerprint_of(path: Path) -> str:
+    """Return the SHA-256 of a log; of a folder that is a bag, of its files' names and bytes."""
+    if not path.is_dir():
+        return sha256_of(path)
+    parts = [f"{p.name} {sha256_of(p)}" for p in sorted(path.iterdir()) if p.is_file()]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def entry_of(experiment: Experiment) -> Entry:
+    """Return what one log comes to; a log that cannot be identified is no error here."""
+    with warnings.catch_warnings():
+        for doubts in (RotorfitWarning, RuntimeWarning):
+            warnings.simplefilter("ignore", doubts)
+        try:
+            return _identified(identify_flights(experiment))
+        except RotorfitError as error:
+            return _refused(experiment, str(error))
+        except Exception as error:  # a fault of ours costs this log, not the fleet
+            what = f"internal error ({type(error).__name__}: {error})"
+            return _refused(experiment, f"{what}; please report it with the log")
+
+
+def _identified(found: Identified) -> Entry:
+    return Entry(
+        record=_record(found),
+        failure=None,
+        hardware=found.flown.configurations[0].flights[0].log.circumstances.hardware,
+        factors={} if found.factors is None else factor_arrays(found.factors, found.flown),
+    )
+
+
+def failure_of(message: str) -> FlightFailure:
+    """Return a refusal in two parts: what was met, and what to do."""
+    words = " ".join(message.split())
+    for mark in ("; ", ": "):
+        reason, found, advice = words.rpartition(mark)
+        if found:
+            return FlightFailure(file="", reason=reason, what_to_do=advice)
+    return FlightFailure(file="", reason=words)
+
+
+def _refused(experiment: Experiment, message: str) -> Entry:
+    """Return why a log was not identified, and what its motors tell all the same."""
+    flight = experiment.configuration[0].flights[0]
+    for name in (flight.file, Path(flight.file).name):
+        message = message.removeprefix(f"{name}: ")
+    failure = failure_of(message)
+    try:
+        log = read_log(Path(flight.file), options=read_options_of(flight, experiment.motors))
+    except RotorfitError:
+        return Entry(record=None, failure=failure)
+    hardware = log.circumstances.hardware
+    numbers = _trim_of_log(log, vehicle_of(experiment.airframe))
+    if not numbers:
+        return Entry(record=None, failure=failure, hardware=hardware)
+    record = replace(_row(numbers, log, mass=experiment.configuration[0].mass), refused=message)
+    return Entry(record=record, failure=failure, hardware=hardware)
+
+
+def _record(found: Identified) -> FlightRecord:
+    """Return the row of one identified flight."""
+    result, configured = found.result, found.flown.configurations[0]
+    used = configured.flights[0]
+    numbers = _numbers(result)
+    weighed = kt_from_weight(found.flown.configurations, found.flown.vehicle)
+    if weighed is not None:
+        numbers[KT_WEIGHT] = _by_chance(weighed.kt, weighed.chance)
+    data = used.prepared.data
+    numbers |= _trim(
+        [data.rotor_speed[s.start : s.stop] for s in data.segments],
+        found.flown.vehicle,
+        rows=round(PART_SECONDS * data.sample_rate),
+    )
+    compared, covariance = _covariance(result, numbers)
+    return replace(
+        _row(numbers, used.log, mass=configured.entry.mass),
+        seconds_used=result.flights[0].seconds_used,
+        compared=compared,
+        covariance=covariance,
+        warnings=(*result.warnings, *result.flights[0].warnings),
+        checks=dict(result.diagnostics),
+        battery=used.battery,
+    )
+
+
+def _row(numbers: Mapping[str, Number], log: FlightLog, *, mass: Mass) -> FlightRecord:
+    """Return a record of these numbers, each by itself, and of what the log says of itself."""
+    told = log.circumstances
+    columns = np.array([number[:4] for number in numbers.values()], dtype=float)
+    compared = _comparable(numbers)
+    return FlightRecord(
+        file="",
+        sha256=log.sha256,
+        vehicle="",
+        configuration="",
+        log_number=log.log_number,
+        mass=None if mass == "unknown" else mass,
+        started=told.started,
+        seconds_used=0.0,
+        names=tuple(numbers),
+        values=columns[:, 0],
+        std=columns[:, 1],
+        low=columns[:, 2],
+        high=columns[:, 3],
+        verdicts=tuple(number[4] for number in numbers.values()),
+        compared=compared,
+        covariance=np.diag([numbers[name][1] ** 2 for name in compared]),
+        air_density=told.air_density,
+        air_temperature=told.air_temperature,
+        air_pressure=told.air_pressure,
+    )
+
+
+def _numbers(result: IdentificationResult) -> dict[str, Number]:
+    """Return every parameter and derived number of a result."""
+    found: dict[str, Number] = {}
+    for entry in (*result.parameters, *result.derived):
+        value, std = (NOTHING if v is None else v for v in (entry.value, entry.std))
+        low, high = entry.interval or (NOTHING, NOTHING)
+        found[entry.name] = (value, std, low, high, verdict_of(result, entry))
+    return found
+
+
+def _by_chance(value: float, std: float) -> Number:
+    """Return a number whose deviation is known, without a verdict."""
+    return value, std, value - 1.96 * std, value + 1.96 * std, ""
+
+
+def _covariance(
+    result: IdentificationResult, numbers: Mapping[str, Number]
+) -> tuple[tuple[str, ...], Float[np.ndarray, "c c"]]:
+    """Return which numbers can be compared, and their covariance.
+
+    Correlations are those of the parameters, carried on to what is computed from them; numbers that
+    are measured by themselves are independent of the others.
+    """
+    names = _comparable(numbers)
+    std = np.array([numbers[name][1] for name in names])
+    R = np.eye(len(names))
+    going_on, known = _going_on(result, numbers)
+    at = [(i, going_on.index(name)) for i, name in enumerate(names) if name in going_on]
+    for i, k in at:
+        for j, m in at:
+            R[i, j] = 1.0 if i == j else known[k, m]
+    return names, R * np.outer(std, std)
+
+
+def _going_on(
+    result: IdentificationResult, numbers: Mapping[str, Number]
+) -> tuple[list[str], Float[np.ndarray, "g g"]]:
+    """Return what is computed from the parameters of a covariance, and how that goes together."""
+    bases = [name.partition("@")[0] for name in result.covariance_names]
+    if not bases:
+        return [], np.zeros((0, 0))
+    values = np.array([numbers[base][0] for base in bases])
+    mass = numbers["mass"][0] if np.isfinite(numbers["mass"][0]) else 1.0
+    jacobian = numerical_jacobian(
+        lambda at: np.array(list(_from_parameters(bases, at, mass).values())),
+        values,
+        np.sqrt(np.diagonal(result.covariance)),
+    )
+    known = correlation_of(jacobian @ result.covariance @ jacobian.T)
+    return list(_from_parameters(bases, values, mass)), known
+
+
+def _comparable(numbers: Mapping[str, Number]) -> tuple[str, ...]:
+    return tuple(n for n in COMPARED if n in numbers and np.isfinite(numbers[n][:2]).all())
+
+
+def _from_parameters(
+    bases: Sequence[str], values: Float[np.ndarray, " p"], mass: float
+) -> dict[str, float]:
+    """Return numbers that are compared, from the parameters that a covariance is of."""
+    p = dict(zip(bases, values.tolist(), strict=True))
+    out = {name: p[name] for name in ("kt", "kd", "Jr") if name in p}
+    out["hover_speed"] = max(p.get("kt", 1.0), 1e-300) ** -0.5  # but for a constant factor
+    com = [p[name] / mass if name in p else 0.0 for name in FIRST_MOMENTS]
+    out |= {f"com_{n[-1]}": c for n, c in zip(FIRST_MOMENTS, com, strict=True) if n in p}
+    elements = np.array([p.get(name, 0.0) for name in INERTIA])
+    about_com = inertia_about(elements, -mass, np.array(com)).tolist()
+    own = zip(INERTIA, INERTIA_COM, about_com, strict=True)
+    return out | {name: value for base, name, value in own if base in p}
+
+
+def _trim_of_log(log: FlightLog, vehicle: Vehicle) -> dict[str, Number]:
+    """Return what the motors of a log tell that cannot be identified; nothing where it has none."""
+    channel = log.channels.get("rotor_speed", log.channels.get("command"))
+    if channel is None or channel.values.shape[1] != len(vehicle.rotors):
+        return {}
+    whole = np.isfinite(channel.values).all(axis=1) & np.isfinite(channel.time)
+    time, motors = channel.time[whole], channel.values[whole]
+    if len(time) < 2 or time[-1] <= time[0]:
+        return {}
+    total = (motors * motors).sum(axis=1)
+    flown = total > HALF * np.percentile(total, 75)
+    rate = (len(time) - 1) / (time[-1] - time[0])
+    return _trim([motors[flown]], vehicle, rows=round(PART_SECONDS * rate))
+
+
+def _trim(
+    stretches: Sequence[Float[np.ndarray, "_ N"]], vehicle: Vehicle, *, rows: int
+) -> dict[str, Number]:
+    """Return the mean centre of thrust and the motors' root mean square, with their deviations."""
+    if not stretches:
+        return {}
+    squares = np.concatenate(stretches) ** 2
+    count = len(squares) // max(rows, 1)
+    if count < FEWEST_PARTS or not squares.any():
+        return {}
+    parts = np.array_split(squares * vehicle.axes[:, 2], count)
+    means = np.array([part.mean(axis=0) for part in parts])
+    places = means @ vehicle.positions[:, :2] / means.sum(axis=1)[:, None]
+    speeds = np.sqrt(np.abs(means).mean(axis=1))
+    table = np.column_stack([places, speeds])
+    std = table.std(axis=0, ddof=1) / np.sqrt(count)
+    return {
+        name: _by_chance(*pair)
+        for name, *pair in zip(TRIM, table.mean(axis=0).tolist(), std.tolist(), strict=True)
+    }

@@ -1,0 +1,373 @@
+"""What a fleet's flights say together: the type, each vehicle, what changed, what stands apart.
+
+Number by number: every flight's estimate with its own covariance, vehicles about the type's mean,
+flights about their vehicle (`population/`). Nothing here looks into a log.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rotorfit.fleet.compared import BY_SCATTER, Table, Weather, tables
+from rotorfit.fleet.records import FlightRecord
+from rotorfit.population.changes import (
+    LEAST_SERIES,
+    Change,
+    find_changes,
+    overstated,
+    robust_scatter,
+)
+from rotorfit.population.outlying import apart, discovered
+from rotorfit.population.random_effects import RandomEffects, Repeated, random_effects
+
+ALARM: Final = 0.05
+"""Chance of one false change or more in the whole fleet."""
+RATE: Final = 0.05
+"""Expected share of false ones among the vehicles said to stand apart."""
+ROUNDS: Final = 3
+"""Of finding changes and of the scatter that is left of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NumberStatistics:
+    """One number of the type, of each vehicle, and of each flight. SI; NaN where not told.
+
+    Attributes
+    ----------
+    name, configuration, weather
+        As in `Table`.
+    rows, vehicle_of_row, values, std
+        Flights that tell it, by the index of their record; place in `vehicles`; what they tell.
+    vehicles
+        Indices into the fleet's vehicles.
+    mean, mean_std
+        Of the type.
+    between, within
+        Standard deviations between vehicles, and between flights of one beyond what each says.
+    own, own_std
+        By each vehicle's own flights only, before any change.
+    shrunk, shrunk_std
+        By these and by the type: sharper as far as its own flights leave it open; NaN for
+        vehicles that stand apart.
+    now, now_std
+        After the changes, by its own flights.
+    changes
+        Of each vehicle, the clearest first; places count the vehicle's rows.
+    difference, difference_std, p, apart
+        From the mean of the other vehicles, its chance among like ones, and whether it stands
+        apart.
+    """
+
+    name: str
+    configuration: str | None
+    weather: Weather
+    rows: Int[np.ndarray, " n"]
+    vehicle_of_row: Int[np.ndarray, " n"]
+    values: Float[np.ndarray, " n"]
+    std: Float[np.ndarray, " n"]
+    vehicles: tuple[int, ...]
+    mean: float
+    mean_std: float
+    between: float
+    within: float
+    own: Float[np.ndarray, " g"]
+    own_std: Float[np.ndarray, " g"]
+    shrunk: Float[np.ndarray, " g"]
+    shrunk_std: Float[np.ndarray, " g"]
+    now: Float[np.ndarray, " g"]
+    now_std: Float[np.ndarray, " g"]
+    changes: tuple[tuple[Change, ...], ...]
+    difference: Float[np.ndarray, " g"]
+    difference_std: Float[np.ndarray, " g"]
+    p: Float[np.ndarray, " g"]
+    apart: Bool[np.ndarray, " g"]
+
+    def rows_of(self, place: int) -> Int[np.ndarray, " k"]:
+        """Return the records of one of its vehicles, in order of time."""
+        return self.rows[self.vehicle_of_row == place]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetStatistics:
+    """What a fleet's flights say together.
+
+    Attributes
+    ----------
+    vehicles
+        Their names.
+    numbers
+        Each number that is compared.
+    alarm, rate
+        Chance of a false change in the whole fleet; expected share of false ones among the
+        vehicles said to stand apart.
+    tests
+        In how many series of flights a change was looked for.
+    """
+
+    vehicles: tuple[str, ...]
+    numbers: tuple[NumberStatistics, ...]
+    alarm: float
+    rate: float
+    tests: int
+
+    def number(self, name: str, configuration: str | None = None) -> NumberStatistics | None:
+        """Return the statistics of a number; None where it is not compared."""
+        same = (n for n in self.numbers if (n.name, n.configuration) == (name, configuration))
+        return next(same, None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fitted:
+    """A table with its vehicles, what changed in them, and their levels."""
+
+    table: Table
+    vehicles: tuple[int, ...]
+    data: Repeated
+    effects: RandomEffects
+    changes: tuple[tuple[tuple[Change, ...], ...], ...]
+
+
+def fleet_statistics(
+    records: Sequence[FlightRecord], *, alarm: float = ALARM, rate: float = RATE
+) -> FleetStatistics:
+    """Return what the flights of a fleet say together.
+
+    Parameters
+    ----------
+    records
+        One a flight, in any order.
+    alarm
+        Chance that anything is said to have changed, anywhere, if nothing did.
+    rate
+        Expected share of vehicles that do not differ among those said to stand apart.
+    """
+    vehicles = tuple(sorted({record.vehicle for record in records}))
+    of_vehicle = {name: i for i, name in enumerate(vehicles)}
+    whose = np.array([of_vehicle[r.vehicle] for r in records], dtype=int)
+    found = tables(records)
+    tests = sum(_series(table, whose) for table in found)
+    fits = [_fitted(table, whose, alarm / max(tests, 1)) for table in found]
+    numbers = [n for fit in fits for n in _numbers(fit)]
+    numbers = _judged(numbers, len(vehicles), rate)
+    return FleetStatistics(
+        vehicles=vehicles,
+        numbers=tuple(_without_those_apart(fits, numbers)),
+        alarm=alarm,
+        rate=rate,
+        tests=tests,
+    )
+
+
+def _judged(
+    numbers: Sequence[NumberStatistics], vehicles: int, rate: float
+) -> list[NumberStatistics]:
+    """Return the numbers with what stands apart, each vehicle judged as a whole first."""
+    p = np.full((vehicles, len(numbers)), np.nan)
+    for k, number in enumerate(numbers):
+        p[list(number.vehicles), k] = number.p
+    flags = discovered(p, rate)
+    return [replace(n, apart=flags[list(n.vehicles), k]) for k, n in enumerate(numbers)]
+
+
+def _series(table: Table, whose: Int[np.ndarray, " r"]) -> int:
+    """Return in how many series of a table a change can be looked for."""
+    told = np.isfinite(table.values)
+    owner = whose[list(table.rows)]
+    return sum(
+        int((np.bincount(owner, told[:, k]) >= LEAST_SERIES).sum()) for k in range(told.shape[1])
+    )
+
+
+def _fitted(table: Table, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted:
+    """Return changes and levels of a table: found in turn, until they agree."""
+    vehicles, group = np.unique(whose[list(table.rows)], return_inverse=True)
+    n, p = table.values.shape
+    data = Repeated(
+        values=table.values, covariance=table.covariance, group=group, changes=np.zeros((n, p, 0))
+    )
+    data, measured = _as_seen(data, table.names)
+    variance = np.einsum("nkk->nk", data.covariance)
+    scatter = np.array([_robust(data, variance, k) for k in range(p)])
+    freedom = np.full(p, 0.4 * max(n - len(vehicles), 1))
+    changes, effects = _changes(data, variance, scatter, freedom, alarm, measured), None
+    for _ in range(ROUNDS):
+        data = replace(data, changes=_columns(data, changes))
+        effects = random_effects(data)
+        scatter = np.where(np.isfinite(effects.within), effects.within, 0.0) ** 2
+        known = np.where(np.isfinite(effects.within_log_std), effects.within_log_std, 1.0)
+        again = _changes(data, variance, scatter, 0.5 / known**2, alarm, measured)
+        if _places(again) == _places(changes):
+            break
+        changes = again
+    assert effects is not None
+    return _Fitted(
+        table=table,
+        vehicles=tuple(vehicles.tolist()),
+        data=data,
+        effects=effects,
+        changes=changes,
+    )
+
+
+def _as_seen(data: Repeated, names: tuple[str, ...]) -> tuple[Repeated, bool]:
+    """Return means over flights with the scatter that is seen, where it is less than stated."""
+    if names[0] not in BY_SCATTER:
+        return data, False
+    variance, told = data.covariance[:, 0, 0], data.told[:, 0]
+    share = overstated(data.values[told, 0], variance[told], data.group[told])
+    return replace(data, covariance=share * data.covariance), share < 1.0
+
+
+def _robust(data: Repeated, variance: Float[np.ndarray, "n p"], k: int) -> float:
+    told = data.told[:, k]
+    return robust_scatter(data.values[told, k], variance[told, k], data.group[told])
+
+
+def _changes(
+    data: Repeated,
+    variance: Float[np.ndarray, "n p"],
+    scatter: Float[np.ndarray, " p"],
+    freedom: Float[np.ndarray, " p"],
+    alarm: float,
+    measured: bool,
+) -> tuple[tuple[tuple[Change, ...], ...], ...]:
+    """Return the changes of each number in each group."""
+    out: list[tuple[tuple[Change, ...], ...]] = []
+    for k in range(variance.shape[1]):
+        told = data.told[:, k]
+        total = variance[:, k] + scatter[k]
+        total = np.maximum(total, np.finfo(float).eps * np.nanmax(data.values[:, k] ** 2))
+        # Only the scatter is estimated; what each flight says of itself is known.
+        share = 1.0 if measured or not told.any() else float(np.median(scatter[k] / total[told]))
+        left = float(freedom[k] / share**2) if share > 0 else np.inf
+        rows = [np.flatnonzero(told & (data.group == g)) for g in range(data.groups)]
+        out.append(
+            tuple(
+                find_changes(data.values[at, k], total[at], alarm=alarm, freedom=left)
+                for at in rows
+            )
+        )
+    return tuple(out)
+
+
+def _places(changes: tuple[tuple[tuple[Change, ...], ...], ...]) -> list[tuple[object, ...]]:
+    """Return what changed when: the same in two rounds, and the work is done."""
+    return [
+        (k, g, change.kind, change.first)
+        for k, number in enumerate(changes)
+        for g, found in enumerate(number)
+        for change in found
+    ]
+
+
+def _columns(
+    data: Repeated, changes: tuple[tuple[tuple[Change, ...], ...], ...]
+) -> Float[np.ndarray, "n p m"]:
+    """Return a column for each change: those of a group one beside the other."""
+    n, p = data.values.shape
+    counts = [sum(len(number[g]) for number in changes) for g in range(data.groups)]
+    out = np.zeros((n, p, max(counts, default=0)))
+    for g in range(data.groups):
+        column = 0
+        for k, number in enumerate(changes):
+            at = np.flatnonzero(data.told[:, k] & (data.group == g))
+            for change in number[g]:
+                out[at, k, column] = change.shape
+                column += 1
+    return out
+
+
+def _numbers(fit: _Fitted) -> list[NumberStatistics]:
+    """Return each number of a table, before anything stands apart."""
+    table, data, effects = fit.table, fit.data, fit.effects
+    out: list[NumberStatistics] = []
+    for k, name in enumerate(table.names):
+        told = data.told[:, k]
+        own, own_std = effects.own[:, k], _std(effects.own_covariance, k)
+        judged = apart(own, own_std**2)
+        now, now_std = _now(fit, k)
+        out.append(
+            NumberStatistics(
+                name=name,
+                configuration=table.configuration,
+                weather=table.weather[k],
+                rows=np.array(table.rows)[told],
+                vehicle_of_row=data.group[told],
+                values=data.values[told, k],
+                std=np.sqrt(data.covariance[told, k, k]),
+                vehicles=fit.vehicles,
+                mean=float(effects.mean[k]),
+                mean_std=float(np.sqrt(effects.mean_covariance[k, k])),
+                between=float(effects.between[k]),
+                within=float(effects.within[k]),
+                own=own,
+                own_std=own_std,
+                shrunk=effects.shrunk[:, k],
+                shrunk_std=_std(effects.shrunk_covariance, k),
+                now=now,
+                now_std=now_std,
+                changes=fit.changes[k],
+                difference=judged.difference,
+                difference_std=judged.std,
+                p=judged.p,
+                apart=np.zeros(len(own), dtype=bool),
+            )
+        )
+    return out
+
+
+def _std(covariance: Float[np.ndarray, "g p p"], k: int) -> Float[np.ndarray, " g"]:
+    return np.sqrt(covariance[:, k, k])
+
+
+def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
+    """Return each vehicle's number after its changes, by its own flights."""
+    effects, data = fit.effects, fit.data
+    value, std = effects.own[:, k].copy(), _std(effects.own_covariance, k)
+    within = effects.within[k] if np.isfinite(effects.within[k]) else 0.0
+    for g, changes in enumerate(fit.changes[k]):
+        if not any(change.shape[-1] for change in changes):
+            continue
+        at = np.flatnonzero(data.told[:, k] & (data.group == g))
+        X: Float[np.ndarray, "n m"] = np.column_stack(
+            [np.ones(len(at)), *(change.shape for change in changes)]
+        )
+        weighted: Float[np.ndarray, "m n"] = X.T / (data.covariance[at, k, k] + within**2)
+        covariance: Float[np.ndarray, "m m"] = np.linalg.inv(weighted @ X)
+        value[g] = X[-1] @ (covariance @ (weighted @ data.values[at, k]))
+        std[g] = np.sqrt(X[-1] @ covariance @ X[-1])
+    return value, std
+
+
+def _without_those_apart(
+    fits: Sequence[_Fitted], numbers: Sequence[NumberStatistics]
+) -> list[NumberStatistics]:
+    """Return the numbers with the type as those tell it that do not stand apart."""
+    out: list[NumberStatistics] = []
+    waiting = list(numbers)
+    for fit in fits:
+        mine, waiting = waiting[: len(fit.table.names)], waiting[len(fit.table.names) :]
+        if not any(n.apart.any() for n in mine):
+            out += mine
+            continue
+        values = fit.data.values.copy()
+        for k, number in enumerate(mine):
+            values[number.apart[fit.data.group], k] = np.nan
+        left = random_effects(replace(fit.data, values=values))
+        out += [_of_the_others(number, left, k) for k, number in enumerate(mine)]
+    return out
+
+
+def _of_the_others(number: NumberStatistics, left: RandomEffects, k: int) -> NumberStatistics:
+    return replace(
+        number,
+        mean=float(left.mean[k]),
+        mean_std=float(np.sqrt(left.mean_covariance[k, k])),
+        between=float(left.between[k]),
+        within=float(left.within[k]),
+        shrunk=np.where(number.apart, np.nan, left.shrunk[:, k]),
+        shrunk_std=np.where(number.apart, np.nan, _std(left.shrunk_covariance, k)),
+    )

@@ -1,0 +1,1 @@
+"""What many estimates say together: their common mean, what changed, what stands out."""

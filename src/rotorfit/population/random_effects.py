@@ -1,0 +1,357 @@
+r"""Groups about a common mean, repeats about their group, every repeat with its own covariance.
+
+:math:`y_{ij} = \mu + b_i + X_{ij} \delta_i + e_{ij} + n_{ij}` with :math:`b_i \sim N(0, B)`
+between groups, :math:`e_{ij} \sim N(0, W)` between the repeats of a group, and
+:math:`n_{ij} \sim N(0, S_{ij})`, known; what changed within a group, :math:`\delta_i`, is its own.
+B and W are diagonal: with some twenty groups their correlations are not told.
+
+References
+----------
+Harville, J. of the American Statistical Association 72, 1977 (restricted likelihood, and the
+prediction of random effects); Chung et al., Psychometrika 78, 2013 (standard deviations of random
+effects that do not collapse to zero: the mode under a flat prior on the logarithm's Jacobian);
+Kackar and Harville, J. of the American Statistical Association 79, 1984 (what not knowing B and W
+adds to the error of a prediction).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy import optimize
+
+from rotorfit.errors import EstimationError
+
+LEAST_GROUPS: Final = 5
+"""With fewer, a spread between groups is not told, and nothing is drawn towards the mean."""
+LEAST_REPEATS: Final = 2
+"""Repeats beyond the first of each group; with fewer, the scatter between them is not told."""
+FREE: Final = 1e4
+"""Deviation of what is not told, in units of the spread of all values."""
+LIMITS: Final = (-9.0, 3.0)
+"""Of the logarithm of a standard deviation in the same units."""
+LEAST_CURVATURE: Final = 0.5
+"""Of the likelihood in that logarithm: it is never less well known than to a factor of four."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeated:
+    """Numbers that were estimated several times for each of several groups.
+
+    Attributes
+    ----------
+    values
+        One row a repeat; NaN where it does not tell the number.
+    covariance
+        Of each row's error; what belongs to numbers that are not told is not looked at.
+    group
+        Whose repeat it is, from 0.
+    changes
+        Columns of what changed within a group; each has a coefficient of its own in every group
+        in which it is not zero.
+    """
+
+    values: Float[np.ndarray, "n p"]
+    covariance: Float[np.ndarray, "n p p"]
+    group: Int[np.ndarray, " n"]
+    changes: Float[np.ndarray, "n p m"]
+
+    @property
+    def told(self) -> Bool[np.ndarray, "n p"]:
+        """Which numbers each repeat tells."""
+        return np.isfinite(self.values)
+
+    @property
+    def groups(self) -> int:
+        """How many groups there are."""
+        return int(self.group.max()) + 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomEffects:
+    """What groups and repeats say together.
+
+    Attributes
+    ----------
+    mean, mean_covariance
+        Of the population the groups are drawn from.
+    between, within
+        Standard deviations between groups and between the repeats of a group; NaN where too few
+        groups or repeats tell them.
+    between_log_std, within_log_std
+        How well their logarithms are known; NaN likewise.
+    own, own_covariance
+        Each group's level by its own repeats only; NaN where they do not tell it. Levels are those
+        where all columns of changes are zero.
+    shrunk, shrunk_covariance
+        Each group's level by its own repeats and the population, with the uncertainty of the mean
+        and of both deviations in the covariance; NaN with fewer than `LEAST_GROUPS` groups.
+    """
+
+    mean: Float[np.ndarray, " p"]
+    mean_covariance: Float[np.ndarray, "p p"]
+    between: Float[np.ndarray, " p"]
+    within: Float[np.ndarray, " p"]
+    between_log_std: Float[np.ndarray, " p"]
+    within_log_std: Float[np.ndarray, " p"]
+    own: Float[np.ndarray, "g p"]
+    own_covariance: Float[np.ndarray, "g p p"]
+    shrunk: Float[np.ndarray, "g p"]
+    shrunk_covariance: Float[np.ndarray, "g p p"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Levels:
+    """What each group's repeats say of its level: information, its product with the level, cost."""
+
+    A: Float[np.ndarray, "g p p"]
+    q: Float[np.ndarray, "g p"]
+    cost: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Posterior:
+    """Mean, then levels drawn towards it, for given deviations."""
+
+    mean: Float[np.ndarray, " p"]
+    mean_covariance: Float[np.ndarray, "p p"]
+    level: Float[np.ndarray, "g p"]
+    covariance: Float[np.ndarray, "g p p"]
+    cost: float
+
+
+def random_effects(data: Repeated) -> RandomEffects:
+    """Return mean, deviations, and every group's level with and without the others.
+
+    The deviations are where the restricted likelihood times their product is largest; means and
+    covariances are averaged over what the likelihood leaves open of them.
+
+    Raises
+    ------
+    EstimationError
+        If a number is told by no repeat.
+    """
+    told = data.told
+    if not told.any(axis=0).all():
+        raise EstimationError("a number is told by no repeat: leave it out")
+    center = np.nanmedian(data.values, axis=0)
+    scale = _spread(data.values - center, data.covariance)
+    unit = Repeated(
+        values=(data.values - center) / scale,
+        covariance=data.covariance / np.outer(scale, scale),
+        group=data.group,
+        changes=data.changes,
+    )
+    log_std, free = _start(unit)
+    mode, root = _mode(lambda x: restricted_cost(unit, x), log_std, free)
+    return _returned(unit, mode, root, free, center=center, scale=scale)
+
+
+def restricted_cost(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> float:
+    """Return -2 log of the restricted likelihood, up to a constant.
+
+    Parameters
+    ----------
+    data
+        The repeats.
+    log_std
+        Logarithms of the deviations within groups, then of those between groups.
+    """
+    levels, p = _levels(data, log_std), data.values.shape[1]
+    return levels.cost + _towards_mean(levels, np.exp(log_std[p:])).cost
+
+
+def _spread(
+    values: Float[np.ndarray, "n p"], covariance: Float[np.ndarray, "n p p"]
+) -> Float[np.ndarray, " p"]:
+    """Return the size of each number's scatter: the unit in which it is worked with."""
+    known = np.where(np.isfinite(values), np.einsum("nii->ni", covariance), np.nan)
+    size = np.sqrt(np.nanmean(values**2, axis=0) + np.nanmedian(known, axis=0))
+    return np.where(size > 0, size, 1.0)
+
+
+def _start(data: Repeated) -> tuple[Float[np.ndarray, " p2"], Bool[np.ndarray, " p2"]]:
+    """Return where the search begins, and which deviations are told at all."""
+    told, g = data.told, data.groups
+    count = np.array([np.bincount(data.group, told_k, g) for told_k in told.T]).T
+    groups = (count > 0).sum(axis=0)
+    within_free = np.maximum(count - 1, 0).sum(axis=0) >= LEAST_REPEATS
+    between_free = groups >= LEAST_GROUPS
+    p = told.shape[1]
+    start = np.log(np.concatenate([np.full(p, 0.3), np.full(p, 0.5)]))
+    start[:p][~within_free] = -np.inf
+    start[p:][~between_free] = np.log(FREE)
+    return start, np.concatenate([within_free, between_free])
+
+
+def _mode(
+    cost: Callable[[Float[np.ndarray, " d"]], float],
+    start: Float[np.ndarray, " d"],
+    free: Bool[np.ndarray, " d"],
+) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "f f"]]:
+    """Return the most likely logarithms, and a root of the covariance of those that are free.
+
+    A prior flat in each standard deviation is its product in the logarithm: none is zero then.
+    """
+
+    def posterior(x: Float[np.ndarray, " f"]) -> float:
+        whole = start.copy()
+        whole[free] = x
+        return 0.5 * cost(whole) - float(x.sum())
+
+    if not free.any():
+        return start, np.zeros((0, 0))
+    bounds = [LIMITS] * int(free.sum())
+    found = optimize.minimize(posterior, start[free], method="L-BFGS-B", bounds=bounds).x
+    mode = start.copy()
+    mode[free] = found
+    values, vectors = np.linalg.eigh(_curvature(posterior, found))
+    return mode, vectors / np.sqrt(np.maximum(values, LEAST_CURVATURE))
+
+
+def _curvature(
+    function: Callable[[Float[np.ndarray, " f"]], float], at: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, "f f"]:
+    """Return second derivatives by central differences."""
+    f, h = len(at), 0.1
+    step = h * np.eye(f)
+    H = np.empty((f, f))
+    middle = function(at)
+    for i in range(f):
+        H[i, i] = (function(at + step[i]) - 2.0 * middle + function(at - step[i])) / h**2
+        for j in range(i):
+            a, b = step[i] + step[j], step[i] - step[j]
+            corners = function(at + a) + function(at - a) - function(at + b) - function(at - b)
+            H[i, j] = H[j, i] = corners / (4.0 * h**2)
+    return H
+
+
+def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
+    """Return what the repeats of each group say of its level, changes taken out."""
+    told, p, m = data.told, data.values.shape[1], data.changes.shape[2]
+    both = told[:, :, None] & told[:, None, :]
+    within = np.exp(2.0 * log_std[:p])
+    V = np.where(both, data.covariance, 0.0)
+    V += np.eye(p) * np.where(told, within, 1.0)[:, :, None]
+    y, A = np.where(told, data.values, 0.0), np.where(both, np.linalg.inv(V), 0.0)
+    r = np.einsum("npk,nk->np", A, y)
+    cost = float(np.linalg.slogdet(V)[1].sum() + np.sum(r * y))
+    total: Float[np.ndarray, "g p p"] = _sums(A, data)
+    q: Float[np.ndarray, "g p"] = _sums(r, data)
+    if m:
+        AX = A @ data.changes
+        cross: Float[np.ndarray, "g p m"] = _sums(AX, data)
+        own: Float[np.ndarray, "g m m"] = _sums(data.changes.transpose(0, 2, 1) @ AX, data)
+        rest: Float[np.ndarray, "g m"] = _sums(np.einsum("npm,np->nm", data.changes, r), data)
+        idle = np.einsum("gmm->gm", own) <= 0.0
+        own += np.eye(m) * idle[:, :, None]
+        gain: Float[np.ndarray, "g p m"] = np.linalg.solve(own, cross.transpose(0, 2, 1)).transpose(
+            0, 2, 1
+        )
+        cost += float(np.linalg.slogdet(own)[1].sum())
+        cost -= float(np.sum(rest * np.linalg.solve(own, rest[:, :, None])[:, :, 0]))
+        total = total - gain @ cross.transpose(0, 2, 1)
+        q = q - np.einsum("gpm,gm->gp", gain, rest)
+    return _Levels(A=total, q=q, cost=cost)
+
+
+def _sums(each: Float[np.ndarray, "n *k"], data: Repeated) -> Float[np.ndarray, "g *k"]:
+    """Return the sums over each group's repeats."""
+    out = np.zeros((data.groups, *each.shape[1:]))
+    np.add.at(out, data.group, each)
+    return out
+
+
+def _towards_mean(levels: _Levels, between: Float[np.ndarray, " p"]) -> _Posterior:
+    """Return the mean, and the levels drawn towards it; their share of the cost."""
+    A, q, D = levels.A, levels.q, np.diag(between)
+    K = np.eye(len(between)) + D @ A @ D
+    G = D @ np.linalg.inv(K) @ D
+    keep = np.eye(len(between)) - G @ A
+    C: Float[np.ndarray, "p p"] = np.sum(A @ keep, axis=0)
+    c = np.sum(q - np.einsum("gij,gj->gi", A @ G, q), axis=0)
+    mean_covariance = np.linalg.inv(C)
+    mean = mean_covariance @ c
+    cost = np.linalg.slogdet(K)[1].sum() - np.einsum("gi,gij,gj->", q, G, q)
+    cost += np.linalg.slogdet(C)[1] - c @ mean
+    return _Posterior(
+        mean=mean,
+        mean_covariance=mean_covariance,
+        level=mean + np.einsum("gij,gj->gi", G, q - A @ mean),
+        covariance=G + keep @ mean_covariance @ keep.transpose(0, 2, 1),
+        cost=float(cost),
+    )
+
+
+def _own(levels: _Levels) -> tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]:
+    """Return each group's level by its own repeats; NaN where they do not tell it."""
+    inverse = np.linalg.pinv(levels.A, rcond=1e-12, hermitian=True)
+    level = np.einsum("gij,gj->gi", inverse, levels.q)
+    seen = np.einsum("gij,gji->gi", inverse, levels.A)
+    told = seen > 1.0 - 1e-6
+    both = told[:, :, None] & told[:, None, :]
+    return np.where(told, level, np.nan), np.where(both, inverse, np.nan)
+
+
+def _returned(
+    data: Repeated,
+    mode: Float[np.ndarray, " p2"],
+    root: Float[np.ndarray, "f f"],
+    free: Bool[np.ndarray, " p2"],
+    *,
+    center: Float[np.ndarray, " p"],
+    scale: Float[np.ndarray, " p"],
+) -> RandomEffects:
+    """Return everything averaged over the deviations that the data leave open, in plain units."""
+    p = data.values.shape[1]
+    points = [_moved(mode, free, shift) for shift in _spread_points(root)]
+    levels = [_levels(data, x) for x in points]
+    drawn = [_towards_mean(a, np.exp(x[p:])) for a, x in zip(levels, points, strict=True)]
+    mean, mean_cov = _mixed([(d.mean[None], d.mean_covariance[None]) for d in drawn])
+    shrunk, shrunk_cov = _mixed([(d.level, d.covariance) for d in drawn])
+    own, own_cov = _mixed([_own(a) for a in levels])
+    log_std = np.full(2 * p, np.nan)
+    log_std[free] = np.linalg.norm(root, axis=1)
+    deviations = np.where(free, np.exp(mode), np.nan) * np.concatenate([scale, scale])
+    square = np.outer(scale, scale)
+    few = ~free[p:]
+    shrunk[:, few] = np.nan
+    return RandomEffects(
+        mean=mean[0] * scale + center,
+        mean_covariance=mean_cov[0] * square,
+        between=deviations[p:],
+        within=deviations[:p],
+        between_log_std=log_std[p:],
+        within_log_std=log_std[:p],
+        own=own * scale + center,
+        own_covariance=own_cov * square,
+        shrunk=shrunk * scale + center,
+        shrunk_covariance=np.where(few | few[:, None], np.nan, shrunk_cov * square),
+    )
+
+
+def _spread_points(root: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "k f"]:
+    """Return points, all of one weight, that have a covariance: root root^T (about zero)."""
+    f = len(root)
+    return np.concatenate([np.sqrt(f) * root.T, -np.sqrt(f) * root.T]) if f else np.zeros((1, 0))
+
+
+def _moved(
+    mode: Float[np.ndarray, " p2"], free: Bool[np.ndarray, " p2"], shift: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " p2"]:
+    out = mode.copy()
+    out[free] += shift
+    return out
+
+
+def _mixed(
+    parts: list[tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]],
+) -> tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]:
+    """Return mean and covariance of a mixture of normal distributions, all of one weight."""
+    means = np.array([mean for mean, _ in parts])
+    mean = means.mean(axis=0)
+    apart = means - mean
+    spread = np.einsum("kgi,kgj->gij", apart, apart) / len(parts)
+    return mean, np.mean([covariance for _, covariance in parts], axis=0) + spread

@@ -1,0 +1,100 @@
+"""A row of the fleet is what `rotorfit identify` says of the log alone."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rotorfit.errors import FlightWarning
+from rotorfit.experiment.experiment import named_flight
+from rotorfit.fleet.entries import read_entry
+from rotorfit.fleet.joined import joined
+from rotorfit.fleet.kept_factors import fitted_factors
+from rotorfit.fleet.one_flight import experiment_of, failure_of
+from rotorfit.fleet.records import KT_WEIGHT, TRIM
+from rotorfit.identification.identify import identify
+
+
+def quietly(experiment):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FlightWarning)
+        return identify(experiment)
+
+
+@pytest.fixture(scope="module")
+def alone(small_fleet):
+    return quietly(experiment_of(small_fleet.logs[0].task))
+
+
+def test_every_number_is_that_of_identify_to_the_last_digit(small_fleet, alone):
+    record = small_fleet.fleet.records[0]
+    for number in (*alone.parameters, *alone.derived):
+        value, std = (np.nan if v is None else v for v in (number.value, number.std))
+        np.testing.assert_equal(record.value(number.name), value)
+        np.testing.assert_equal(record.deviation(number.name), std)
+    assert record.verdict("kt") == alone.parameter("kt").verdict
+    assert record.warnings == (*alone.warnings, *alone.flights[0].warnings)
+    assert record.seconds_used == alone.flights[0].seconds_used
+
+
+def test_the_covariance_is_that_of_the_result(small_fleet, alone):
+    record = small_fleet.fleet.records[0]
+    at = [record.compared.index(name) for name in ("kt", "kd")]
+    theirs = [alone.covariance_names.index(name) for name in ("kt", "kd")]
+    np.testing.assert_allclose(
+        record.covariance[np.ix_(at, at)], alone.covariance[np.ix_(theirs, theirs)], rtol=1e-6
+    )
+    std = np.sqrt(np.diagonal(record.covariance))
+    np.testing.assert_allclose(std, [record.deviation(name) for name in record.compared])
+    kt, hover = (record.compared.index(name) for name in ("kt", "hover_speed"))
+    assert record.covariance[kt, hover] / (std[kt] * std[hover]) == pytest.approx(-1.0, abs=1e-6)
+
+
+def test_the_motors_alone_tell_the_centre_of_mass_in_calm_flight(small_fleet):
+    for record in small_fleet.fleet.records:
+        assert abs(record.value("thrust_center_x") - record.value("com_x")) < 2e-3
+        assert record.value("hover_motor") == pytest.approx(record.value("hover_speed"), rel=0.05)
+        assert record.deviation(KT_WEIGHT) < 0.02 * record.value(KT_WEIGHT)
+        assert set(TRIM[:2]) <= set(record.compared)
+
+
+def test_flights_joined_from_their_factors_are_those_identified_together(small_fleet):
+    """Timing, what counts, and the terms are settled flight by flight: that is the difference."""
+    own = [i for i, r in enumerate(small_fleet.fleet.records) if r.vehicle == "one"]
+    kept = [small_fleet.fleet.kept[i] for i in own]
+    experiment = experiment_of(kept[0].task)
+    flights = tuple(named_flight(Path(one.task.file)) for one in kept)
+    configuration = experiment.configuration[0].model_copy(update={"flights": flights})
+    whole = quietly(experiment.model_copy(update={"configuration": (configuration,)}))
+
+    def loads(key):
+        return lambda: fitted_factors(
+            read_entry(small_fleet.cache, key, factors=True).factors, experiment
+        )
+
+    together = joined([loads(one.key) for one in kept])
+    assert together.flights == 2
+    for name in ("kt", "kd", "Ixx_com", "Iyy_com", "com_x", "com_y", "hover_speed"):
+        shared = name in ("kt", "kd")
+        number = whole.parameter(name) if shared else whole.derived_value(name)
+        value, std = together.number(name)
+        assert abs(value - number.value) < 0.2 * number.std, name
+        assert 0.3 * number.std < std < 1.2 * number.std, name
+
+
+@pytest.mark.parametrize(
+    ("message", "reason", "advice"),
+    [
+        (
+            "it has no gyro (0 samples); log the raw IMU",
+            "it has no gyro (0 samples)",
+            "log the raw IMU",
+        ),
+        ("unknown format: copy it again", "unknown format", "copy it again"),
+        ("nothing", "nothing", ""),
+    ],
+)
+def test_a_refusal_says_what_was_met_and_what_to_do(message, reason, advice):
+    failure = failure_of(message)
+    assert (failure.reason, failure.what_to_do) == (reason, advice)

@@ -1,0 +1,99 @@
+"""The fleet's page: needs nothing else, says what is to be looked at, stays small."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+from fleet_material import a_fleet, planted_fleet
+
+from rotorfit.fleet.page import Links, fleet_html, make_report
+from rotorfit.fleet.records import FlightFailure
+from rotorfit.fleet.statistics import fleet_statistics
+
+
+@pytest.fixture(scope="module")
+def html() -> str:
+    records, statistics = planted_fleet()
+    failures = [
+        FlightFailure(file=f"/logs/x{i}.ulg", reason="cut <off>", what_to_do="copy it again")
+        for i in range(3)
+    ]
+    links = Links(reports={records[0].sha256: "reports/V01-log1.html"}, command=make_report)
+    return fleet_html(statistics, records, failures, name="Line <3>", links=links)
+
+
+class Tags(HTMLParser):
+    """Whether every element is closed, and what it refers to."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.addresses: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.addresses += [v or "" for k, v in attrs if k in ("href", "src", "xlink:href")]
+        if tag not in ("meta", "br", "link"):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        pass
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_it_is_whole_and_needs_nothing_else(html):
+    tags = Tags()
+    tags.feed(html)
+    assert tags.open == []
+    assert all(a.startswith("#") or a == "reports/V01-log1.html" for a in tags.addresses)
+    assert "http" not in html.replace('http-equiv="Content', "")
+    assert "nan" not in re.sub(r"<script>.*</script>", "", html, flags=re.S).lower().split()
+
+
+def test_names_are_text(html):
+    assert "Line &lt;3&gt;" in html
+    assert "cut &lt;off&gt;" in html
+    assert "/logs/" not in html  # folders are nobody's business
+
+
+def test_findings_come_first_with_what_to_check(html):
+    first = html[: html.index('id="type"')]
+    assert first.count('class="find ') == 3
+    assert "Thrust coefficient of rotor 2 falls by" in first
+    assert "check or replace propeller 2" in first
+    assert "the chance that any change is said at all would be 5 %" in first
+
+
+def test_every_flight_has_its_report_or_the_command_for_it(html):
+    assert '<a href="reports/V01-log1.html">open</a>' in html
+    assert html.count("rotorfit identify V") == 95
+    assert "rotorfit identify V02/log5.ulg --mass 1.4 --airframe airframe.toml" in html
+
+
+def test_vehicles_can_be_sorted_and_changes_are_marked(html):
+    table = html[html.index('class="vehicles sortable"') :]
+    assert table.count("<button") == 3 + 3
+    assert 'data-key="V02"' in table
+    assert html.count('<figure class="changed">') == 3  # rotor 2 and all rotors of one, the battery
+
+
+def test_a_quiet_fleet_says_so():
+    records = a_fleet(seed=1, vehicles=5, flights=4)
+    assert "Nothing changed and no vehicle is unlike" in fleet_html(
+        fleet_statistics(records), records
+    )
+
+
+def test_more_flights_are_put_together(monkeypatch):
+    """So many points a drawing at most, and not every flight listed."""
+    monkeypatch.setattr("rotorfit.fleet.page.MOST_ROWS", 12)
+    monkeypatch.setattr("rotorfit.fleet.drawings.MOST_POINTS", 10)
+    records = [a_fleet(vehicles=3, flights=n, seed=4) for n in (14, 56)]
+    few, many = (fleet_html(fleet_statistics(r), r) for r in records)
+    assert len(many) < 1.3 * len(few)
+    assert "168 more flights are in the file of flights" in many
+
+
+def test_no_flight_at_all():
+    assert "0 vehicles, 0 flights" in fleet_html(fleet_statistics([]), [])

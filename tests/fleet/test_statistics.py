@@ -1,0 +1,188 @@
+"""What was planted in a fleet is found, dated and said; nothing else is."""
+
+import numpy as np
+import pytest
+from fleet_material import KT, LEVEL, STD, a_fleet, a_record, planted_fleet
+
+from rotorfit.fleet.compared import REFERENCE_DENSITY, in_order, tables
+from rotorfit.fleet.findings import findings
+from rotorfit.fleet.records import KT_WEIGHT
+from rotorfit.fleet.statistics import fleet_statistics
+
+
+@pytest.fixture(scope="module")
+def planted():
+    return planted_fleet()
+
+
+def test_a_quiet_fleet_is_quiet():
+    records = a_fleet(seed=1)
+    assert findings(fleet_statistics(records), records) == []
+
+
+def test_planted_changes_are_found_and_dated(planted):
+    records, statistics = planted
+    found = findings(statistics, records)
+    said = [(statistics.vehicles[f.vehicle], f.sort, f.numbers[0].number.name) for f in found]
+    assert said == [
+        ("V02", "change", "kt_2"),
+        ("V05", "change", "com_x"),
+        ("V07", "apart", said[2][2]),
+    ]
+    worn, shifted, other = found
+    assert worn.sentence.startswith("Thrust coefficient of rotor 2 falls by 1.")
+    assert "since flight 5 of 12 (log5.ulg, 10 February 2026)" in worn.sentence
+    assert worn.advice.startswith("check or replace propeller 2")
+    assert shifted.sentence.startswith("Centre of mass moved ")
+    assert " mm forward (" in shifted.sentence
+    assert "with flight 8 of 12" in shifted.sentence
+    assert shifted.advice == "check where battery and payload sit"
+    assert {s.number.name for s in other.numbers} == {KT_WEIGHT, "kt_1", "kt_2", "kd"}
+    assert "another propeller?" in other.advice
+
+
+def test_sizes_hold_what_was_planted(planted):
+    _, statistics = planted
+    worn = statistics.number("kt_2").changes[1][0]
+    assert worn.kind == "ramp"
+    assert worn.low <= -0.015 * 0.98 * KT <= worn.high
+    shifted = statistics.number("com_x").changes[4][0]
+    assert (shifted.kind, shifted.first) == ("step", 7)
+    assert shifted.low <= 5e-3 <= shifted.high
+
+
+def test_levels_are_before_a_change_and_now_is_after_it(planted):
+    _, statistics = planted
+    number = statistics.number("com_x")
+    assert number.own[4] == pytest.approx(LEVEL["com_x"], abs=1.2e-3)
+    assert number.now[4] - number.own[4] == pytest.approx(5e-3, abs=5e-4)
+    assert number.now[3] == number.own[3]
+
+
+def test_one_apart_is_not_part_of_the_type(planted):
+    _, statistics = planted
+    number = statistics.number("kd")
+    assert np.flatnonzero(number.apart).tolist() == [6]
+    assert np.isnan(number.shrunk[6])
+    assert number.mean == pytest.approx(LEVEL["kd"], rel=0.012)
+
+
+def test_order_of_records_does_not_matter(planted):
+    records, statistics = planted
+    mixed = [records[i] for i in np.random.default_rng(3).permutation(len(records))]
+    again = fleet_statistics(mixed)
+    assert again.number("kd").own == pytest.approx(statistics.number("kd").own, rel=1e-6)
+    assert again.number("com_x").changes[4][0].first == 7
+
+
+def test_files_without_a_date_are_in_order_of_their_numbers():
+    names = ["log10.ulg", "log9.ulg", "log1.ulg"]
+    records = [a_record(LEVEL, file=name) for name in names]
+    assert in_order(records) == [2, 1, 0]
+
+
+def test_the_density_of_the_air_is_taken_out():
+    """Weather of ten percent, all of it in k_t: nothing changed."""
+    quiet = a_fleet(seed=2, vehicles=6)
+    rng = np.random.default_rng(5)
+    seen = []
+    for record in quiet:
+        density = REFERENCE_DENSITY * (1.0 + 0.05 * rng.standard_normal())
+        share = density / REFERENCE_DENSITY
+        values = {n: record.value(n) * (1.0 if n == "com_x" else share) for n in record.names}
+        seen.append(
+            a_record(
+                values,
+                vehicle=record.vehicle,
+                file=record.file,
+                started=record.started,
+                air_density=density,
+            )
+        )
+    number = fleet_statistics(seen).number(KT_WEIGHT)
+    assert number.weather == "taken out"
+    assert number.within < 0.002 * KT
+    bare = fleet_statistics(quiet).number(KT_WEIGHT)
+    assert bare.weather == "in it"
+
+
+def test_weather_that_is_in_it_is_said():
+    def drop(vehicle, flight, values):
+        if vehicle == 2 and flight >= 6:
+            values[KT_WEIGHT] *= 0.9
+
+    records = a_fleet(drop)
+    (found,) = findings(fleet_statistics(records), records)
+    assert "weather and height are in it" in found.advice
+
+
+def test_what_a_flight_was_told_or_does_not_tell_is_not_compared():
+    verdicts = {"kd": "given", "kt_1": "not-identified", "kt_2": "ratio-only"}
+    records = [a_record(LEVEL, file=f"{i}.ulg", verdicts=verdicts) for i in range(3)]
+    assert {name for table in tables(records) for name in table.names} == {KT_WEIGHT, "com_x"}
+
+
+def test_ratios_are_compared_where_their_parts_are_not_told():
+    ratio = {"kd_over_kt": 0.015, "kt": KT, "kd": 6e-8}
+    std = STD | {"kd_over_kt": 1e-4, "kt": 1e-8}
+    verdicts = {"kd": "ratio-only", "kt": "ratio-only"}
+    parts = [a_record(ratio, file=f"{i}.ulg", std=std) for i in range(3)]
+    apart = [a_record(ratio, file=f"{i}.ulg", std=std, verdicts=verdicts) for i in range(3)]
+    assert "kd_over_kt" not in {t.names[0] for t in tables(parts)}
+    assert {t.names[0] for t in tables(apart)} == {"kd_over_kt"}
+
+
+def test_bodies_are_compared_within_a_configuration_and_rotors_across():
+    records = [
+        a_record(LEVEL, file=f"{c}{i}.ulg", configuration=c) for c in ("A", "B") for i in range(2)
+    ]
+    keys = {(t.names[0], t.configuration): len(t.rows) for t in tables(records)}
+    assert keys["com_x", "A"] == keys["com_x", "B"] == 2
+    assert keys[KT_WEIGHT, None] == 4
+
+
+def test_one_vehicle_of_a_few_flights():
+    records = a_fleet(vehicles=1, flights=3)
+    statistics = fleet_statistics(records)
+    number = statistics.number("kd")
+    assert findings(statistics, records) == []
+    assert np.isfinite(number.own).all()
+    assert np.isnan(number.shrunk).all()
+
+
+def test_no_flights_at_all():
+    assert fleet_statistics([]).numbers == ()
+
+
+def test_one_strange_flight_is_named_alone():
+    def loaded(vehicle, flight, values):
+        if (vehicle, flight) == (3, 7):
+            values["com_x"] += 8e-3
+
+    records = a_fleet(loaded)
+    (found,) = findings(fleet_statistics(records), records)
+    assert "mm forward" in found.sentence
+    assert "in flight 8 of 12 (log8.ulg, 16 February 2026) alone" in found.sentence
+    assert "another payload" in found.advice
+
+
+def test_means_over_a_flight_count_by_the_scatter_that_is_seen():
+    """k_t by the weight states ten times the deviation that it has: 1.5 % of wear is seen."""
+
+    def worn(vehicle, flight, values):
+        if vehicle == 3:
+            values[KT_WEIGHT] *= 1.0 - 0.015 * flight / 11
+
+    shy = [
+        a_record(
+            {name: record.value(name) for name in record.names},
+            vehicle=record.vehicle,
+            file=record.file,
+            std=STD | {KT_WEIGHT: 10 * STD[KT_WEIGHT]},
+        )
+        for record in a_fleet(worn)
+    ]
+    number = fleet_statistics(shy).number(KT_WEIGHT)
+    (change,) = number.changes[3]
+    assert change.low < -0.015 / 11 * number.own[3] < change.high
+    assert not any(c for v, c in enumerate(number.changes) if v != 3)
