@@ -153,7 +153,9 @@ def print_errors(templates: Sequence[FlightRecord]) -> None:
         print(f"  {name:10s} {errors.mean():+6.2f} {errors.std(ddof=1):5.2f}")
 
 
-def true_fleet(rng: np.random.Generator, flights: int, *, planted: bool) -> tuple[Numbers, Numbers]:
+def true_fleet(
+    rng: np.random.Generator, flights: int, *, planted: bool, vehicles: int = VEHICLES
+) -> tuple[Numbers, Numbers]:
     """Return the true numbers of every flight, and each vehicle's level before any change."""
     truth: Numbers = {}
     levels: Numbers = {}

@@ -7,6 +7,7 @@ from scipy import stats
 from rotorfit.population.changes import (
     chance_of_largest,
     find_changes,
+    overstated,
     robust_scatter,
     shapes_of,
 )
@@ -84,3 +85,11 @@ def test_scatter_is_not_widened_by_changes():
     group = np.repeat(np.arange(8), 25)
     found = robust_scatter(2.0 * y, np.ones(200), group)
     assert found == pytest.approx(3.0, rel=0.4)  # 4 of chance, of which 1 is known
+
+
+def test_stated_variances_are_held_against_what_is_seen():
+    y = np.concatenate([series(i) + 0.5 * np.arange(25) * (i < 3) for i in range(8)])
+    group = np.repeat(np.arange(8), 25)
+    assert overstated(y, np.full(200, 100.0), group) == pytest.approx(0.01, rel=0.4)
+    assert overstated(y, np.full(200, 0.3), group) == 1.0
+    assert overstated(y[:6], np.full(6, 100.0), group[:6]) == 1.0  # too few to tell

@@ -42,6 +42,9 @@ DENSITY_POWER: Final = {
     **dict.fromkeys(("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"), -1.0),
 }
 """With which the number goes with the density of the air."""
+BY_SCATTER: Final = (KT_WEIGHT, *TRIM[:2])
+"""Means over a flight. Gusts and manoeuvres move parts of it more than they move the mean: where
+flights of one vehicle scatter less than they state, what is seen counts."""
 IN_METRES: Final = ("com_x", "com_y", "com_z", *TRIM[:2])
 """Lengths that may be zero: changes are said in millimetres, those of others in percent."""
 

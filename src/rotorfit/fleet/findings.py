@@ -337,4 +337,4 @@ def _listed(words: Sequence[str]) -> str:
     """Return words as a list, the last ones counted."""
     shown = list(words[:MOST_NAMED])
     more = len(words) - len(shown)
-    return ", ".join([*shown, f"{more} more"] if more else shown)
+    return "; ".join([*shown, f"{more} more"] if more else shown)

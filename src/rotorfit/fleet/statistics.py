@@ -11,12 +11,13 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.fleet.compared import Table, Weather, tables
+from rotorfit.fleet.compared import BY_SCATTER, Table, Weather, tables
 from rotorfit.fleet.records import FlightRecord
 from rotorfit.population.changes import (
     LEAST_SERIES,
     Change,
     find_changes,
+    overstated,
     robust_scatter,
 )
 from rotorfit.population.outlying import apart, discovered
@@ -187,16 +188,17 @@ def _fitted(table: Table, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted
     data = Repeated(
         values=table.values, covariance=table.covariance, group=group, changes=np.zeros((n, p, 0))
     )
-    variance = np.einsum("nkk->nk", table.covariance)
+    data, measured = _as_seen(data, table.names)
+    variance = np.einsum("nkk->nk", data.covariance)
     scatter = np.array([_robust(data, variance, k) for k in range(p)])
     freedom = np.full(p, 0.4 * max(n - len(vehicles), 1))
-    changes, effects = _changes(data, variance, scatter, freedom, alarm), None
+    changes, effects = _changes(data, variance, scatter, freedom, alarm, measured), None
     for _ in range(ROUNDS):
         data = replace(data, changes=_columns(data, changes))
         effects = random_effects(data)
         scatter = np.where(np.isfinite(effects.within), effects.within, 0.0) ** 2
         known = np.where(np.isfinite(effects.within_log_std), effects.within_log_std, 1.0)
-        again = _changes(data, variance, scatter, 0.5 / known**2, alarm)
+        again = _changes(data, variance, scatter, 0.5 / known**2, alarm, measured)
         if _places(again) == _places(changes):
             break
         changes = again
@@ -210,6 +212,15 @@ def _fitted(table: Table, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted
     )
 
 
+def _as_seen(data: Repeated, names: tuple[str, ...]) -> tuple[Repeated, bool]:
+    """Return means over flights with the scatter that is seen, where it is less than stated."""
+    if names[0] not in BY_SCATTER:
+        return data, False
+    variance, told = data.covariance[:, 0, 0], data.told[:, 0]
+    share = overstated(data.values[told, 0], variance[told], data.group[told])
+    return replace(data, covariance=share * data.covariance), share < 1.0
+
+
 def _robust(data: Repeated, variance: Float[np.ndarray, "n p"], k: int) -> float:
     told = data.told[:, k]
     return robust_scatter(data.values[told, k], variance[told, k], data.group[told])
@@ -221,6 +232,7 @@ def _changes(
     scatter: Float[np.ndarray, " p"],
     freedom: Float[np.ndarray, " p"],
     alarm: float,
+    measured: bool,
 ) -> tuple[tuple[tuple[Change, ...], ...], ...]:
     """Return the changes of each number in each group."""
     out: list[tuple[tuple[Change, ...], ...]] = []
@@ -229,7 +241,7 @@ def _changes(
         total = variance[:, k] + scatter[k]
         total = np.maximum(total, np.finfo(float).eps * np.nanmax(data.values[:, k] ** 2))
         # Only the scatter is estimated; what each flight says of itself is known.
-        share = np.median(scatter[k] / total[told]) if told.any() else 1.0
+        share = 1.0 if measured or not told.any() else float(np.median(scatter[k] / total[told]))
         left = float(freedom[k] / share**2) if share > 0 else np.inf
         rows = [np.flatnonzero(told & (data.group == g)) for g in range(data.groups)]
         out.append(
@@ -324,9 +336,9 @@ def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarra
             [np.ones(len(at)), *(change.shape for change in changes)]
         )
         weighted: Float[np.ndarray, "m n"] = X.T / (data.covariance[at, k, k] + within**2)
-        last: Float[np.ndarray, " m"] = np.linalg.solve(weighted @ X, X[-1])
-        value[g] = last @ (weighted @ data.values[at, k])
-        std[g] = np.sqrt(last @ X[-1])
+        covariance: Float[np.ndarray, "m m"] = np.linalg.inv(weighted @ X)
+        value[g] = X[-1] @ (covariance @ (weighted @ data.values[at, k]))
+        std[g] = np.sqrt(X[-1] @ covariance @ X[-1])
     return value, std
 
 

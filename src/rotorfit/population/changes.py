@@ -28,6 +28,9 @@ MOST_CHANGES: Final = 8
 CONFIDENCE: Final = 3.84
 """Of twice the log likelihood: moments this close to the best one are in its 95 % interval."""
 NORMAL_95: Final = 1.96
+LEAST_STEPS: Final = 10
+"""Differences between neighbours by which stated variances can be held against what is seen."""
+LEAST_SHARE: Final = 1e-4
 NORMAL_MAD: Final = 1.4826
 """Standard deviation over median absolute deviation."""
 
@@ -235,11 +238,37 @@ def robust_scatter(
     values, variance, group
         In order of time within each group.
     """
-    found: list[float] = []
+    seen = _seen_and_stated(values, variance, group)
+    return max(float(np.median(seen[:, 0] - seen[:, 1])), 0.0) if len(seen) else 0.0
+
+
+def overstated(
+    values: Float[np.ndarray, " n"],
+    variance: Float[np.ndarray, " n"],
+    group: Int[np.ndarray, " n"],
+) -> float:
+    """Return the share of their stated variances by which repeats really scatter; 1 at most.
+
+    As `robust_scatter`; 1 where fewer than `LEAST_STEPS` differences tell.
+    """
+    seen = _seen_and_stated(values, variance, group)
+    if seen[:, 2].sum() < LEAST_STEPS or not (seen[:, 1] > 0.0).all():
+        return 1.0
+    return float(min(max(np.median(seen[:, 0] / seen[:, 1]), LEAST_SHARE), 1.0))
+
+
+def _seen_and_stated(
+    values: Float[np.ndarray, " n"],
+    variance: Float[np.ndarray, " n"],
+    group: Int[np.ndarray, " n"],
+) -> Float[np.ndarray, "g 3"]:
+    """Return of each long group: variance by its neighbours, as stated, how many differences."""
+    found: list[tuple[float, float, float]] = []
     for i in np.unique(group):
         y, v = values[group == i], variance[group == i]
         if len(y) >= LEAST_SERIES:
             step = np.diff(y)
             size = NORMAL_MAD * float(np.median(np.abs(step - np.median(step))))
-            found.append(0.5 * size**2 - float(np.median(0.5 * (v[1:] + v[:-1]))))
-    return max(float(np.median(found)), 0.0) if found else 0.0
+            stated = float(np.median(0.5 * (v[1:] + v[:-1])))
+            found.append((0.5 * size**2, stated, float(len(step))))
+    return np.array(found).reshape(-1, 3)
