@@ -35,7 +35,7 @@ def installed(*arguments: str, **environment: str) -> subprocess.CompletedProces
         capture_output=True,
         text=True,
         env={**os.environ, **environment},
-        timeout=120,
+        timeout=600,
         check=False,
     )
 
@@ -188,7 +188,7 @@ def test_ctrl_c(tmp_path):
     writer = os.open(log, os.O_WRONLY)  # waits until the program reads, which then waits for us
     time.sleep(0.1)
     running.send_signal(signal.SIGINT)
-    out, err = running.communicate(timeout=60)
+    out, err = running.communicate(timeout=600)
     os.close(writer)
     assert (running.returncode, out, err) == (130, "", "rotorfit: stopped\n")
 
@@ -199,7 +199,7 @@ def inspected_into(stdout, saved):
         stdout=stdout,
         stderr=subprocess.PIPE,
         text=True,
-        timeout=60,
+        timeout=600,
         check=False,
     )
 
@@ -282,7 +282,7 @@ def test_ctrl_c_in_process(run, here, monkeypatch):
 def test_python_m_and_version():
     for command in ([str(PROGRAM)], [sys.executable, "-m", "rotorfit"]):
         ended = subprocess.run(
-            [*command, "--version"], capture_output=True, text=True, timeout=60, check=True
+            [*command, "--version"], capture_output=True, text=True, timeout=600, check=True
         )
         assert (ended.stdout, ended.stderr) == (f"rotorfit {__version__}\n", "")
 
