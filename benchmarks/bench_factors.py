@@ -1,6 +1,6 @@
 """Solving again from the factors of a flight, by what has changed; with pytest-benchmark.
 
-pytest benchmarks/bench_factors.py --benchmark-enable --jaxtyping-packages=
+pytest -n 0 benchmarks/bench_factors.py --benchmark-enable --jaxtyping-packages=
 """
 
 import dataclasses

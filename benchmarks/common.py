@@ -268,6 +268,12 @@ def airframe_text(declared: Declared) -> str:
     )
 
 
+def without_progress(error: str) -> str:
+    """Return what a command wrote to stderr, without how long it took so far on a busy machine."""
+    lines = error.splitlines(keepends=True)
+    return "".join(line for line in lines if not line.rstrip().endswith(" s so far)"))
+
+
 def read_sound(name: str) -> FlightLog:
     """Return one of `SOUND` as its reader gives it."""
     sound = SOUND[name]

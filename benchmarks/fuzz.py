@@ -177,8 +177,8 @@ def damaged(
 # Seeds
 
 
-def make_seeds(folder: Path, seed: int) -> None:
-    """Write a short flight and strange ones in every format, a folder for each."""
+def make_seeds(folder: Path, seed: int, names: list[str] | None = None) -> None:
+    """Write a short flight in every format, a folder for each; strange ones of those named."""
     sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "logs")]
     from flight_writers import RECORDING_WRITERS, WRITERS, in_whole_rpm
 
@@ -188,7 +188,8 @@ def make_seeds(folder: Path, seed: int) -> None:
     for name, (file, write) in {**WRITERS, **RECORDING_WRITERS}.items():
         (folder / name).mkdir()
         write(flight, folder / name / file)
-        add_strange(flight, folder / name, file, write, random.Random(f"{name} {seed}"))
+        if names is None or name in names:
+            add_strange(flight, folder / name, file, write, random.Random(f"{name} {seed}"))
     add_real_heads(folder)
     add_experiments(folder / "experiment")
 
@@ -411,7 +412,7 @@ def fuzz(names: list[str] | None, *, seconds: float, seed: int, findings: Path) 
     )
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        make_seeds(folder, seed)
+        make_seeds(folder, seed, names)
         formats = sorted(path.name for path in folder.iterdir())
         chosen = names or formats
         if unknown := set(chosen) - set(formats):

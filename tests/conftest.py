@@ -3,7 +3,32 @@
 import os
 from pathlib import Path
 
+import hypothesis
 import pytest
+from threadpoolctl import threadpool_limits
+
+import first_calls
+
+# The workers share the cores: one thread each, for the processes they start too.
+for library in ("OMP", "OPENBLAS", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+threadpool_limits(limits=1)  # of numpy, which a plugin has loaded already
+
+# How long an example takes says nothing on a busy machine.
+hypothesis.settings.register_profile(
+    "timeless", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("timeless")
+
+MOST_WORKERS = 8  # of 0.6 GB at most
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Return a worker for each core for folders; none for files and single tests."""
+    if any(not Path(argument).is_dir() for argument in config.args):
+        return 0
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return min(cores or 1, MOST_WORKERS)
 
 
 @pytest.fixture(scope="session")
@@ -14,6 +39,10 @@ def flight_data_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no flight data in {folder}: set ROTORFIT_DATA")
     return folder
+
+
+def pytest_runtest_setup() -> None:
+    first_calls.check_all_again()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

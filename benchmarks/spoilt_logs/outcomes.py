@@ -15,7 +15,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.common import SOUND, airframe_text, read_sound, real_data_folder, table_columns
+from benchmarks.common import (
+    SOUND,
+    airframe_text,
+    read_sound,
+    real_data_folder,
+    table_columns,
+    without_progress,
+)
 from benchmarks.same_numbers import TABLES
 from benchmarks.spoilt_logs.cases import Flown, Spoilt
 
@@ -110,9 +117,7 @@ def told(experiment: Path) -> Said:
         check=False,
     )
     result = json.loads(ended.stdout) if ended.returncode == 0 else None
-    # Progress is told every few seconds: how often depends on how busy the machine is.
-    error = "\n".join(x for x in ended.stderr.splitlines() if not x.endswith("s so far)"))
-    return Said(code=ended.returncode, error=error.strip(), result=result)
+    return Said(code=ended.returncode, error=without_progress(ended.stderr).strip(), result=result)
 
 
 def told_of(case: Spoilt, keep: Path | None) -> Said:

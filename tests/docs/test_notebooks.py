@@ -17,7 +17,7 @@ def executed(name: str) -> list[str]:
     """Run a notebook, and return what each of its code cells printed; pictures by their type."""
     notebook = nbformat.read(EXAMPLES / name, as_version=4)
     client = nbclient.NotebookClient(
-        notebook, timeout=60, resources={"metadata": {"path": str(EXAMPLES)}}
+        notebook, timeout=600, resources={"metadata": {"path": str(EXAMPLES)}}
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the libraries between us and the kernel

@@ -22,7 +22,7 @@ def build(source: Path, out: Path) -> subprocess.CompletedProcess[str]:
         [*command, "-d", out / "trees", source, out / "html"],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
 

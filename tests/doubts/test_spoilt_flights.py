@@ -63,17 +63,22 @@ def identified(folder, flight, columns, *, mass=None, vehicle=None, more=()):
     return flown.quietly_identified(path)
 
 
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory, flight, columns):
+    """Return the result of the flight as it is."""
+    return identified(tmp_path_factory.mktemp("sound"), flight, columns)
+
+
 def said(result, words):
     return [text for text in result.warnings if words in text]
 
 
-def test_a_sound_flight_raises_none_of_it_and_says_what_it_hangs_on(tmp_path, flight, columns):
-    result = identified(tmp_path, flight, columns)
+def test_a_sound_flight_raises_none_of_it_and_says_what_it_hangs_on(flight, sound):
     assert not any(
-        said(result, words)
+        said(sound, words)
         for words in ("IMU is mounted", "rotor 1 ", "without flight", "density", "come ")
     )
-    hanging = result.settings["used"]["hangs_on"]
+    hanging = sound.settings["used"]["hangs_on"]
     assert f"the mass ({flight.truth.mass:g} kg)" in hanging[0]
     assert "400 mm front to back, 400 mm left to right" in hanging[1]
     assert "rpm)" in hanging[2]
@@ -81,13 +86,12 @@ def test_a_sound_flight_raises_none_of_it_and_says_what_it_hangs_on(tmp_path, fl
 
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 10.0), (-8.0, 6.0)])
-def test_a_turned_imu_is_found_and_turned_back(tmp_path, flight, columns, roll, pitch):
+def test_a_turned_imu_is_found_and_turned_back(tmp_path, flight, columns, sound, roll, pitch):
     tilt = ImuTilt(roll=np.radians(roll), pitch=np.radians(pitch))
     result = identified(tmp_path, flight, turned(columns, tilt.rotation_imu_to_body))
     assert len(said(result, "the IMU is mounted")) == 1
     found = result.settings["airframe"]["imu_tilt_deg"]
     np.testing.assert_allclose(found, [roll, pitch], atol=0.6)
-    sound = identified(tmp_path, flight, columns)
     for name in ("kt", "kd"):
         low, high = result.parameter(name).interval
         apart = result.parameter(name).value - sound.parameter(name).value

@@ -26,6 +26,7 @@ from export_material import (
 from pyulog import ULog
 
 from rotorfit.errors import OutputError
+from rotorfit.export import targets
 from rotorfit.export.control.effectiveness import effectiveness
 from rotorfit.export.control.px4_setpoints import newton_per_unit, scaled_mix
 from rotorfit.export.vehicle_model import vehicle_model
@@ -39,6 +40,12 @@ SQUARE = tuple(
     for x, y, spin in ((0.1, -0.2, "ccw"), (-0.1, 0.2, "ccw"), (0.1, 0.2, "cw"), (-0.1, -0.2, "cw"))
 )
 FRD = np.array([1.0, -1.0, -1.0])
+
+
+@pytest.fixture
+def few_drawn(monkeypatch):
+    """For what does not look at the intervals."""
+    monkeypatch.setattr(targets, "DRAWN", 20)
 
 
 def indiflight(text):
@@ -64,6 +71,7 @@ def test_effectiveness_is_newton_euler():
     assert found.turn @ SPEEDS**2 + found.spin_up @ spin_up == pytest.approx(FRD * turned, rel=1e-9)
 
 
+@pytest.mark.usefixtures("few_drawn")
 def test_indiflight_is_in_its_units():
     own = effectiveness(vehicle_model(a_result()))
     found = indiflight(text_of(a_result(), "indiflight"))
@@ -74,6 +82,7 @@ def test_indiflight_is_in_its_units():
     assert found["time_constant_ms"].tolist() == [35] * 4
 
 
+@pytest.mark.usefixtures("few_drawn")
 def test_paparazzi_is_what_one_unit_does_about_hover():
     model = vehicle_model(a_result())
     own, found = effectiveness(model), paparazzi(text_of(a_result(), "paparazzi"))
@@ -84,6 +93,7 @@ def test_paparazzi_is_what_one_unit_does_about_hover():
     assert found["G2"] == pytest.approx(1e3 * 512 * own.spin_up[2] * step, rel=1e-4)
 
 
+@pytest.mark.usefixtures("few_drawn")
 def test_without_rotor_inertia_there_is_no_g2():
     lost = changed(a_result(), Jr=not_identified(), Jr_over_Izz=UNKNOWN)
     for target in ("indiflight", "paparazzi"):
@@ -92,6 +102,7 @@ def test_without_rotor_inertia_there_is_no_g2():
         assert "_g2_" not in text and 'name="G2"' not in text
 
 
+@pytest.mark.usefixtures("few_drawn")
 def test_without_a_law_it_is_said_what_is_missing():
     with pytest.raises(OutputError, match=r"max_speed is not in the result .* --assume max_speed"):
         text_of(a_result(law=None), "indiflight")
@@ -100,6 +111,7 @@ def test_without_a_law_it_is_said_what_is_missing():
     assert "act_time_constant_ms is left out" in text
 
 
+@pytest.mark.usefixtures("few_drawn")
 def test_what_does_not_fit_into_16_bits_is_refused():
     with pytest.raises(OutputError, match=r"g1_fz would be .* over the 32767"):
         text_of(a_result(law={"linear": [0.0, 12e3]}), "indiflight")
@@ -132,6 +144,7 @@ def test_intervals_are_those_of_the_numbers():
     assert hover["interval"][0] < hover["value"] < hover["interval"][1]
 
 
+@pytest.mark.usefixtures("few_drawn")
 def test_of_commands_alone_thrust_is_known_too():
     """kt per squared command is the thrust at full command."""
     per_command = {"kt": 4.0, "kd": 0.05, "Jr": 0.002}

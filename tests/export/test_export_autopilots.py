@@ -333,7 +333,7 @@ def test_crazyflow_itself_takes_the_section():
         input=json.dumps(given),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
     )
     assert ended.returncode == 0, ended.stderr
     acceleration, angular, limits = json.loads(ended.stdout.splitlines()[-1])

@@ -66,7 +66,7 @@ def test_libsdformat_takes_it(tmp_path, axes):
     if tool is None:
         pytest.skip("ign sdf is not installed (Debian: ignition-tools libsdformat-dev)")
     path = saved(tmp_path, a_result(axes=axes), "gazebo", "model.sdf")
-    ended = subprocess.run([tool, "sdf", "-k", path], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run([tool, "sdf", "-k", path], capture_output=True, text=True, timeout=600)
     if "I cannot find any available 'ign' command" in ended.stdout + ended.stderr:
         pytest.skip("ign has no sdf command (Debian: libsdformat-dev)")
     assert ended.stdout.strip() == "Valid.", ended.stdout + ended.stderr

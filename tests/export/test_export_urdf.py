@@ -39,7 +39,7 @@ def test_check_urdf_takes_it(tmp_path):
     if tool is None:
         pytest.skip("check_urdf is not installed (Debian: liburdfdom-tools)")
     path = saved(tmp_path, a_result(), "urdf", "vehicle.urdf")
-    ended = subprocess.run([tool, path], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run([tool, path], capture_output=True, text=True, timeout=600)
     assert ended.returncode == 0, ended.stderr
     assert "Successfully Parsed XML" in ended.stdout
     assert "base_link has 5 child(ren)" in ended.stdout

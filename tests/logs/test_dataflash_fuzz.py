@@ -1,6 +1,5 @@
 """Damaged and made-up DataFlash logs: a LogError or a FlightLog, soon, within little memory."""
 
-import time
 import tracemalloc
 
 import numpy as np
@@ -34,6 +33,7 @@ from dataflash_encoder import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plain_loops import plain_loops
 from rotorfit.errors import LogError
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs.dataflash import read_dataflash
@@ -41,9 +41,9 @@ from rotorfit.logs.dataflash.formats import LETTERS
 
 MEMORY = 60e6
 """A block of 4 MB, its heads, and what they become [bytes]."""
-SECONDS = 3.0
-SECONDS_A_BYTE = 10e-6
-"""With the type checks of tests and the tracing of memory; without, the worst takes a tenth."""
+LOOPS = 1000
+LOOPS_A_BYTE = 3e-3
+"""Of `plain_loops`."""
 
 
 def whole_log():
@@ -68,16 +68,8 @@ WHOLE = whole_log()
 def read_within_bounds(path, data):
     """Read, and return the log or the error; anything else, or too much of anything, fails."""
     path.write_bytes(data)
-    tracemalloc.start()
-    start = time.process_time()
-    try:
-        found = read_dataflash(path)
-    except LogError as error:
-        found = error
-    finally:
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-    assert time.process_time() - start < SECONDS + SECONDS_A_BYTE * len(data)
+    loops, (found, peak) = plain_loops(lambda: log_or_error(path))
+    assert loops < LOOPS + LOOPS_A_BYTE * len(data)
     assert peak < MEMORY + 10 * len(data)
     if isinstance(found, FlightLog):
         plausible(found)
@@ -85,6 +77,19 @@ def read_within_bounds(path, data):
         assert str(path) in str(found)
         assert len(str(found)) < 1000
     return found
+
+
+def log_or_error(path):
+    """Return what comes of reading, and the most memory that it took [bytes]."""
+    tracemalloc.start()
+    try:
+        try:
+            found = read_dataflash(path)
+        except LogError as error:
+            found = error
+        return found, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
 
 
 def plausible(found):

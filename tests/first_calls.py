@@ -1,0 +1,60 @@
+"""Types checked by beartype at the first calls of each function in a test, not at every one.
+
+Checking all of the calls takes a third of the tests' time: the loops of an estimate call the same
+functions with the same shapes tens of thousands of times. `CALLS=all pytest` checks them all.
+"""
+
+import functools
+import inspect
+import os
+import sys
+from collections import Counter
+from collections.abc import Callable
+
+from beartype import beartype
+
+CALLS = float("inf") if os.environ.get("CALLS") == "all" else 20
+"""Two for each call: of the arguments, and of what is returned."""
+
+_counts: Counter[tuple[str, str]] = Counter()
+_left_out: list[Callable[..., object]] = []
+
+
+def checked(function: Callable[..., object]) -> Callable[..., object]:
+    """Check a function's types as beartype does, until it has been called often enough."""
+    check = functools.cache(lambda: beartype(function))  # when called: most functions never are
+    name = (function.__module__, function.__qualname__)
+
+    @functools.wraps(function)
+    def counted(*args: object, **kwargs: object) -> object:
+        _counts[name] += 1
+        if _counts[name] == CALLS:
+            _leave_out(*name)
+        return check()(*args, **kwargs)
+
+    return counted
+
+
+def check_all_again() -> None:
+    """Begin to count anew."""
+    _counts.clear()
+    while _left_out:
+        del _left_out.pop().__no_type_check__
+
+
+def _leave_out(module: str, qualified_name: str) -> None:
+    """Mark a function of a module; one within another is out of reach and stays checked."""
+    *classes, name = qualified_name.split(".")
+    owner = sys.modules[module]
+    for part in classes:
+        if part == "<locals>":
+            return
+        owner = getattr(owner, part)
+    found = vars(owner).get(name)
+    for inner in ("fget", "func", "__func__"):
+        found = getattr(found, inner, found)
+    if found is None:
+        return
+    function = inspect.unwrap(found)
+    function.__no_type_check__ = True
+    _left_out.append(function)

@@ -1,0 +1,36 @@
+"""Shapes are checked at a function's first calls in each test."""
+
+import numpy as np
+import pytest
+from jaxtyping import TypeCheckError
+
+import first_calls
+from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.sampling.draws import normal_draws
+
+OBLONG = np.ones((2, 3))
+
+
+def drawn(covariance):
+    return normal_draws(covariance, 1, np.random.default_rng(1))
+
+
+def test_a_wrong_shape_is_refused_until_there_were_many_calls_and_again_in_the_next_test():
+    with pytest.raises(TypeCheckError):
+        drawn(OBLONG)
+    for _ in range(first_calls.CALLS if np.isfinite(first_calls.CALLS) else 0):
+        drawn(np.eye(2))
+    if np.isfinite(first_calls.CALLS):
+        with pytest.raises(np.linalg.LinAlgError):
+            drawn(OBLONG)
+    first_calls.check_all_again()
+    with pytest.raises(TypeCheckError):
+        drawn(OBLONG)
+
+
+def test_methods_are_left_out_too():
+    made = parameter_map(("a",), {"a": {(0, "a"): 1.0}}, {})
+    for _ in range(100):
+        made.theta(np.zeros(1))
+    left = getattr(ParameterMap.theta.__wrapped__, "__no_type_check__", False)
+    assert left == np.isfinite(first_calls.CALLS)
