@@ -6,6 +6,7 @@ from typing import Final
 
 from rotorfit.flight.log import FlightLog
 from rotorfit.inspection.inspect_log import LogReport
+from rotorfit.model.layouts import LAYOUTS
 
 OWN_ORDER: Final = {
     "blackbox": "betaflight",
@@ -28,7 +29,7 @@ class SeenAirframe:
     rotors
         How many; None where the log has no motors.
     layout, order
-        That the flight bears out, else the order that is usual for such a log.
+        That the flight confirms, else the order that is usual for such a log.
     borne_out
         Whether it is the flight that says so.
     turned
@@ -58,8 +59,14 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
     return SeenAirframe(
         rotors=count,
         layout=found["layout"],
-        order=found["order"],
+        order=_own_name(found["layout"], found["order"], log.format),
         borne_out=True,
         turned=found["turned"] is not None,
         speed=speed,
     )
+
+
+def _own_name(layout: str, order: str, log_format: str) -> str:
+    """Return a motor order by the name of the log's own autopilot, where the two are the same."""
+    own = OWN_ORDER.get(log_format, order)
+    return own if LAYOUTS.get((layout, own)) == LAYOUTS[layout, order] else order
