@@ -257,7 +257,7 @@ def test_long_calls_take_turns(monkeypatch):
         every = Pages(most_bytes=1)
         open_pages = [every.open(None) for _ in range(3)]
         assert all(page is not None for page in open_pages)
-        names = ("identify", "look") * 10
+        names = [*["identify"] * 10, *["look"] * 10]
         jobs = [
             [every.begin(page, name, {"number": i}) for i, name in enumerate(names)]
             for page in open_pages
