@@ -240,22 +240,24 @@ def test_work_is_stopped(server, page):
 
 
 def test_long_calls_take_turns(monkeypatch):
-    at_work: list[str] = []
-    most: dict[str, int] = {}
+    at_work: list[tuple[Path, str]] = []
+    most_of_all, most_of_one = 0, 0
 
     async def work(engine, job: Job):
-        at_work.append(job.name)
-        most[job.name] = max(most.get(job.name, 0), at_work.count(job.name))
-        most["all"] = max(most.get("all", 0), len(at_work))
+        nonlocal most_of_all, most_of_one
+        own = engine.folder, job.name
+        at_work.append(own)
+        most_of_all = max(most_of_all, len(at_work))
+        most_of_one = max(most_of_one, at_work.count(own))
         await asyncio.sleep(0)
-        at_work.remove(job.name)
+        at_work.remove(own)
         return {"done": job.argument["number"]}
 
     async def run():
         every = Pages(most_bytes=1)
         open_pages = [every.open(None) for _ in range(3)]
         assert all(page is not None for page in open_pages)
-        names = ("identify", "look") * 10
+        names = [*["identify"] * 10, *["look"] * 10]
         jobs = [
             [every.begin(page, name, {"number": i}) for i, name in enumerate(names)]
             for page in open_pages
@@ -274,7 +276,7 @@ def test_long_calls_take_turns(monkeypatch):
     assert last[:MOST_WAITING] == [{"done": i} for i in range(MOST_WAITING)]
     assert all("try later" in one["refused"] for one in last[MOST_WAITING:])
     # Of one page one identification and one look, of all pages two.
-    assert most["all"] == 2
+    assert (most_of_one, most_of_all) == (1, 2)
     assert len(last) == 20
 
 
