@@ -207,5 +207,5 @@ def test_terms_of_the_replay_are_not_said_to_be_missing_from_it():
     result = replace(a_result(), parameters=(*a_result().parameters, term, drag))
     notes = fly._notes(result, vehicle_model(result), {})
     assert "identified, but used in the replay only: twist = 1.2e-05 +- 1.2e-07 m" in notes
-    assert not any("left out here" in note for note in notes)
+    assert not any("left out of this file" in note for note in notes)
     assert any("frame's drag; replay and MuJoCo leave it out" in note for note in notes)

@@ -27,7 +27,7 @@ def test_arms_of_another_ratio_are_refused_with_the_likely_one(tmp_path, flight)
     assert result.diagnostics["lever_ratio"] == pytest.approx(1.0, abs=0.16)
     assert result.diagnostics["lever_ratio_loss"] < 10.0
     wrong = stretched(flight.vehicle, np.log(1.4))
-    with pytest.raises(FrameError, match=r"are 1\.40 as declared, .* likelier with (0\.9|1\.0)"):
+    with pytest.raises(FrameError, match=r"are 1\.40 as declared, .* better with (0\.9|1\.0)"):
         flown.identified(tmp_path, [flight], vehicle=wrong)
 
 

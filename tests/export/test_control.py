@@ -157,7 +157,7 @@ def test_of_commands_alone_thrust_is_known_too():
     found = json.loads(text_of(result, "px4-setpoints"))
     assert found["thrust"]["value"] == pytest.approx(16.0)
     assert found["thr_mdl_fac"] == 1.0
-    assert "in proportion to the command" in " ".join(found["about"])
+    assert "as proportional to the command" in " ".join(found["about"])
 
 
 @pytest.mark.flights
