@@ -110,7 +110,9 @@ def told(experiment: Path) -> Said:
         check=False,
     )
     result = json.loads(ended.stdout) if ended.returncode == 0 else None
-    return Said(code=ended.returncode, error=ended.stderr.strip(), result=result)
+    # Progress is told every few seconds: how often depends on how busy the machine is.
+    error = "\n".join(x for x in ended.stderr.splitlines() if not x.endswith("s so far)"))
+    return Said(code=ended.returncode, error=error.strip(), result=result)
 
 
 def told_of(case: Spoilt, keep: Path | None) -> Said:

@@ -7,7 +7,7 @@ import pytest
 
 import flown
 from rotorfit.doubts.second_opinions import HoverThrust, hovers_differ, thrust_sags
-from rotorfit.fit.weight_balance import Held, held_up, pooled
+from rotorfit.fit.weight_balance import Held, held_up, pooled, turning
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.simulation import (
     Scenario,
@@ -154,7 +154,7 @@ def test_tilted_motors_are_seen_in_the_steady_yaw_torque_and_found(doubts):
 def test_the_mean_force_in_axes_that_do_not_turn_is_gravity():
     flight = flown.simulated("A", "clean", seed=3, **SHORT)
     data = sampled_flight_data(flight)
-    held = held_up(data, data.specific_force)
+    held = held_up(turning(data), data.specific_force)
     (segment,) = data.segments
     rise = flight.velocity[segment.stop - 1, 2] - flight.velocity[segment.start, 2]
     expected = 1.0 + rise / (len(segment) / data.sample_rate) / GRAVITY
@@ -165,8 +165,10 @@ def test_the_mean_force_in_axes_that_do_not_turn_is_gravity():
     # A gyro's bias of half a degree a second does no harm, in whatever direction.
     bias = np.array([0.008, -0.008, 0.008])
     drifting = replace(data, angular_velocity=data.angular_velocity + bias)
-    assert held_up(drifting, data.specific_force).ratio == pytest.approx(held.ratio, abs=1e-3)
-    assert held_up(replace(data, segments=()), data.specific_force) is None
+    assert held_up(turning(drifting), data.specific_force).ratio == pytest.approx(
+        held.ratio, abs=1e-3
+    )
+    assert held_up(turning(replace(data, segments=())), data.specific_force) is None
 
 
 def thrust(name, ratio, *, std=0.002, sag=0.0):

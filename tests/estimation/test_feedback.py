@@ -20,6 +20,7 @@ from rotorfit.estimation.banded_equations import (
     feedback_gain,
     feedback_scores,
     solutions,
+    solved_each,
 )
 from rotorfit.estimation.factors import Factors, time_block_factors, triangular_factors
 from rotorfit.estimation.feedback import Answers, Feedback
@@ -87,10 +88,14 @@ def test_scores_of_the_answers_are_the_derivative_of_what_they_gain(seed):
     without = replace(problem, feedback=None)
     found = solutions(problem, phi)
     score = feedback_scores(problem, problem.feedback, found).sum(axis=(0, 1))
-    slope = slope_of(lambda at: feedback_gain(problem, at), phi)
+
+    def gained(at):
+        return feedback_gain(problem, at, solved_each(problem, at))
+
+    slope = slope_of(gained, phi)
     np.testing.assert_allclose(score, slope, rtol=1e-4, atol=1e-4 * np.abs(score).max())
     gain = log_likelihood(problem, phi) - log_likelihood(without, phi)
-    assert gain == pytest.approx(feedback_gain(problem, phi), rel=1e-6)
+    assert gain == pytest.approx(gained(phi), rel=1e-6)
 
 
 @settings(max_examples=25, deadline=None)

@@ -7,13 +7,11 @@ import pytest
 
 from rotorfit.estimation.banded import (
     BandedProblem,
-    _known_share,
-    _squares,
     banded,
     log_likelihood,
     normal_equations,
 )
-from rotorfit.estimation.banded_equations import State, corrected_equations, evaluated
+from rotorfit.estimation.banded_equations import corrected_equations, evaluated, known_share
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import parameter_map
@@ -178,7 +176,8 @@ def test_where_most_is_noise_nothing_moves_from_its_start():
 def test_what_noise_adds_to_the_errors_is_its_variance_times_the_squared_slope():
     y, x = points()
     problem = slope_problem(y, x, noise=0.25)
-    np.testing.assert_allclose(_known_share(problem, np.array([3.0])), np.full((BLOCKS, 1), 2.25))
+    found = known_share(problem.factors[0], np.array([[1.0, -3.0]]))
+    np.testing.assert_allclose(found, np.full((BLOCKS, 1), 2.25))
 
 
 def answered(problem, rows):
@@ -197,11 +196,10 @@ def test_squares_are_without_what_known_noise_adds():
     """0.25 * 3^2 in every row; the prior's square; twice ln 3 in 7 rows a block."""
     y, x = points()
     problem = answered(slope_problem(y, x, noise=0.25, prior=(2.0, 0.5)), 7)
-    residual = (y - 3.0 * x)[:, :, None]
-    state = State(phi=np.array([3.0]), residual=residual, variance=np.ones((BLOCKS, 1)), cost=0.0)
-    own = (residual**2).sum() - 2.25 * y.size
+    own = ((y - 3.0 * x) ** 2).sum() - 2.25 * y.size
     expected = own / 2.0 + 4.0 - 2.0 * 7.0 * BLOCKS * np.log(3.0)
-    assert _squares(problem, state, np.full((BLOCKS, 1), 2.0)) == pytest.approx(expected)
+    found = evaluated(problem, np.array([3.0])).over(np.full((BLOCKS, 1), 2.0))
+    assert found == pytest.approx(expected)
 
 
 def test_half_the_slope_of_the_squares_is_the_corrected_score():
@@ -210,10 +208,7 @@ def test_half_the_slope_of_the_squares_is_the_corrected_score():
     problem = answered(slope_problem(y, x, noise=0.04, prior=(2.0, 0.5)), 7)
     state = evaluated(problem, np.array([1.9]))
     score = corrected_equations(problem, state).score
-    ends = [
-        _squares(problem, evaluated(problem, np.array([1.9 + off])), state.variance)
-        for off in (-1e-5, 1e-5)
-    ]
+    ends = [evaluated(problem, np.array([1.9 + off])).over(state.variance) for off in (-1e-5, 1e-5)]
     assert -0.5 * (ends[1] - ends[0]) / 2e-5 == pytest.approx(score[0], rel=1e-6)
 
 

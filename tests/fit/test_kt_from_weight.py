@@ -6,7 +6,7 @@ import pytest
 import made_fit
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
 from rotorfit.fit.number_intervals import Numbers
-from rotorfit.fit.weight_balance import Held, held_up, pooled
+from rotorfit.fit.weight_balance import Held, held_up, pooled, turning
 from rotorfit.flight.data import Segment
 
 G = 9.80665
@@ -39,7 +39,7 @@ def held(data_seconds, *windows, force=None):
         force=force,
         segments=tuple(Segment(start=int(100 * a), stop=int(100 * b)) for a, b in windows),
     )
-    return held_up(flight.data, flight.data.specific_force)
+    return held_up(turning(flight.data), flight.data.specific_force)
 
 
 def test_where_one_window_follows_the_next_the_velocity_between_them_cancels():

@@ -138,7 +138,7 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
     """Let every fit move the times by a share of the way to the bottom; return where it was."""
     seen = []
 
-    def joint_fit(flown, *, terms, begin):
+    def joint_fit(flown, *, terms, begin=None):
         free = flown.free_timing
         seen.append((free, begin))
         way = {
@@ -417,10 +417,10 @@ def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(monkeypatch, ratios
     whole = flown()
     whole = replace(whole, configurations=whole.configurations * len(ratios))
     told_ratios = iter(ratios)
-    monkeypatch.setattr(Flown, "bands", lambda self, response: (factors,) * len(ratios))
+    monkeypatch.setattr(Flown, "timed_bands", (factors,) * len(ratios))
     monkeypatch.setattr(timing_search, "turn_ratios", lambda *_, mass: np.array(next(told_ratios)))
     monkeypatch.setattr(timing_search, "flown_turns", lambda *_, mass: np.ones((1, 3), dtype=bool))
-    assert pull_of_gusts(whole, MotorResponse()) == pytest.approx(expected)
+    assert pull_of_gusts(whole) == pytest.approx(expected)
 
 
 def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(monkeypatch):
@@ -432,12 +432,12 @@ def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(monkeypatch):
         seen.append(factors.band.tolist())
         return np.ones(3)
 
-    monkeypatch.setattr(Flown, "bands", lambda self, response: (factors,))
+    monkeypatch.setattr(Flown, "timed_bands", (factors,))
     monkeypatch.setattr(timing_search, "turn_ratios", ratios)
     monkeypatch.setattr(timing_search, "flown_turns", lambda *_, mass: turns)
-    assert pull_of_gusts(flown(), MotorResponse()) == 0.0
+    assert pull_of_gusts(flown()) == 0.0
     turns[1] = False
-    assert pull_of_gusts(flown(), MotorResponse()) == 0.15
+    assert pull_of_gusts(flown()) == 0.15
     assert seen == [[[1.0, 2.0]]]
 
 

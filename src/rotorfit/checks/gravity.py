@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD
-from rotorfit.fit.weight_balance import held_up, hovering
+from rotorfit.fit.weight_balance import held_up, hovering, turning
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.data import FlightData
 
@@ -51,7 +51,7 @@ def gravity_seen(data: FlightData) -> GravitySeen:
     """Return what the accelerometer of a prepared flight makes of gravity."""
     rest = _rest_forces(data)
     is_enough = len(rest) * WINDOW >= LEAST_REST
-    held = held_up(hovering(data), data.specific_force)
+    held = held_up(turning(hovering(data)), data.specific_force)
     return GravitySeen(
         at_rest=float(np.median(rest)) / GRAVITY if is_enough else None,
         rest_seconds=len(rest) * WINDOW,

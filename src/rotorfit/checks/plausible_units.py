@@ -21,7 +21,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.estimation.factors import Factors
-from rotorfit.fit.weight_balance import held_up
+from rotorfit.fit.weight_balance import held_up, turning
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.checks import UNIT_OF_GYRO
 from rotorfit.flight.data import FlightData
@@ -120,11 +120,11 @@ def refuse_gyro_in_degrees(
 
 def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | None:
     """Return what contradicts a gyro in rad/s, None where nothing does."""
-    as_said = held_up(data, data.specific_force)
+    as_said = held_up(turning(data), data.specific_force)
     if as_said is None or as_said.ratio > LOST_GRAVITY:
         return None
     scaled = dataclasses.replace(data, angular_velocity=data.angular_velocity * DEGREE)
-    in_degrees = held_up(scaled, scaled.specific_force)
+    in_degrees = held_up(turning(scaled), data.specific_force)
     if in_degrees is None or abs(in_degrees.ratio - 1.0) > NEAR_GRAVITY:
         return None
     return (

@@ -14,7 +14,7 @@ from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ACCEL_BIAS_STD, fit_rows
-from rotorfit.fit.weight_balance import Held, held_together, held_up, hovering, pooled
+from rotorfit.fit.weight_balance import Held, held_together, held_up, hovering, pooled, turning
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.data import FlightData
 from rotorfit.logs.files import file_name
@@ -203,7 +203,7 @@ def accelerometer_against_gravity(
     diagnostics: dict[str, float] = {}
     for configured in configurations:
         data = [flight.prepared.data for flight in configured.flights]
-        held = held_together(held_up(hovering(one), one.specific_force) for one in data)
+        held = held_together(held_up(turning(hovering(one)), one.specific_force) for one in data)
         if held is None:
             continue
         diagnostics[f"accelerometer_over_gravity@{configured.entry.name}"] = held.ratio
@@ -232,10 +232,12 @@ def hover_thrusts(
             thrust = (data.rotor_speed**2 * each) @ vehicle.axes
             air = _air_force(data, numbers, configured.entry.name, vehicle)
             force = (thrust + air) / configured.mass
-            whole, first, second = (held_up(data, force, half=half) for half in (None, 0, 1))
+            whole = held_up(flight.turning, force)
             if whole is None:
                 continue
-            sag, sag_std = _sag(first, second)
+            sag, sag_std = _sag(
+                *(held_up(flight.turning.half(late), force) for late in (False, True))
+            )
             found.append(
                 HoverThrust(
                     configuration=configured.entry.name,

@@ -24,14 +24,13 @@ from rotorfit.estimation.banded_equations import (
     BandedProblem as BandedProblem,
 )
 from rotorfit.estimation.banded_equations import (
+    Evaluated,
     State,
     corrected_equations,
     evaluated,
     evaluated_or_none,
-    feedback_gain,
     feedback_scores,
     power_of,
-    prior_cost,
     root_of,
     selected,
     signal_power,
@@ -39,7 +38,6 @@ from rotorfit.estimation.banded_equations import (
 )
 from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
 from rotorfit.estimation.estimate import Estimate, scaled_singular
-from rotorfit.estimation.solved import solved
 
 MOST_ITERATIONS = 100
 SMALLEST_STEP = 1e-3
@@ -149,8 +147,8 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
         trial = evaluated_or_none(problem, state.phi + taken.step)
         # With the variances of the last point: where these squares fall, the likelihood rises,
         # for log x <= x - 1; and blocks that borrow their variance cannot hold up the last steps.
-        before = _squares(problem, state, state.variance)
-        won = -np.inf if trial is None else before - _squares(problem, trial, state.variance)
+        before = state.over(state.variance)
+        won = -np.inf if trial is None else before - trial.over(state.variance)
         if trial is not None and won >= 0.0:
             state, rise = trial, 2.0
             damping = eased(damping, won, taken.foretold)
@@ -173,10 +171,10 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
 
 def _leapt(
     problem: BandedProblem,
-    state: State,
+    state: Evaluated,
     path: Sequence[Float[np.ndarray, " f"]],
     std: Float[np.ndarray, " f"],
-) -> State:
+) -> Evaluated:
     """Return the point to which crawling steps lead, where it is likelier."""
     phi = extrapolated((*path, state.phi), std)
     trial = None if phi is None else evaluated_or_none(problem, phi)
@@ -196,7 +194,7 @@ def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> floa
     return -np.inf if state is None else -0.5 * state.cost
 
 
-def _settled_with_noise(problem: BandedProblem, state: State) -> tuple[State, int]:
+def _settled_with_noise(problem: BandedProblem, state: Evaluated) -> tuple[Evaluated, int]:
     """Return the point where the regressors' known noise no longer pulls, and after how many steps.
 
     Noise n of the regressors makes J^T e differ from zero at the truth by its own product
@@ -210,36 +208,15 @@ def _settled_with_noise(problem: BandedProblem, state: State) -> tuple[State, in
         step = _corrected_step(asked.plain, asked.taken, asked.score)
         if float(np.max(np.abs(step) * np.sqrt(np.diagonal(asked.plain)))) <= SMALLEST_STEP:
             return state, iteration
-        before = _squares(problem, state, state.variance)
+        before = state.over(state.variance)
         for fraction in STEP_FRACTIONS:
             trial = evaluated_or_none(problem, state.phi + fraction * step)
-            if trial is not None and _squares(problem, trial, state.variance) < before:
+            if trial is not None and trial.over(state.variance) < before:
                 state = trial
                 break
         else:
             return state, iteration  # no step lowers them: this is the bottom
     return state, MOST_ITERATIONS
-
-
-def _known_share(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "b k"]:
-    """Return what the regressors' known noise adds to the variance of every block's errors."""
-    theta = problem.map.theta(phi)
-    parts: list[Float[np.ndarray, "b k"]] = []
-    for c, (factors, tensor) in enumerate(zip(problem.factors, problem.tensors, strict=True)):
-        G, _ = solved(tensor, theta[c], problem.noisy)
-        parts.append(factors.known_noise @ (G * G).T)
-    return np.concatenate(parts)
-
-
-def _squares(problem: BandedProblem, state: State, variance: Float[np.ndarray, "b k"]) -> float:
-    """Return the squared errors over given variances, without what known noise adds to them.
-
-    Half its slope is the corrected score, in every block, so that a step along that lowers it.
-    """
-    rows = np.concatenate([factors.rows for factors in problem.factors])
-    own = power_of(state.residual) - rows[:, None] * _known_share(problem, state.phi)
-    gain = feedback_gain(problem, state.phi)
-    return float((own / variance).sum()) + prior_cost(problem, state.phi) - 2.0 * gain
 
 
 def _corrected_step(
@@ -255,7 +232,7 @@ def _corrected_step(
     return root @ (V @ (gain * (V.T @ (root.T @ score))))
 
 
-def _finished(problem: BandedProblem, state: State, iterations: int) -> BandedEstimate:
+def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> BandedEstimate:
     """Return the estimate at the minimum, with covariance and influences."""
     asked = corrected_equations(problem, state)
     svd = scaled_singular(root_of(problem, state, asked.plain), problem.map.names)
@@ -299,7 +276,6 @@ def _state_of(fit: BandedEstimate) -> State:
         phi=fit.estimate.values,
         residual=fit.residual,
         variance=fit.variance,
-        cost=-2.0 * fit.log_likelihood,
     )
 
 

@@ -74,7 +74,7 @@ def _site(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
 
 
 def _actuator(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
-    lag = 0.5 * (model.lag_up + model.lag_down)
+    lag = model.mean_lag
     dynamics = f' dyntype="filterexact" dynprm="{text(lag)}"' if lag > 0 else ""
     return (
         f'    <general name="rotor_{i}" site="rotor_{i}"{dynamics} '
@@ -85,7 +85,7 @@ def _actuator(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
 
 def _hover(model: VehicleModel) -> str:
     thrusts = texts(tuple(rotor.kt * model.hover_speed**2 for rotor in model.rotors))
-    act = f' act="{thrusts}"' if model.lag_up + model.lag_down > 0 else ""
+    act = f' act="{thrusts}"' if model.mean_lag > 0 else ""
     return (
         f'  <keyframe>\n    <key name="hover" qpos="0 0 1 1 0 0 0" ctrl="{thrusts}"{act}/>\n'
         "  </keyframe>\n"

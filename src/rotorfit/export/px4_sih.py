@@ -42,7 +42,7 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_Q_MAX", model.kd * model.max_speed**2, FLOAT),
         ("SIH_L_ROLL", float(arms[1]), FLOAT),
         ("SIH_L_PITCH", float(arms[0]), FLOAT),
-        ("SIH_T_TAU", 0.5 * (model.lag_up + model.lag_down), FLOAT),
+        ("SIH_T_TAU", model.mean_lag, FLOAT),
         ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG])), FLOAT),
         ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),

@@ -53,7 +53,7 @@ def _entries(model: VehicleModel) -> list[tuple[str, str]]:
         ("rI", _array((model.imu - model.com).tolist())),
         ("k_eta", text(model.kt)),
         ("k_m", text(model.kd)),
-        ("tau_m", text(0.5 * (model.lag_up + model.lag_down))),
+        ("tau_m", text(model.mean_lag)),
         ("rotor_speed_min", "0.0"),
         ("rotor_speed_max", text(model.max_speed)),
         *((name, "0.0") for name in LEFT_OUT),

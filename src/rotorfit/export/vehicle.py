@@ -112,6 +112,11 @@ class VehicleModel:
         return float(np.mean([rotor.kt for rotor in self.rotors]))
 
     @property
+    def mean_lag(self) -> float:
+        """Of rising and falling speed [s]; NaN where it is not known."""
+        return 0.5 * (self.lag_up + self.lag_down)
+
+    @property
     def arms(self) -> Float[np.ndarray, "N 3"]:
         """Rotor positions from the CoM, FLU [m]."""
         return np.array([rotor.position - self.com for rotor in self.rotors])

@@ -26,6 +26,7 @@ from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.read_options import read_options_of, recording_options_of
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
 from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming
+from rotorfit.fit.weight_balance import Turning, turning
 from rotorfit.flight.align import with_poses
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
 from rotorfit.flight.data import FlightData
@@ -49,7 +50,7 @@ NOT_ANSWERING: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
 """States of a measured speed from which no law can be learnt."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class UsedFlight:
     """A flight as it enters the estimate; of its log no channels are kept.
 
@@ -67,6 +68,11 @@ class UsedFlight:
     telemetry: Telemetry | None = None
     answers: tuple[Answer, ...] = ()
     battery: float | None = None
+
+    @cached_property
+    def turning(self) -> Turning:
+        """How its axes turn, for what holds the vehicle up: no timing of the motors changes it."""
+        return turning(self.prepared.data)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,6 +154,11 @@ class Flown:
     def timing_told(self) -> bool:
         """Whether lag and delay are given, or the flights tell them."""
         return self.motor_timing is None or self.motor_timing.told
+
+    @property
+    def reached(self) -> Mapping[str, float] | None:
+        """Where the fit that found the timing ended; None where none did."""
+        return None if self.motor_timing is None else self.motor_timing.reached
 
     @property
     def free_timing(self) -> FreeTiming | None:
@@ -248,21 +259,13 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         prepared = prepare_mocap(
             log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
         )
-        return UsedFlight(
-            entry=entry,
-            log=dataclasses.replace(log, channels={}),
-            prepared=prepared,
-            speeds_commanded=speeds_commanded,
-            telemetry=seen,
-            answers=_in_flight(answers, prepared),
-            motors=motors,
-            battery=_voltage(battery, prepared),
-        )
-    tilt = imu_tilt_of(experiment.airframe)
-    recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
-    log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
-    prepared = prepared_from(recorded, arm=vehicle.arm, motors=motor_model, window=window)
-    prepared = prepared if tilt is None else levelled(prepared, tilt)
+        log = dataclasses.replace(log, channels={})
+    else:
+        tilt = imu_tilt_of(experiment.airframe)
+        recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
+        log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
+        prepared = prepared_from(recorded, arm=vehicle.arm, motors=motor_model, window=window)
+        prepared = prepared if tilt is None else levelled(prepared, tilt)
     return UsedFlight(
         entry=entry,
         log=log,

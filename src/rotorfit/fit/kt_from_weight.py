@@ -90,7 +90,7 @@ def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> We
             data = flight.prepared.data
             per_kt = (data.rotor_speed**2 @ vehicle.axes) / configured.mass
             scale = float(np.abs(per_kt).mean())
-            held = held_up(data, per_kt / scale) if scale > 0 else None
+            held = held_up(flight.turning, per_kt / scale) if scale > 0 else None
             if held is None or held.ratio <= 0:
                 continue
             kt = 1.0 / (held.ratio * scale)
@@ -136,6 +136,8 @@ def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:
 
 def _read_over_gravity(configured: Configured) -> Held | None:
     """Return by how much the accelerometer reads more than gravity, as a share of it."""
-    data = [flight.prepared.data for flight in configured.flights]
-    held = held_together(held_up(one, one.specific_force) for one in data)
+    held = held_together(
+        held_up(flight.turning, flight.prepared.data.specific_force)
+        for flight in configured.flights
+    )
     return None if held is None else replace(held, ratio=held.ratio - 1.0)

@@ -80,6 +80,8 @@ class MotorTiming:
     free
         Which times a fit finds again together with everything else (`FreeTiming.names`): those that
         the flights tell.
+    reached
+        Where the other parameters of the fit that found it ended: the next one begins there.
     """
 
     response: MotorResponse
@@ -87,6 +89,7 @@ class MotorTiming:
     lag_std: float | None = None
     delay_std: float | None = None
     free: tuple[str, ...] = ()
+    reached: Mapping[str, float] | None = None
 
     @property
     def told(self) -> bool:

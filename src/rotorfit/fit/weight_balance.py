@@ -49,36 +49,73 @@ class Held:
     seconds: float
 
 
-def held_up(
-    data: FlightData, force: Float[np.ndarray, "n 3"], *, half: int | None = None
-) -> Held | None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Turning:
+    """How the body axes turn within windows of a flight: it serves every force of that flight.
+
+    Attributes
+    ----------
+    windows
+        In which the specific force is averaged.
+    attitude
+        Quaternions (scalar first) from the body's axes to those at the start of the window, one
+        for each group of samples.
+    group
+        Samples in a group.
+    sample_rate
+        Of the flight [Hz].
+    """
+
+    windows: tuple[Segment, ...]
+    attitude: tuple[Float[np.ndarray, "_ 4"], ...]
+    group: int
+    sample_rate: float
+
+    def half(self, second: bool) -> "Turning":
+        """Return the windows of the first or the second half of the flight."""
+        middle = len(self.windows) // 2
+        keep = slice(len(self.windows) - middle, None) if second else slice(middle)
+        return replace(self, windows=self.windows[keep], attitude=self.attitude[keep])
+
+
+def turning(data: FlightData) -> Turning:
+    """Return how the axes of a flight turn by its gyro, in windows of its segments."""
+    group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
+    windows = tuple(_windows(data))
+    rates = [_grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
+    attitude = [_running_product(_turns(w * group / data.sample_rate)) for w in rates]
+    return Turning(
+        windows=windows, attitude=tuple(attitude), group=group, sample_rate=data.sample_rate
+    )
+
+
+def held_up(axes: Turning, force: Float[np.ndarray, "n 3"]) -> Held | None:
     """Return the mean of a specific force along the vertical, over gravity.
 
     Parameters
     ----------
-    data
-        Whose gyro tells how the body axes turn, and whose segments are looked at.
+    axes
+        Of the flight.
     force
-        Specific force of every sample, body axes [m/s^2]: of the accelerometer, or thrust over
-        mass.
-    half
-        0 or 1: only the windows of the first or second half of the flight.
+        Specific force of every sample of it, body axes [m/s^2]: of the accelerometer, or thrust
+        over mass.
 
     Returns
     -------
     Held
         None where no stretch is long enough.
     """
-    windows = _windows(data)
-    if half is not None:
-        middle = len(windows) // 2
-        windows = windows[:middle] if half == 0 else windows[len(windows) - middle :]
-    if not windows:
+    if not axes.windows:
         return None
-    lengths = np.array([len(window) for window in windows]) / data.sample_rate
-    means = np.array([_mean_vertical(data, force, window) for window in windows])
+    lengths = np.array([len(window) for window in axes.windows]) / axes.sample_rate
+    means = np.array(
+        [
+            _mean_length(_grouped(force[window.start : window.stop], axes.group), attitude)
+            for window, attitude in zip(axes.windows, axes.attitude, strict=True)
+        ]
+    )
     # Where one window follows the next, the velocity between them cancels.
-    breaks = 1 + sum(b.start != a.stop for a, b in pairwise(windows))
+    breaks = 1 + sum(b.start != a.stop for a, b in pairwise(axes.windows))
     seconds = float(lengths.sum())
     return Held(
         ratio=float(lengths @ means) / seconds / GRAVITY,
@@ -124,13 +161,9 @@ def _windows(data: FlightData) -> list[Segment]:
     ]
 
 
-def _mean_vertical(data: FlightData, force: Float[np.ndarray, "n 3"], window: Segment) -> float:
+def _mean_length(force: Float[np.ndarray, "m 3"], attitude: Float[np.ndarray, "m 4"]) -> float:
     """Return the length of the mean force in axes that do not turn with the body."""
-    group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
-    w = _grouped(data.angular_velocity[window.start : window.stop], group)
-    a = _grouped(force[window.start : window.stop], group)
-    attitude = _running_product(_turns(w * group / data.sample_rate))
-    return float(np.linalg.norm(_rotated(attitude, a).mean(axis=0)))
+    return float(np.linalg.norm(_rotated(attitude, force).mean(axis=0)))
 
 
 def _grouped(values: Float[np.ndarray, "n 3"], group: int) -> Float[np.ndarray, "m 3"]:

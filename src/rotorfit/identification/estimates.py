@@ -181,11 +181,11 @@ def _settled(
     Terms that the user asks for are kept, and a fit that does not settle with them is refused.
     """
     if wanted is not None:
-        return *joint_fit(flown, terms=wanted), tuple(wanted), ()
+        return *joint_fit(flown, terms=wanted, begin=flown.reached), tuple(wanted), ()
     for dropped in FEWER_TERMS:
         terms: tuple[Term, ...] = tuple(t for t in DEFAULT_TERMS if t not in dropped)
         try:
-            fit, joint = joint_fit(flown, terms=terms)
+            fit, joint = joint_fit(flown, terms=terms, begin=flown.reached)
         except UnsettledError:
             if dropped == FEWER_TERMS[-1]:
                 raise

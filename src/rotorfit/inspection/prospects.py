@@ -16,7 +16,7 @@ from rotorfit.fit.frequency_bands import EDGES, STRETCH, slow_bands
 from rotorfit.fit.kt_from_weight import INFLOW_STD, WeighedThrust
 from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
-from rotorfit.fit.weight_balance import held_up
+from rotorfit.fit.weight_balance import held_up, turning
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
@@ -243,7 +243,7 @@ def _thrust(data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool
 
 def _weighed(data: FlightData, vehicle: Vehicle) -> WeighedThrust | None:
     """Return the kt per kilogram that carries the weight; None where no stretch is long enough."""
-    held = held_up(data, data.rotor_speed**2 @ vehicle.axes)
+    held = held_up(turning(data), data.rotor_speed**2 @ vehicle.axes)
     if held is None or held.ratio <= 0:
         return None
     kt = 1.0 / held.ratio

@@ -226,9 +226,8 @@ def band_factors(
         lines = np.empty((len(own), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
         lines[:, kept], lines[:, made] = own, fresh[:, : len(made)]
         lines[:, len(layout) :] = fresh[:, len(made) :]
-        blocks = _with_slopes(
-            _banded(lines, bands, (stretch, flight.sample_rate)), layout, len(slopes)
-        )
+        every = _banded(lines, bands, flight.sample_rate / len(stretch))
+        blocks = _with_slopes(every, layout, len(slopes))
         noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
         parts.append(replace(blocks, noise=noise))
     return _stacked(parts)
@@ -291,13 +290,12 @@ def yaw_factors(flight: FlightData, rotor_count: int, *, plan: BandPlan) -> Fact
     FlightError
         If no stretch is long enough for a single band.
     """
-    parts: list[Factors] = []
-    for stretch in _stretches(flight, plan):
-        bands = _bands(stretch, flight.sample_rate, plan)
-        if bands:
-            Z = yaw_signals(flight, rotor_count, stretch.start, stretch.stop)
-            parts.append(_banded(_lines(Z, bands, plan), bands, (stretch, flight.sample_rate)))
-    return _stacked(parts)
+
+    def columns(start: int, stop: int) -> Float[np.ndarray, "n y"]:
+        return yaw_signals(flight, rotor_count, start, stop)
+
+    stretches = banded_lines(flight, columns, plan=plan)
+    return _stacked([_banded(lines, bands, float(f[1])) for lines, bands, f in stretches])
 
 
 def _slopes(
@@ -374,12 +372,10 @@ def _lines(
 def _banded(
     lines: Complex[np.ndarray, "l z"],
     bands: Sequence[tuple[int, int]],
-    stretch: tuple[Segment, float],
+    resolution: float,
 ) -> Factors:
-    """Return the band factors of the lines of one stretch, which has a sample rate."""
-    segment, sample_rate = stretch
+    """Return the band factors of the lines of one stretch, so far apart [Hz]."""
     stacked = [_line_rows(lines, first, last) for first, last in bands]
-    resolution = sample_rate / len(segment)
     return Factors(
         R=triangular_factors(stacked),
         rows=np.array([len(rows) for rows in stacked], dtype=np.int64),

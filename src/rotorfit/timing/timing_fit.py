@@ -109,7 +109,7 @@ def _fitted(
     response = _moved(free, fit)
     if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
         return None  # the motion does not follow these commands at all
-    pull = pull_of_gusts(flown, response)
+    pull = pull_of_gusts(timed)
     total = response.mean_lag + response.delay
     # Before the command no motor answers: there the autopilot answers the noise of its gyro.
     late = response.mean_lag > LEAST_LAG and total > 0.0
@@ -118,20 +118,27 @@ def _fitted(
     return _with_deviations(flown, free, fit)
 
 
-def _settled(flown: Flown, terms: tuple[Term, ...]) -> tuple[Flown, BandedEstimate]:
-    """Return the fit whose signals are made where it ends, and the flights at that timing."""
-    begin: dict[str, float] | None = None
-    fit: BandedEstimate | None = None
-    for left in reversed(range(MOST_ROUNDS)):
+def _settled(
+    flown: Flown, terms: tuple[Term, ...], fit: BandedEstimate | None = None
+) -> tuple[Flown, BandedEstimate]:
+    """Return the fit whose signals are made where it ends, and the flights at that timing.
+
+    `fit` is the one at the timing that the flights have, where it is there already.
+    """
+    fit = fit or joint_fit(flown, terms=terms)[0]
+    for _ in range(MOST_ROUNDS - 1):
         free = flown.free_timing
         assert free is not None
-        fit, _ = joint_fit(flown, terms=terms, begin=begin)
-        if not left or _near(free, fit):
+        if _near(free, fit):
             break
-        begin = {k: v for k, v in fit.estimate.by_name.items() if k not in free.names}
         flown = flown.at(_moved(free, fit), free.names)
-    assert fit is not None
+        fit, _ = joint_fit(flown, terms=terms, begin=_others(free, fit))
     return flown, fit
+
+
+def _others(free: FreeTiming, fit: BandedEstimate) -> dict[str, float]:
+    """Return where the fit ended, but for the times, at which the signals are made anew."""
+    return {k: v for k, v in fit.estimate.by_name.items() if k not in free.names}
 
 
 def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
@@ -159,7 +166,7 @@ def _with_skew(
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
-        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, terms)
+        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, terms, first)
     except EstimationError:
         return flown, fit  # motors too quick to tell their rising from their falling
 
@@ -192,6 +199,7 @@ def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> Mot
         delay_std=None if delay is None else _norm(_std(fit, delay), split, hold),
         total_std=_norm(total, SUM_FAULT, hold),
         free=free.names,
+        reached=_others(free, fit),
     )
 
 

@@ -117,13 +117,13 @@ def _every_cost(flown: Flown, response: MotorResponse) -> float:
     )
 
 
-def pull_of_gusts(flown: Flown, response: MotorResponse) -> float:
+def pull_of_gusts(flown: Flown) -> float:
     """Return by how much the autopilot's answer may have moved a delay, where nobody steers [s].
 
     Nothing where a turn is flown above the pilot's band; else by the ratio of explained to residual
     power in it, of the turn that has most of it.
     """
-    bands = flown.bands(response)
+    bands = flown.timed_bands
     masses = [configured.mass for configured in flown.configurations]
     for factors, mass in zip(bands, masses, strict=True):
         if (flown_turns(factors, flown.model, mass=mass) & ~slow_bands(factors)).any():

@@ -143,8 +143,7 @@ def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> V
         if p.verdict == "removed":
             values[p.name] = np.zeros(1 + draws)
         elif p.value is not None:
-            key = p.name if p.configuration is None else f"{p.name}@{p.configuration}"
-            moved = shift[:, columns[key]] if key in columns else 0.0
+            moved = shift[:, columns[p.full_name]] if p.full_name in columns else 0.0
             values[p.name] = p.value + moved + np.zeros(1 + draws)
     return values
 

@@ -68,7 +68,7 @@ def _motor_lines(model: VehicleModel) -> list[str]:
         _same("max_rpm", model.max_speed / RPM, rotors),
         _same("hover_rpm", model.hover_speed / RPM, rotors),
     ]
-    lag = 1e3 * 0.5 * (model.lag_up + model.lag_down)
+    lag = 1e3 * model.mean_lag
     if 0.5 <= lag < LONGEST_LAG:
         lines.append(_same("time_constant_ms", lag, rotors))
     if model.law is not None:
@@ -97,7 +97,7 @@ def _remarks(model: VehicleModel) -> list[str]:
             f"act_nonlinearity {100 * curve.factor:.3g} is fitted to the law, within "
             f"{100 * curve.error:.2g} % of full thrust{beyond}"
         )
-    if not np.isfinite(model.lag_up + model.lag_down):
+    if not np.isfinite(model.mean_lag):
         remarks.append("act_time_constant_ms is left out: the motors' lag is not known")
     elif model.lag_up != model.lag_down:
         remarks.append("act_time_constant_ms is the mean of rising and falling speed")

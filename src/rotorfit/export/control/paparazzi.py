@@ -49,9 +49,8 @@ def write_paparazzi(
         for i, name in enumerate(ROWS)
         if np.isfinite(found.value[i]).all()
     )
-    lag = 0.5 * (model.lag_up + model.lag_down)
-    if lag > 0.0:
-        lines += _define("ACT_FREQ", [1.0 / lag] * len(model.rotors))
+    if model.mean_lag > 0.0:
+        lines += _define("ACT_FREQ", [1.0 / model.mean_lag] * len(model.rotors))
     return (
         xml_comment(comment)
         + '<section name="STABILIZATION_ATTITUDE_INDI" prefix="STABILIZATION_INDI_">\n'
@@ -112,6 +111,6 @@ def _remarks(model: VehicleModel) -> list[str]:
         f"with INDI_RPM_FEEDBACK a unit is 1/{FULL:g} of the range of the servo in RPM: multiply "
         "G1 and G2 by that unit in rad/s over the rad/s above"
     )
-    if not np.isfinite(model.lag_up + model.lag_down):
+    if not np.isfinite(model.mean_lag):
         remarks.append("ACT_FREQ is left out: the motors' lag is not known")
     return remarks

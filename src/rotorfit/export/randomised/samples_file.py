@@ -52,7 +52,8 @@ def samples_bytes(found: Variants, result: IdentificationResult, *, suffix: str)
     suffix
         Of the file: ``.npz`` or ``.json``.
     """
-    told, arrays = _told(found, result), _arrays(found)
+    arrays = _arrays(found)
+    told = _told(found, result, tuple(arrays))
     if suffix == ".json":
         values = {name: array.tolist() for name, array in arrays.items()}
         return (json.dumps({**told, "values": values}, allow_nan=False) + "\n").encode()
@@ -61,8 +62,8 @@ def samples_bytes(found: Variants, result: IdentificationResult, *, suffix: str)
     return room.getvalue()
 
 
-def _told(found: Variants, result: IdentificationResult) -> dict[str, Any]:
-    """Return what is to be known of the arrays."""
+def _told(found: Variants, result: IdentificationResult, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return what is to be known of the arrays of these names."""
     samples = found.samples
     return {
         "schema": SCHEMA,
@@ -74,7 +75,7 @@ def _told(found: Variants, result: IdentificationResult) -> dict[str, Any]:
         "seed": samples.seed,
         "rejected": samples.rejected,
         "reasons": dict(samples.reasons),
-        "units": {name: WHAT[name] for name in _arrays(found)},
+        "units": {name: WHAT[name] for name in names},
         "flights": [
             {"file": file_name(flight.file), "sha256": flight.sha256} for flight in result.flights
         ],
