@@ -28,6 +28,7 @@ from typing import Final
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+import pandas
 from benchmarks.common import identify_flights, named_vehicle, true_values
 from benchmarks.recovery import flown
 from jaxtyping import Float
@@ -354,6 +355,35 @@ def write_logs(folder: Path, *, vehicles: int, flights: int, seconds: float) -> 
     (folder / "airframe.toml").write_text(text, encoding="utf-8")
 
 
+def print_levels(table: Path, vehicles: int) -> None:
+    """Print how far the levels of vehicles in which nothing is planted are from the truth."""
+    rows = pandas.read_parquet(table)
+    rng = np.random.default_rng(1)
+    truth = variant(named_vehicle("quad-x"), "real")[0].truth
+    true: dict[str, list[float]] = {}
+    for v in range(vehicles):
+        own = manufactured(truth, rng, other=v == 5)
+        values = own.parameters() | dict(
+            zip(("com_x", "com_y", "com_z"), own.center_of_mass.tolist(), strict=True)
+        )
+        kt = own.rotor_kt(4)
+        values |= {f"kt_{i}": float(x) for i, x in enumerate(kt, 1)} | {KT_WEIGHT: kt.mean()}
+        for name in LEVEL:
+            true.setdefault(name, []).append(values[name])
+    quiet = [v for v in range(vehicles) if v not in (1, 3, 5)]
+    print(f"{'':10s} {'error of all':>12s} {'rms about it':>12s} {'stated std':>10s}  [%]")
+    held, held_about = list[bool](), list[bool]()
+    for name in LEVEL:
+        error = (rows[name] - true[name]).to_numpy()[quiet] / SIZE[name] * 100.0
+        std = rows[f"{name}_std"].to_numpy()[quiet] / SIZE[name] * 100.0
+        about = error - error.mean()
+        print(f"{name:10s} {error.mean():+12.2f} {about.std():12.2f} {std.mean():10.2f}")
+        held += (np.abs(error) <= 1.96 * std).tolist()
+        held_about += (np.abs(about) <= 1.96 * std).tolist()
+    print(f"{sum(held)} of {len(held)} intervals hold the truth; without the error common to all,")
+    print(f"{sum(held_about)}")
+
+
 def manufactured(truth: Truth, rng: np.random.Generator, *, other: bool) -> Truth:
     """Return one vehicle of a type: half a percent here, a third of a millimetre there."""
     half = 1.0 + 0.005 * rng.standard_normal(7)
@@ -395,6 +425,7 @@ def main() -> None:
         words = ["--airframe", str(logs / "airframe.toml"), "--mass", "1.4", "--workers", "1"]
         words += ["-o", str(asked.logs / "fleet"), "--force"]
         subprocess.run([sys.executable, "-m", "rotorfit", "fleet", str(logs), *words], check=True)
+        print_levels(asked.logs / "fleet" / "vehicles.parquet", asked.vehicles)
         return
     templates = identified(asked.identified, asked.count)
     if asked.page is not None:

@@ -8,6 +8,7 @@ import pytest
 
 from rotorfit.fleet.listing import Defaults, listed_logs
 from rotorfit.fleet.run import Workers, read_fleet, types_of
+from rotorfit.logs import read_log
 
 AIRFRAME = """[airframe]
 layout = "quad-x"
@@ -99,3 +100,15 @@ def test_every_log_of_a_mixed_fleet_has_a_row_or_a_reason(flight_data_dir, tmp_p
     by_hardware = {r.vehicle for r in fleet.records if r.file.endswith(".ulg")}
     assert by_hardware <= {"0006000000003535323734325116003d0021", "0035002B3434511732343031"}
     assert {one.name for one in types_of(fleet)} == {"racer", "crazyflie"}
+
+
+@pytest.mark.flights
+def test_a_log_tells_whose_it_is_and_in_what_air(flight_data_dir):
+    ardupilot = read_log(flight_data_dir / "ardupilot-dronekit" / "log171.bin").circumstances
+    assert ardupilot.hardware == "004A002F 33345119 32383433"
+    assert ardupilot.started is None  # it never saw a satellite
+    assert ardupilot.air_density == pytest.approx(1.096, abs=1e-3)
+    assert ardupilot.air_temperature == pytest.approx(302.3, abs=0.1)
+    betaflight = read_log(flight_data_dir / "betaflight" / "LOG00037.BFL").circumstances
+    assert betaflight.started == pytest.approx(1643814293.139)  # 2 February 2022
+    assert betaflight.air_density is None

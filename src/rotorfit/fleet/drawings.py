@@ -154,7 +154,7 @@ def strip_svg(number: NumberStatistics, names: Sequence[str]) -> str:
     known = np.flatnonzero(np.isfinite(number.now))
     if len(known) > MOST_DOTS:
         inside += _bars(number.now[known], low, high, width)
-        known = known[number.apart[known]]
+        known = np.array([i for i in known if number.apart[i] or number.changes[i]], dtype=int)
     for place in known.tolist():
         value, half = float(number.now[place]), NORMAL_95 * float(number.now_std[place])
         kind = "apart" if number.apart[place] else "changed" if number.changes[place] else "like"
