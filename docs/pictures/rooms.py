@@ -10,6 +10,7 @@ import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from textwrap import wrap
 from typing import Final
@@ -59,6 +60,7 @@ def layers() -> list[list[str]]:
     ]
 
 
+@cache
 def rooms() -> dict[str, Room]:
     """Return every room of the layers, with its imports as the source has them."""
     names = [name for layer in layers() for name in layer]
