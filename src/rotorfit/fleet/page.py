@@ -1,7 +1,5 @@
 """A fleet as one HTML page that needs nothing else; of bounded size, however many flights."""
 
-import base64
-import hashlib
 import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -27,7 +25,7 @@ from rotorfit.logs.files import file_name
 from rotorfit.population.changes import NORMAL_95
 from rotorfit.population.random_effects import LEAST_GROUPS
 from rotorfit.report.number_words import unit_words
-from rotorfit.report.page_templates import page_template, template_text
+from rotorfit.report.page_templates import fingerprint, page_style, page_template, template_text
 from rotorfit.report.svg import clean
 
 MOST_FINDINGS: Final = 60
@@ -112,9 +110,9 @@ def fleet_html(
         flights=_flight_lists(statistics, records, found, links),
         reasons=_reasons(failures),
         most_rows=MOST_ROWS,
-        style="".join(template_text(f"{name}.css") for name in ("page", "figure", "fleet")),
+        style=page_style("fleet"),
         script=script,
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        script_hash=fingerprint(script),
     )
     return clean(html)
 
