@@ -451,8 +451,8 @@ def test_an_airframe_file_takes_a_result_too(tmp_path):
 @pytest.mark.parametrize(
     ("found", "motors", "words"),
     [
-        (None, 'result = "known.json"', "known.json tells no law from command to rotor speed"),
-        ({"motors": {}}, 'result = "known.json"', "known.json tells no law"),
+        (None, 'result = "known.json"', "known.json has no law from command to rotor speed"),
+        ({"motors": {}}, 'result = "known.json"', "known.json has no law"),
         ({"motors": KNOWN}, 'result = "other.json"', "other.json is not a result with the motors"),
         ([], 'result = "known.json"', "is not a result with the motors' law"),
         ({"motors": KNOWN}, "result = 3", "motors.result is 3, expected the path"),

@@ -91,6 +91,8 @@ def test_processes_give_the_same_bytes_with_a_worker_killed_and_the_run_broken_o
 
     with pytest.raises(KeyboardInterrupt):
         read_fleet(logs, cache, Workers(count=1), tell=stop)
+    for process in multiprocessing.active_children():
+        process.join(60)  # the pool's own thread may be about to see its end, too
     assert not multiprocessing.active_children()
     assert len(list(cache.glob("*/*.npz"))) == 1
 

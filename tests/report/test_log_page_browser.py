@@ -5,23 +5,19 @@ from typing import Any
 
 import pytest
 from test_log_page import a_log
-from test_report_browser import ARGUMENTS, CHROMIUM, api
 
+from real_browser import opened_browser
 from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.report.log_page import write_log_page
-
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no chromium on the path: install the system's package"
-)
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     path = tmp_path_factory.mktemp("log") / "log.html"
     write_log_page(path, [inspect_log(a_log())], force=False)
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        page = browser.new_page(viewport={"width": 1200, "height": 900})
+    profile = tmp_path_factory.mktemp("profile")
+    with opened_browser(profile, width=1200, height=900) as browser:
+        page = browser.new_page()
         met: list[str] = []
         page.on("console", lambda message: met.append(f"{message.type}: {message.text}"))
         page.on("pageerror", lambda error: met.append(f"error: {error}"))
@@ -30,7 +26,6 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
         page.goto(path.as_uri())
         page.uri = path.as_uri()
         yield page
-        browser.close()
 
 
 def chart(page: Any, number: int) -> Any:

@@ -153,7 +153,7 @@ def test_no_file_is_overwritten_unasked(tmp_path, result):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "is not a rotorfit result"),
+        (None, "no file .*other.json; rotorfit identify LOG ... -o other.json  writes"),
         ("{", "is not a rotorfit result"),
         ("[]", "is not a rotorfit result"),
         ("{}", "is not a rotorfit result .at 'schema'"),
