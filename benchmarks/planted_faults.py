@@ -181,8 +181,8 @@ ROOMS: Final[dict[str, Room]] = {
     "estimation/damped_steps.py": Room(
         tests=("tests/estimation/test_damped_steps.py",),
         scaled=(
-            "right = inverse.T @ (<<score / lengths>>)",
-            "foretold=float(<<2.0 * moved @ right>> - moved @ moved),",
+            "asked = Vt @ (<<score / lengths>>)",
+            "foretold=float(moved @ (<<2.0 * asked / s>> - moved)),",
             "ratio = min(<<won / max(foretold, float(np.finfo(float).tiny))>>, 1.0)",
             "path[-3] + <<2.0 * leap * first>>",
         ),

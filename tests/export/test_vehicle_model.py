@@ -33,7 +33,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import OutputError
-from rotorfit.export import units
+from rotorfit.export import targets, units
 from rotorfit.export.result_numbers import numbers_of
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
@@ -46,6 +46,12 @@ from rotorfit.results.command_units import effective_unit
 
 EVERY = sorted(TARGETS)
 WITH_YAW = [target for target in EVERY if "kd" in TARGETS[target].needs]
+
+
+@pytest.fixture(autouse=True)
+def few_drawn(monkeypatch):
+    """No interval of what is drawn is looked at here."""
+    monkeypatch.setattr(targets, "DRAWN", 3)
 
 
 def with_numbers(result, *parameters):

@@ -95,7 +95,7 @@ def test_inertia_is_in_the_bands_of_its_authors(result):
 def test_the_law_is_said_to_be_neither_linear_nor_square(result):
     assert any(
         "thrust is proportional neither to the command nor to its square" in words
-        and "give law under [motors]" in words
+        and "give it under [motors]" in words
         for words in result.warnings
     )
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Float
 
 LEAST_DAMPING: Final = 1e-9
+SMALLEST_SHARE: Final = 1e-15
+"""Of the largest singular value, under which a direction is not known at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,17 +36,15 @@ def damped_step(
         In units of the scaled information.
     """
     lengths = np.linalg.norm(root, axis=0)
-    R: Float[np.ndarray, "n f"] = root / lengths
-    inverse = np.asarray(np.linalg.pinv(R))
-    right = inverse.T @ (score / lengths)
-    f = len(lengths)
-    stacked = np.concatenate([R, np.sqrt(damping) * np.eye(f)])
-    solution = scipy.linalg.lstsq(stacked, np.concatenate([right, np.zeros(f)]))[0]
-    moved = R @ solution
+    _, s, Vt = np.linalg.svd(root / lengths, full_matrices=False)
+    told = s > SMALLEST_SHARE * s[0]
+    s, Vt = s[told], Vt[told]
+    asked = Vt @ (score / lengths)
+    moved = s / (s**2 + damping) * asked
     return Step(
-        step=solution / lengths,
-        std=np.linalg.norm(inverse, axis=1) / lengths,
-        foretold=float(2.0 * moved @ right - moved @ moved),
+        step=(moved / s) @ Vt / lengths,
+        std=np.linalg.norm(Vt / s[:, None], axis=0) / lengths,
+        foretold=float(moved @ (2.0 * asked / s - moved)),
     )
 
 
