@@ -24,6 +24,8 @@ REFUSED: Final = 50.0
 """Of the log-likelihood, per flight, that the declared ratio loses against the best one. Sound real
 logs lost up to 8, simulated flights nothing; a rectangle of 91 by 127 mm declared as a square 53,
 with x and y swapped 108."""
+CLOSE: Final = 0.1
+"""Of a parameter's deviation, at which a trial ends: its likelihood is known to a tenth or two."""
 STEP: Final = 0.15
 """Of the logarithm of the ratio, in which it is tried to either side."""
 FURTHEST: Final = 0.9
@@ -111,7 +113,7 @@ def _at(place: float, begun: float, flown: Flown, fit: BandedEstimate) -> Banded
         value * scale.get(name.partition("@")[0], 1.0)
         for name, value in fit.estimate.by_name.items()
     ]
-    return banded(problem, np.array(start))
+    return banded(problem, np.array(start), close=CLOSE)
 
 
 def lever_doubt(

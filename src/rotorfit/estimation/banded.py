@@ -41,7 +41,7 @@ from rotorfit.estimation.estimate import Estimate, scaled_singular
 
 MOST_ITERATIONS = 100
 SMALLEST_STEP = 1e-3
-"""The iteration ends when no parameter moves by more than this share of its deviation."""
+"""Of a parameter's deviation, at which the iteration ends."""
 LEAST_WIN = 0.02
 """Of the cost, twice the log-likelihood, in `PATIENCE` steps: where they win less, the iteration is
 at the bottom, too, or goes round it; a parameter there is known to a tenth of its deviation."""
@@ -118,7 +118,9 @@ class NormalEquations:
         return found * size
 
 
-def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEstimate:
+def banded(
+    problem: BandedProblem, start: Float[np.ndarray, " f"], *, close: float = SMALLEST_STEP
+) -> BandedEstimate:
     """Return the estimate, by Levenberg-Marquardt steps on the likelihood.
 
     The damping follows how much of the foretold gain each step makes (Nielsen, Damping parameter
@@ -130,6 +132,8 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
         Factors, tensors, map.
     start
         Free parameters to begin with; a crude guess is enough.
+    close
+        The iteration ends when no parameter moves by more than this share of its deviation.
 
     Raises
     ------
@@ -138,7 +142,7 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
     """
     state = evaluated(problem, start)
     if any(factors.noise is not None for factors in problem.factors):
-        return _finished(problem, *_settled_with_noise(problem, state))
+        return _finished(problem, *_settled_with_noise(problem, state, close))
     damping, rise, costs = 1e-3, 2.0, [state.cost]
     path: tuple[Float[np.ndarray, " f"], ...] = ()
     for iteration in range(1, MOST_ITERATIONS + 1):
@@ -154,7 +158,7 @@ def banded(problem: BandedProblem, start: Float[np.ndarray, " f"]) -> BandedEsti
             damping = eased(damping, won, taken.foretold)
         else:
             damping, rise = damping * rise, rise * 2.0
-        small = bool(np.all(np.abs(taken.step) <= SMALLEST_STEP * taken.std))
+        small = bool(np.all(np.abs(taken.step) <= close * taken.std))
         costs.append(state.cost)
         if len(costs) > FEW_STEPS and iteration % 3 == 0:
             state = _leapt(problem, state, path, taken.std)
@@ -194,7 +198,9 @@ def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> floa
     return -np.inf if state is None else -0.5 * state.cost
 
 
-def _settled_with_noise(problem: BandedProblem, state: Evaluated) -> tuple[Evaluated, int]:
+def _settled_with_noise(
+    problem: BandedProblem, state: Evaluated, close: float
+) -> tuple[Evaluated, int]:
     """Return the point where the regressors' known noise no longer pulls, and after how many steps.
 
     Noise n of the regressors makes J^T e differ from zero at the truth by its own product
@@ -206,7 +212,7 @@ def _settled_with_noise(problem: BandedProblem, state: Evaluated) -> tuple[Evalu
     for iteration in range(1, MOST_ITERATIONS + 1):
         asked = corrected_equations(problem, state)
         step = _corrected_step(asked.plain, asked.taken, asked.score)
-        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(asked.plain)))) <= SMALLEST_STEP:
+        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(asked.plain)))) <= close:
             return state, iteration
         before = state.over(state.variance)
         for fraction in STEP_FRACTIONS:

@@ -109,7 +109,8 @@ class Feedback:
         moved = dG[:, list(self.errors)][:, :, list(self.inputs)]
         effect = self._effect(own, G)
         effect = np.where(effect == 0, np.inf, effect)  # nothing to answer with
-        slope = np.einsum("fei,bei->bef", moved, own.moves) / effect[:, :, None]
+        along = own.moves.transpose(1, 0, 2) @ moved.transpose(1, 2, 0)
+        slope = along.transpose(1, 0, 2) / effect[:, :, None]
         return own.rows[:, :, None] * np.real(own.share[:, :, None] * slope)
 
     def _effect(self, own: Answers, G: Float[np.ndarray, "k z"]) -> Complex[np.ndarray, "b e"]:
