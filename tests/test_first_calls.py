@@ -11,6 +11,12 @@ from rotorfit.sampling.draws import normal_draws
 OBLONG = np.ones((2, 3))
 
 
+@pytest.fixture(autouse=True)
+def _types_are_checked(pytestconfig):
+    if not pytestconfig.getoption("jaxtyping_packages"):
+        pytest.skip("wants --jaxtyping-packages=rotorfit,first_calls.checked")
+
+
 def drawn(covariance):
     return normal_draws(covariance, 1, np.random.default_rng(1))
 
