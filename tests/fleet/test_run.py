@@ -6,6 +6,7 @@ import re
 import shutil
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -96,21 +97,22 @@ def test_processes_give_the_same_bytes_with_a_worker_killed_and_the_run_broken_o
     assert not multiprocessing.active_children()
     assert len(list(cache.glob("*/*.npz"))) == 1
 
-    killed = []
+    killed, done = [], threading.Event()
 
     def kill_one():
-        while not killed:
-            at_work = list((cache / "running").glob("*"))
-            if at_work and at_work[0].stat().st_size:
-                killed.extend(multiprocessing.active_children())
-                for process in killed:
-                    process.kill()
-            time.sleep(0.01)
+        while not killed and not done.is_set():
+            with suppress(FileNotFoundError):  # that log is ready, the next one comes
+                if any(one.stat().st_size for one in (cache / "running").glob("*")):
+                    killed.extend(multiprocessing.active_children())
+                    for process in killed:
+                        process.kill()
+            time.sleep(0.001)
 
     killer = threading.Thread(target=kill_one)
     killer.start()
     told = []
     fleet = read_fleet(logs, cache, Workers(count=1), tell=told.append)
+    done.set()
     killer.join()
     assert killed
     assert told[-1].fresh <= 2

@@ -4,7 +4,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from rotorfit.flight.speed_law import (
     Curve,
@@ -13,6 +13,7 @@ from rotorfit.flight.speed_law import (
     SquareRootLaw,
     VoltageFactor,
 )
+from rotorfit.motor_law.law_forms import FormName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,5 +147,7 @@ def law_from_plain(entry: Mapping[str, Any] | None) -> CommandLaw | None:
     values: list[Any] = [v for n in law.numbers for v in (n.value, *n.interval)]
     if not all(isinstance(v, int | float) and math.isfinite(v) for v in values):
         raise ValueError("command_law holds what is no number")
+    if law.form not in get_args(FormName):
+        raise ValueError(f"command_law has the form {law.form!r}")
     _ = law.law  # all that it needs is there
     return law
