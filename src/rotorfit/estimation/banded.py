@@ -112,10 +112,7 @@ class NormalEquations:
     @property
     def step(self) -> Float[np.ndarray, " f"]:
         """The step of these blocks alone, at rest in directions that nothing is known of."""
-        size = 1.0 / parameter_scale(self.information)
-        inverse = np.linalg.pinv(self.information * np.outer(size, size), hermitian=True)
-        found: Float[np.ndarray, " f"] = inverse @ (self.scores.sum(axis=0) * size)
-        return found * size
+        return resting_inverse(self.information) @ self.scores.sum(axis=0)
 
 
 def banded(
@@ -319,6 +316,13 @@ def parameter_scale(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, 
     """
     size = np.sqrt(np.abs(np.diagonal(information)))
     return np.where(size > 0.0, size, 1.0)
+
+
+def resting_inverse(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
+    """Return the inverse of an information; directions that nothing is known of rest."""
+    size = parameter_scale(information)
+    scale = np.outer(size, size)
+    return np.linalg.pinv(information / scale, hermitian=True) / scale
 
 
 def answer_shifts(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:

@@ -42,6 +42,10 @@ class FreeTiming:
             return MotorResponse(lag=lag, delay=delay)
         return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
 
+    def others(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return where a fit ended, but for the times, at which its signals are made anew."""
+        return {name: value for name, value in values.items() if name not in self.names}
+
     def faults(self) -> list[dict[str, float]]:
         """Return by how much the times may be wrong together, and no curvature shows it."""
         if "motor_lag" not in self.names:

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
+from rotorfit.estimation.banded import resting_inverse
 from rotorfit.estimation.banded_equations import BandedProblem, corrected_equations, evaluated
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
@@ -107,7 +108,7 @@ def joined(flights: Sequence[Load]) -> Joined:
         for i, load in enumerate(flights):
             asked = _asked(vehicle, load(), phi)
             H, scores[i] = H + asked.information, asked.score
-        covariance = _inverse(H)
+        covariance = resting_inverse(H)
         step = covariance @ (scores.sum(axis=0) + vehicle.precision * (vehicle.mean - phi))
         phi = phi + step
         if (np.abs(step) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))).all():
@@ -147,7 +148,7 @@ def _first(vehicle: _Vehicle, flights: Sequence[Load]) -> Float[np.ndarray, " f"
         asked = _asked(vehicle, fitted, own)
         H = H + asked.information
         target = target + asked.information @ own + asked.score
-    return _inverse(H) @ target
+    return resting_inverse(H) @ target
 
 
 def _asked(vehicle: _Vehicle, fitted: FittedFactors, phi: Float[np.ndarray, " f"]) -> _Asked:
@@ -161,10 +162,10 @@ def _asked(vehicle: _Vehicle, fitted: FittedFactors, phi: Float[np.ndarray, " f"
     for _ in range(OWN_STEPS if own else 0):
         asked = corrected_equations(problem, evaluated(problem, at))
         H = asked.plain - asked.taken
-        at[own] += _inverse(H[np.ix_(own, own)]) @ asked.score[own]
+        at[own] += resting_inverse(H[np.ix_(own, own)]) @ asked.score[own]
     asked = corrected_equations(problem, evaluated(problem, at))
     H = asked.plain - asked.taken
-    across = H[np.ix_(shared, own)] @ _inverse(H[np.ix_(own, own)])
+    across = H[np.ix_(shared, own)] @ resting_inverse(H[np.ix_(own, own)])
     information, score = np.zeros((len(phi), len(phi))), np.zeros(len(phi))
     places = [vehicle.names.index(names[i]) for i in shared]
     information[np.ix_(places, places)] = (
@@ -172,13 +173,6 @@ def _asked(vehicle: _Vehicle, fitted: FittedFactors, phi: Float[np.ndarray, " f"
     )
     score[places] = asked.score[shared] - across @ asked.score[own]
     return _Asked(information=information, score=score)
-
-
-def _inverse(H: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
-    """Return the inverse of an information; directions that nothing is known of rest."""
-    size = np.sqrt(np.abs(np.diagonal(H)))
-    size = np.where(size > 0.0, size, 1.0)
-    return np.linalg.pinv(H / np.outer(size, size), hermitian=True) / np.outer(size, size)
 
 
 def _finished(

@@ -111,9 +111,8 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
 
 def _unmoved(flown: Flown, fit: BandedEstimate) -> dict[str, float]:
     """Return where a fit ended, but for the timing, at which the signals are made anew."""
-    free = flown.free_timing
-    moved = () if free is None else free.names
-    return {name: value for name, value in fit.estimate.by_name.items() if name not in moved}
+    free, ended = flown.free_timing, fit.estimate.by_name
+    return ended if free is None else free.others(ended)
 
 
 def _by_weight(

@@ -132,13 +132,8 @@ def _settled(
         if _near(free, fit):
             break
         flown = flown.at(_moved(free, fit), free.names)
-        fit, _ = joint_fit(flown, terms=terms, begin=_others(free, fit))
+        fit, _ = joint_fit(flown, terms=terms, begin=free.others(fit.estimate.by_name))
     return flown, fit
-
-
-def _others(free: FreeTiming, fit: BandedEstimate) -> dict[str, float]:
-    """Return where the fit ended, but for the times, at which the signals are made anew."""
-    return {k: v for k, v in fit.estimate.by_name.items() if k not in free.names}
 
 
 def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
@@ -199,7 +194,7 @@ def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> Mot
         delay_std=None if delay is None else _norm(_std(fit, delay), split, hold),
         total_std=_norm(total, SUM_FAULT, hold),
         free=free.names,
-        reached=_others(free, fit),
+        reached=free.others(fit.estimate.by_name),
     )
 
 
