@@ -6,7 +6,7 @@ import re
 import shutil
 import threading
 import time
-from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -83,8 +83,20 @@ def test_other_options_are_another_entry(small_fleet):
 def test_processes_give_the_same_bytes_with_a_worker_killed_and_the_run_broken_off(
     small_fleet, tmp_path
 ):
-    """Stopped after the first answer; then gone on, and a worker killed in the middle of it."""
+    """Stopped after the first answer; then gone on, and a worker killed in the middle of it.
+
+    Meanwhile the second log is a pipe: whoever reads it waits, however fast it works.
+    """
+    folder = tmp_path / "one"
+    shutil.copytree(small_fleet.folder / "one", folder)
+    first, second = (folder / f"flight{number}.csv" for number in (1, 2))
+    ready = second.rename(tmp_path / "ready.csv")
+    os.mkfifo(second)
     logs = [log for log in small_fleet.logs if "two" not in log.name]
+    logs = [
+        replace(log, task=replace(log.task, file=str(folder / Path(log.name).name))) for log in logs
+    ]
+    assert [log.task.file for log in logs] == [str(first), str(second)]
     cache = tmp_path / "cache"
 
     def stop(told):
@@ -92,21 +104,21 @@ def test_processes_give_the_same_bytes_with_a_worker_killed_and_the_run_broken_o
 
     with pytest.raises(KeyboardInterrupt):
         read_fleet(logs, cache, Workers(count=1), tell=stop)
-    for process in multiprocessing.active_children():
-        process.join(60)  # the pool's own thread may be about to see its end, too
-    assert not multiprocessing.active_children()
+    while multiprocessing.active_children():  # one has ended once the pool's own thread says so
+        time.sleep(0.01)
     assert len(list(cache.glob("*/*.npz"))) == 1
 
     killed, done = [], threading.Event()
+    mark = work._mark(logs[1].task, Desk(cache=cache))
+    mark.unlink(missing_ok=True)  # whoever was broken off may have left it
 
     def kill_one():
-        while not killed and not done.is_set():
-            with suppress(FileNotFoundError):  # that log is ready, the next one comes
-                if any(one.stat().st_size for one in (cache / "running").glob("*")):
-                    killed.extend(multiprocessing.active_children())
-                    for process in killed:
-                        process.kill()
+        while not (mark.exists() and mark.stat().st_size) and not done.is_set():
             time.sleep(0.001)
+        ready.rename(second)
+        killed.extend(multiprocessing.active_children())
+        for process in killed:
+            process.kill()
 
     killer = threading.Thread(target=kill_one)
     killer.start()
@@ -115,7 +127,7 @@ def test_processes_give_the_same_bytes_with_a_worker_killed_and_the_run_broken_o
     done.set()
     killer.join()
     assert killed
-    assert told[-1].fresh <= 2
+    assert [t.fresh for t in told] == [0, 1]
     assert not fleet.failures
     expected = read_fleet(logs, small_fleet.cache, Workers(count=0))
     assert files(fleet, cache) == files(expected, small_fleet.cache)
