@@ -1,5 +1,8 @@
 """What was planted in a fleet is found, dated and said; nothing else is."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fleet_material import KT, LEVEL, STD, a_fleet, a_record, planted_fleet
@@ -139,6 +142,36 @@ def test_bodies_are_compared_within_a_configuration_and_rotors_across():
     keys = {(t.names[0], t.configuration): len(t.rows) for t in tables(records)}
     assert keys["com_x", "A"] == keys["com_x", "B"] == 2
     assert keys[KT_WEIGHT, None] == 4
+
+
+def loaded_fleet(offset):
+    """Half of the flights with a load that moves the CoM of all vehicles but the first."""
+
+    def planted(vehicle, flight, values):
+        values["com_x"] += offset * (flight % 2) * (vehicle > 0)
+
+    records = a_fleet(planted, vehicles=4, flights=9)
+    return [
+        replace(r, configuration="camera" if i % 9 % 2 else "bare") for i, r in enumerate(records)
+    ]
+
+
+def test_what_a_load_does_to_each_vehicle_is_said():
+    records = loaded_fleet(4e-3)
+    found = findings(fleet_statistics(records), records)
+    assert [(f.sort, f.vehicle) for f in found] == [("loading", 1), ("loading", 2), ("loading", 3)]
+    assert re.fullmatch(
+        r"Loaded as camera, against bare: centre of mass [34]\.\d mm forward \(3\.\d to 4\.\d\)\.",
+        found[0].sentence,
+    )
+    said = fleet_statistics(records).loadings[0]
+    assert said.low < 4e-3 < said.high
+    assert said.high - said.low < 1.2e-3
+
+
+def test_a_load_that_does_nothing_is_not_said():
+    records = loaded_fleet(0.0)
+    assert findings(fleet_statistics(records), records) == []
 
 
 def test_one_vehicle_of_a_few_flights():

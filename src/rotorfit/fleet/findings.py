@@ -13,12 +13,12 @@ import numpy as np
 
 from rotorfit.fleet.compared import IN_METRES, ROTORS, THRUST
 from rotorfit.fleet.records import KT_WEIGHT, TRIM, FlightRecord
-from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics
+from rotorfit.fleet.statistics import FleetStatistics, LoadingDifference, NumberStatistics
 from rotorfit.logs.files import file_name
 from rotorfit.population.changes import NORMAL_95, Change
 from rotorfit.report.number_words import TITLES, title_of
 
-Sort = Literal["change", "apart"]
+Sort = Literal["change", "apart", "loading"]
 
 SLACK: Final = 3
 """Flights by which the beginnings of two changes of one cause may differ: not all numbers are
@@ -64,7 +64,8 @@ class Finding:
     Attributes
     ----------
     sort, vehicle
-        A change over time, or a vehicle unlike the others; the index of the vehicle.
+        A change over time, a vehicle unlike the others, or what a loading does to a vehicle; the
+        index of the vehicle.
     sentence, advice
         What was met; what to check.
     numbers
@@ -88,6 +89,7 @@ def findings(statistics: FleetStatistics, records: Sequence[FlightRecord]) -> li
         out += _changes(statistics, vehicle, records)
         unlike = _unlike(statistics, vehicle)
         out += [unlike] if unlike is not None else []
+        out += _loadings(statistics, vehicle)
     return out
 
 
@@ -331,6 +333,41 @@ def _difference_advice(names: Sequence[str]) -> str:
             "of the other vehicles, and weigh it"
         )
     return _what_to_check(names[0])
+
+
+def _loadings(statistics: FleetStatistics, vehicle: int) -> list[Finding]:
+    """Return in what each loading of a vehicle differs from its most flown one."""
+    mine = [d for d in statistics.loadings if d.vehicle == vehicle]
+    mine.sort(key=lambda d: d.p)
+    return [
+        _loaded([d for d in mine if d.number.configuration == configuration])
+        for configuration in dict.fromkeys(d.number.configuration for d in mine)
+    ]
+
+
+def _loaded(seen: Sequence[LoadingDifference]) -> Finding:
+    """Return what one loading does, in words."""
+    configuration, against = seen[0].number.configuration, seen[0].against
+    return Finding(
+        sort="loading",
+        vehicle=seen[0].vehicle,
+        sentence=f"Loaded as {configuration}, against {against}: "
+        f"{_listed([_loading_words(d) for d in seen])}.",
+        advice=f"nothing, if {configuration} carries what explains it; else check the load, and "
+        "which flights are listed under which configuration",
+        numbers=tuple(
+            Said(number=d.number, place=d.number.vehicles.index(d.vehicle)) for d in seen
+        ),
+    )
+
+
+def _loading_words(d: LoadingDifference) -> str:
+    name = d.number.name
+    words = size_words(name, d.difference, d.low, d.high, d.reference)
+    subject = number_words(name)
+    if name in IN_METRES:
+        return f"{subject.split(',')[0]} {words}"
+    return f"{subject} {'smaller' if d.difference < 0 else 'larger'} by {words}"
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -4,6 +4,7 @@ Number by number: every flight's estimate with its own covariance, vehicles abou
 flights about their vehicle (`population/`). Nothing here looks into a log.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -20,6 +21,7 @@ from rotorfit.population.changes import (
     overstated,
     robust_scatter,
 )
+from rotorfit.population.contrasts import contrasts
 from rotorfit.population.outlying import apart, discovered
 from rotorfit.population.random_effects import RandomEffects, Repeated, random_effects
 
@@ -91,6 +93,34 @@ class NumberStatistics:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LoadingDifference:
+    """What one number of a vehicle says of two ways in which it was loaded.
+
+    Attributes
+    ----------
+    number
+        As the vehicle was loaded; `number.configuration` says how.
+    vehicle
+        Index into the fleet's vehicles.
+    against
+        The loading that it is held against: of the vehicle's own the one most flown in the fleet.
+    reference
+        The number's level there.
+    difference, low, high, p
+        From that level, its 95 % interval, and its chance if both were alike.
+    """
+
+    number: NumberStatistics
+    vehicle: int
+    against: str
+    reference: float
+    difference: float
+    low: float
+    high: float
+    p: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FleetStatistics:
     """What a fleet's flights say together.
 
@@ -100,6 +130,8 @@ class FleetStatistics:
         Their names.
     numbers
         Each number that is compared.
+    loadings
+        Where vehicles were flown in several configurations: what differs between them.
     alarm, rate
         Chance of a false change in the whole fleet; expected share of false ones among the
         vehicles said to stand apart.
@@ -109,6 +141,7 @@ class FleetStatistics:
 
     vehicles: tuple[str, ...]
     numbers: tuple[NumberStatistics, ...]
+    loadings: tuple[LoadingDifference, ...]
     alarm: float
     rate: float
     tests: int
@@ -151,10 +184,11 @@ def fleet_statistics(
     tests = sum(_series(table, whose) for table in found)
     fits = [_fitted(table, whose, alarm / max(tests, 1)) for table in found]
     numbers = [n for fit in fits for n in _numbers(fit)]
-    numbers = _judged(numbers, len(vehicles), rate)
+    numbers = _without_those_apart(fits, _judged(numbers, len(vehicles), rate))
     return FleetStatistics(
         vehicles=vehicles,
-        numbers=tuple(_without_those_apart(fits, numbers)),
+        numbers=tuple(numbers),
+        loadings=tuple(_loadings(numbers, _most_flown(records), len(vehicles), rate)),
         alarm=alarm,
         rate=rate,
         tests=tests,
@@ -371,3 +405,75 @@ def _of_the_others(number: NumberStatistics, left: RandomEffects, k: int) -> Num
         shrunk=np.where(number.apart, np.nan, left.shrunk[:, k]),
         shrunk_std=np.where(number.apart, np.nan, _std(left.shrunk_covariance, k)),
     )
+
+
+def _most_flown(records: Sequence[FlightRecord]) -> list[str]:
+    """Return the configurations of a fleet, the one with most flights first."""
+    counts = Counter(record.configuration for record in records)
+    return sorted(counts, key=lambda name: (-counts[name], name))
+
+
+def _loadings(
+    numbers: Sequence[NumberStatistics], ordered: Sequence[str], vehicles: int, rate: float
+) -> list[LoadingDifference]:
+    """Return what differs between the loadings of a vehicle, each loading judged as a whole."""
+    names = list(dict.fromkeys(n.name for n in numbers if n.configuration is not None))
+    found = [
+        _loading_differences([n for n in numbers if n.name == name and n.configuration], ordered)
+        for name in names
+    ]
+    keys = list(dict.fromkeys((d.vehicle, d.number.configuration) for own in found for d in own))
+    p = np.full((len(keys), len(names)), np.nan)
+    for k, own in enumerate(found):
+        for d in own:
+            p[keys.index((d.vehicle, d.number.configuration)), k] = d.p
+    said = discovered(p, rate)
+    return [
+        d
+        for k, own in enumerate(found)
+        for d in own
+        if said[keys.index((d.vehicle, d.number.configuration)), k]
+    ]
+
+
+def _loading_differences(
+    numbers: Sequence[NumberStatistics], ordered: Sequence[str]
+) -> list[LoadingDifference]:
+    """Return how far each vehicle's number is from that of its most flown loading.
+
+    Parameters
+    ----------
+    numbers
+        One number, in every configuration.
+    ordered
+        Configurations, the most flown first.
+    """
+    by_loading = {n.configuration: n for n in numbers}
+    loadings = [by_loading[name] for name in ordered if name in by_loading]
+    groups = [(v, n) for n in loadings for v in n.vehicles]
+    places = {(v, n.configuration): i for i, (v, n) in enumerate(groups)}
+    first = {v: n for v, n in reversed(groups)}
+    compared = [(v, n) for v, n in groups if n is not first[v]]
+    values, std = (np.concatenate([getattr(n, a) for n in loadings]) for a in ("values", "std"))
+    group = np.concatenate(
+        [[places[n.vehicles[g], n.configuration] for g in n.vehicle_of_row] for n in loadings]
+    )
+    found = contrasts(
+        values,
+        np.maximum(std**2, np.finfo(float).eps * np.max(values**2)),
+        group,
+        [(places[v, n.configuration], places[v, first[v].configuration]) for v, n in compared],
+    )
+    return [
+        LoadingDifference(
+            number=n,
+            vehicle=v,
+            against=first[v].configuration or "",
+            reference=float(first[v].own[first[v].vehicles.index(v)]),
+            difference=float(found.difference[i]),
+            low=float(found.low[i]),
+            high=float(found.high[i]),
+            p=float(found.p[i]),
+        )
+        for i, (v, n) in enumerate(compared)
+    ]
