@@ -10,8 +10,8 @@ large as that is printed first). Planted: two propellers that wear by 1 % a flig
 shifts by 5 mm, one vehicle with other propellers. The same fleets with nothing planted follow.
 
 With --page one such fleet is drawn and its page is written; time and size are printed. With --logs
-every flight is simulated into a log of its own and read by `rotorfit fleet`: wear, a shift, other
-propellers, and a log that breaks off.
+every flight is simulated into a log of its own and read by `rotorfit fleet`: two propellers that
+wear, a shift, other propellers, a log that breaks off, and two that hang.
 """
 
 import argparse
@@ -324,8 +324,12 @@ speed = "measured"
 """
 
 
+LOG_WORN: Final = {1: (1, 3), 7: (2, 8)}
+"""Of the logs: vehicle, rotor, first flight with a loss, all counted from 0."""
+
+
 def write_logs(folder: Path, *, vehicles: int, flights: int, seconds: float) -> None:
-    """Write a fleet as logs: the second wears, the fourth's battery shifts, the sixth is other."""
+    """Write a fleet as logs, and their list: two wear, a battery shifts, one vehicle is other."""
     rng = np.random.default_rng(1)
     (truth, vehicle), sensors = variant(named_vehicle("quad-x"), "real")
     for v in range(vehicles):
@@ -335,12 +339,13 @@ def write_logs(folder: Path, *, vehicles: int, flights: int, seconds: float) -> 
             if path.exists():
                 continue
             path.parent.mkdir(parents=True, exist_ok=True)
-            lost = 0.01 * max(f - 2, 0) if v == 1 else 0.0
+            rotor, first = LOG_WORN.get(v, (0, flights))
+            lost = np.where(np.arange(4) == rotor, 0.01 * max(f - first + 1, 0), 0.0)
             moved = own.mass * 5e-3 if v == 3 and f >= flights // 2 else 0.0
-            spread, (x, y, z) = own.kt_spread, own.first_moments
+            x, y, z = own.first_moments
             flown_one = dataclasses.replace(
                 own,
-                kt_spread=(spread[0], spread[1] * (1.0 - lost), *spread[2:]),
+                kt_spread=tuple((np.array(own.kt_spread) * (1.0 - lost)).tolist()),
                 first_moments=(x + moved, y, z),
             )
             scenario = Scenario(seconds=seconds, ground_seconds=2.0, sensors=sensors)
@@ -348,6 +353,12 @@ def write_logs(folder: Path, *, vehicles: int, flights: int, seconds: float) -> 
             write_flight_table(flight, path, channels=IMU_AND_SPEED)
     whole = (folder / "V01" / "flight1.csv").read_bytes()
     (folder / "V01" / "broken.csv").write_bytes(whole[: len(whole) // 50])
+    for v in (2, 9):  # a pipe that nobody writes into is a log that never ends
+        hanging = folder / f"V{v + 1:02d}" / "hanging.csv"
+        if not hanging.exists():
+            os.mkfifo(hanging)
+    listed = sorted(path.relative_to(folder).as_posix() for path in folder.glob("V*/*.csv"))
+    (folder / "logs.csv").write_text("\n".join(["file", *listed]) + "\n", encoding="utf-8")
     rotors = ", ".join(
         f'{{ position = {list(r.position)}, spin = "{r.spin}" }}' for r in vehicle.rotors
     )
@@ -370,7 +381,7 @@ def print_levels(table: Path, vehicles: int) -> None:
         values |= {f"kt_{i}": float(x) for i, x in enumerate(kt, 1)} | {KT_WEIGHT: kt.mean()}
         for name in LEVEL:
             true.setdefault(name, []).append(values[name])
-    quiet = [v for v in range(vehicles) if v not in (1, 3, 5)]
+    quiet = [v for v in range(vehicles) if v not in (*LOG_WORN, 3, 5)]
     print(f"{'':10s} {'error of all':>12s} {'rms about it':>12s} {'stated std':>10s}  [%]")
     held, held_about = list[bool](), list[bool]()
     for name in LEVEL:
@@ -423,8 +434,9 @@ def main() -> None:
         flights = asked.flights[0]
         write_logs(logs, vehicles=asked.vehicles, flights=flights, seconds=asked.seconds)
         words = ["--airframe", str(logs / "airframe.toml"), "--mass", "1.4", "--workers", "1"]
-        words += ["-o", str(asked.logs / "fleet"), "--force"]
-        subprocess.run([sys.executable, "-m", "rotorfit", "fleet", str(logs), *words], check=True)
+        words += ["--time-limit", "60", "-o", str(asked.logs / "fleet"), "--force"]
+        table = str(logs / "logs.csv")
+        subprocess.run([sys.executable, "-m", "rotorfit", "fleet", table, *words], check=True)
         print_levels(asked.logs / "fleet" / "vehicles.parquet", asked.vehicles)
         return
     templates = identified(asked.identified, asked.count)

@@ -10,6 +10,7 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from command_line import EXPERIMENT
 
 from rotorfit import __version__
 from rotorfit.cli import identify as identify_command
-from rotorfit.cli.progress import steps
+from rotorfit.cli.progress import paced, steps
 from rotorfit.cli.terminal import COLOUR, colour_from, painted
 from rotorfit.logs import read_log
 from rotorfit.report.text import result_text
@@ -322,6 +323,30 @@ def test_a_plain_line_now_and_then_where_stderr_is_no_terminal(monkeypatch):
     lines = stream.getvalue().splitlines()
     assert all(re.fullmatch(r"rotorfit: \S.* \(\d+ s so far\)", line) for line in lines)
     assert re.match(r"rotorfit: fitting \(", lines[-1])
+
+
+def lines_until(words, stream):
+    """Wait until a line says so; where none does, the last one is shown."""
+    for _ in range(1000):
+        if words in stream.getvalue():
+            return
+        time.sleep(0.01)
+    pytest.fail(stream.getvalue().splitlines()[-1])
+
+
+def test_a_pace_is_that_until_now_not_until_the_last_that_was_done(monkeypatch):
+    """One log that hangs must not leave "about 9 s left" standing for minutes."""
+    clock = [0.0]
+    monkeypatch.setattr("rotorfit.cli.progress.EVERY", 0.02)
+    monkeypatch.setattr("rotorfit.cli.progress.time", SimpleNamespace(monotonic=lambda: clock[0]))
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with paced("identifying") as show:
+        clock[0] = 1.0
+        show(10, 100)
+        lines_until("10 of 100, 10.0 a second, about 9 s left", stream)
+        clock[0] = 20.0
+        lines_until("10 of 100, 0.5 a second, about 3 min left", stream)
 
 
 @pytest.mark.parametrize(

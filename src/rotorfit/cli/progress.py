@@ -33,17 +33,20 @@ class _Now:
         The step.
     share
         How far it is, from 0 to 1; None where that is not known.
+    pace
+        Says how fast it goes at the moment of the call; "" where that is not known.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, pace: Callable[[], str] = lambda: "") -> None:
         self.words = "starting"
         self.share: float | None = None
+        self.pace = pace
         self._began = time.monotonic()
 
     def text(self) -> str:
         """Return the step in one line. What has passed is said as such."""
         share = "" if self.share is None else f", {100 * self.share:.0f} %"
-        return f"{self.words}{share} ({time.monotonic() - self._began:.0f} s so far)"
+        return f"{self.words}{self.pace()}{share} ({time.monotonic() - self._began:.0f} s so far)"
 
     def __rich__(self) -> "RenderableType":
         """Return the same with a bar."""
@@ -97,17 +100,24 @@ def counted(what: str) -> Generator[Callable[[int, int], None]]:
 @contextmanager
 def paced(what: str) -> Generator[Callable[[int, int], None]]:
     """Give a function that shows how many of how many are done, how fast, and how long it takes."""
-    now, lately = _Now(), deque([(time.monotonic(), 0)])
+    lately, left = deque([(time.monotonic(), 0)]), 0
+
+    def pace() -> str:
+        """Return the pace until now, not until the last that was done: one may take long."""
+        (first, before), (_, done) = lately[0], lately[-1]
+        each = (done - before) / max(time.monotonic() - first, 1e-3)
+        return f", {_pace(each)}, {_minutes(left / each)}" if each > 0.0 else ""
+
+    now = _Now(pace)
     now.words = what
 
     def show(done: int, total: int) -> None:
+        nonlocal left
         lately.append((time.monotonic(), done))
         while len(lately) > 2 and lately[-1][0] - lately[0][0] > LATELY:
             lately.popleft()
-        (first, before), (last, _) = lately[0], lately[-1]
-        pace = (done - before) / (last - first) if last > first else 0.0
-        left = f", {_pace(pace)}, {_minutes((total - done) / pace)}" if pace > 0.0 else ""
-        now.words, now.share = f"{what}, {done} of {total}{left}", done / total
+        left = total - done
+        now.words, now.share = f"{what}, {done} of {total}", done / total
 
     with _shown(now):
         yield show
