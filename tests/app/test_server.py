@@ -292,7 +292,9 @@ def test_a_page_that_is_closed_is_forgotten(monkeypatch):
             name = page.drop("nothing.csv", b"")["name"]
             assert page.call("restore")["files"][0]["name"] == name
             assert kept(own)
-            monkeypatch.setattr(pages_module, "GRACE", 0.0)  # not earlier: getting here may take long
+            monkeypatch.setattr(
+                pages_module, "GRACE", 0.0
+            )  # not earlier: getting here may take long
         wait_for(lambda: not kept(own))
         assert page.call("restore")["refused"] == "this page was closed: load it anew"
         folder = own.pages.folder

@@ -77,7 +77,7 @@ def test_flights_with_added_weights_stand_out(
     assert (shift > 0).tolist() == [forward, left]
     # To the left every flight with the weight lies beyond every flight without.
     assert place[loaded][:, 1].min() > place["normal_flight"][:, 1].max() + 3e-4
-    # And the fleet says so, with nothing else: of E9 to the left alone, its 0.7 mm back are too few.
+    # And the fleet says so, and nothing else: of E9 to the left alone, 0.7 mm back are too few.
     (sentence,) = (f.sentence for f in found if f.vehicle == ["E8", "E9"].index(vehicle))
     assert sentence.startswith(f"Loaded as {loaded}, against normal_flight: centre of thrust")
     assert " mm to the left (" in sentence
