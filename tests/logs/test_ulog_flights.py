@@ -11,7 +11,8 @@ from pyulog import ULog
 
 from rotorfit.cli.main import main
 from rotorfit.errors import FlightError
-from rotorfit.flight.prepare import MotorModel, prepare
+from rotorfit.flight.motor_columns import MotorModel
+from rotorfit.flight.prepare import prepare
 from rotorfit.logs import read_log
 from rotorfit.logs.ulog.scan import scan_file
 
