@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.flight.prepare import MotorModel, prepare
+from rotorfit.flight.motor_columns import MotorModel
+from rotorfit.flight.prepare import prepare
 
 G = 9.80665
 HOVER = 400.0  # rad/s

@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     from rotorfit.errors import OutputError as OutputError
     from rotorfit.errors import RotorfitError as RotorfitError
     from rotorfit.errors import RotorfitWarning as RotorfitWarning
+    from rotorfit.experiment.declared_vehicle import motor_model_of as motor_model_of
+    from rotorfit.experiment.declared_vehicle import vehicle_of as vehicle_of
     from rotorfit.experiment.experiment import Experiment as Experiment
     from rotorfit.experiment.experiment import load_experiment as load_experiment
-    from rotorfit.experiment.experiment import motor_model_of as motor_model_of
     from rotorfit.experiment.experiment import (
         single_flight_experiment as single_flight_experiment,
     )
-    from rotorfit.experiment.experiment import vehicle_of as vehicle_of
     from rotorfit.export.write import write_export as write_export
     from rotorfit.flight.data import FlightData as FlightData
     from rotorfit.flight.data import Segment as Segment
     from rotorfit.flight.log import Channel as Channel
     from rotorfit.flight.log import FlightLog as FlightLog
-    from rotorfit.flight.prepare import MotorModel as MotorModel
+    from rotorfit.flight.motor_columns import MotorModel as MotorModel
     from rotorfit.flight.prepare import PreparedFlight as PreparedFlight
     from rotorfit.flight.prepare import prepare as prepare
     from rotorfit.identification.identify import identify as identify
@@ -87,16 +87,16 @@ else:
         "rotorfit.export.write": ("write_export",),
         "rotorfit.flight.data": ("FlightData", "Segment"),
         "rotorfit.flight.log": ("Channel", "FlightLog"),
-        "rotorfit.flight.prepare": ("MotorModel", "PreparedFlight", "prepare"),
+        "rotorfit.flight.motor_columns": ("MotorModel",),
+        "rotorfit.flight.prepare": ("PreparedFlight", "prepare"),
         "rotorfit.results.command_law": ("CommandLaw", "LawNumber", "LawPoint"),
         "rotorfit.results.compare": ("Comparison", "compare_results"),
         "rotorfit.validation.wrench_comparison": ("WrenchComparison",),
+        "rotorfit.experiment.declared_vehicle": ("motor_model_of", "vehicle_of"),
         "rotorfit.experiment.experiment": (
             "Experiment",
             "load_experiment",
-            "motor_model_of",
             "single_flight_experiment",
-            "vehicle_of",
         ),
         "rotorfit.identification.identify": ("identify",),
         "rotorfit.results.physical_inertia": ("Projected", "project_to_physical"),

@@ -85,3 +85,30 @@ def test_every_command_is_described_by_a_whole_clause(run):
     for name, command in COMMANDS.items():
         first = (command.help or "").split("\n\n")[0].rstrip()
         assert first.endswith(".") and ". " not in first, name
+
+
+def test_help_shows_each_argument_once_without_types(run):
+    lines = run("fleet", "--help").out.splitlines()
+    assert lines[0] == "Usage: rotorfit fleet [OPTIONS] DIR|TABLE"
+    assert any(line.startswith("  DIR|TABLE  A folder with logs") for line in lines)
+    assert run("airframe", "--help").out.startswith("Usage: rotorfit airframe [OPTIONS] [LOG]\n")
+    for name in COMMANDS:
+        shown = run(name, "--help").out
+        assert not re.search(r"[<>{}](?!=)", shown), name
+        assert all(len(line) <= 80 for line in shown.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("words", "near"),
+    [
+        (("identify", "x", "--speed", "measurd"), "Did you mean 'measured'?"),
+        (("simulate", "singel", "-o", "x"), "Did you mean 'single'?"),
+        (("export", "r", "--to", "gazeboo", "-o", "x"), "did you mean gazebo?"),
+        (("identify", "x", "--mas", "1"), "--mass"),
+        (("identfy", "x"), "'identify'"),
+    ],
+)
+def test_a_misspelt_word_is_told_the_nearest(run, words, near):
+    ended = run(*words)
+    assert ended.code == 2
+    assert near in " ".join(ended.err.split())

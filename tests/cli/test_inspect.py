@@ -388,7 +388,7 @@ def test_a_motor_clock_that_is_far_off_is_named(run, changed):
     [report] = run("inspect", "flight.csv", "--json").json
     assert report["motor_lateness"] == pytest.approx(0.204, abs=0.004)
     text = " ".join(run("inspect", "flight.csv").out.split())
-    assert "answers 204 ms after the motor data: no motor is so slow" in text
+    assert "responds 204 ms after the motor data: no motor is so slow" in text
 
 
 def test_the_settings_are_those_of_the_log_s_firmware_and_their_file_is_there(run, here, blackbox):

@@ -193,8 +193,14 @@ def test_flights_that_hover_alike_raise_no_doubt():
 
 
 def test_a_sagging_battery_is_said():
-    assert thrust_sags([thrust("A", 1.0, sag=0.01)])[0] is None
-    words, numbers = thrust_sags([thrust("A", 1.0, sag=0.01), thrust("B", 1.0, sag=0.08)])
+    assert thrust_sags([thrust("A", 1.0, sag=0.01)], commanded=True)[0] is None
+    both = [thrust("A", 1.0, sag=0.01), thrust("B", 1.0, sag=0.08)]
+    measured, _ = thrust_sags(both, commanded=False)
+    assert measured is not None
+    assert measured.endswith("than at its beginning: drag carried part of the weight in climb or "
+                             "descent: fly slower")  # fmt: skip
+    words, numbers = thrust_sags(both, commanded=True)
     assert numbers["thrust_change"] == pytest.approx(0.16)
     assert words is not None
     assert words.startswith("B (B1.csv): the same motor data give 16 % less thrust at the end")
+    assert "log rotor speed" in words

@@ -5,11 +5,8 @@ from pathlib import Path
 import pytest
 
 from rotorfit.errors import LogError
-from rotorfit.experiment.experiment import (
-    load_experiment,
-    single_flight_experiment,
-    vehicle_of,
-)
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import load_experiment, single_flight_experiment
 from rotorfit.identification.identify import identify
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

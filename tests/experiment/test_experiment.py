@@ -7,12 +7,8 @@ from pathlib import Path
 import pytest
 
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.experiment import (
-    load_experiment,
-    motor_model_of,
-    single_flight_experiment,
-    vehicle_of,
-)
+from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
+from rotorfit.experiment.experiment import load_experiment, single_flight_experiment
 from rotorfit.experiment.read_options import read_options_of
 from rotorfit.flight.speed_law import (
     PolynomialLaw,

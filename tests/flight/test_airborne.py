@@ -17,7 +17,8 @@ from hand_made_logs import (
 )
 from rotorfit.errors import FlightError
 from rotorfit.flight.airborne import phase_edges
-from rotorfit.flight.prepare import MotorModel, prepare
+from rotorfit.flight.motor_columns import MotorModel
+from rotorfit.flight.prepare import prepare
 from rotorfit.logs.read import read_log
 from rotorfit.simulation import (
     STILL,

@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
-from rotorfit.flight.align import align, with_poses
+from rotorfit.flight.align import align
+from rotorfit.flight.joined_poses import with_poses
 from rotorfit.simulation import Scenario, Sticks, paper_vehicle, simulate_flight, to_flight_log
 
 MOUNTING = Rotation.from_euler("ZYX", [170.0, -4.0, 7.0], degrees=True)

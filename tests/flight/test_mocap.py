@@ -8,7 +8,7 @@ import pytest
 from hand_made_logs import flight_log, with_channel
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.flight.mocap import prepare_mocap
-from rotorfit.flight.prepare import MotorModel
+from rotorfit.flight.motor_columns import MotorModel
 from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.flight.splines import low_pass
 from rotorfit.simulation import (

@@ -18,8 +18,9 @@ from hand_made_logs import (
 )
 from plain_loops import plain_loops
 from rotorfit.errors import ExperimentError, FlightError, FrameError, LogError
+from rotorfit.flight.motor_columns import MotorModel, with_motors
 from rotorfit.flight.motors import MotorResponse, first_order_lag
-from rotorfit.flight.prepare import Cut, MotorModel, prepare, with_motors
+from rotorfit.flight.prepare import Cut, prepare
 from rotorfit.flight.speed_law import (
     PolynomialLaw,
     SpeedLaw,

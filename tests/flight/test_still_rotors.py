@@ -5,7 +5,8 @@ import pytest
 
 from hand_made_logs import HOVER, channel, hover_thrust, motion_log, with_channel
 from rotorfit.errors import FlightError
-from rotorfit.flight.prepare import MotorModel, prepare
+from rotorfit.flight.motor_columns import MotorModel
+from rotorfit.flight.prepare import prepare
 from rotorfit.flight.still_rotors import still_rotors
 
 COMMANDED = MotorModel(speed="commanded")

@@ -6,8 +6,9 @@ import pytest
 import flown
 import made_fit
 from rotorfit.fit.kt_from_weight import kt_from_weight
+from rotorfit.flight.motor_columns import MotorModel
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.prepare import MotorModel, prepare
+from rotorfit.flight.prepare import prepare
 from rotorfit.inspection.guessed_rotors import guessed_vehicles
 from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.prospects import PROSPECT, _weighed, prospects

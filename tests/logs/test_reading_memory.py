@@ -12,7 +12,8 @@ from benchmarks.large_log import CHANNELS, FORMATS, RATE, SECONDS, parts
 from flight_writers import WRITERS, in_whole_rpm
 
 from flown import experiment_file, simulated
-from rotorfit.experiment.experiment import load_experiment, vehicle_of
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.flights import flight_bands, load_flight
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.logs import read_log

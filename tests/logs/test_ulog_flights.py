@@ -11,7 +11,8 @@ from pyulog import ULog
 
 from rotorfit.cli.main import main
 from rotorfit.errors import FlightError
-from rotorfit.flight.prepare import MotorModel, prepare
+from rotorfit.flight.motor_columns import MotorModel
+from rotorfit.flight.prepare import prepare
 from rotorfit.logs import read_log
 from rotorfit.logs.ulog.scan import scan_file
 
@@ -93,7 +94,7 @@ def test_the_hover_is_told_truly(folder):
     assert doubt.startswith("the command channel comes at 10 Hz, too slow for inertia")
     assert "set bits 0 and 4 of SDLOG_PROFILE" in doubt
     assert log.metadata["airframe is"] == "default"
-    assert any("default geometry (arms of 1.41 to 1.41 m)" in note for note in log.notes)
+    assert any("default geometry (arms of 1.41 m)" in note for note in log.notes)
     assert log.metadata["airframe"].startswith('rotors = [{ position = [1.0, -1.0, 0.0], spin = "c')
     assert "Armed 0.0 to 91.5 s." in log.notes
     assert "Off the ground 5.1 to 90.7 s." in log.notes

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import LogError
-from rotorfit.flight.prepare import MotorModel, prepare
+from rotorfit.flight.motor_columns import MotorModel
+from rotorfit.flight.prepare import prepare
 from rotorfit.logs import read_log
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Vehicle

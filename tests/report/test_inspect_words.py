@@ -44,8 +44,8 @@ def said(thrust=THRUST, axis=YAW, *, commanded=False):
         (replace(THRUST, width=None), "kt cannot be found, changes of thrust being too few"),
         (
             replace(THRUST, agree=False, width=0.15),
-            "can be found, no better than two ways agree: changes of thrust give 6.6, the weight "
-            "7.4; thrust does not go with the square of the command",
+            "can be found, but two estimates differ: changes of thrust give 6.6, the weight 7.4; "
+            "thrust is not proportional to the square of the command",
         ),
         (
             replace(THRUST, followed=False),
@@ -77,7 +77,7 @@ def test_two_values_of_kt_with_measured_speed_are_the_accelerometers():
         ),
         (
             ROLL,
-            "roll: 51 rad/s^2, signal-to-noise 4 (need 5): Ixx roughly: disturbances count",
+            "roll: 51 rad/s^2, signal-to-noise 4 (need 5): Ixx roughly: disturbances are not small",
         ),
         (replace(ROLL, rho=40.0), "40 (need 5): Ixx roughly: fly more of this motion"),
     ],
@@ -114,10 +114,10 @@ def test_a_share_has_no_exponent():
 @pytest.mark.parametrize(
     ("late", "words"),
     [
-        (0.004, "the vehicle answers 4 ms after the motor data"),
+        (0.004, "the vehicle responds 4 ms after the motor data"),
         (0.04, "write delay = 0.040 under [motors]"),
         (0.2, "no motor is so slow; bring motor data and IMU on one clock"),
-        (-0.1, "recorded 100 ms after the motion that they make: their clocks are apart"),
+        (-0.1, "recorded 100 ms after the motion that they cause: their clocks are apart"),
     ],
 )
 def test_lateness(late, words):

@@ -10,7 +10,8 @@ from threadpoolctl import threadpool_limits
 from rotorfit.app.files import Progress
 from rotorfit.app.form import rows, table
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.experiment import airframe_of_tables, vehicle_of
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import airframe_of_tables
 from rotorfit.logs.files import write_whole
 from rotorfit.planning.after import check_same_vehicle, result_mass
 from rotorfit.planning.plan import PlanRequest, plan

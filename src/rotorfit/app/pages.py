@@ -19,7 +19,7 @@ MOST_WAITING: Final = 16
 """Long calls of one page, those at work included."""
 AT_ONCE: Final = 2
 """Processes of all pages."""
-GRACE: Final = 120.0
+GRACE = 120.0
 """For which a page that was closed is kept: it may only be loaded anew [s]."""
 LONGEST_ANSWER: Final = 2**28
 LOOKS: Final = ("add_file", "look")
@@ -94,10 +94,9 @@ class Page:
 class Pages:
     """Every page of a server, in one private folder."""
 
-    def __init__(self, *, most_bytes: int, grace: float = GRACE) -> None:
+    def __init__(self, *, most_bytes: int) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix="rotorfit-app-"))  # for nobody else: 0700
         self.most_bytes = most_bytes
-        self.grace = grace
         self.closing = asyncio.Event()
         self._pages: dict[str, Page] = {}
         self._slots = asyncio.Semaphore(AT_ONCE)
@@ -142,7 +141,7 @@ class Pages:
 
     def _leave(self, page: Page) -> None:
         loop = asyncio.get_running_loop()
-        page.leaving = loop.call_later(self.grace, self._forget_if_left, page)
+        page.leaving = loop.call_later(GRACE, self._forget_if_left, page)
 
     def _forget_if_left(self, page: Page) -> None:
         if not page.present:

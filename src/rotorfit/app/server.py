@@ -22,7 +22,7 @@ from starlette.types import Receive, Scope, Send
 
 from rotorfit.app.engine import CALLS, LONG, MOST_BYTES, Answer
 from rotorfit.app.guard import DOCUMENT_POLICY, Guard
-from rotorfit.app.pages import GRACE, STOPPED, Job, Page, Pages
+from rotorfit.app.pages import STOPPED, Job, Page, Pages
 from rotorfit.errors import OutputError, RotorfitError
 
 STATIC: Final = Path(__file__).parent / "static"
@@ -76,7 +76,7 @@ class _Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def ready(*, port: int = 0, most_bytes: int = MOST_BYTES, grace: float = GRACE) -> Served:
+def ready(*, port: int = 0, most_bytes: int = MOST_BYTES) -> Served:
     """Return a server of the page that listens on this computer, and is still to be run.
 
     Parameters
@@ -85,8 +85,6 @@ def ready(*, port: int = 0, most_bytes: int = MOST_BYTES, grace: float = GRACE) 
         On which; 0: any that is free.
     most_bytes
         That the files of one page may hold together.
-    grace
-        For which a closed page is kept [s].
 
     Raises
     ------
@@ -101,7 +99,7 @@ def ready(*, port: int = 0, most_bytes: int = MOST_BYTES, grace: float = GRACE) 
         ) from error
     port = listening.getsockname()[1]
     token = secrets.token_urlsafe(32)
-    pages = Pages(most_bytes=most_bytes, grace=grace)
+    pages = Pages(most_bytes=most_bytes)
     config = uvicorn.Config(
         Guard(_application(pages), token=token, port=port),
         http="h11",

@@ -9,7 +9,7 @@ from typer.models import OptionInfo
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")]
 ResultFile = Annotated[
-    Path, typer.Argument(metavar="RESULT", help="What  rotorfit identify -o  wrote.")
+    Path, typer.Argument(metavar="RESULT", help="A result file, from  rotorfit identify -o.")
 ]
 LogNumber = Annotated[
     int | None,
@@ -53,7 +53,7 @@ Page = Annotated[
 ]
 Figures = Annotated[
     Path | None,
-    typer.Option(metavar="FOLDER", help="Write each figure as a file into this folder (SVG, PNG)."),
+    typer.Option(metavar="DIR", help="Write each figure as a file into this folder (SVG, PNG)."),
 ]
 
 
@@ -66,7 +66,7 @@ ResultOutput = Annotated[Path | None, _json_of("result")]
 NumbersOutput = Annotated[Path | None, _json_of("numbers")]
 PlanOutput = Annotated[Path | None, _json_of("plan")]
 
-Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed flies another flight.")]
+Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed gives another flight.")]
 
 # export
 Samples = Annotated[
@@ -74,12 +74,12 @@ Samples = Annotated[
     typer.Option(
         min=1,
         metavar="N",
-        help="Draw so many vehicles from the uncertainty of the result; with a target that holds "
-        "one vehicle, -o names a folder for one file each (targets that hold many: default 100).",
+        help="Number of vehicles to draw from the uncertainty of the result. If a file of the "
+        "target holds one vehicle, -o names a folder (targets that hold many: default 100).",
     ),
 ]
 DrawSeed = Annotated[
-    int, typer.Option(min=0, metavar="N", help="With --samples: another seed draws other vehicles.")
+    int, typer.Option(min=0, metavar="N", help="With --samples: another seed gives other vehicles.")
 ]
 
 # fly
@@ -99,7 +99,7 @@ Bench = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
-        help="A number from your bench to compare with, SI; all else as identified; repeatable.",
+        help="A number from your bench to compare with, SI; others as identified; repeatable.",
     ),
 ]
 
@@ -108,8 +108,8 @@ FleetSource = Annotated[
     Path,
     typer.Argument(
         metavar="DIR|TABLE",
-        help="A folder with logs, in folders of it too; or a CSV with the columns file, vehicle, "
-        "configuration, mass, airframe, log (all but file may be left out).",
+        help="A folder with logs (subfolders included); or a CSV with the columns file, vehicle, "
+        "configuration, mass, airframe, log (only file is required).",
     ),
 ]
 FleetOutput = Annotated[
@@ -117,14 +117,16 @@ FleetOutput = Annotated[
     typer.Option(
         "-o",
         "--output",
-        metavar="FOLDER",
-        help="Folder for tables, page and what is kept of each log; a second run goes on there.",
+        metavar="DIR",
+        help="Folder for tables, page and the cache of each log; a second run continues there.",
     ),
 ]
 FleetMass = Annotated[
     str | None,
     typer.Option(
-        "--mass", metavar="KG", help='Of every vehicle, where no table says it: kg, or "unknown".'
+        "--mass",
+        metavar="KG",
+        help='Mass of every vehicle without one in the table: kg, or "unknown".',
     ),
 ]
 FleetAirframe = Annotated[
@@ -132,20 +134,20 @@ FleetAirframe = Annotated[
     typer.Option(
         "--airframe",
         metavar="FILE",
-        help="File with [airframe] and [motors], where no table says it.",
+        help="File with [airframe] and [motors], for logs without one in the table.",
     ),
 ]
 VehicleOf = Annotated[
     str | None,
     typer.Option(
         metavar="REGEX",
-        help="Whose log it is, by its path: the first group, or groups named vehicle and "
-        "configuration. Else the log says it, or its folder.",
+        help="Finds the vehicle in the path of a log: the first group, or groups named vehicle and "
+        "configuration. Default: as the log says, else its folder.",
     ),
 ]
 WorkerCount = Annotated[
     int | None,
-    typer.Option("--workers", min=1, metavar="N", help="Processes; default: one a core."),
+    typer.Option("--workers", min=1, metavar="N", help="Processes; default: one per core."),
 ]
 Scheduler = Annotated[
     str | None,
@@ -156,7 +158,9 @@ Scheduler = Annotated[
 TimeLimit = Annotated[
     float,
     typer.Option(
-        min=1.0, metavar="SECONDS", help="Of one log; one that takes longer is left out, and said."
+        min=1.0,
+        metavar="SECONDS",
+        help="For one log; a log that takes longer is left out and listed.",
     ),
 ]
 
@@ -175,7 +179,7 @@ Accuracy = Annotated[
     str,
     typer.Option(
         metavar="PERCENT|NAME=VALUE,...",
-        help="Wanted half-width of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), "
+        help="Target half-width of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), "
         "or names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm).",
     ),
 ]
@@ -194,8 +198,8 @@ Guess = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE",
-        help="NAME=VALUE of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr, motor_lag, where you "
-        "know more than the geometry shows (SI); repeatable.",
+        help="Your value of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr or motor_lag (SI), in "
+        "place of the guess from the geometry; repeatable.",
     ),
 ]
 LogRate = Annotated[float, typer.Option(metavar="HZ", help="Samples per second of your log.")]

@@ -12,7 +12,8 @@ from rotorfit.cli.outputs import refuse_output_file
 from rotorfit.cli.progress import counted
 from rotorfit.cli.terminal import painted, say, show, terminal_width
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.experiment import single_flight_experiment, vehicle_of
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import single_flight_experiment
 from rotorfit.logs.files import write_whole
 from rotorfit.planning.after import check_same_vehicle, result_mass
 from rotorfit.planning.plan import FlightPlan, PlanRequest, plan

@@ -137,7 +137,7 @@ def _doubts_of_thrust(flown: Flown, numbers: Numbers) -> Iterator[Doubt]:
         found = hover_thrusts(flown.configurations, numbers, flown.vehicle)
         yield thrust_against_weight(found, numbers)
         yield hovers_differ(found)
-        yield thrust_sags(found)
+        yield thrust_sags(found, commanded=flown.motors.speed == "commanded")
 
 
 def _doubts_of_payload(flown: Flown, joint: Sequence[JointConfiguration]) -> Iterator[Doubt]:

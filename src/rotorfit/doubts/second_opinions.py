@@ -337,8 +337,17 @@ def hovers_differ(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, f
     )
 
 
-def thrust_sags(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, float]]:
+def thrust_sags(
+    found: Sequence[HoverThrust], *, commanded: bool
+) -> tuple[str | None, dict[str, float]]:
     """Return whether one rotor speed (or command) gives less thrust late in a flight than early.
+
+    Parameters
+    ----------
+    found
+        Of the flights.
+    commanded
+        Whether rotor speed is known by commands alone, which a sagging battery belies.
 
     Returns
     -------
@@ -355,11 +364,11 @@ def thrust_sags(found: Sequence[HoverThrust]) -> tuple[str | None, dict[str, flo
     if abs(change) <= max(LEAST_SAG, 2.0 * _far() * worst.sag_std):
         return None, diagnostics
     way = "less" if change > 0 else "more"
+    battery = "log rotor speed, or the battery's voltage and give it to the law; or "
     return (
         f"{_of_flight(worst, found)}: the same motor data give {100 * abs(change):.0f} % {way} "
-        "thrust at the end of the flight than at its beginning: log rotor speed, or the battery's "
-        "voltage and give it to the law; or drag carried part of the weight in climb or descent: "
-        "fly slower",
+        f"thrust at the end of the flight than at its beginning: {battery if commanded else ''}"
+        "drag carried part of the weight in climb or descent: fly slower",
         diagnostics,
     )
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-import numpy as np
 from pydantic import BaseModel, Field, PrivateAttr, ValidationError, model_validator
 
 from rotorfit.errors import ExperimentError
@@ -22,7 +21,6 @@ from rotorfit.experiment.law_table import (
     speed_law_of,
 )
 from rotorfit.experiment.model_terms import Terms
-from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.problems import problems_in_words
 from rotorfit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
 from rotorfit.experiment.toml_files import (
@@ -32,10 +30,7 @@ from rotorfit.experiment.toml_files import (
     with_known_motors,
 )
 from rotorfit.flight.log import LagOn
-from rotorfit.flight.mounting import ImuTilt
-from rotorfit.flight.prepare import MotorModel
 from rotorfit.flight.thrust_curve import full_speed_of
-from rotorfit.model.vehicle import Rotor, Vehicle
 
 Model = TypeVar("Model", bound=BaseModel)
 Source = Literal["imu", "mocap"]
@@ -410,98 +405,6 @@ def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
         airframe.pop("order", None)  # the resolved default of a key that belongs to layouts
         described["airframe"] = airframe
     return _checked(Experiment, described, Path("settings of the result"))
-
-
-def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
-    """Return the vehicle of an ``[airframe]`` table, converted to FLU.
-
-    Motion capture measures at the body origin itself: where an IMU is given, its place only says
-    that the rotors' positions are known from that origin, and it counts as there.
-
-    Parameters
-    ----------
-    airframe
-        Of an `Experiment`.
-    source
-        What measures the motion, ``"imu"`` or ``"mocap"``.
-    """
-    if airframe.layout is not None:
-        rotors = airframe.of_layout()
-    else:
-        rotors = tuple(_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
-    imu = airframe.imu
-    place = None if imu is None else _flu(imu.position, airframe.axes)
-    if place is not None and source == "mocap":
-        place = (0.0, 0.0, 0.0)
-    return Vehicle(
-        rotors=rotors,
-        imu_position=place,
-        imu_position_std=0.0 if imu is None or source == "mocap" else imu.position_std,
-        arm_std=airframe.arm_std,
-    )
-
-
-def imu_tilt_of(airframe: AirframeEntry) -> ImuTilt | None:
-    """Return how the IMU is mounted, where that is declared."""
-    if airframe.imu_tilt_deg is None:
-        return None
-    roll, pitch = np.radians(airframe.imu_tilt_deg).tolist()
-    return ImuTilt(roll=roll, pitch=pitch)
-
-
-def with_imu_tilt(experiment: Experiment, tilt: ImuTilt) -> Experiment:
-    """Return the experiment with the mounting of the IMU declared."""
-    angles = (float(np.degrees(tilt.roll)), float(np.degrees(tilt.pitch)))
-    airframe = experiment.airframe.model_copy(update={"imu_tilt_deg": angles})
-    return experiment.model_copy(update={"airframe": airframe})
-
-
-def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:
-    """Return the payload of a configuration, converted to FLU."""
-    return tuple(
-        PointMass(
-            mass=item.mass,
-            position=_flu(item.position, axes),
-            mass_std=item.mass_std,
-            position_std=item.position_std,
-        )
-        for item in entry.payload
-    )
-
-
-def motor_model_of(motors: MotorsEntry) -> MotorModel:
-    """Return how the motor channel becomes rotor speed.
-
-    Parameters
-    ----------
-    motors
-        The ``[motors]`` table of an `Experiment`.
-    """
-    return MotorModel(
-        speed=motors.speed,
-        law=None if motors.law is None else speed_law_of(motors.law),
-        lag=motors.lag or 0.0,
-        lag_down=motors.lag_down,
-        delay=motors.delay,
-        lag_on=motors.lag_on or "speed",
-    )
-
-
-def _rotor(entry: RotorEntry, axes: Axes) -> Rotor:
-    """Return a rotor in FLU, its axis normalised; up by default in either convention."""
-    up = (0.0, 0.0, 1.0)
-    axis = up if entry.axis is None else _flu(entry.axis, axes)
-    length = sum(component**2 for component in axis) ** 0.5
-    if length == 0:
-        raise ExperimentError("a rotor's axis is (0, 0, 0); give the direction of its thrust")
-    unit = (axis[0] / length, axis[1] / length, axis[2] / length)
-    return Rotor(position=_flu(entry.position, axes), spin=entry.spin, axis=unit, group=entry.group)
-
-
-def _flu(vector: Vector, axes: Axes) -> Vector:
-    """Return a vector in FLU: FRD is turned by half a turn about x."""
-    x, y, z = vector
-    return (x, -y, -z) if axes == "FRD" else vector
 
 
 def _placed(configuration: ConfigurationEntry, place: Callable[[str], Path]) -> ConfigurationEntry:

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import ExperimentError, MissingNumbersError, OutputError
-from rotorfit.experiment.experiment import Experiment, experiment_of_settings, vehicle_of
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import Experiment, experiment_of_settings
 from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.export.assumptions import unit_of
 from rotorfit.export.possible import impossible_words, is_possible, projected, refuse_signs

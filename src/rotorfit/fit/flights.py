@@ -11,15 +11,13 @@ import numpy as np
 
 from rotorfit.errors import ExperimentError, RotorfitError
 from rotorfit.estimation.factors import Factors, stack_recordings
+from rotorfit.experiment.declared_vehicle import imu_tilt_of, motor_model_of, vehicle_of
 from rotorfit.experiment.experiment import (
     ConfigurationEntry,
     Experiment,
     FlightEntry,
     MotorsEntry,
     Source,
-    imu_tilt_of,
-    motor_model_of,
-    vehicle_of,
 )
 from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.experiment.payload import PointMass
@@ -27,19 +25,15 @@ from rotorfit.experiment.read_options import read_options_of, recording_options_
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
 from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming
 from rotorfit.fit.weight_balance import Turning, turning
-from rotorfit.flight.align import with_poses
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
 from rotorfit.flight.data import FlightData
+from rotorfit.flight.joined_poses import with_poses
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.mocap import prepare_mocap
+from rotorfit.flight.motor_columns import with_motors
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.mounting import ImuTilt, levelled
-from rotorfit.flight.prepare import (
-    PreparedFlight,
-    on_one_clock,
-    prepared_from,
-    with_motors,
-)
+from rotorfit.flight.prepare import PreparedFlight, on_one_clock, prepared_from
 from rotorfit.flight.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.logs import read_log
 from rotorfit.model.reduce import BandPlan, Lines, band_factors, body_lines, yaw_factors

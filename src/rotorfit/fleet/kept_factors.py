@@ -7,7 +7,8 @@ from typing import Any, Final, cast
 import numpy as np
 
 from rotorfit.estimation.factors import Factors
-from rotorfit.experiment.experiment import Experiment, vehicle_of
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration

@@ -36,16 +36,15 @@ from rotorfit.flight.kinematics import (
     motion_from_quaternions,
 )
 from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.flight.motor_columns import MotorModel, with_motors
 from rotorfit.flight.motors import white_noise_std
 from rotorfit.flight.prepare import (
     Cut,
-    MotorModel,
     PreparedFlight,
     Window,
     phases_of,
     window_rows,
     with_likely_lag,
-    with_motors,
 )
 from rotorfit.flight.signals import hampel, smooth, true_runs, whole_samples
 from rotorfit.flight.speed_law import law_doubts, speed_from_command

@@ -24,13 +24,8 @@ from rotorfit.checks.recorded_motors import refuse_wrong_speeds
 from rotorfit.doubts.imu_mounting import lean_sentence, mounting_sentence
 from rotorfit.doubts.what_numbers_hang_on import what_numbers_hang_on
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
-from rotorfit.experiment.experiment import (
-    Experiment,
-    MotorsEntry,
-    payload_of,
-    vehicle_of,
-    with_imu_tilt,
-)
+from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of, with_imu_tilt
+from rotorfit.experiment.experiment import Experiment, MotorsEntry
 from rotorfit.fit.flights import (
     Configured,
     Flown,

@@ -11,8 +11,9 @@ from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
 from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.flight.camera import camera_clock
 from rotorfit.flight.log import CHANNELS, FlightLog
+from rotorfit.flight.motor_columns import MotorModel
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.prepare import MotorModel, PreparedFlight, prepare
+from rotorfit.flight.prepare import PreparedFlight, prepare
 from rotorfit.flight.rotor_telemetry import Telemetry, telemetry
 from rotorfit.identification.identify import identify
 from rotorfit.inspection.filters import Filter

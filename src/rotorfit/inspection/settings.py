@@ -56,9 +56,12 @@ PX4: Final = (
         NO_SPEED,
     ),
     _setting(
-        "DSHOT_TEL_CFG", "the port of the telemetry wire", "else: rotor speed by wire", NO_SPEED
+        "DSHOT_TEL_CFG",
+        "the port of the telemetry wire",
+        "otherwise, rotor speed by wire",
+        NO_SPEED,
     ),
-    _setting("UAVCAN_ENABLE", "3", "else: rotor speed of DroneCAN ESCs", NO_SPEED),
+    _setting("UAVCAN_ENABLE", "3", "otherwise, rotor speed of DroneCAN ESCs", NO_SPEED),
     _setting(
         "MOT_POLE_COUNT",
         "magnets of a motor (PX4 to 1.17; from 1.18 on DSHOT_MOT_POL1 to DSHOT_MOT_POL12)",

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.joint_numbers import number_scale
 from rotorfit.fit.number_intervals import Numbers

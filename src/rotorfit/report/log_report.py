@@ -130,8 +130,8 @@ def flight_words(report: LogReport) -> list[str]:
     words += [*telemetry_words(report.telemetry), *gravity_words(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
         words.append(
-            f"each motor turns the vehicle the way of {report.prospects.motors}: that tells order "
-            "and spins, neither the length of the arms nor the shape of the frame; measure them"
+            f"the motors turn the vehicle as those of {report.prospects.motors}: this shows order "
+            "and spins, but neither the length of the arms nor the shape of the frame; measure them"
         )
     return words
 
@@ -167,9 +167,9 @@ def lateness_words(report: LogReport) -> list[str]:
     if late is None or abs(late) <= LEAST_LATE:
         return []
     words = (
-        f"the vehicle answers {1e3 * late:.0f} ms after the motor data"
+        f"the vehicle responds {1e3 * late:.0f} ms after the motor data"
         if late >= 0
-        else f"the motor data were recorded {-1e3 * late:.0f} ms after the motion that they make"
+        else f"the motor data were recorded {-1e3 * late:.0f} ms after the motion that they cause"
     )
     measured = any(channel.name == "rotor_speed" for channel in report.channels)
     cause = "no motor is so slow" if late > 0 else "their clocks are apart"
@@ -241,20 +241,20 @@ def _thrust_words(found: Prospects) -> str:
     }[thrust.prospect]
     if not thrust.followed:
         return (
-            f"thrust changes by {change:.0f} %: {verdict}, if at all: neither roll nor pitch goes "
-            "with the commands"
+            f"thrust changes by {change:.0f} %: {verdict}, if at all: neither roll nor pitch "
+            "follows the commands"
         )
     if thrust.agree or thrust.from_weight is None:
         sure = " well" if thrust.prospect == "well" else ", changes of thrust being too few"
         return f"thrust changes by {change:.0f} %: {verdict}{sure}"
     why = (
-        "thrust does not go with the square of the command: give its law under [motors], or log "
-        "the rotor speed"
+        "thrust is not proportional to the square of the command: give its law under [motors], or "
+        "log the rotor speed"
         if found.commanded
         else "calibrate the accelerometer (its scale)"
     )
     return (
-        f"thrust changes by {change:.0f} %: {verdict}, no better than two ways agree: changes of "
+        f"thrust changes by {change:.0f} %: {verdict}, but two estimates differ: changes of "
         f"thrust give {thrust.from_changes:.3g}, the weight {thrust.from_weight:.3g}; {why}"
     )
 
@@ -280,7 +280,7 @@ def _reason(axis: Excitation, thrust: Thrust) -> str:
         return (
             "noise and disturbances hide the motion"
             if axis.prospect == "not"
-            else "disturbances count beside this motion"
+            else "disturbances are not small against this motion"
         )
     if axis.axis != "yaw" and thrust.prospect != "well":
         return "no better than kt"

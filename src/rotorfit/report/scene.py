@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from rotorfit.display.digits import known
 from rotorfit.errors import RotorfitError
 from rotorfit.experiment.airframe_table import AirframeEntry
-from rotorfit.experiment.experiment import vehicle_of
+from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.report.number_words import configurations, half_width
 from rotorfit.results.result import IdentificationResult

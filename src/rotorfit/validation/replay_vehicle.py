@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.experiment import experiment_of_settings, vehicle_of
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.model.parameters import (
     COM,
     INERTIA_COM,

@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import (
     Experiment,
     FlightEntry,
     experiment_of_settings,
     named_flight,
-    vehicle_of,
 )
 from rotorfit.fit.flights import UsedFlight, load_flight, retimed, velocity_known
 from rotorfit.fit.motor_timing import LAG_PRIOR

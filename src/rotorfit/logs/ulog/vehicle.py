@@ -116,7 +116,8 @@ def geometry_notes(scan: Scan) -> tuple[str, ...]:
         )
         return tuple(notes)
     arms = [math.hypot(*site.position[:2]) for site in sites]
-    shown = f"arms of {min(arms):.3g} to {max(arms):.3g} m"
+    ends = dict.fromkeys(f"{arm:.3g}" for arm in (min(arms), max(arms)))
+    shown = f"arms of {' to '.join(ends)} m"
     if _is_template(scan, sites):
         notes.append(
             f"CA_ROTOR* is the default geometry ({shown}), not this vehicle: measure your arms; "

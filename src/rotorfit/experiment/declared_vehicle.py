@@ -1,0 +1,105 @@
+"""What an experiment's tables say of the vehicle, its IMU, payload and motors, in FLU and SI."""
+
+import numpy as np
+
+from rotorfit.errors import ExperimentError
+from rotorfit.experiment.airframe_table import AirframeEntry, Axes, RotorEntry
+from rotorfit.experiment.experiment import ConfigurationEntry, Experiment, MotorsEntry, Source
+from rotorfit.experiment.law_table import speed_law_of
+from rotorfit.experiment.payload import PointMass
+from rotorfit.experiment.strict_tables import Vector
+from rotorfit.flight.motor_columns import MotorModel
+from rotorfit.flight.mounting import ImuTilt
+from rotorfit.model.vehicle import Rotor, Vehicle
+
+
+def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
+    """Return the vehicle of an ``[airframe]`` table, converted to FLU.
+
+    Motion capture measures at the body origin itself: where an IMU is given, its place only says
+    that the rotors' positions are known from that origin, and it counts as there.
+
+    Parameters
+    ----------
+    airframe
+        Of an `Experiment`.
+    source
+        What measures the motion, ``"imu"`` or ``"mocap"``.
+    """
+    if airframe.layout is not None:
+        rotors = airframe.of_layout()
+    else:
+        rotors = tuple(_rotor(entry, airframe.axes) for entry in airframe.rotors or ())
+    imu = airframe.imu
+    place = None if imu is None else _flu(imu.position, airframe.axes)
+    if place is not None and source == "mocap":
+        place = (0.0, 0.0, 0.0)
+    return Vehicle(
+        rotors=rotors,
+        imu_position=place,
+        imu_position_std=0.0 if imu is None or source == "mocap" else imu.position_std,
+        arm_std=airframe.arm_std,
+    )
+
+
+def imu_tilt_of(airframe: AirframeEntry) -> ImuTilt | None:
+    """Return how the IMU is mounted, where that is declared."""
+    if airframe.imu_tilt_deg is None:
+        return None
+    roll, pitch = np.radians(airframe.imu_tilt_deg).tolist()
+    return ImuTilt(roll=roll, pitch=pitch)
+
+
+def with_imu_tilt(experiment: Experiment, tilt: ImuTilt) -> Experiment:
+    """Return the experiment with the mounting of the IMU declared."""
+    angles = (float(np.degrees(tilt.roll)), float(np.degrees(tilt.pitch)))
+    airframe = experiment.airframe.model_copy(update={"imu_tilt_deg": angles})
+    return experiment.model_copy(update={"airframe": airframe})
+
+
+def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:
+    """Return the payload of a configuration, converted to FLU."""
+    return tuple(
+        PointMass(
+            mass=item.mass,
+            position=_flu(item.position, axes),
+            mass_std=item.mass_std,
+            position_std=item.position_std,
+        )
+        for item in entry.payload
+    )
+
+
+def motor_model_of(motors: MotorsEntry) -> MotorModel:
+    """Return how the motor channel becomes rotor speed.
+
+    Parameters
+    ----------
+    motors
+        The ``[motors]`` table of an `Experiment`.
+    """
+    return MotorModel(
+        speed=motors.speed,
+        law=None if motors.law is None else speed_law_of(motors.law),
+        lag=motors.lag or 0.0,
+        lag_down=motors.lag_down,
+        delay=motors.delay,
+        lag_on=motors.lag_on or "speed",
+    )
+
+
+def _rotor(entry: RotorEntry, axes: Axes) -> Rotor:
+    """Return a rotor in FLU, its axis normalised; up by default in either convention."""
+    up = (0.0, 0.0, 1.0)
+    axis = up if entry.axis is None else _flu(entry.axis, axes)
+    length = sum(component**2 for component in axis) ** 0.5
+    if length == 0:
+        raise ExperimentError("a rotor's axis is (0, 0, 0); give the direction of its thrust")
+    unit = (axis[0] / length, axis[1] / length, axis[2] / length)
+    return Rotor(position=_flu(entry.position, axes), spin=entry.spin, axis=unit, group=entry.group)
+
+
+def _flu(vector: Vector, axes: Axes) -> Vector:
+    """Return a vector in FLU: FRD is turned by half a turn about x."""
+    x, y, z = vector
+    return (x, -y, -z) if axes == "FRD" else vector

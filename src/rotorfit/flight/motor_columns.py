@@ -1,0 +1,100 @@
+"""Rotor speed and acceleration of a flight from its motor channel, for any lag and delay."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from rotorfit.flight.data import FlightData
+from rotorfit.flight.log import LagOn
+from rotorfit.flight.motors import MotorResponse, following_speed
+from rotorfit.flight.signals import central_difference
+from rotorfit.flight.speed_law import SpeedLaw
+from rotorfit.flight.splines import smooth_motors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorModel:
+    """How the log's motor channel becomes rotor speed.
+
+    Attributes
+    ----------
+    speed
+        ``"measured"``: the log's rotor speed. ``"commanded"``: its command, through `law`, `lag`
+        and `delay`.
+    law
+        Speed over command; None where unknown: then the command itself stands for the speed, and
+        coefficients are per squared command.
+    lag
+        First-order time constant [s].
+    delay
+        How much later than the rest of the log the motor channel takes effect [s]; negative where
+        it was recorded late. None: found from the data where speed is measured, else zero.
+    lag_down
+        Of falling speed, where it differs from `lag` [s].
+    lag_on
+        What the lag acts on: the speed, as in any motor, or the thrust, as in PX4's SIH.
+    """
+
+    speed: Literal["measured", "commanded"] = "measured"
+    law: SpeedLaw | None = None
+    lag: float = 0.0
+    delay: float | None = None
+    lag_down: float | None = None
+    lag_on: LagOn = "speed"
+
+    @property
+    def response(self) -> MotorResponse:
+        """As declared; what was not counts as none."""
+        return MotorResponse(lag=self.lag, delay=self.delay or 0.0, lag_down=self.lag_down)
+
+
+def with_motors(
+    data: FlightData, speed: Float[np.ndarray, "n N"], response: MotorResponse
+) -> FlightData:
+    """Return the flight with its rotor columns made anew from the motor channel.
+
+    Lag and delay change nothing else: a trial of either costs only these columns.
+    """
+    if data.differentiation == "exact":
+        jumps = _jumps(data.time, data.sample_rate)
+        # Low-passed already: moved and differentiated by splines, as the pose is.
+        moved = [
+            smooth_motors(piece, data.sample_rate, lag=response.mean_lag, delay=response.delay)
+            for piece in np.split(speed, jumps)
+        ]
+        return dataclasses.replace(
+            data,
+            rotor_speed=np.concatenate([value for value, _ in moved]),
+            rotor_acceleration=np.concatenate([slope for _, slope in moved]),
+        )
+    turned = following_rotors(data.time, speed, data.sample_rate, response, lag_on=data.lag_on)
+    return dataclasses.replace(
+        data,
+        rotor_speed=turned,
+        rotor_acceleration=central_difference(turned, data.sample_rate),
+    )
+
+
+def _jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
+    """Return the first rows after a gap."""
+    return np.flatnonzero(np.diff(time) > 1.5 / sample_rate) + 1
+
+
+def following_rotors(
+    time: Float[np.ndarray, " n"],
+    speed: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    response: MotorResponse,
+    *,
+    lag_on: LagOn,
+) -> Float[np.ndarray, "n N"]:
+    """Return the speed of rotors that follow the motor channel, anew after every gap."""
+    jumps = _jumps(time, sample_rate)
+    power = 2.0 if lag_on == "thrust" else 1.0
+    held = speed**power if power != 1.0 else speed
+    pieces = [following_speed(piece, sample_rate, response) for piece in np.split(held, jumps)]
+    followed = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    return np.maximum(followed, 0.0) ** (1.0 / power) if power != 1.0 else followed
