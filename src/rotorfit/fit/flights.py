@@ -29,7 +29,7 @@ from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming
 from rotorfit.fit.weight_balance import Turning, turning
 from rotorfit.flight.align import with_poses
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
-from rotorfit.flight.data import FlightData
+from rotorfit.flight.data import FlightData, Velocity
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.mocap import prepare_mocap
 from rotorfit.flight.motors import MotorResponse
@@ -118,7 +118,7 @@ class Flown:
     configurations: tuple[Configured, ...]
     motor_timing: MotorTiming | None = None
     source: Source = "imu"
-    velocity: bool = False
+    velocity: Velocity = "none"
     body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
 
     @property
@@ -376,7 +376,7 @@ def flight_bands(
     vehicle: Vehicle,
     response: MotorResponse | None,
     *,
-    velocity: bool = False,
+    velocity: Velocity = "none",
     free: FreeTiming | None = None,
     body: Sequence[tuple[Lines, ...]] | None = None,
 ) -> Factors:
@@ -428,7 +428,7 @@ def prepared_bands(
     vehicle: Vehicle,
     response: MotorResponse | None,
     *,
-    velocity: bool = False,
+    velocity: Velocity = "none",
     free: FreeTiming | None = None,
     body: tuple[Lines, ...] | None = None,
 ) -> Factors:

@@ -38,10 +38,11 @@ from rotorfit.witness.pilot import with_pilot
 
 FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
     (),
-    ("rotor_drag",),
-    ("rotor_drag", "twist"),
-    ("rotor_drag", "twist", "rotor_inertia"),
-    ("rotor_drag", "twist", "rotor_inertia", "rotor_spread"),
+    ("climb_drag",),
+    ("climb_drag", "rotor_drag"),
+    ("climb_drag", "rotor_drag", "twist"),
+    ("climb_drag", "rotor_drag", "twist", "rotor_inertia"),
+    ("climb_drag", "rotor_drag", "twist", "rotor_inertia", "rotor_spread"),
 )
 """What is left out of the model, in this order, where a fit does not settle: what flights tell
 least first."""

@@ -31,6 +31,7 @@ from rotorfit.experiment.experiment import (
     vehicle_of,
     with_imu_tilt,
 )
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.flights import (
     Configured,
     Flown,
@@ -40,6 +41,7 @@ from rotorfit.fit.flights import (
 )
 from rotorfit.fit.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.term_choice import velocity_wanted
+from rotorfit.flight.data import Velocity
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.mounting import found_tilt
 from rotorfit.identification.told_by_logs import agreed_motors, told_by_logs
@@ -205,9 +207,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
     every = [flight for configured in configurations for flight in configured.flights]
     _refuse_copies(every)
     _refuse_mixed_commands(every)
-    velocity = resolved_method(experiment) == "banded" and velocity_wanted(
-        experiment.identification.terms, configurations
-    )
+    velocity = _velocity(experiment, configurations)
     return Flown(
         vehicle=vehicle,
         model=regressor(vehicle, velocity=velocity),
@@ -216,6 +216,17 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         source=source,
         velocity=velocity,
     ).reduced()
+
+
+def _velocity(experiment: Experiment, configurations: list[Configured]) -> Velocity:
+    """Return what of the velocity the model needs."""
+    terms = experiment.identification.terms
+    if resolved_method(experiment) != "banded":
+        return "none"
+    if velocity_wanted(terms, configurations):
+        return "known"
+    felt = experiment.identification.source == "imu"
+    return "climb" if felt and "climb_drag" in (terms or DEFAULT_TERMS) else "none"
 
 
 def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) -> list[UsedFlight]:

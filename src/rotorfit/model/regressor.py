@@ -37,6 +37,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.flight.data import Velocity
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.model.signals import SignalLayout, signal_layout
 from rotorfit.model.vehicle import Vehicle
@@ -77,7 +78,7 @@ class Regressor:
 
 
 def regressor(
-    vehicle: Vehicle, *, effects: Sequence[str] | None = None, velocity: bool = False
+    vehicle: Vehicle, *, effects: Sequence[str] | None = None, velocity: Velocity = "none"
 ) -> Regressor:
     """Return the constant tensor of a vehicle.
 
@@ -89,7 +90,7 @@ def regressor(
     effects
         Names of `EFFECTS`; by default all.
     velocity
-        Whether the velocity is among the signals; without it there is no drag of the frame.
+        What of the velocity is among the signals; without it there is no drag of the frame.
     """
     layout = signal_layout(vehicle, velocity=velocity)
     blocks: dict[str, Block] = {}
@@ -228,6 +229,12 @@ def frame_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     return blocks
 
 
+def climb_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Force -d v_z over the velocity along z that the IMU feels: drag and inflow look the same."""
+    del vehicle
+    return {"climb_drag": _block(layout, {(FZ, "climb"): 1.0})} if "climb" in layout else {}
+
+
 def turn_damping(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Torque -c_x w_x, -c_y w_y of the air on a body that turns; that about z is `rotor_drag`'s."""
     del vehicle
@@ -277,6 +284,7 @@ EFFECTS: dict[str, Callable[[Vehicle, SignalLayout], dict[str, Block]]] = {
     "twist": twist,
     "rotor_drag": rotor_drag,
     "drag": frame_drag,
+    "climb_drag": climb_drag,
     "turn_damping": turn_damping,
     "inflow": inflow,
     "translational_lift": translational_lift,
