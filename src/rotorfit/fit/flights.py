@@ -106,7 +106,7 @@ class Flown:
     source
         What measured the motion.
     velocity
-        Whether the body's velocity is among the signals.
+        What of the body's velocity is among the signals.
     body
         Lines of the signals that the rotors have no part in, of each flight of each configuration:
         made once (`reduced`), they serve every timing of the motors.
@@ -391,7 +391,7 @@ def flight_bands(
     response
         Lag and delay of the motors; None leaves each flight as it was prepared.
     velocity
-        Whether the body's velocity is among the signals.
+        What of the body's velocity is among the signals.
     free
         What a fit may move of the timing, for the signals' slopes by it.
     body

@@ -93,6 +93,4 @@ def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
         angular_acceleration=data.angular_acceleration @ R.T,
         velocity=None if data.velocity is None else data.velocity @ R.T,
     )
-    return dataclasses.replace(
-        prepared, data=dataclasses.replace(turned, climb=felt_climb(turned))
-    )
+    return dataclasses.replace(prepared, data=dataclasses.replace(turned, climb=felt_climb(turned)))

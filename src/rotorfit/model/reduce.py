@@ -187,7 +187,7 @@ def band_factors(
     moved: Sequence[tuple[FlightData, FlightData, float]] = (),
     body: Sequence[Lines] | None = None,
 ) -> Factors:
-    """Return one factor per stretch of flight and frequency band, of the velocity too if asked for.
+    """Return one factor per stretch of flight and frequency band.
 
     Each stretch is tapered (Tukey), transformed and scaled to unit window energy; a band stacks
     real and imaginary parts. Every step is linear and equal for all signals: the equations
@@ -200,7 +200,7 @@ def band_factors(
     plan
         How it is cut.
     velocity
-        Whether the velocity is among the signals.
+        What of the velocity is among the signals.
     moved
         The flight with the rotors a step later and earlier, and how far that is apart; one for each
         slope.
@@ -234,7 +234,9 @@ def band_factors(
     return _stacked(parts)
 
 
-def body_lines(flight: FlightData, *, plan: BandPlan, velocity: Velocity = "none") -> tuple[Lines, ...]:
+def body_lines(
+    flight: FlightData, *, plan: BandPlan, velocity: Velocity = "none"
+) -> tuple[Lines, ...]:
     """Return the lines of the signals that the rotors have no part in, stretch by stretch.
 
     They stay where lag and delay of the motors are tried: of a log at 1 kHz the lines that are used

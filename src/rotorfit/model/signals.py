@@ -2,7 +2,8 @@
 
 z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
 terms, yaw rate times rotor speeds and squared arms, rates 3, and where the velocity is asked for
-velocity 3, its square across z and what inflow takes from the rotors, 1). The spin terms are dH/dt
+velocity 3, its square across z and what inflow takes from the rotors, or the velocity along z
+that the IMU feels, 1). The spin terms are dH/dt
 and w x H of the rotors' spin H = sum s_i O_i n_i: six with tilted rotors, three where all axes are
 z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
