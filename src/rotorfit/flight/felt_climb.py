@@ -54,9 +54,11 @@ def _along_z(
     attitude = running_product(small_turns(between))
     a = rotated(attitude, f)
     a -= a.mean(axis=0)
-    v = signal.detrend(np.cumsum(a, axis=0) * step - 0.5 * a * step, axis=0)
-    lines = fft.dct(v, axis=0, norm="ortho")
+    v: Float[np.ndarray, "m 3"] = (np.cumsum(a, axis=0) - 0.5 * a) * step
+    v = np.asarray(signal.detrend(v, axis=0))
+    lines: Float[np.ndarray, "m 3"] = np.asarray(fft.dct(v, axis=0, norm="ortho"))
     lines[: int(2.0 * SLOWEST * count * step) + 1] = 0.0
-    along = rotated_back(attitude, fft.idct(lines, axis=0, norm="ortho"))[:, 2]
+    felt: Float[np.ndarray, "m 3"] = np.asarray(fft.idct(lines, axis=0, norm="ortho"))
+    along = rotated_back(attitude, felt)[:, 2]
     middle = (np.arange(count) + 0.5) * group - 0.5
     return np.interp(np.arange(len(force)), middle, along)

@@ -182,7 +182,7 @@ def _settled(
     """
     if wanted is not None:
         return *joint_fit(flown, terms=wanted, begin=flown.reached), tuple(wanted), ()
-    usual = [t for t in DEFAULT_TERMS if t != "climb_drag" or flown.velocity == "climb"]
+    usual: list[Term] = [t for t in DEFAULT_TERMS if t != "climb_drag" or flown.velocity == "climb"]
     for dropped in FEWER_TERMS:
         terms: tuple[Term, ...] = tuple(t for t in usual if t not in dropped)
         try:
