@@ -1,4 +1,4 @@
-"""The velocity along the thrust that accelerometer and gyro feel, against that of a known motion."""
+"""The velocity along the thrust that accelerometer and gyro feel, against a known motion."""
 
 from dataclasses import replace
 
@@ -13,6 +13,7 @@ from rotorfit.flight.felt_climb import felt_climb
 
 RATE, SECONDS = 200.0, 20.0
 TIME = np.arange(int(RATE * SECONDS)) / RATE
+UP = np.array([0.0, 0.0, 9.81])
 ALL = Segment(start=1, stop=len(TIME) - 1)
 
 
@@ -25,7 +26,7 @@ def swinging(seed, *, slowest=0.4):
     angles = rng.uniform(0.0, 0.2, 3) * np.sin(turn[1] * TIME[:, None] + phase[1])
     angles[:, 2] += rng.uniform(-0.5, 0.5) * TIME
     attitude = Rotation.from_euler("xyz", angles)
-    force = attitude.apply(np.gradient(velocity, TIME, axis=0) + [0.0, 0.0, 9.81], inverse=True)
+    force = attitude.apply(np.gradient(velocity, TIME, axis=0) + UP, inverse=True)
     rates = (attitude[:-2].inv() * attitude[2:]).as_rotvec() * RATE / 2.0
     rates = np.concatenate([rates[:1], rates, rates[-1:]])
     nothing = np.zeros((len(TIME), 4))
@@ -60,8 +61,8 @@ def test_faults_of_the_sensors_hardly_matter():
     data, true = swinging(3)
     worse = replace(
         data,
-        specific_force=data.specific_force + [0.2, -0.2, 0.2],
-        angular_velocity=data.angular_velocity + [0.01, -0.01, 0.01],
+        specific_force=data.specific_force + np.array([0.2, -0.2, 0.2]),
+        angular_velocity=data.angular_velocity + np.array([0.01, -0.01, 0.01]),
     )
     assert missed(felt_climb(worse), true) < 0.15
 
@@ -69,7 +70,7 @@ def test_faults_of_the_sensors_hardly_matter():
 def test_what_is_slow_is_left_out():
     data, true = swinging(4)
     drift = 0.5 * np.sin(2.0 * np.pi * 0.05 * TIME)
-    rise = data.specific_force + np.gradient(drift, TIME)[:, None] * [0.0, 0.0, 1.0]
+    rise = data.specific_force + np.gradient(drift, TIME)[:, None] * UP / 9.81
     assert missed(felt_climb(replace(data, specific_force=rise)), true) < 0.2
 
 
