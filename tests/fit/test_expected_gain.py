@@ -165,7 +165,7 @@ def test_a_torque_matters_from_a_thousandth_of_the_weight_at_the_end_of_an_arm(s
 )
 def test_drag_sideways_matters_from_four_deviations(drag, std, matters):
     body = made_fit.configuration(mass=MASS)
-    body = replace(body, model=regressor(made_fit.QUAD, velocity=True),
+    body = replace(body, model=regressor(made_fit.QUAD, velocity="known"),
                    factors=made_fit.blocks([(1.0, 2.0)], width=31))  # fmt: skip
     assert len(body.model.layout) == 31
     stds = {f"drag_{axis}@A": std for axis in "xyz"}

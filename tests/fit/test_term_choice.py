@@ -174,6 +174,25 @@ def test_rotors_that_a_turn_drags_do_not_bend_the_drag_torque(tmp_path):
     assert without.parameter("kd").value < 0.97 * true["kd"]
 
 
+FELT = ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "climb_drag")
+
+
+def test_drag_along_the_thrust_does_not_bend_kt_without_a_velocity(once, draggy, tmp_path):
+    found = identified(tmp_path, draggy, channels=IMU_AND_SPEED)
+    without = identified(tmp_path, draggy, channels=IMU_AND_SPEED, terms=FELT[:-1])
+    kt = once.parameter("kt").value  # of the velocity
+    assert found.settings["used"]["terms"] == list(FELT)
+    assert found.parameter("kt").value == pytest.approx(kt, rel=1e-3)
+    assert without.parameter("kt").value < 0.995 * kt
+    assert inside(found.parameter("kt"), draggy.truth.kt)
+
+
+def test_air_that_drives_a_climb_is_not_believed(tmp_path):
+    driven = flight_of((0.0, 0.0, -0.3), seed=5)
+    result = identified(tmp_path, driven, channels=IMU_AND_SPEED)
+    assert result.settings["used"]["terms"] == list(FELT[:-1])
+
+
 def test_drag_without_velocity_is_refused_with_what_to_log(draggy, tmp_path):
     with pytest.raises(ExperimentError, match=r"flight.csv has no velocity .* vel_x, vel_y, vel_z"):
         identified(tmp_path, draggy, terms=["drag"], channels=IMU_AND_SPEED)

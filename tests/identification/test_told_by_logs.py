@@ -90,10 +90,10 @@ def test_an_estimated_velocity_leaves_drag_open():
     data = dataclasses.replace(prepared.data, velocity=velocity)
     prepared = dataclasses.replace(prepared, data=data)
     given = numbers(drag_x=0.9, drag_y=0.9, Ixx=0.02)
-    flown = made(logged(format="ulog"), prepared=prepared, velocity=True)
+    flown = made(logged(format="ulog"), prepared=prepared, velocity="known")
     half = with_velocity_errors(given, flown).half_width
     assert half == pytest.approx([0.01 + 0.9 * 0.36 / 0.64, 0.01 + 0.9 * 9.0, 0.01], rel=1e-3)
-    table = made(logged(), prepared=prepared, velocity=True)
+    table = made(logged(), prepared=prepared, velocity="known")
     assert with_velocity_errors(given, table) is given
 
 

@@ -74,8 +74,8 @@ def test_drag_is_newton_eulers_where_the_velocity_is_known(seed, rotors, tilted,
     expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
     measured = at_imu(alpha, w, dw)
     flight = ne.flight_of(measured, w, dw, O, dO, velocity=v)
-    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)
-    A = regressor(vehicle, velocity=True)
+    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity="known")
+    A = regressor(vehicle, velocity="known")
     actual, size = residual_and_size(A, Z, ne.theta_of(body, 3e-6))
     assert_wrench(actual, expected, size)
 
@@ -96,9 +96,27 @@ def test_damping_inflow_and_lift_are_newton_eulers(seed, rotors, tilted, has_imu
     expected = ne.body_wrench(body, alpha, w, dw) - ne.air_wrench(body, vehicle, v, w, O)
     expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
     flight = ne.flight_of(at_imu(alpha, w, dw), w, dw, O, dO, velocity=v)
-    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)
-    A = regressor(vehicle, velocity=True)
+    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity="known")
+    A = regressor(vehicle, velocity="known")
     actual, size = residual_and_size(A, Z, ne.theta_of(body, 3e-6))
+    assert_wrench(actual, expected, size)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans(), has_imu=st.booleans())
+def test_felt_climb_is_held_back_along_z_alone(seed, rotors, tilted, has_imu):
+    rng = np.random.default_rng(seed)
+    vehicle, at_imu = drawn(rng, rotors, tilted=tilted, has_imu=has_imu)
+    body, d = ne.random_body(rng, rotors), rng.uniform(0.0, 1.0)
+    alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
+    climb = rng.normal(size=SAMPLES)
+    expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
+    expected[:, 2] += d * climb
+    flight = replace(ne.flight_of(at_imu(alpha, w, dw), w, dw, O, dO), climb=climb)
+    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity="climb")
+    A = regressor(vehicle, velocity="climb")
+    assert "drag_z" not in A.names and "climb_drag" not in regressor(vehicle).names
+    actual, size = residual_and_size(A, Z, {**ne.theta_of(body, 3e-6), "climb_drag": d})
     assert_wrench(actual, expected, size)
 
 
@@ -111,11 +129,13 @@ def test_a_turn_is_damped_without_a_velocity():
 def test_velocity_is_a_signal_only_where_it_is_asked_for():
     vehicle = ne.paper_vehicle()
     assert "vx" not in signal_layout(vehicle) and "drag_x" not in regressor(vehicle).names
-    with_it, without = signal_layout(vehicle, velocity=True), signal_layout(vehicle)
+    with_it, without = signal_layout(vehicle, velocity="known"), signal_layout(vehicle)
     assert len(with_it) == len(without) + 4 + 3  # velocity, its square, and inflow along z
     flight = ne.flight_of(*ne.random_motion(np.random.default_rng(2), SAMPLES, 4))
     with pytest.raises(FlightError, match="the velocity of the body is not known throughout"):
-        signal_matrix(flight, vehicle, 0, SAMPLES, velocity=True)
+        signal_matrix(flight, vehicle, 0, SAMPLES, velocity="known")
+    with pytest.raises(FlightError, match="was not made of accelerometer and gyro"):
+        signal_matrix(flight, vehicle, 0, SAMPLES, velocity="climb")
 
 
 @settings(max_examples=50, deadline=None)

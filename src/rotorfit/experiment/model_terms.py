@@ -16,6 +16,7 @@ Term = Literal[
     "accel_bias",
     "twist",
     "rotor_drag",
+    "climb_drag",
     "drag",
     "turn_damping",
     "inflow",
@@ -24,7 +25,7 @@ Term = Literal[
 ]  # in the order of the documentation
 TERMS: Final[tuple[Term, ...]] = get_args(Term)
 DEFAULT_TERMS: Final[tuple[Term, ...]] = (
-    *("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag"),
+    *("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "climb_drag"),
 )
 """Always in the model unless the user says otherwise: every real vehicle has them, and they cost
 next to nothing where it has not."""
@@ -40,6 +41,7 @@ TERM_WORDS: Final[dict[Term, str]] = {
     "accel_bias": "the bias of the accelerometer",
     "twist": "a yaw torque in proportion to thrust, of motors tilted about their arms",
     "rotor_drag": "a yaw torque of rotors that move sideways through the air in a turn",
+    "climb_drag": "a force against the velocity along z that accelerometer and gyro feel",
     "drag": "air drag of the frame, in proportion to its velocity",
     "turn_damping": "damping of roll and pitch, in proportion to their rates",
     "inflow": "thrust that falls as the rotors climb",

@@ -26,7 +26,7 @@ from rotorfit.fit.frequency_bands import EDGES, STRETCH
 from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming
 from rotorfit.fit.weight_balance import Turning, turning
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
-from rotorfit.flight.data import FlightData
+from rotorfit.flight.data import FlightData, Velocity
 from rotorfit.flight.joined_poses import with_poses
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.mocap import prepare_mocap
@@ -100,7 +100,7 @@ class Flown:
     source
         What measured the motion.
     velocity
-        Whether the body's velocity is among the signals.
+        What of the body's velocity is among the signals.
     body
         Lines of the signals that the rotors have no part in, of each flight of each configuration:
         made once (`reduced`), they serve every timing of the motors.
@@ -112,7 +112,7 @@ class Flown:
     configurations: tuple[Configured, ...]
     motor_timing: MotorTiming | None = None
     source: Source = "imu"
-    velocity: bool = False
+    velocity: Velocity = "none"
     body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
 
     @property
@@ -370,7 +370,7 @@ def flight_bands(
     vehicle: Vehicle,
     response: MotorResponse | None,
     *,
-    velocity: bool = False,
+    velocity: Velocity = "none",
     free: FreeTiming | None = None,
     body: Sequence[tuple[Lines, ...]] | None = None,
 ) -> Factors:
@@ -385,7 +385,7 @@ def flight_bands(
     response
         Lag and delay of the motors; None leaves each flight as it was prepared.
     velocity
-        Whether the body's velocity is among the signals.
+        What of the body's velocity is among the signals.
     free
         What a fit may move of the timing, for the signals' slopes by it.
     body
@@ -422,7 +422,7 @@ def prepared_bands(
     vehicle: Vehicle,
     response: MotorResponse | None,
     *,
-    velocity: bool = False,
+    velocity: Velocity = "none",
     free: FreeTiming | None = None,
     body: tuple[Lines, ...] | None = None,
 ) -> Factors:

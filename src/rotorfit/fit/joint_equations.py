@@ -56,6 +56,9 @@ TWIST_STD = np.radians(2.0)
 ROTOR_DRAG_STD = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
+CLIMB_DRAG_STD = 1.0
+"""Known of what the air does against a climb before the flight, over mass and velocity [1/s]: drag
+of the frame and thrust that the rotors lose."""
 DRAG_STD = 0.3
 """Known of the torque of drag before the flight: that of drag of this size over mass and velocity
 [1/s] at the end of an arm."""
@@ -270,6 +273,7 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
     for configuration in configurations:
         at, arm = f"@{configuration.name}", configuration.vehicle.arm
         prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
+        prior[f"climb_drag{at}"] = CLIMB_DRAG_STD * configuration.mass
         prior[f"twist{at}"] = TWIST_STD * arm
         offset = OFFSET_STD * configuration.mass * GRAVITY * arm
         prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
@@ -369,6 +373,8 @@ def _own_terms(
         free |= {f"accel_bias_{axis}{at}": {(c, f"F{axis}_0"): mass} for axis in "xyz"}
     if "twist" in terms:
         free[f"twist{at}"] = {}
+    if "climb_drag" in terms and "climb" in configuration.model.layout:
+        free[f"climb_drag{at}"] = {(c, "climb_drag"): 1.0}
     if "drag" in terms:
         free |= {f"{name}{at}": {(c, name): 1.0} for name in (*DRAG, *DRAG_MOMENTS)}
     if "turn_damping" in terms:

@@ -7,6 +7,7 @@ from the slope of the likelihood at the fit without (Rao's score test).
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +38,8 @@ that spoils anything gains over 100."""
 SURE = 4.0
 """Deviations by which drag to a side must be more than none: a height controller that answers gusts
 looks like drag along z."""
+LIKELY = 2.0
+"""Deviations by which drag along the thrust may be less than none by chance."""
 LEAST_SHARE = 1e-3
 """Of the weight, that a term must make, at 1 m/s or at the end of an arm: flights without noise
 show what is of no account."""
@@ -134,6 +137,10 @@ def chosen(
     """
     if terms is not None:
         return Choice(terms=tuple(terms)), fit
+    if _pushes(fit, joint):
+        with suppress(UnsettledError):
+            without: tuple[Term, ...] = tuple(t for t in present if t != "climb_drag")
+            present, fit = without, refit(without, fit)
     gains: dict[Term, float] = {}
     least = LEAST_GAIN * len(joint)
     known = "vx" in joint[0].model.layout
@@ -155,6 +162,15 @@ def chosen(
         if gains[name] >= least and _matters(name, trial, joint):
             present, fit = wider, trial
     return Choice(terms=present, gains=gains, least_gain=least), fit
+
+
+def _pushes(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
+    """Return whether what should brake a climb surely drives it: then it is not the air."""
+    names = [f"climb_drag@{c.name}" for c in joint]
+    if not set(names) <= set(fit.estimate.names):
+        return False
+    at = [fit.estimate.names.index(name) for name in names]
+    return bool((fit.estimate.values[at] < -LIKELY * fit.estimate.std[at]).all())
 
 
 def _matters(name: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.turns import rotated, running_product, small_turns
 from rotorfit.model.reduce import split_segment
 
 LONGEST_WINDOW = 10.0
@@ -83,7 +84,7 @@ def turning(data: FlightData) -> Turning:
     group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
     windows = tuple(_windows(data))
     rates = [_grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
-    attitude = [_running_product(_turns(w * group / data.sample_rate)) for w in rates]
+    attitude = [running_product(small_turns(w * group / data.sample_rate)) for w in rates]
     return Turning(
         windows=windows, attitude=tuple(attitude), group=group, sample_rate=data.sample_rate
     )
@@ -163,46 +164,13 @@ def _windows(data: FlightData) -> list[Segment]:
 
 def _mean_length(force: Float[np.ndarray, "m 3"], attitude: Float[np.ndarray, "m 4"]) -> float:
     """Return the length of the mean force in axes that do not turn with the body."""
-    return float(np.linalg.norm(_rotated(attitude, force).mean(axis=0)))
+    return float(np.linalg.norm(rotated(attitude, force).mean(axis=0)))
 
 
 def _grouped(values: Float[np.ndarray, "n 3"], group: int) -> Float[np.ndarray, "m 3"]:
     """Return means over groups of samples."""
     whole = len(values) // group * group
     return values[:whole].reshape(-1, group, 3).mean(axis=1)
-
-
-def _turns(angles: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 4"]:
-    """Return the quaternions (scalar first) of small rotation vectors [rad]."""
-    half = 0.5 * np.linalg.norm(angles, axis=1)
-    return np.column_stack([np.cos(half), 0.5 * angles * np.sinc(half / np.pi)[:, None]])
-
-
-def _running_product(q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
-    """Return q_1, q_1 q_2, q_1 q_2 q_3, ... in as many steps as the length has digits."""
-    step = 1
-    while step < len(q):
-        q = np.concatenate([q[:step], _product(q[:-step], q[step:])])
-        step *= 2
-    return q
-
-
-def _product(p: Float[np.ndarray, "m 4"], q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
-    scalar = p[:, 0] * q[:, 0] - np.einsum("mi,mi->m", p[:, 1:], q[:, 1:])
-    vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + _cross(p[:, 1:], q[:, 1:])
-    return np.column_stack([scalar, vector])
-
-
-def _cross(a: Float[np.ndarray, "m 3"], b: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
-    """Return a x b; NumPy's own takes four times as long."""
-    (x, y, z), (u, v, w) = a.T, b.T
-    return np.column_stack([y * w - z * v, z * u - x * w, x * v - y * u])
-
-
-def _rotated(q: Float[np.ndarray, "m 4"], v: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
-    """Return vectors of the body in the axes that q turns it from."""
-    across = _cross(q[:, 1:], v)
-    return v + 2.0 * (q[:, :1] * across + _cross(q[:, 1:], across))
 
 
 def held_together(parts: Iterable[Held | None]) -> Held | None:

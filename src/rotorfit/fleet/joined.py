@@ -157,7 +157,8 @@ def _asked(vehicle: _Vehicle, fitted: FittedFactors, phi: Float[np.ndarray, " f"
     names = problem.map.names
     known = dict(zip(vehicle.names, phi.tolist(), strict=True))
     at = np.array([known.get(n, fitted.values.get(n, 0.0)) for n in names])
-    own = problem.places
+    # Its times, and what only its signals have: drag over a velocity that others log.
+    own = [i for i, name in enumerate(names) if name not in known]
     shared = [i for i in range(len(names)) if i not in own]
     for _ in range(OWN_STEPS if own else 0):
         asked = corrected_equations(problem, evaluated(problem, at))

@@ -9,6 +9,8 @@ from jaxtyping import Float, Int
 from rotorfit.flight.log import LagOn
 
 Differentiation = Literal["exact", "central"]
+Velocity = Literal["none", "climb", "known"]
+"""Of the body, among the signals: none, along z as the IMU feels it, or all as the log has it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +62,9 @@ class FlightData:
         Standard deviation of one recorded rotor speed, from its resolution [rad/s].
     velocity
         Of the body relative to the ground, body axes [m/s], where the log has it.
+    climb
+        Velocity along the body's z axis as accelerometer and gyro feel it, without what is slow
+        (`felt_climb`) [m/s]; where nothing else tells a velocity.
     lag_on
         What of a motor follows its command with a lag.
     reference
@@ -78,6 +83,7 @@ class FlightData:
     segments: tuple[Segment, ...]
     rotor_speed_std: float = 0.0
     velocity: Float[np.ndarray, "n 3"] | None = None
+    climb: Float[np.ndarray, " n"] | None = None
     lag_on: LagOn = "speed"
     reference: Float[np.ndarray, "n 3"] | None = None
 

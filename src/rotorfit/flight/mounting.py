@@ -15,6 +15,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from rotorfit.flight.data import FlightData
+from rotorfit.flight.felt_climb import felt_climb
 from rotorfit.flight.prepare import PreparedFlight
 
 LEAST_LEAN: Final = float(np.radians(5.0))
@@ -92,4 +93,4 @@ def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
         angular_acceleration=data.angular_acceleration @ R.T,
         velocity=None if data.velocity is None else data.velocity @ R.T,
     )
-    return dataclasses.replace(prepared, data=turned)
+    return dataclasses.replace(prepared, data=dataclasses.replace(turned, climb=felt_climb(turned)))

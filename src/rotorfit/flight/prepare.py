@@ -32,6 +32,7 @@ from rotorfit.flight.checks import (
 )
 from rotorfit.flight.clocks import JITTER_STEPS, UniformChannels, uniform_channels, usable_samples
 from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.felt_climb import felt_climb
 from rotorfit.flight.ground_contact import ON_THE_GROUND, aloft, ground_contact, ground_said
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.motor_columns import MotorModel, following_rotors, with_motors
@@ -218,6 +219,7 @@ def prepared_from(
         segments=_inner_segments(flights, uniform),
         rotor_speed_std=_rotor_speed_std(recorded.speed_step, motors, speed, flights),
     )
+    data = dataclasses.replace(data, climb=felt_climb(data))
     return PreparedFlight(
         data=data,
         phases=phases_of(data),

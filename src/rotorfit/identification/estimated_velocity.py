@@ -26,7 +26,7 @@ LARGEST: Final = 0.9
 def velocity_estimated(flown: Flown) -> bool:
     """Return whether a velocity in the model is an autopilot's estimate."""
     flights = [flight for c in flown.configurations for flight in c.flights]
-    return flown.velocity and any(flight.log.format in ESTIMATES for flight in flights)
+    return flown.velocity == "known" and any(flight.log.format in ESTIMATES for flight in flights)
 
 
 def with_velocity_errors(numbers: Numbers, flown: Flown) -> Numbers:

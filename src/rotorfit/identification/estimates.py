@@ -42,6 +42,7 @@ FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
     ("rotor_drag", "twist"),
     ("rotor_drag", "twist", "rotor_inertia"),
     ("rotor_drag", "twist", "rotor_inertia", "rotor_spread"),
+    ("rotor_drag", "twist", "rotor_inertia", "rotor_spread", "climb_drag"),
 )
 """What is left out of the model, in this order, where a fit does not settle: what flights tell
 least first."""
@@ -181,8 +182,9 @@ def _settled(
     """
     if wanted is not None:
         return *joint_fit(flown, terms=wanted, begin=flown.reached), tuple(wanted), ()
+    usual: list[Term] = [t for t in DEFAULT_TERMS if t != "climb_drag" or flown.velocity == "climb"]
     for dropped in FEWER_TERMS:
-        terms: tuple[Term, ...] = tuple(t for t in DEFAULT_TERMS if t not in dropped)
+        terms: tuple[Term, ...] = tuple(t for t in usual if t not in dropped)
         try:
             fit, joint = joint_fit(flown, terms=terms, begin=flown.reached)
         except UnsettledError:

@@ -26,6 +26,7 @@ from rotorfit.doubts.what_numbers_hang_on import what_numbers_hang_on
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
 from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of, with_imu_tilt
 from rotorfit.experiment.experiment import Experiment, MotorsEntry
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.flights import (
     Configured,
     Flown,
@@ -35,6 +36,7 @@ from rotorfit.fit.flights import (
 )
 from rotorfit.fit.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.term_choice import velocity_wanted
+from rotorfit.flight.data import Velocity
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
 from rotorfit.identification.mounting import found_tilt
 from rotorfit.identification.told_by_logs import agreed_motors, told_by_logs
@@ -200,9 +202,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
     every = [flight for configured in configurations for flight in configured.flights]
     _refuse_copies(every)
     _refuse_mixed_commands(every)
-    velocity = resolved_method(experiment) == "banded" and velocity_wanted(
-        experiment.identification.terms, configurations
-    )
+    velocity = _velocity(experiment, configurations)
     return Flown(
         vehicle=vehicle,
         model=regressor(vehicle, velocity=velocity),
@@ -211,6 +211,17 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         source=source,
         velocity=velocity,
     ).reduced()
+
+
+def _velocity(experiment: Experiment, configurations: list[Configured]) -> Velocity:
+    """Return what of the velocity the model needs."""
+    terms = experiment.identification.terms
+    if resolved_method(experiment) != "banded":
+        return "none"
+    if velocity_wanted(terms, configurations):
+        return "known"
+    felt = experiment.identification.source == "imu"
+    return "climb" if felt and "climb_drag" in (terms or DEFAULT_TERMS) else "none"
 
 
 def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) -> list[UsedFlight]:

@@ -15,7 +15,7 @@ from rotorfit.estimation.factors import (
     time_block_factors,
     triangular_factors,
 )
-from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.data import FlightData, Segment, Velocity
 from rotorfit.flight.signals import fading_rows
 from rotorfit.model.signals import (
     SignalLayout,
@@ -116,7 +116,7 @@ def filtered_signals(
     segment: Segment,
     lowpass: LowPass,
     *,
-    velocity: bool = False,
+    velocity: Velocity = "none",
 ) -> Float[np.ndarray, "n z"]:
     """Return the low-passed signals of every sample of a segment, for looking at a flight."""
     every = replace(lowpass, samples_per_period=None)
@@ -130,7 +130,7 @@ def _filtered_chunks(
     segment: Segment,
     plan: tuple[LowPass | None, int],
     *,
-    velocity: bool = False,
+    velocity: Velocity = "none",
 ) -> Iterator[Float[np.ndarray, "n z"]]:
     """Yield the filtered, decimated signals of a segment in whole blocks of bounded size."""
     lowpass, block = plan
@@ -183,11 +183,11 @@ def band_factors(
     vehicle: Vehicle,
     *,
     plan: BandPlan,
-    velocity: bool = False,
+    velocity: Velocity = "none",
     moved: Sequence[tuple[FlightData, FlightData, float]] = (),
     body: Sequence[Lines] | None = None,
 ) -> Factors:
-    """Return one factor per stretch of flight and frequency band, of the velocity too if asked for.
+    """Return one factor per stretch of flight and frequency band.
 
     Each stretch is tapered (Tukey), transformed and scaled to unit window energy; a band stacks
     real and imaginary parts. Every step is linear and equal for all signals: the equations
@@ -200,7 +200,7 @@ def band_factors(
     plan
         How it is cut.
     velocity
-        Whether the velocity is among the signals.
+        What of the velocity is among the signals.
     moved
         The flight with the rotors a step later and earlier, and how far that is apart; one for each
         slope.
@@ -215,12 +215,13 @@ def band_factors(
     layout = signal_layout(vehicle, velocity=velocity)
     made, kept = rotor_columns(layout, inflow=True), body_columns(layout)
     known = body_lines(flight, plan=plan, velocity=velocity) if body is None else body
+    inflow = velocity == "known"
     parts: list[Factors] = []
     for stretch, own in zip(_stretches(flight, plan), known, strict=True):
         bands = _bands(stretch, flight.sample_rate, plan)
         if not bands:
             continue
-        rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, inflow=velocity)
+        rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, inflow=inflow)
         slopes = _slopes(moved, vehicle, stretch)
         fresh = _lines(np.concatenate([rotors, *slopes], axis=1), bands, plan)
         lines = np.empty((len(own), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
@@ -233,7 +234,9 @@ def band_factors(
     return _stacked(parts)
 
 
-def body_lines(flight: FlightData, *, plan: BandPlan, velocity: bool = False) -> tuple[Lines, ...]:
+def body_lines(
+    flight: FlightData, *, plan: BandPlan, velocity: Velocity = "none"
+) -> tuple[Lines, ...]:
     """Return the lines of the signals that the rotors have no part in, stretch by stretch.
 
     They stay where lag and delay of the motors are tried: of a log at 1 kHz the lines that are used
@@ -319,7 +322,7 @@ def rotor_noise(
     stretch: Segment,
     band: Float[np.ndarray, "b 2"],
     *,
-    velocity: bool = False,
+    velocity: Velocity = "none",
 ) -> Float[np.ndarray, "b z"] | None:
     """Return what white noise of the rotor speeds adds to each signal, per row of a band.
 

@@ -22,6 +22,7 @@ the velocity v of the origin is known, the drag of the frame, -d_x v_x, -d_y v_y
 (Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018), wherever it
 acts: at a point r it has the torque :math:`Q v` too, and of the point's own velocity the force
 :math:`Q^T \omega`, with six coefficients :math:`Q_{xy} = r_z d_y, Q_{xz} = -r_y d_z` and so on.
+Where it is not known, -d_z v_z over the velocity along z that the IMU feels (`felt_climb`).
 Linear damping of a turn about x and y; the thrust :math:`-k_u O_i u_i n_i` that a rotor loses where
 it moves by u_i along its own axis (the inflow ratio of blade elements, Leishman, Principles of
 Helicopter Aerodynamics, 2006, 3.2), and the thrust :math:`k_h (v_x^2 + v_y^2)` that all together
@@ -37,6 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.flight.data import Velocity
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.model.signals import SignalLayout, signal_layout
 from rotorfit.model.vehicle import Vehicle
@@ -77,7 +79,7 @@ class Regressor:
 
 
 def regressor(
-    vehicle: Vehicle, *, effects: Sequence[str] | None = None, velocity: bool = False
+    vehicle: Vehicle, *, effects: Sequence[str] | None = None, velocity: Velocity = "none"
 ) -> Regressor:
     """Return the constant tensor of a vehicle.
 
@@ -89,7 +91,7 @@ def regressor(
     effects
         Names of `EFFECTS`; by default all.
     velocity
-        Whether the velocity is among the signals; without it there is no drag of the frame.
+        What of the velocity is among the signals; without it there is no drag of the frame.
     """
     layout = signal_layout(vehicle, velocity=velocity)
     blocks: dict[str, Block] = {}
@@ -228,6 +230,12 @@ def frame_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     return blocks
 
 
+def climb_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Force -d v_z over the velocity along z that the IMU feels: drag and inflow look the same."""
+    del vehicle
+    return {"climb_drag": _block(layout, {(FZ, "climb"): 1.0})} if "climb" in layout else {}
+
+
 def turn_damping(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Torque -c_x w_x, -c_y w_y of the air on a body that turns; that about z is `rotor_drag`'s."""
     del vehicle
@@ -277,6 +285,7 @@ EFFECTS: dict[str, Callable[[Vehicle, SignalLayout], dict[str, Block]]] = {
     "twist": twist,
     "rotor_drag": rotor_drag,
     "drag": frame_drag,
+    "climb_drag": climb_drag,
     "turn_damping": turn_damping,
     "inflow": inflow,
     "translational_lift": translational_lift,

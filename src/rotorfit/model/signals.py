@@ -2,19 +2,21 @@
 
 z = (specific force 3, angular acceleration 3, rate products 6, rotor speeds squared N, rotor spin
 terms, yaw rate times rotor speeds and squared arms, rates 3, and where the velocity is asked for
-velocity 3, its square across z and what inflow takes from the rotors, 1). The spin terms are dH/dt
+velocity 3, its square across z and what inflow takes from the rotors, or the velocity along z
+that the IMU feels, 1). The spin terms are dH/dt
 and w x H of the rotors' spin H = sum s_i O_i n_i: six with tilted rotors, three where all axes are
 z (dH_z/dt, w_y H_z, -w_x H_z; the others vanish).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.data import FlightData
+from rotorfit.flight.data import FlightData, Velocity
 from rotorfit.model.vehicle import Vehicle
 
 BODY_SIGNALS = (
@@ -25,6 +27,8 @@ BODY_SIGNALS = (
 SPIN_SIGNALS = ("dHx", "dHy", "dHz", "wxH_x", "wxH_y", "wxH_z")
 ALIGNED_SPIN_SIGNALS = ("dHz", "wxH_x", "wxH_y")
 RATE_SIGNALS = ("wx", "wy", "wz")
+BODY_WIDTH: Final[Mapping[Velocity, int]] = {"none": 16, "climb": 17, "known": 20}
+"""Signals that the rotors have no part in."""
 VELOCITY_SIGNALS = ("vx", "vy", "vz", "vxy2")
 INFLOW_SIGNALS = ("Ou_Fx", "Ou_Fy", "Ou_Fz", "Ou_Mx", "Ou_My", "Ou_Mz")
 ALIGNED_INFLOW_SIGNALS = ("Ou_Fz", "Ou_Mx", "Ou_My")
@@ -61,18 +65,23 @@ def body_columns(layout: SignalLayout) -> list[int]:
     return [i for i in range(len(layout)) if i not in made]
 
 
-def signal_layout(vehicle: Vehicle, *, velocity: bool = False) -> SignalLayout:
+def signal_layout(vehicle: Vehicle, *, velocity: Velocity = "none") -> SignalLayout:
     """Return the signals that the equations of this vehicle need, its velocity if asked for."""
     aligned = bool(np.all(vehicle.axes == [0.0, 0.0, 1.0]))
     squares = tuple(f"O2_{i + 1}" for i in range(len(vehicle.rotors)))
     spin = ALIGNED_SPIN_SIGNALS if aligned else SPIN_SIGNALS
     inflow = ALIGNED_INFLOW_SIGNALS if aligned else INFLOW_SIGNALS
-    air = (*VELOCITY_SIGNALS, *inflow) if velocity else ()
+    known: dict[Velocity, tuple[str, ...]] = {
+        "none": (),
+        "climb": ("climb",),
+        "known": (*VELOCITY_SIGNALS, *inflow),
+    }
+    air = known[velocity]
     return SignalLayout((*BODY_SIGNALS, *squares, *spin, "wzO", *RATE_SIGNALS, *air, "one"))
 
 
 def signal_matrix(
-    flight: FlightData, vehicle: Vehicle, start: int, stop: int, *, velocity: bool = False
+    flight: FlightData, vehicle: Vehicle, start: int, stop: int, *, velocity: Velocity = "none"
 ) -> Float[np.ndarray, "n z"]:
     """Return the signals of rows `start` to `stop` (exclusive) of a flight.
 
@@ -100,25 +109,27 @@ def signal_matrix(
     layout = signal_layout(vehicle, velocity=velocity)
     Z = np.empty((stop - start, len(layout)), order="F")  # written and multiplied by columns
     Z[:, body_columns(layout)] = body_signals(flight, start, stop, velocity=velocity)
-    rotors = rotor_signals(flight, vehicle, start, stop, inflow=velocity)
+    rotors = rotor_signals(flight, vehicle, start, stop, inflow=velocity == "known")
     Z[:, rotor_columns(layout, inflow=True)] = rotors
     return Z
 
 
 def body_signals(
-    flight: FlightData, start: int, stop: int, *, velocity: bool = False
+    flight: FlightData, start: int, stop: int, *, velocity: Velocity = "none"
 ) -> Float[np.ndarray, "n b"]:
     """Return those columns of `signal_matrix` that the rotors have no part in (`body_columns`)."""
     rows, exact = _with_margin(flight, start, stop)
     w = flight.angular_velocity[rows]
-    Z = np.empty((len(w), 20 if velocity else 16), order="F")
+    Z = np.empty((len(w), BODY_WIDTH[velocity]), order="F")
     Z[:, 0:3] = flight.specific_force[rows]
     Z[:, 3:6] = flight.angular_acceleration[rows]
     np.multiply(w, w, out=Z[:, 6:9])
     for column, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)), start=9):
         np.multiply(w[:, i], w[:, j], out=Z[:, column])
     Z[:, 12:15] = w
-    if velocity:
+    if velocity == "climb":
+        Z[:, 15] = _felt_climb(flight, rows)
+    if velocity == "known":
         v = _known_velocity(flight, rows)
         Z[:, 15:18] = v
         Z[:, 18] = (v[:, :2] ** 2).sum(axis=1)
@@ -131,7 +142,7 @@ def rotor_signals(
 ) -> Float[np.ndarray, "n r"]:
     """Return those columns of `signal_matrix` that rotors' speeds stand in (`rotor_columns`)."""
     rows, exact = _with_margin(flight, start, stop)
-    layout = signal_layout(vehicle, velocity=inflow)
+    layout = signal_layout(vehicle, velocity="known" if inflow else "none")
     columns = rotor_columns(layout, inflow=inflow)
     w, O = flight.angular_velocity[rows], flight.rotor_speed[rows]
     parts = [O * O, _spin(layout, vehicle, (w, O, flight.rotor_acceleration[rows]))]
@@ -176,6 +187,12 @@ def _averaged(wide: Float[np.ndarray, "w z"], exempt: Sequence[bool]) -> Float[n
     kept = np.flatnonzero(exempt)
     Z[:, kept] = wide[1:-1][:, kept]
     return Z
+
+
+def _felt_climb(flight: FlightData, rows: slice) -> Float[np.ndarray, " n"]:
+    if flight.climb is None:
+        raise FlightError("the velocity along z was not made of accelerometer and gyro")
+    return flight.climb[rows]
 
 
 def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:

@@ -76,6 +76,8 @@ def joint_tables(
             "log_likelihood": fit.log_likelihood,
             "iterations": float(fit.iterations),
             **{f"excitation_{key}": value for key, value in numbers.excitation.items()},
+            # Over a velocity that is felt, not known: told, but no finding with an interval.
+            **{k: v for k, v in fit.estimate.by_name.items() if k.startswith("climb_drag@")},
         },
     )
 

@@ -18,6 +18,7 @@ from rotorfit.experiment.experiment import (
 )
 from rotorfit.fit.flights import UsedFlight, load_flight, retimed, velocity_known
 from rotorfit.fit.motor_timing import LAG_PRIOR
+from rotorfit.flight.data import Velocity
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.parameters import AIR, FIRST_MOMENTS, INERTIA, TURN_DAMPING
@@ -199,7 +200,8 @@ def compare_wrenches(
     known = _known(result, owner)
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    velocity = bool((set(AIR) - set(TURN_DAMPING)) & set(known)) and velocity_known([used])
+    asked = bool((set(AIR) - set(TURN_DAMPING)) & set(known))
+    velocity: Velocity = "known" if asked and velocity_known([used]) else "none"
     model = regressor(vehicle, velocity=velocity)
     data = retimed(used.prepared, found_response(result))
     lowpass = LowPass(cutoff=cutoff)

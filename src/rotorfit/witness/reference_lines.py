@@ -10,7 +10,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.solved import solved
 from rotorfit.fit.flights import Configured, Flown, banded_data
 from rotorfit.fit.joint_equations import ANSWERED, NOISY, JointConfiguration
-from rotorfit.flight.data import FlightData
+from rotorfit.flight.data import FlightData, Velocity
 from rotorfit.model.reduce import banded_lines
 from rotorfit.model.signals import signal_matrix
 
@@ -96,7 +96,7 @@ def _columns(
     G: Float[np.ndarray, "3 z"],
     rows: tuple[int, int],
     *,
-    velocity: bool,
+    velocity: Velocity,
 ) -> Float[np.ndarray, "n 9"]:
     """Return what was asked for, made and missed in some rows; where nothing was asked, nothing."""
     Z = signal_matrix(data, c.vehicle, *rows, velocity=velocity)
