@@ -185,16 +185,27 @@ class Flown:
         return dataclasses.replace(self, body=body)
 
     def bands(
-        self, response: MotorResponse | None = None, *, free: FreeTiming | None = None
+        self,
+        response: MotorResponse | None = None,
+        *,
+        free: FreeTiming | None = None,
+        top: float = np.inf,
     ) -> tuple[Factors, ...]:
         """Return the band factors of each configuration, at another timing of the motors.
 
-        With `free`, their slopes by the times that a fit may move.
+        With `free`, their slopes by the times that a fit may move; only of the bands that begin
+        under `top` [Hz].
         """
         body = self.body or [None] * len(self.configurations)
         return tuple(
             flight_bands(
-                c.flights, self.vehicle, response, velocity=self.velocity, free=free, body=own
+                c.flights,
+                self.vehicle,
+                response,
+                velocity=self.velocity,
+                free=free,
+                body=own,
+                top=top,
             )
             for c, own in zip(self.configurations, body, strict=True)
         )
@@ -379,6 +390,7 @@ def flight_bands(
     velocity: bool = False,
     free: FreeTiming | None = None,
     body: Sequence[tuple[Lines, ...]] | None = None,
+    top: float = np.inf,
 ) -> Factors:
     """Return the band factors of all flights, calm and lively phases apart.
 
@@ -396,11 +408,19 @@ def flight_bands(
         What a fit may move of the timing, for the signals' slopes by it.
     body
         Lines of the body's signals (`Flown.reduced`), of each flight.
+    top
+        Only bands that begin under this edge are made [Hz].
     """
     return stack_recordings(
         [
             prepared_bands(
-                flight.prepared, vehicle, response, velocity=velocity, free=free, body=own
+                flight.prepared,
+                vehicle,
+                response,
+                velocity=velocity,
+                free=free,
+                body=own,
+                top=top,
             )
             for flight, own in zip(flights, body or [None] * len(flights), strict=True)
         ]
@@ -431,11 +451,14 @@ def prepared_bands(
     velocity: bool = False,
     free: FreeTiming | None = None,
     body: tuple[Lines, ...] | None = None,
+    top: float = np.inf,
 ) -> Factors:
     """Return the band factors of one flight, see `flight_bands`."""
     moved = [] if free is None else _moved(prepared, free)
     data, plan = banded_data(prepared, response)
-    return band_factors(data, vehicle, plan=plan, velocity=velocity, moved=moved, body=body)
+    return band_factors(
+        data, vehicle, plan=plan, velocity=velocity, moved=moved, body=body, top=top
+    )
 
 
 def banded_data(

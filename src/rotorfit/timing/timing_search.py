@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.frequency_bands import slow_bands
+from rotorfit.fit.frequency_bands import PILOT_BAND, slow_bands
 from rotorfit.fit.row_fits import angular_log_likelihood, flown_turns, turn_ratios
 from rotorfit.flight.motors import MotorResponse
 
@@ -103,7 +103,9 @@ def _cost(flown: Flown, response: MotorResponse) -> float:
     """Return minus the log-likelihood of the angular accelerations in the pilot's band."""
     return -sum(
         angular_log_likelihood(f, flown.model, mass=configured.mass, counted=slow_bands(f))
-        for f, configured in zip(flown.bands(response), flown.configurations, strict=True)
+        for f, configured in zip(
+            flown.bands(response, top=PILOT_BAND[1]), flown.configurations, strict=True
+        )
     )
 
 
