@@ -25,7 +25,7 @@ from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.read_options import read_options_of, recording_options_of
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
-from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming
+from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming, TimedBands
 from rotorfit.fit.weight_balance import Turning, turning
 from rotorfit.flight.align import with_poses
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
@@ -166,7 +166,19 @@ class Flown:
         found = self.motor_timing
         if found is None or not found.free:
             return None
-        return FreeTiming(at=found.response, names=found.free, lag_prior=self.lag_prior)
+        bands = self._timed_already
+        at = found.response if bands is None else bands.at
+        return FreeTiming(at=at, names=found.free, lag_prior=self.lag_prior)
+
+    @property
+    def _timed_already(self) -> TimedBands | None:
+        """The bands that the timing was found with, where they are of these flights."""
+        bands = None if self.motor_timing is None else self.motor_timing.bands
+        return bands if bands is not None and bands.serve(self._made_of) else None
+
+    @property
+    def _made_of(self) -> tuple[object, ...]:
+        return self.vehicle, self.configurations, self.velocity
 
     def at(self, response: MotorResponse, free: tuple[str, ...] = ()) -> "Flown":
         """Return the same with the motors timed so, and what a fit may move of it."""
@@ -213,7 +225,14 @@ class Flown:
     @cached_property
     def timed_bands(self) -> tuple[Factors, ...]:
         """The same at the timing that was found, with what a fit may move of it."""
-        return self.bands(self.timing, free=self.free_timing)
+        bands = self._timed_already
+        return self.bands(self.timing, free=self.free_timing) if bands is None else bands.factors
+
+    def found_with(self) -> TimedBands:
+        """Return the timed bands for other fits of the same flights."""
+        free = self.free_timing
+        assert free is not None
+        return TimedBands(at=free.at, made_of=self._made_of, factors=self.timed_bands)
 
     def yaw_bands(self) -> tuple[Factors, ...]:
         """Return the band factors of yaw alone at that timing, every rotor for itself."""

@@ -115,7 +115,7 @@ def _fitted(
     late = response.mean_lag > LEAST_LAG and total > 0.0
     if "motor_lag" in names and (pull > UNTOLD_PULL or not late):
         return _untold(flown, delay_free="motor_delay" in names)
-    return _with_deviations(flown, free, fit)
+    return _with_deviations(timed, free, fit)
 
 
 def _settled(
@@ -195,6 +195,7 @@ def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> Mot
         total_std=_norm(total, SUM_FAULT, hold),
         free=free.names,
         reached=free.others(fit.estimate.by_name),
+        bands=flown.found_with(),
     )
 
 
