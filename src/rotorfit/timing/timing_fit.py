@@ -25,7 +25,7 @@ from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.timing.timing_search import coarse_timing, pull_of_gusts
+from rotorfit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
 
 MOST_ROUNDS: Final = 10
 """Of fitting, and of making the signals anew where the fit has moved to."""
@@ -98,7 +98,7 @@ def timed_again(flown: Flown, terms: Sequence[Term]) -> Flown:
 def _fitted(
     flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
-    timed, fit = _settled(flown.at(start, names), terms)
+    timed, fit = _settled(*_begun(flown, start, names, terms), terms)
     # Low-passed beside motion capture, motor data rise and fall alike.
     at = timed.timing
     lagging = "motor_lag" in names and at is not None and at.mean_lag > LEAST_LAG
@@ -118,14 +118,28 @@ def _fitted(
     return _with_deviations(timed, free, fit)
 
 
+def _begun(
+    flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+) -> tuple[Flown, BandedEstimate]:
+    """Return the first fit; of many flights, near where the liveliest few of them settle."""
+    few, guess = liveliest(flown), None
+    if few is not flown:
+        with suppress(EstimationError):
+            timed, fit = _settled(*_begun(few, start, names, terms), terms)
+            free = timed.free_timing
+            assert free is not None
+            start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
+    flown = flown.at(start, names)
+    return flown, joint_fit(flown, terms=terms, guess=guess)[0]
+
+
 def _settled(
-    flown: Flown, terms: tuple[Term, ...], fit: BandedEstimate | None = None
+    flown: Flown, fit: BandedEstimate, terms: tuple[Term, ...]
 ) -> tuple[Flown, BandedEstimate]:
     """Return the fit whose signals are made where it ends, and the flights at that timing.
 
-    `fit` is the one at the timing that the flights have, where it is there already.
+    `fit` is the one at the timing that the flights have.
     """
-    fit = fit or joint_fit(flown, terms=terms)[0]
     for _ in range(MOST_ROUNDS - 1):
         free = flown.free_timing
         assert free is not None
@@ -161,7 +175,7 @@ def _with_skew(
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
-        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, terms, first)
+        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, first, terms)
     except EstimationError:
         return flown, fit  # motors too quick to tell their rising from their falling
 

@@ -52,13 +52,13 @@ def coarse_timing(flown: Flown, unknown: Collection[str]) -> MotorResponse | Non
     unknown
         ``"lag"``, ``"delay"`` or both.
     """
-    few = _liveliest(flown)
+    few = liveliest(flown)
     found = _coarse(few, unknown)
     return _coarse(flown, unknown) if found is None and few is not flown else found
 
 
-def _liveliest(flown: Flown) -> Flown:
-    """Return the few flights of each configuration that turn most."""
+def liveliest(flown: Flown) -> Flown:
+    """Return the few flights of each configuration that turn most; all where they are few."""
     if all(len(c.flights) <= FLIGHTS_TRIED for c in flown.configurations):
         return flown
     picked = [_most_turned(c) for c in flown.configurations]
