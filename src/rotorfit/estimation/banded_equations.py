@@ -324,8 +324,10 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
         if factors.noise is not None:
             G, dG = found[c]
             N = factors.rows[:, None] * factors.known_noise
-            own += np.einsum("bk,fkz,bz,kz->bf", w, dG, N, G, optimize=True)
-            taken += np.einsum("kz,fkz,gkz->fg", w.T @ N, dG, dG, optimize=True)
+            slope = dG.transpose(1, 0, 2)
+            shares = N @ (slope * G[:, None]).transpose(0, 2, 1)
+            own += (w.T[:, :, None] * shares).sum(axis=0)
+            taken += (slope * (w.T @ N)[:, None] @ slope.transpose(0, 2, 1)).sum(axis=0)
         scores.append(own)
     every = np.concatenate(scores)
     if problem.feedback is not None:
