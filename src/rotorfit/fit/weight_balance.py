@@ -83,10 +83,13 @@ def turning(data: FlightData) -> Turning:
     group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
     windows = tuple(_windows(data))
     rates = [_grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
-    attitude = [_running_product(_turns(w * group / data.sample_rate)) for w in rates]
-    return Turning(
-        windows=windows, attitude=tuple(attitude), group=group, sample_rate=data.sample_rate
-    )
+    # All windows at once: rest behind the shorter ones changes nothing before it.
+    angles = np.zeros((max((len(w) for w in rates), default=0), len(rates), 3))
+    for i, w in enumerate(rates):
+        angles[: len(w), i] = w * group / data.sample_rate
+    turned = _running_product(_turns(angles))
+    attitude = tuple(turned[: len(w), i] for i, w in enumerate(rates))
+    return Turning(windows=windows, attitude=attitude, group=group, sample_rate=data.sample_rate)
 
 
 def held_up(axes: Turning, force: Float[np.ndarray, "n 3"]) -> Held | None:
@@ -172,13 +175,13 @@ def _grouped(values: Float[np.ndarray, "n 3"], group: int) -> Float[np.ndarray, 
     return values[:whole].reshape(-1, group, 3).mean(axis=1)
 
 
-def _turns(angles: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 4"]:
+def _turns(angles: Float[np.ndarray, "m w 3"]) -> Float[np.ndarray, "m w 4"]:
     """Return the quaternions (scalar first) of small rotation vectors [rad]."""
-    half = 0.5 * np.linalg.norm(angles, axis=1)
-    return np.column_stack([np.cos(half), 0.5 * angles * np.sinc(half / np.pi)[:, None]])
+    half = 0.5 * np.linalg.norm(angles, axis=2)[:, :, None]
+    return np.concatenate([np.cos(half), 0.5 * angles * np.sinc(half / np.pi)], axis=2)
 
 
-def _running_product(q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
+def _running_product(q: Float[np.ndarray, "m w 4"]) -> Float[np.ndarray, "m w 4"]:
     """Return q_1, q_1 q_2, q_1 q_2 q_3, ... in as many steps as the length has digits."""
     step = 1
     while step < len(q):
@@ -187,16 +190,21 @@ def _running_product(q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
     return q
 
 
-def _product(p: Float[np.ndarray, "m 4"], q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
-    scalar = p[:, 0] * q[:, 0] - np.einsum("mi,mi->m", p[:, 1:], q[:, 1:])
-    vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + _cross(p[:, 1:], q[:, 1:])
-    return np.column_stack([scalar, vector])
+def _product(
+    p: Float[np.ndarray, "m w 4"], q: Float[np.ndarray, "m w 4"]
+) -> Float[np.ndarray, "m w 4"]:
+    a, b = p[..., 1:], q[..., 1:]
+    scalar = p[..., :1] * q[..., :1] - (a * b).sum(axis=-1, keepdims=True)
+    vector = p[..., :1] * b + q[..., :1] * a + _cross(a, b)
+    return np.concatenate([scalar, vector], axis=-1)
 
 
-def _cross(a: Float[np.ndarray, "m 3"], b: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
+def _cross(
+    a: Float[np.ndarray, "*m 3"], b: Float[np.ndarray, "*m 3"]
+) -> Float[np.ndarray, "*m 3"]:
     """Return a x b; NumPy's own takes four times as long."""
-    (x, y, z), (u, v, w) = a.T, b.T
-    return np.column_stack([y * w - z * v, z * u - x * w, x * v - y * u])
+    (x, y, z), (u, v, w) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 def _rotated(q: Float[np.ndarray, "m 4"], v: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
