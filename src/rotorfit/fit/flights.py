@@ -180,9 +180,27 @@ class Flown:
     def _made_of(self) -> tuple[object, ...]:
         return self.vehicle, self.configurations, self.velocity
 
-    def at(self, response: MotorResponse, free: tuple[str, ...] = ()) -> "Flown":
-        """Return the same with the motors timed so, and what a fit may move of it."""
-        timing = MotorTiming(response=response, total_std=0.0, free=free)
+    def at(
+        self,
+        response: MotorResponse,
+        free: tuple[str, ...] = (),
+        *,
+        beside: tuple[str, ...] = (),
+    ) -> "Flown":
+        """Return the same with the motors timed so, and what a fit may move of it.
+
+        With `beside`, what it may move after a call of `freed`.
+        """
+        timing = MotorTiming(response=response, total_std=0.0, free=free, beside=beside)
+        return dataclasses.replace(self, motor_timing=timing)
+
+    def freed(self) -> "Flown":
+        """Return the same where a fit moves the times beside, too; no signals are made anew."""
+        found, free = self.motor_timing, self.free_timing
+        assert found is not None and free is not None
+        bands = TimedBands(at=free.at, made_of=self._made_of, factors=self._every_slope)
+        names = (*found.free, *found.beside)
+        timing = dataclasses.replace(found, free=names, beside=(), bands=bands)
         return dataclasses.replace(self, motor_timing=timing)
 
     def reduced(self) -> "Flown":
@@ -225,8 +243,20 @@ class Flown:
     @cached_property
     def timed_bands(self) -> tuple[Factors, ...]:
         """The same at the timing that was found, with what a fit may move of it."""
-        bands = self._timed_already
-        return self.bands(self.timing, free=self.free_timing) if bands is None else bands.factors
+        bands, found = self._timed_already, self.motor_timing
+        if bands is not None:
+            return bands.factors
+        if found is None or not found.beside:
+            return self.bands(self.timing, free=self.free_timing)
+        return tuple(one.first_slopes(len(found.free)) for one in self._every_slope)
+
+    @cached_property
+    def _every_slope(self) -> tuple[Factors, ...]:
+        """The same with the slopes by the times beside, too."""
+        found, free = self.motor_timing, self.free_timing
+        assert found is not None and free is not None
+        names = (*found.free, *found.beside)
+        return self.bands(free.at, free=dataclasses.replace(free, names=names))
 
     def found_with(self) -> TimedBands:
         """Return the timed bands for other fits of the same flights."""

@@ -108,6 +108,8 @@ class MotorTiming:
     free
         Which times a fit finds again together with everything else (`FreeTiming.names`): those that
         the flights tell.
+    beside
+        Times by which the signals' slopes are made, too: one may be set free later.
     reached
         Where the other parameters of the fit that found it ended: the next one begins there.
     bands
@@ -119,6 +121,7 @@ class MotorTiming:
     lag_std: float | None = None
     delay_std: float | None = None
     free: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
     reached: Mapping[str, float] | None = None
     bands: TimedBands | None = field(default=None, repr=False, compare=False)
 

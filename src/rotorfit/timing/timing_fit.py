@@ -99,10 +99,8 @@ def _fitted(
     flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
     timed, fit = _settled(*_begun(flown, start, names, terms), terms)
-    # Low-passed beside motion capture, motor data rise and fall alike.
     at = timed.timing
-    lagging = "motor_lag" in names and at is not None and at.mean_lag > LEAST_LAG
-    if lagging and flown.source == "imu":
+    if at is not None and _may_skew(timed, at, names):
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
@@ -145,7 +143,9 @@ def _settled(
         assert free is not None
         if _near(free, fit):
             break
-        flown = flown.at(_moved(free, fit), free.names)
+        moved = _moved(free, fit)
+        beside = ("motor_skew",) if _may_skew(flown, moved, free.names) else ()
+        flown = flown.at(moved, free.names, beside=beside)
         fit, _ = joint_fit(flown, terms=terms, begin=free.others(fit.estimate.by_name))
     return flown, fit
 
@@ -155,6 +155,13 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     at = [fit.estimate.names.index(name) for name in free.names]
     enough = np.maximum(NEAR * fit.estimate.std[at], [ENOUGH[name] for name in free.names])
     return bool((np.abs(fit.estimate.values[at]) <= enough).all())
+
+
+def _may_skew(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> bool:
+    """Return whether rising and falling speed may get a lag each, and have none yet."""
+    # Low-passed beside motion capture, motor data rise and fall alike.
+    lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
+    return lagging and "motor_skew" not in names and flown.source == "imu"
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
@@ -169,9 +176,10 @@ def _with_skew(
     flown: Flown, fit: BandedEstimate, terms: tuple[Term, ...]
 ) -> tuple[Flown, BandedEstimate]:
     """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
-    free = flown.free_timing
-    assert free is not None
-    wide = flown.at(free.at, (*free.names, "motor_skew"))
+    free, found = flown.free_timing, flown.motor_timing
+    assert free is not None and found is not None
+    names = (*free.names, "motor_skew")
+    wide = flown.freed() if found.beside else flown.at(free.at, names)
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
