@@ -361,7 +361,9 @@ def _taken(
     """Return what of one configuration's information is only the regressors' known noise."""
     slope = dG.transpose(1, 0, 2)
     noise = (weight * factors.rows[:, None]).T @ factors.known_noise
-    found: Float[np.ndarray, "f f"] = (slope * noise[:, None] @ slope.transpose(0, 2, 1)).sum(axis=0)
+    found: Float[np.ndarray, "f f"] = (slope * noise[:, None] @ slope.transpose(0, 2, 1)).sum(
+        axis=0
+    )
     return found
 
 

@@ -199,9 +199,7 @@ def _product(
     return np.concatenate([scalar, vector], axis=-1)
 
 
-def _cross(
-    a: Float[np.ndarray, "*m 3"], b: Float[np.ndarray, "*m 3"]
-) -> Float[np.ndarray, "*m 3"]:
+def _cross(a: Float[np.ndarray, "*m 3"], b: Float[np.ndarray, "*m 3"]) -> Float[np.ndarray, "*m 3"]:
     """Return a x b; NumPy's own takes four times as long."""
     (x, y, z), (u, v, w) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)

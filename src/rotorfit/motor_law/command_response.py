@@ -181,9 +181,8 @@ def answered_speed(
     up = float(np.exp(timing.log_lag))
     down = float(np.exp(timing.log_lag + timing.log_ratio))
     step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
-    rising, at_command = _at_commands(recording, settled, step, up=up, down=down)
+    rising, kept, at_command = _at_commands(recording, settled, step, up=up, down=down)
     lag: Float[np.ndarray, " n"] = np.where(rising, up, down)
-    kept = np.exp(-step / lag)
     away = at_command - settled
     bent: Float[np.ndarray, " n"] = kept * step / lag * away  # by the logarithm of the lag in force
     # A row for each parameter: contiguous, as the solver wants its columns.
@@ -221,15 +220,16 @@ def _at_commands(
     *,
     up: float,
     down: float,
-) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return whether each command makes its rotor rise, and the speed at which it finds it.
+
+    And between the two what share of the way to go is left when the next one comes.
 
     As `flight.motors.two_way_lag`: Newton's iteration on a piecewise linear recursion.
     """
     rising = np.diff(settled, prepend=settled[:1]) >= 0.0
-    speed = settled
+    kept, speed = np.exp(-step / np.where(rising, up, down)), settled
     for _ in range(1 if up == down else MOST_ROUNDS):
-        kept = np.exp(-step / np.where(rising, up, down))
         into = (1.0 - kept) * settled
         begun = settled[None, recording.begins]
         speed = _solved(kept, into[None], begun, recording.begins)[0]
@@ -237,7 +237,8 @@ def _at_commands(
         if not (changed & (np.abs(settled - speed) > SETTLED * np.abs(settled))).any():
             break
         rising = rising ^ changed
-    return rising, speed
+        kept = np.exp(-step / np.where(rising, up, down)) if up != down else kept
+    return rising, kept, speed
 
 
 def _solved(
@@ -247,7 +248,7 @@ def _solved(
     begins: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "p n"]:
     """Return x of x_k+1 = a_k x_k + b_k, anew from `start` where a stretch begins."""
-    bands = np.ones((2, len(kept)))
+    bands = np.ones((2, len(kept)), order="F")
     bands[1, :-1] = np.where(begins[1:], 0.0, -kept[:-1])
     right = np.empty(into.shape)
     right[:, 1:] = into[:, :-1]

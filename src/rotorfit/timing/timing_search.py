@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.fit.flights import Configured, Flown
 from rotorfit.fit.frequency_bands import PILOT_BAND, slow_bands
