@@ -9,12 +9,13 @@ of the declared rotors does, the declaration is wrong and every number would be.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import scipy.linalg
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.checks.plausible_units import refuse_implausible_size
 from rotorfit.errors import FrameError
@@ -115,22 +116,31 @@ def _response(
     products: Float[np.ndarray, "c c"], vehicle: Vehicle, *, declared: Vehicle
 ) -> Response:
     """Return how rotors explain the response, from the products made for the declared ones."""
+    roll, pitch, yaw = _signed_shares(products, _drives(vehicle, declared)).tolist()
+    return Response(roll=roll, pitch=pitch, yaw=yaw)
+
+
+def _drives(vehicle: Vehicle, declared: Vehicle) -> Float[np.ndarray, "3 4 c"]:
+    """Return for roll, pitch and yaw the thrust, the signal and what drives it, of `_products`.
+
+    One drive or two; zeros stand for none.
+    """
     n, s = vehicle.axes, vehicle.spins
     torque = np.cross(vehicle.positions, n)
-    one = np.eye(4, len(products))
+    one = np.eye(4, 4 + len(s))
     drives = np.pad([n[:, 2], torque[:, 0], torque[:, 1], -s * n[:, 2]], ((0, 0), (4, 0)))
     thrust, roll, pitch, drag = drives
-    yaw = [drag]
     agree = float(s @ declared.spins) / len(s)
-    if abs(agree) == 1.0:
-        # The signal of the rotors' spin-up holds the declared spins: it serves all or none.
-        yaw.append(-agree * one[3])
-
-    def share(target: int, made: list[Float[np.ndarray, " c"]]) -> float:
-        T = np.array([thrust, one[target], *made])
-        return _signed_share(T @ products @ T.T)
-
-    return Response(roll=share(0, [roll]), pitch=share(1, [pitch]), yaw=share(2, yaw))
+    # The signal of the rotors' spin-up holds the declared spins: it serves all or none.
+    spin_up = -agree * one[3] if abs(agree) == 1.0 else np.zeros(len(thrust))
+    none = np.zeros(len(thrust))
+    return np.array(
+        [
+            [thrust, one[0], roll, none],
+            [thrust, one[1], pitch, none],
+            [thrust, one[2], drag, spin_up],
+        ]
+    )
 
 
 def _square_columns(vehicle: Vehicle) -> list[int]:
@@ -163,34 +173,39 @@ def _share(y: Float[np.ndarray, " z"], D: Float[np.ndarray, "z d"]) -> float:
     return float(y @ D @ scipy.linalg.pinv(D, rtol=1e-6) @ y) / total
 
 
-def _signed_share(products: Float[np.ndarray, "d d"]) -> float:
-    """Return the share of a signal that drives with coefficients of one sign explain.
+def _signed_shares(
+    products: Float[np.ndarray, "c c"], drives: Float[np.ndarray, "*v 4 c"]
+) -> Float[np.ndarray, "*v"]:
+    """Return the share of each signal that its drives with coefficients of one sign explain.
 
     What varies with the total thrust is left out: it acts on a CoM that is off the centre.
-
-    Parameters
-    ----------
-    products
-        Of the thrust, the signal and one or two drives with each other.
     """
-    size = float(products[0, 0])
-    rest = products[1:, 1:]
-    if size > 0.0:
-        rest = rest - np.outer(products[1:, 0], products[0, 1:]) / size
-    total, b, D = float(rest[0, 0]), rest[1:, 0], rest[1:, 1:]
-    known = np.diagonal(D) > np.finfo(float).eps * np.diagonal(products)[2:]
-    shares = [0.0]
-    if total > 0.0:
-        # Each drive alone explains with its own sign.
-        shares += [float(b[i] * abs(b[i]) / (D[i, i] * total)) for i in np.flatnonzero(known)]
-    if total > 0.0 and len(D) == 2 and known.all():
-        determinant = float(D[0, 0] * D[1, 1] - D[0, 1] ** 2)
-        if determinant > PARALLEL * float(D[0, 0] * D[1, 1]):
-            x = (D[1, 1] * b[0] - D[0, 1] * b[1]) / determinant
-            y = (D[0, 0] * b[1] - D[0, 1] * b[0]) / determinant
-            if x * y > 0.0:
-                shares.append(float(np.sign(x) * (x * b[0] + y * b[1]) / total))
-    return max(shares, key=abs)
+    Q = drives @ products @ np.swapaxes(drives, -1, -2)
+    size = Q[..., 0, 0, None, None]
+    level = np.where(size > 0.0, size, 1.0)
+    rest = Q[..., 1:, 1:] - (size > 0.0) * Q[..., 1:, :1] * Q[..., :1, 1:] / level
+    total, b = np.maximum(rest[..., 0, 0], 0.0), rest[..., 1:, 0]
+    own = np.diagonal(rest, axis1=-2, axis2=-1)[..., 1:]
+    known = own > np.finfo(float).eps * np.diagonal(Q, axis1=-2, axis2=-1)[..., 2:]
+    known &= (total > 0.0)[..., None]
+    # Each drive alone explains with its own sign.
+    alone = _over(b * np.abs(b), own * total[..., None], known)
+    (D, E), cross = np.moveaxis(own, -1, 0), rest[..., 1, 2]
+    determinant = D * E - cross**2
+    both = known.all(axis=-1) & (determinant > PARALLEL * D * E)
+    x = _over(E * b[..., 0] - cross * b[..., 1], determinant, both)
+    y = _over(D * b[..., 1] - cross * b[..., 0], determinant, both)
+    together = _over(np.sign(x) * (x * b[..., 0] + y * b[..., 1]), total, both & (x * y > 0.0))
+    shares = np.concatenate([alone, together[..., None]], axis=-1)
+    best = np.abs(shares).argmax(axis=-1)
+    return np.take_along_axis(shares, best[..., None], axis=-1)[..., 0]
+
+
+def _over(
+    above: Float[np.ndarray, "*v"], below: Float[np.ndarray, "*v"], where: Bool[np.ndarray, "*v"]
+) -> Float[np.ndarray, "*v"]:
+    """Return quotients, zero elsewhere."""
+    return np.where(where, above, 0.0) / np.where(where, below, 1.0)
 
 
 def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
@@ -205,10 +220,10 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     R = _inside_band(factors)
     products = _products(R, vehicle)
     declared = _response(products, vehicle, declared=vehicle)
-    tried = [
-        (_tried(products, other, vehicle, declared), words) for other, words in _others(vehicle)
-    ]
-    best = max((found for found, _ in tried), key=lambda found: found.score)
+    every, words = _others_tried(products, vehicle, declared)
+    scores = every.sum(axis=1)
+    roll, pitch, yaw = every[int(np.argmax(scores))].tolist()
+    best = Response(roll=roll, pitch=pitch, yaw=yaw)
     free = free_response(factors, vehicle)
     seen = (
         f"with the declared rotors roll, pitch and yaw respond {_shown(declared)} "
@@ -217,7 +232,7 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     better = best.fits and best.gain_over(declared) > BETTER
     if better and not _hidden(best, free):
         # The simplest that fit come first; where several fit alike, two are named.
-        alike = [words for found, words in tried if found.score > best.score - ALIKE][:2]
+        alike = [words[i] for i in np.flatnonzero(scores > best.score - ALIKE)[:2]]
         raise FrameError(
             f"{seen}; with {', or with '.join(alike)}, they would respond {_shown(best)}: "
             "correct the rotors' order and spin, or the log's axes"
@@ -316,19 +331,31 @@ def _leaning(flight: UsedFlight) -> str:
     )
 
 
-def _tried(
-    products: Float[np.ndarray, "c c"], other: Vehicle, vehicle: Vehicle, declared: Response
-) -> Response:
-    """Return the response of another declaration.
+def _others_tried(
+    products: Float[np.ndarray, "c c"], vehicle: Vehicle, declared: Response
+) -> tuple[Float[np.ndarray, "o 3"], tuple[str, ...]]:
+    """Return the response of other declarations, in words, too.
 
     For another pattern of spins the spin-up cannot be tried: where drag alone explains half of
     what is explained with it, that is not held against it.
     """
-    found = _response(products, other, declared=vehicle)
-    same_pattern = abs(float(other.spins @ vehicle.spins)) == len(vehicle.rotors)
-    if same_pattern or found.yaw < 0.5 * declared.yaw:
-        return found
-    return replace(found, yaw=max(found.yaw, declared.yaw))
+    drives, same_pattern, words = _other_drives(vehicle)
+    shares = _signed_shares(products, drives)
+    yaw = shares[:, 2]
+    excused = ~same_pattern & ~(yaw < 0.5 * declared.yaw)
+    shares[:, 2] = np.where(excused, np.maximum(yaw, declared.yaw), yaw)
+    return shares, words
+
+
+@lru_cache(maxsize=4)
+def _other_drives(
+    vehicle: Vehicle,
+) -> tuple[Float[np.ndarray, "o 3 4 c"], Bool[np.ndarray, " o"], tuple[str, ...]]:
+    """Return what drives roll, pitch and yaw by other declarations, and which keep the spins."""
+    others, words = zip(*_others(vehicle), strict=True)
+    agree = np.array([float(other.spins @ vehicle.spins) for other in others])
+    drives = np.array([_drives(other, vehicle) for other in others])
+    return drives, np.abs(agree) == len(vehicle.rotors), words
 
 
 def _hidden(found: Response, free: Response) -> bool:

@@ -30,6 +30,7 @@ from rotorfit.estimation.banded_equations import (
     evaluated,
     evaluated_or_none,
     feedback_scores,
+    part_information,
     power_of,
     root_of,
     selected,
@@ -289,11 +290,10 @@ def steps_without(
 
     In one pass: what all others ask for is a sum before the part and one behind it.
     """
-    none = normal_equations(fit, np.zeros(len(fit.influence), dtype=bool))
-    prior, pull = none.information, none.scores[-1]
-    own = [normal_equations(fit, part) for part in parts]
-    information = np.array([equations.information - prior for equations in own])
-    scores = np.array([equations.scores[:-1].sum(axis=0) for equations in own])
+    asked = corrected_equations(fit.problem, _state_of(fit))
+    prior, pull = np.diag(fit.problem.prior[1] ** -2.0), asked.pull
+    information = part_information(fit.problem, _state_of(fit), parts)
+    scores = np.array([asked.scores[part].sum(axis=0) for part in parts])
     rest = zip(_sums_of_others(information), _sums_of_others(scores), strict=True)
     return np.array(
         [NormalEquations(information=H + prior, scores=np.array([s, pull])).step for H, s in rest]

@@ -324,8 +324,9 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
         if factors.noise is not None:
             G, dG = found[c]
             N = factors.rows[:, None] * factors.known_noise
-            own += np.einsum("bk,fkz,bz,kz->bf", w, dG, N, G, optimize=True)
-            taken += np.einsum("kz,fkz,gkz->fg", w.T @ N, dG, dG, optimize=True)
+            shares = N @ (dG * G).transpose(1, 2, 0)
+            own += (w.T[:, :, None] * shares).sum(axis=0)
+            taken += _taken(factors, w, dG)
         scores.append(own)
     every = np.concatenate(scores)
     if problem.feedback is not None:
@@ -335,11 +336,50 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
     )
 
 
+def part_information(
+    problem: BandedProblem, state: State, parts: Sequence[Bool[np.ndarray, " b"]]
+) -> Float[np.ndarray, "p f f"]:
+    """Return the information of parts of the blocks, corrected, without the prior's."""
+    found = solutions(problem, state.phi)
+    dU = lifted_slopes(problem, state.phi, found)
+    weights = split_blocks(1.0 / state.variance, problem.factors)
+    size = len(problem.map.names)
+    out = np.zeros((len(parts), size, size))
+    for p, part in enumerate(parts):
+        chosen = split_blocks(part, problem.factors)
+        for c, (factors, w, own) in enumerate(zip(problem.factors, weights, chosen, strict=True)):
+            if own.any():
+                out[p] += _of_gram(factors.gram[own], w[own], dU[c])
+            if own.any() and factors.noise is not None:
+                out[p] -= _taken(factors, w * own[:, None], found[c][1])
+    return out
+
+
+def _taken(
+    factors: Factors, weight: Float[np.ndarray, "b k"], dG: Float[np.ndarray, "f k z"]
+) -> Float[np.ndarray, "f f"]:
+    """Return what of one configuration's information is only the regressors' known noise."""
+    slope = dG.transpose(1, 0, 2)
+    noise = (weight * factors.rows[:, None]).T @ factors.known_noise
+    found: Float[np.ndarray, "f f"] = (slope * noise[:, None] @ slope.transpose(0, 2, 1)).sum(
+        axis=0
+    )
+    return found
+
+
 def _information(
     factors: Factors, weight: Float[np.ndarray, "b k"], dU: Float[np.ndarray, "k a f"]
 ) -> Float[np.ndarray, "f f"]:
     """Return the information of one configuration's blocks, by their Gram matrices."""
-    S = np.tensordot(weight, factors.gram, axes=(0, 0))
+    return _of_gram(factors.gram, weight, dU)
+
+
+def _of_gram(
+    gram: Float[np.ndarray, "b a a"],
+    weight: Float[np.ndarray, "b k"],
+    dU: Float[np.ndarray, "k a f"],
+) -> Float[np.ndarray, "f f"]:
+    S = np.tensordot(weight, gram, axes=(0, 0))
     found: Float[np.ndarray, "f f"] = (dU.transpose(0, 2, 1) @ S @ dU).sum(axis=0)
     return found
 

@@ -95,6 +95,14 @@ class Factors:
             slopes=None if self.slopes is None else self.slopes[keep],
         )
 
+    def first_slopes(self, count: int) -> "Factors":
+        """Return the same with no more than so many of the slopes."""
+        assert self.slopes is not None
+        slopes = self.slopes[:, :count]
+        rows = np.flatnonzero(slopes.any(axis=(0, 1, 3)))
+        last = max(self.R.shape[1], int(rows.max(initial=-1)) + 1)
+        return replace(self, slopes=slopes[:, :, :last])
+
     @cached_property
     def columns(self) -> Float[np.ndarray, "b m a"]:
         """The rows of every block: its signals and, beside them, the slopes of those that move."""

@@ -77,7 +77,8 @@ def reweighted(
     phi = np.zeros(len(names))
     covariance = np.zeros((len(names), len(names)))
     residual = y
-    gram, right = J.transpose(0, 2, 1) @ J, np.einsum("bmf,bm->bf", J, y)
+    flat = J.reshape(-1, J.shape[2])
+    gram, right = J.transpose(0, 2, 1) @ J, (y[:, None] @ J)[:, 0]
     for _ in range(MOST_ITERATIONS):
         before = phi
         covariance = _quick_covariance(gram, variance, information)
@@ -86,7 +87,7 @@ def reweighted(
         else:
             phi = covariance @ ((1.0 / variance) @ right)
             # Once more for what is left: of exact simulations squares alone lose digits.
-            left = np.einsum("bmf,bm,b->f", J, y - J @ phi, 1.0 / variance, optimize=True)
+            left = ((y - J @ phi) / variance[:, None]).reshape(-1) @ flat
             phi = phi + covariance @ (left - information * phi)
         residual = y - J @ phi
         power = np.einsum("bm,bm->b", residual, residual)
@@ -96,7 +97,7 @@ def reweighted(
             break
     A, _ = _weighted_equations(J, y, variance, information)
     svd = scaled_singular(A, names)
-    scores = np.einsum("bmf,bm->bf", J, residual) / variance[:, None]
+    scores = (residual[:, None] @ J)[:, 0] / variance[:, None]
     return BandedFit(
         estimate=Estimate(
             names=names,
@@ -125,7 +126,7 @@ def _block_equations(
     known = (problem.map.constant[0], problem.map.matrix[0])
     stacked = equation_rows(problem.factors[0].R, problem.tensors[0], known, weights)
     count = problem.factors[0].rows * int(np.count_nonzero(weights))
-    return stacked[:, :, :f], -stacked[:, :, f], count
+    return np.ascontiguousarray(stacked[:, :, :f]), -stacked[:, :, f], count
 
 
 def _prior_information(

@@ -23,7 +23,7 @@ from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.read_options import read_options_of, recording_options_of
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
-from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming
+from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming, TimedBands
 from rotorfit.fit.weight_balance import Turning, turning
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
 from rotorfit.flight.data import FlightData, Velocity
@@ -160,11 +160,41 @@ class Flown:
         found = self.motor_timing
         if found is None or not found.free:
             return None
-        return FreeTiming(at=found.response, names=found.free, lag_prior=self.lag_prior)
+        bands = self._timed_already
+        at = found.response if bands is None else bands.at
+        return FreeTiming(at=at, names=found.free, lag_prior=self.lag_prior)
 
-    def at(self, response: MotorResponse, free: tuple[str, ...] = ()) -> "Flown":
-        """Return the same with the motors timed so, and what a fit may move of it."""
-        timing = MotorTiming(response=response, total_std=0.0, free=free)
+    @property
+    def _timed_already(self) -> TimedBands | None:
+        """The bands that the timing was found with, where they are of these flights."""
+        bands = None if self.motor_timing is None else self.motor_timing.bands
+        return bands if bands is not None and bands.serve(self._made_of) else None
+
+    @property
+    def _made_of(self) -> tuple[object, ...]:
+        return self.vehicle, self.configurations, self.velocity
+
+    def at(
+        self,
+        response: MotorResponse,
+        free: tuple[str, ...] = (),
+        *,
+        beside: tuple[str, ...] = (),
+    ) -> "Flown":
+        """Return the same with the motors timed so, and what a fit may move of it.
+
+        With `beside`, what it may move after a call of `freed`.
+        """
+        timing = MotorTiming(response=response, total_std=0.0, free=free, beside=beside)
+        return dataclasses.replace(self, motor_timing=timing)
+
+    def freed(self) -> "Flown":
+        """Return the same where a fit moves the times beside, too; no signals are made anew."""
+        found, free = self.motor_timing, self.free_timing
+        assert found is not None and free is not None
+        bands = TimedBands(at=free.at, made_of=self._made_of, factors=self._every_slope)
+        names = (*found.free, *found.beside)
+        timing = dataclasses.replace(found, free=names, beside=(), bands=bands)
         return dataclasses.replace(self, motor_timing=timing)
 
     def reduced(self) -> "Flown":
@@ -179,16 +209,27 @@ class Flown:
         return dataclasses.replace(self, body=body)
 
     def bands(
-        self, response: MotorResponse | None = None, *, free: FreeTiming | None = None
+        self,
+        response: MotorResponse | None = None,
+        *,
+        free: FreeTiming | None = None,
+        top: float = np.inf,
     ) -> tuple[Factors, ...]:
         """Return the band factors of each configuration, at another timing of the motors.
 
-        With `free`, their slopes by the times that a fit may move.
+        With `free`, their slopes by the times that a fit may move; only of the bands that begin
+        under `top` [Hz].
         """
         body = self.body or [None] * len(self.configurations)
         return tuple(
             flight_bands(
-                c.flights, self.vehicle, response, velocity=self.velocity, free=free, body=own
+                c.flights,
+                self.vehicle,
+                response,
+                velocity=self.velocity,
+                free=free,
+                body=own,
+                top=top,
             )
             for c, own in zip(self.configurations, body, strict=True)
         )
@@ -196,7 +237,26 @@ class Flown:
     @cached_property
     def timed_bands(self) -> tuple[Factors, ...]:
         """The same at the timing that was found, with what a fit may move of it."""
-        return self.bands(self.timing, free=self.free_timing)
+        bands, found = self._timed_already, self.motor_timing
+        if bands is not None:
+            return bands.factors
+        if found is None or not found.beside:
+            return self.bands(self.timing, free=self.free_timing)
+        return tuple(one.first_slopes(len(found.free)) for one in self._every_slope)
+
+    @cached_property
+    def _every_slope(self) -> tuple[Factors, ...]:
+        """The same with the slopes by the times beside, too."""
+        found, free = self.motor_timing, self.free_timing
+        assert found is not None and free is not None
+        names = (*found.free, *found.beside)
+        return self.bands(free.at, free=dataclasses.replace(free, names=names))
+
+    def found_with(self) -> TimedBands:
+        """Return the timed bands for other fits of the same flights."""
+        free = self.free_timing
+        assert free is not None
+        return TimedBands(at=free.at, made_of=self._made_of, factors=self.timed_bands)
 
     def yaw_bands(self) -> tuple[Factors, ...]:
         """Return the band factors of yaw alone at that timing, every rotor for itself."""
@@ -373,6 +433,7 @@ def flight_bands(
     velocity: Velocity = "none",
     free: FreeTiming | None = None,
     body: Sequence[tuple[Lines, ...]] | None = None,
+    top: float = np.inf,
 ) -> Factors:
     """Return the band factors of all flights, calm and lively phases apart.
 
@@ -390,11 +451,19 @@ def flight_bands(
         What a fit may move of the timing, for the signals' slopes by it.
     body
         Lines of the body's signals (`Flown.reduced`), of each flight.
+    top
+        Only bands that begin under this edge are made [Hz].
     """
     return stack_recordings(
         [
             prepared_bands(
-                flight.prepared, vehicle, response, velocity=velocity, free=free, body=own
+                flight.prepared,
+                vehicle,
+                response,
+                velocity=velocity,
+                free=free,
+                body=own,
+                top=top,
             )
             for flight, own in zip(flights, body or [None] * len(flights), strict=True)
         ]
@@ -425,11 +494,14 @@ def prepared_bands(
     velocity: Velocity = "none",
     free: FreeTiming | None = None,
     body: tuple[Lines, ...] | None = None,
+    top: float = np.inf,
 ) -> Factors:
     """Return the band factors of one flight, see `flight_bands`."""
     moved = [] if free is None else _moved(prepared, free)
     data, plan = banded_data(prepared, response)
-    return band_factors(data, vehicle, plan=plan, velocity=velocity, moved=moved, body=body)
+    return band_factors(
+        data, vehicle, plan=plan, velocity=velocity, moved=moved, body=body, top=top
+    )
 
 
 def banded_data(

@@ -40,6 +40,7 @@ def joint_fit(
     top: float = np.inf,
     terms: Sequence[Term] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
+    guess: Mapping[str, float] | None = None,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit of all flights, and its configurations with what counts.
 
@@ -54,7 +55,10 @@ def joint_fit(
     terms
         Optional terms of the model.
     begin
-        Where to begin; None: at the row fits.
+        Where to begin, near enough to tell the pilot's motion from disturbances; None: where a
+        first fit of all bands ends.
+    guess
+        Where that one begins; None: at the row fits.
     """
     joint = [
         JointConfiguration(
@@ -72,9 +76,10 @@ def joint_fit(
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
     if begin is None:
-        starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint]
+        rows = joint if guess is None else []
+        starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in rows]
         # Before the first fit nobody can tell the pilot's motion from disturbances.
-        first = joint_estimate(joint, starts, known_kt=known, terms=terms)
+        first = joint_estimate(joint, starts, known_kt=known, terms=terms, begin=guess)
         begin = first.estimate.by_name
     commanded = flown.motors.speed == "commanded"
     joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)

@@ -1,9 +1,10 @@
 """What is known of the motors' timing: lag, delay, and how far the flights tell them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
+from rotorfit.estimation.factors import Factors
 from rotorfit.flight.motors import MotorResponse
 
 LAG_PRIOR: Final = (0.035, 0.03)
@@ -70,6 +71,29 @@ def skew_of(response: MotorResponse) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TimedBands:
+    """Band factors that a timing was found with: they serve the next fit of the same flights.
+
+    Attributes
+    ----------
+    at
+        Lag and delay with which the signals were made, within a little of those found.
+    made_of
+        Vehicle, flights and whatever else the signals were made of.
+    factors
+        One per configuration.
+    """
+
+    at: MotorResponse
+    made_of: tuple[object, ...]
+    factors: tuple[Factors, ...]
+
+    def serve(self, made_of: tuple[object, ...]) -> bool:
+        """Return whether factors of these very things would be the same."""
+        return all(own is other for own, other in zip(self.made_of, made_of, strict=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MotorTiming:
     """What the flights tell of the motors' timing.
 
@@ -84,8 +108,12 @@ class MotorTiming:
     free
         Which times a fit finds again together with everything else (`FreeTiming.names`): those that
         the flights tell.
+    beside
+        Times by which the signals' slopes are made, too: one may be set free later.
     reached
         Where the other parameters of the fit that found it ended: the next one begins there.
+    bands
+        What that fit was made to.
     """
 
     response: MotorResponse
@@ -93,7 +121,9 @@ class MotorTiming:
     lag_std: float | None = None
     delay_std: float | None = None
     free: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
     reached: Mapping[str, float] | None = None
+    bands: TimedBands | None = field(default=None, repr=False, compare=False)
 
     @property
     def told(self) -> bool:

@@ -84,10 +84,13 @@ def turning(data: FlightData) -> Turning:
     group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
     windows = tuple(_windows(data))
     rates = [_grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
-    attitude = [running_product(small_turns(w * group / data.sample_rate)) for w in rates]
-    return Turning(
-        windows=windows, attitude=tuple(attitude), group=group, sample_rate=data.sample_rate
-    )
+    # All windows at once: rest behind the shorter ones changes nothing before it.
+    angles = np.zeros((max((len(w) for w in rates), default=0), len(rates), 3))
+    for i, w in enumerate(rates):
+        angles[: len(w), i] = w * group / data.sample_rate
+    turned = running_product(small_turns(angles))
+    attitude = tuple(turned[: len(w), i] for i, w in enumerate(rates))
+    return Turning(windows=windows, attitude=attitude, group=group, sample_rate=data.sample_rate)
 
 
 def held_up(axes: Turning, force: Float[np.ndarray, "n 3"]) -> Held | None:

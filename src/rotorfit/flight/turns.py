@@ -3,14 +3,14 @@
 import numpy as np
 from jaxtyping import Float
 
-Vectors = Float[np.ndarray, "m 3"]
-Quaternions = Float[np.ndarray, "m 4"]
+Vectors = Float[np.ndarray, "*m 3"]
+Quaternions = Float[np.ndarray, "*m 4"]
 
 
 def small_turns(angles: Vectors) -> Quaternions:
     """Return the quaternions of small rotation vectors [rad]."""
-    half = 0.5 * np.linalg.norm(angles, axis=1)
-    return np.column_stack([np.cos(half), 0.5 * angles * np.sinc(half / np.pi)[:, None]])
+    half = 0.5 * np.linalg.norm(angles, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(half), 0.5 * angles * np.sinc(half / np.pi)], axis=-1)
 
 
 def running_product(q: Quaternions) -> Quaternions:
@@ -24,8 +24,8 @@ def running_product(q: Quaternions) -> Quaternions:
 
 def rotated(q: Quaternions, v: Vectors) -> Vectors:
     """Return vectors of the body in the axes that q turns it from."""
-    across = _cross(q[:, 1:], v)
-    return v + 2.0 * (q[:, :1] * across + _cross(q[:, 1:], across))
+    across = _cross(q[..., 1:], v)
+    return v + 2.0 * (q[..., :1] * across + _cross(q[..., 1:], across))
 
 
 def rotated_back(q: Quaternions, v: Vectors) -> Vectors:
@@ -34,12 +34,13 @@ def rotated_back(q: Quaternions, v: Vectors) -> Vectors:
 
 
 def _product(p: Quaternions, q: Quaternions) -> Quaternions:
-    scalar = p[:, 0] * q[:, 0] - np.einsum("mi,mi->m", p[:, 1:], q[:, 1:])
-    vector = p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + _cross(p[:, 1:], q[:, 1:])
-    return np.column_stack([scalar, vector])
+    a, b = p[..., 1:], q[..., 1:]
+    scalar = p[..., :1] * q[..., :1] - (a * b).sum(axis=-1, keepdims=True)
+    vector = p[..., :1] * b + q[..., :1] * a + _cross(a, b)
+    return np.concatenate([scalar, vector], axis=-1)
 
 
 def _cross(a: Vectors, b: Vectors) -> Vectors:
     """Return a x b; NumPy's own takes four times as long."""
-    (x, y, z), (u, v, w) = a.T, b.T
-    return np.column_stack([y * w - z * v, z * u - x * w, x * v - y * u])
+    (x, y, z), (u, v, w) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)

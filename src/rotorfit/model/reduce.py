@@ -186,6 +186,7 @@ def band_factors(
     velocity: Velocity = "none",
     moved: Sequence[tuple[FlightData, FlightData, float]] = (),
     body: Sequence[Lines] | None = None,
+    top: float = np.inf,
 ) -> Factors:
     """Return one factor per stretch of flight and frequency band.
 
@@ -206,6 +207,8 @@ def band_factors(
         slope.
     body
         Of the same flight and plan (`body_lines`), where rotors alone are made anew.
+    top
+        Only bands that begin under this edge are made [Hz].
 
     Raises
     ------
@@ -218,16 +221,17 @@ def band_factors(
     inflow = velocity == "known"
     parts: list[Factors] = []
     for stretch, own in zip(_stretches(flight, plan), known, strict=True):
-        bands = _bands(stretch, flight.sample_rate, plan)
+        resolution = flight.sample_rate / len(stretch)
+        bands = [b for b in _bands(stretch, flight.sample_rate, plan) if b[0] * resolution < top]
         if not bands:
             continue
         rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, inflow=inflow)
         slopes = _slopes(moved, vehicle, stretch)
         fresh = _lines(np.concatenate([rotors, *slopes], axis=1), bands, plan)
-        lines = np.empty((len(own), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
-        lines[:, kept], lines[:, made] = own, fresh[:, : len(made)]
+        lines = np.empty((len(fresh), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
+        lines[:, kept], lines[:, made] = own[: len(fresh)], fresh[:, : len(made)]
         lines[:, len(layout) :] = fresh[:, len(made) :]
-        every = _banded(lines, bands, flight.sample_rate / len(stretch))
+        every = _banded(lines, bands, resolution)
         blocks = _with_slopes(every, layout, len(slopes))
         noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
         parts.append(replace(blocks, noise=noise))

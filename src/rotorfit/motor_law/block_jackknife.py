@@ -68,12 +68,12 @@ def jackknife(
     J, e, edges = J[order], residuals[order], np.flatnonzero(np.diff(block[order])) + 1
     parts = list(zip(np.split(J, edges), np.split(e, edges), strict=True))
     G = J.T @ J
-    shifts = np.empty((len(parts), J.shape[1]))
-    held_out = np.empty(len(parts))
-    for b, (J_b, e_b) in enumerate(parts):
-        shift = -np.linalg.pinv(G - J_b.T @ J_b, hermitian=True, rcond=1e-10) @ (J_b.T @ e_b)
-        left = e_b - J_b @ shift
-        shifts[b], held_out[b] = shift, left @ left
+    asked = np.array([J_b.T @ e_b for J_b, e_b in parts])
+    rest = G - np.array([J_b.T @ J_b for J_b, _ in parts])
+    without = np.linalg.pinv(rest, hermitian=True, rcond=1e-10)
+    shifts = -(without @ asked[:, :, None])[:, :, 0]
+    left = [e_b - J_b @ shift for (J_b, e_b), shift in zip(parts, shifts, strict=True)]
+    held_out = np.array([e_b @ e_b for e_b in left])
     return Jackknife(shifts=shifts / np.where(size > 0.0, size, np.inf), held_out=held_out)
 
 

@@ -150,6 +150,8 @@ def answered_speed(
     settled: Float[np.ndarray, " n"],
     settled_slopes: Float[np.ndarray, "n p"],
     timing: Timing,
+    *,
+    two_way: bool = True,
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m q"]]:
     r"""Return the speed at the instants of measurement, and its derivatives.
 
@@ -166,38 +168,47 @@ def answered_speed(
         Its derivatives by the parameters of the law.
     timing
         Lag and delay.
+    two_way
+        Whether the slope by the log ratio is wanted.
 
     Returns
     -------
     speed
         [rad/s]
     slopes
-        By the law's parameters, then log lag, log ratio, delay.
+        By the law's parameters, then log lag, log ratio (if wanted), delay.
     """
     up = float(np.exp(timing.log_lag))
     down = float(np.exp(timing.log_lag + timing.log_ratio))
     step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
-    rising, at_command = _at_commands(recording, settled, step, up=up, down=down)
+    rising, kept, at_command = _at_commands(recording, settled, step, up=up, down=down)
     lag: Float[np.ndarray, " n"] = np.where(rising, up, down)
-    kept = np.exp(-step / lag)
     away = at_command - settled
     bent: Float[np.ndarray, " n"] = kept * step / lag * away  # by the logarithm of the lag in force
     # A row for each parameter: contiguous, as the solver wants its columns.
     bending = settled_slopes.T
-    start = np.concatenate([bending, np.zeros((2, len(settled)))])
-    into = np.concatenate([bending * (1.0 - kept), [bent, np.where(rising, 0.0, bent)]])
+    p = len(bending)
+    into = np.empty((p + 1 + int(two_way), len(settled)))
+    np.multiply(bending, 1.0 - kept, out=into[:p])
+    into[p] = bent
+    if two_way:
+        into[-1] = np.where(rising, 0.0, bent)
+    start = np.zeros((len(into), int(recording.begins.sum())))
+    start[:p] = bending[:, recording.begins]
     moved = _solved(kept, into, start, recording.begins)
     k = np.searchsorted(recording.command_time, recording.time - timing.delay, side="right") - 1
     k = np.clip(k, 0, len(settled) - 1)
     since = np.maximum(recording.time - timing.delay - recording.command_time[k], 0.0)
     left = np.exp(-since / lag[k])
     speed = settled[k] + away[k] * left
-    slopes = np.empty((len(bending) + 3, len(k)))
-    at_start = start[:, k]
-    slopes[:-1] = at_start + (moved[:, k] - at_start) * left
+    slopes = np.empty((len(into) + 1, len(k)))
+    at_start = bending[:, k]
+    slopes[:p] = at_start + (moved[:p, k] - at_start) * left
+    slopes[p:-1] = moved[p:, k] * left
     late: Float[np.ndarray, " m"] = away[k] * left * since / lag[k]
-    slopes[-3] += late
-    slopes[-2] += np.where(rising[k], 0.0, late)
+    slopes[p] += late
+    if two_way:
+        slopes[p + 1] += np.where(rising[k], 0.0, late)
     slopes[-1] = away[k] * left / lag[k]
     return speed, slopes.T
 
@@ -209,35 +220,38 @@ def _at_commands(
     *,
     up: float,
     down: float,
-) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return whether each command makes its rotor rise, and the speed at which it finds it.
+
+    And between the two what share of the way to go is left when the next one comes.
 
     As `flight.motors.two_way_lag`: Newton's iteration on a piecewise linear recursion.
     """
     rising = np.diff(settled, prepend=settled[:1]) >= 0.0
-    speed = settled
+    kept, speed = np.exp(-step / np.where(rising, up, down)), settled
     for _ in range(1 if up == down else MOST_ROUNDS):
-        kept = np.exp(-step / np.where(rising, up, down))
         into = (1.0 - kept) * settled
-        speed = _solved(kept, into[None], settled[None], recording.begins)[0]
+        begun = settled[None, recording.begins]
+        speed = _solved(kept, into[None], begun, recording.begins)[0]
         changed = (settled > speed) != rising
         if not (changed & (np.abs(settled - speed) > SETTLED * np.abs(settled))).any():
             break
         rising = rising ^ changed
-    return rising, speed
+        kept = np.exp(-step / np.where(rising, up, down)) if up != down else kept
+    return rising, kept, speed
 
 
 def _solved(
     kept: Float[np.ndarray, " n"],
     into: Float[np.ndarray, "p n"],
-    start: Float[np.ndarray, "p n"],
+    start: Float[np.ndarray, "p s"],
     begins: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "p n"]:
     """Return x of x_k+1 = a_k x_k + b_k, anew from `start` where a stretch begins."""
-    bands = np.ones((2, len(kept)))
+    bands = np.ones((2, len(kept)), order="F")
     bands[1, :-1] = np.where(begins[1:], 0.0, -kept[:-1])
     right = np.empty(into.shape)
     right[:, 1:] = into[:, :-1]
-    right[:, begins] = start[:, begins]
+    right[:, begins] = start
     # Triangular: a general banded solver takes five times as long.
     return np.asarray(lapack.dtbtrs(bands, right.T, uplo="L", diag="U", overwrite_b=1)[0]).T

@@ -262,13 +262,13 @@ def _alike(
         return found
     one = FORMS[form]
     u = np.quantile(command, np.linspace(0.02, 0.98, 41))
-    wanted = found[0] + FORMS[fit.layout.form].logarithm(u, found[1:])[0]
+    wanted = np.exp(FORMS[fit.layout.form].logarithm(u, found[1:])[0])
     bounds = [-np.inf, *one.lower], [np.inf, *one.upper]
-    begin = np.array([found[0], *one.start])
+    begin = np.array([0.0, *one.start])
     near = scipy.optimize.least_squares(
-        lambda x: x[0] + one.logarithm(u, x[1:])[0] - wanted, begin, bounds=bounds
+        lambda x: np.exp(x[0] + one.logarithm(u, x[1:])[0]) - wanted, begin, bounds=bounds
     )
-    return np.asarray(near.x, dtype=float)
+    return np.array([found[0], *np.zeros(len(near.x) - 1)]) + near.x
 
 
 def _fitted(

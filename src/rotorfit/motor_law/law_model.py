@@ -80,12 +80,20 @@ def scales_of(
     layout: Layout, values: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
     """Return the factor of each rotor's speed, and of each flight's where there is no voltage."""
+    rotors, flights = _log_scales(layout, values)
+    return np.exp(rotors), np.exp(flights)
+
+
+def _log_scales(
+    layout: Layout, values: Float[np.ndarray, " p"]
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
+    """Return the logarithms of the same."""
     x = values[layout.factors]
     rotors = _contrast(np.arange(layout.rotors), layout.rotors) @ x[: layout.rotors - 1]
     flights = np.zeros(layout.flights)
     if not layout.voltage:
         flights = _contrast(np.arange(layout.flights), layout.flights) @ x[layout.rotors - 1 :]
-    return np.exp(rotors), np.exp(flights)
+    return rotors, flights
 
 
 def predicted(
@@ -102,18 +110,21 @@ def predicted(
         drifts = [np.where(recording.flight == k, since, 0.0) for k in range(layout.flights)]
         logarithm = logarithm + x[layout.drifts] @ np.array(drifts)
         bending += drifts
-    scaling = _scaling(layout, recording.rotor, recording.flight)
-    logarithm = logarithm + x[0] + scaling @ x[layout.factors]
+    rotors, flights = _log_scales(layout, x)
+    logarithm = logarithm + (x[0] + rotors)[recording.rotor] + flights[recording.flight]
     settled = np.exp(np.minimum(logarithm, 30.0))
     speed, slopes = answered_speed(
-        recording, settled, (settled * np.array(bending)).T, timing_of(layout, x)
+        recording,
+        settled,
+        (settled * np.array(bending)).T,
+        timing_of(layout, x),
+        two_way=layout.two_way,
     )
     own = _scaling(layout, recording.speed_rotor, recording.speed_flight)
     curved = layout.factors.start - 1
     # What multiplies all commands of a stretch multiplies its speeds.
     columns = [speed[:, None], slopes[:, :curved], speed[:, None] * own, slopes[:, curved:]]
-    every = np.concatenate(columns, axis=1)
-    return speed, every if layout.two_way else np.delete(every, -2, axis=1)
+    return speed, np.concatenate(columns, axis=1)
 
 
 def _scaling(

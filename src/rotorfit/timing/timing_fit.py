@@ -25,7 +25,7 @@ from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.timing.timing_search import coarse_timing, pull_of_gusts
+from rotorfit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
 
 MOST_ROUNDS: Final = 10
 """Of fitting, and of making the signals anew where the fit has moved to."""
@@ -98,11 +98,9 @@ def timed_again(flown: Flown, terms: Sequence[Term]) -> Flown:
 def _fitted(
     flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
-    timed, fit = _settled(flown.at(start, names), terms)
-    # Low-passed beside motion capture, motor data rise and fall alike.
+    timed, fit = _settled(*_begun(flown, start, names, terms), terms)
     at = timed.timing
-    lagging = "motor_lag" in names and at is not None and at.mean_lag > LEAST_LAG
-    if lagging and flown.source == "imu":
+    if at is not None and _may_skew(timed, at, names):
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
@@ -115,23 +113,39 @@ def _fitted(
     late = response.mean_lag > LEAST_LAG and total > 0.0
     if "motor_lag" in names and (pull > UNTOLD_PULL or not late):
         return _untold(flown, delay_free="motor_delay" in names)
-    return _with_deviations(flown, free, fit)
+    return _with_deviations(timed, free, fit)
+
+
+def _begun(
+    flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+) -> tuple[Flown, BandedEstimate]:
+    """Return the first fit; of many flights, near where the liveliest few of them settle."""
+    few, guess = liveliest(flown), None
+    if few is not flown:
+        with suppress(EstimationError):
+            timed, fit = _settled(*_begun(few, start, names, terms), terms)
+            free = timed.free_timing
+            assert free is not None
+            start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
+    flown = flown.at(start, names)
+    return flown, joint_fit(flown, terms=terms, guess=guess)[0]
 
 
 def _settled(
-    flown: Flown, terms: tuple[Term, ...], fit: BandedEstimate | None = None
+    flown: Flown, fit: BandedEstimate, terms: tuple[Term, ...]
 ) -> tuple[Flown, BandedEstimate]:
     """Return the fit whose signals are made where it ends, and the flights at that timing.
 
-    `fit` is the one at the timing that the flights have, where it is there already.
+    `fit` is the one at the timing that the flights have.
     """
-    fit = fit or joint_fit(flown, terms=terms)[0]
     for _ in range(MOST_ROUNDS - 1):
         free = flown.free_timing
         assert free is not None
         if _near(free, fit):
             break
-        flown = flown.at(_moved(free, fit), free.names)
+        moved = _moved(free, fit)
+        beside = ("motor_skew",) if _may_skew(flown, moved, free.names) else ()
+        flown = flown.at(moved, free.names, beside=beside)
         fit, _ = joint_fit(flown, terms=terms, begin=free.others(fit.estimate.by_name))
     return flown, fit
 
@@ -141,6 +155,13 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     at = [fit.estimate.names.index(name) for name in free.names]
     enough = np.maximum(NEAR * fit.estimate.std[at], [ENOUGH[name] for name in free.names])
     return bool((np.abs(fit.estimate.values[at]) <= enough).all())
+
+
+def _may_skew(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> bool:
+    """Return whether rising and falling speed may get a lag each, and have none yet."""
+    # Low-passed beside motion capture, motor data rise and fall alike.
+    lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
+    return lagging and "motor_skew" not in names and flown.source == "imu"
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
@@ -155,13 +176,14 @@ def _with_skew(
     flown: Flown, fit: BandedEstimate, terms: tuple[Term, ...]
 ) -> tuple[Flown, BandedEstimate]:
     """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
-    free = flown.free_timing
-    assert free is not None
-    wide = flown.at(free.at, (*free.names, "motor_skew"))
+    free, found = flown.free_timing, flown.motor_timing
+    assert free is not None and found is not None
+    names = (*free.names, "motor_skew")
+    wide = flown.freed() if found.beside else flown.at(free.at, names)
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
-        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, terms, first)
+        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, first, terms)
     except EstimationError:
         return flown, fit  # motors too quick to tell their rising from their falling
 
@@ -195,6 +217,7 @@ def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> Mot
         total_std=_norm(total, SUM_FAULT, hold),
         free=free.names,
         reached=free.others(fit.estimate.by_name),
+        bands=flown.found_with(),
     )
 
 

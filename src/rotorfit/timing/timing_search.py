@@ -6,14 +6,14 @@ answer to gusts and to the noise of its own gyro, which comes later than they do
 for a delay (8 ms in simulation, where there was none).
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from rotorfit.fit.flights import Flown
-from rotorfit.fit.frequency_bands import slow_bands
+from rotorfit.fit.flights import Configured, Flown
+from rotorfit.fit.frequency_bands import PILOT_BAND, slow_bands
 from rotorfit.fit.row_fits import angular_log_likelihood, flown_turns, turn_ratios
 from rotorfit.flight.motors import MotorResponse
 
@@ -28,6 +28,8 @@ trials. Motion capture comes late by cameras, network and, with commands, the mo
 FURTHEST: Final = 0.16
 """How far beyond that it goes on where the best delay is at its end [s]."""
 LAGS_TRIED: Final = (0.0, 0.02, 0.04, 0.07, 0.1, 0.14)
+FLIGHTS_TRIED: Final = 4
+"""Of each configuration, the liveliest: more of them find no other start."""
 LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, for which a delay further out than usual is taken."""
 CLEAR_GAIN: Final = 100.0
@@ -49,6 +51,37 @@ def coarse_timing(flown: Flown, unknown: Collection[str]) -> MotorResponse | Non
     unknown
         ``"lag"``, ``"delay"`` or both.
     """
+    few = liveliest(flown)
+    found = _coarse(few, unknown)
+    return _coarse(flown, unknown) if found is None and few is not flown else found
+
+
+def liveliest(flown: Flown) -> Flown:
+    """Return the few flights of each configuration that turn most; all where they are few."""
+    if all(len(c.flights) <= FLIGHTS_TRIED for c in flown.configurations):
+        return flown
+    picked = [_most_turned(c) for c in flown.configurations]
+    body = flown.body and tuple(
+        tuple(own[i] for i in few) for own, few in zip(flown.body, picked, strict=True)
+    )
+    configurations = tuple(
+        replace(c, flights=[c.flights[i] for i in few])
+        for c, few in zip(flown.configurations, picked, strict=True)
+    )
+    return replace(flown, configurations=configurations, body=body)
+
+
+def _most_turned(configured: Configured) -> list[int]:
+    """Return which flights of a configuration have most of the squared rates."""
+    turned: list[float] = []
+    for flight in configured.flights:
+        data = flight.prepared.data
+        turned.append(sum(float((data.angular_velocity[s.start : s.stop] ** 2).sum())
+                          / data.sample_rate for s in data.segments))  # fmt: skip
+    return sorted(np.argsort(turned)[-FLIGHTS_TRIED:].tolist())
+
+
+def _coarse(flown: Flown, unknown: Collection[str]) -> MotorResponse | None:
     if "lag" not in unknown:
         return _coarse_delay(flown)
     body = None if flown.body is None else flown.body[:1]
@@ -68,7 +101,17 @@ def coarse_timing(flown: Flown, unknown: Collection[str]) -> MotorResponse | Non
         best = int(np.argmin(values))
         if values[-1] - values[best] < CLEAR_GAIN:
             return None
-    return MotorResponse(lag=max(LAGS_TRIED[best], 0.005), delay=delay)
+    return MotorResponse(lag=max(_bottom(LAGS_TRIED, values, best), 0.005), delay=delay)
+
+
+def _bottom(places: Sequence[float], costs: Sequence[float], best: int) -> float:
+    """Return where the parabola through the best place and its neighbours is lowest."""
+    if best in (0, len(places) - 1):
+        return places[best]
+    near = slice(best - 1, best + 2)
+    bend, slope, _ = np.polyfit(np.array(places[near]) - places[best], costs[near], 2).tolist()
+    lowest = places[best] - 0.5 * slope / bend if bend > 0.0 else places[best]
+    return float(np.clip(lowest, places[best - 1], places[best + 1]))
 
 
 def _turns(flown: Flown) -> bool:
@@ -96,14 +139,16 @@ def _coarse_delay(flown: Flown) -> MotorResponse | None:
         best = int(np.argmin(values))
         if best in (0, len(grid) - 1) or first - values[best] < LEAST_GAIN:
             return None
-    return at(grid[best])
+    return at(_bottom(grid.tolist(), values, best))
 
 
 def _cost(flown: Flown, response: MotorResponse) -> float:
     """Return minus the log-likelihood of the angular accelerations in the pilot's band."""
     return -sum(
         angular_log_likelihood(f, flown.model, mass=configured.mass, counted=slow_bands(f))
-        for f, configured in zip(flown.bands(response), flown.configurations, strict=True)
+        for f, configured in zip(
+            flown.bands(response, top=PILOT_BAND[1]), flown.configurations, strict=True
+        )
     )
 
 
