@@ -5,7 +5,6 @@ load or vehicle makes more. A joint fit does not show it: the flight that is sur
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +13,7 @@ import numpy as np
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Configured
-from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate, only
 from rotorfit.fit.joint_numbers import joint_numbers
 from rotorfit.fit.number_intervals import Numbers
 
@@ -68,12 +67,7 @@ def _alone(
         own = c.factors.recording == k
         if not own.any():
             continue
-        one = replace(
-            c,
-            factors=c.factors.select(own),
-            counted=None if c.counted is None else c.counted[own],
-            answered=None if c.answered is None else c.answered[own],
-        )
+        one = only(c, own)
         try:
             yield k, joint_numbers(joint_estimate([one], [], begin=begin), [one], {c.name: 0.0})
         except EstimationError:
