@@ -20,6 +20,7 @@ from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
+from rotorfit.fit.many_flights.autopilot import UNHEARD, Answer
 from rotorfit.fit.many_flights.trims import (
     configuration_theta,
     flights_of,
@@ -88,7 +89,7 @@ class JointConfiguration:
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `answered` are those of
     `steering.py`: which errors of each block count, and which of those of the turns the autopilot
-    answers. `timing` is what a fit may move of the motors' timing.
+    answers; `answer` how far. `timing` is what a fit may move of the motors' timing.
     """
 
     name: str
@@ -101,6 +102,7 @@ class JointConfiguration:
     counted: Bool[np.ndarray, "b 6"] | None = None
     answered: Bool[np.ndarray, "b e"] | None = None
     timing: FreeTiming | None = None
+    answer: Answer = UNHEARD
 
 
 def joint_estimate(
@@ -265,8 +267,8 @@ def _answers(configuration: JointConfiguration) -> Answers:
     return Answers(
         rows=(factors.rows * moving)[:, None] * steered,
         moves=_mixed(configuration, turn),
-        share=answer[:, None] * TAKEN * answered,
-        doubt=np.repeat(answer[:, None], len(TAKEN), axis=1),
+        share=answer[:, None] * (TAKEN * answered + configuration.answer.beyond),
+        doubt=answer[:, None] * np.array(configuration.answer.open),
         late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
 
