@@ -31,6 +31,9 @@ from rotorfit.fit.many_flights.trims import ENOUGH_FLIGHTS
 BEFORE: Final = 1.0 / 1.96
 """Deviation of an answer from what is taken for granted, before the flights: nothing or twice it
 are the ends of the interval."""
+LEAST_OPEN: Final = 0.5
+"""Of that interval, which no number of flights closes: how an answer goes with frequency is assumed
+for all of them alike."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +82,7 @@ def heard_answer(fit: BandedEstimate) -> Answer:
     pulls = np.einsum("ij,kjf,kf->ki", covariance, weighed, left)[:, f:]
     scatter = flights / (flights - 1.0) * (pulls**2).sum(axis=0)
     std = np.sqrt(np.maximum(np.diagonal(covariance)[f:], scatter))
-    half = np.minimum(float(stats.t.ppf(0.975, flights - 1)) * std, 1.0)
+    half = np.clip(float(stats.t.ppf(0.975, flights - 1)) * std, LEAST_OPEN, 1.0)
     return Answer(beyond=tuple(found[f:].tolist()), open=tuple(half.tolist()))
 
 
