@@ -5,6 +5,7 @@ load or vehicle makes more. A joint fit does not show it: the flight that is sur
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,7 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate, only
 from rotorfit.fit.joint_numbers import joint_numbers
+from rotorfit.fit.many_flights.autopilot import UNHEARD
 from rotorfit.fit.number_intervals import Numbers
 
 LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
@@ -67,7 +69,7 @@ def _alone(
         own = c.factors.recording == k
         if not own.any():
             continue
-        one = only(c, own)
+        one = only(replace(c, answer=UNHEARD), own)
         try:
             yield k, joint_numbers(joint_estimate([one], [], begin=begin), [one], {c.name: 0.0})
         except EstimationError:

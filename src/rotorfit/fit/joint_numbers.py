@@ -108,7 +108,11 @@ def joint_numbers(
         names=names,
         values=values,
         half_width=np.maximum.reduce(
-            [random, _between_phases(fit, jacobian), _between_flights(fit, jacobian, configurations)]
+            [
+                random,
+                _between_phases(fit, jacobian),
+                _between_flights(fit, jacobian, configurations),
+            ]
         ),
         correlation=correlation_of(formal + shared),
         excitation=excitation(fit, configurations),
