@@ -31,6 +31,8 @@ from rotorfit.fit.many_flights.trims import ENOUGH_FLIGHTS
 BEFORE: Final = 1.0 / 1.96
 """Deviation of an answer from what is taken for granted, before the flights: nothing or twice it
 are the ends of the interval."""
+UNTOLD: Final = 100.0
+"""Deviation of what no flight tells."""
 LEAST_OPEN: Final = 0.5
 """Of that interval, which no number of flights closes: how an answer goes with frequency is assumed
 for all of them alike."""
@@ -73,7 +75,7 @@ def heard_answer(fit: BandedEstimate) -> Answer:
     weighed = X.transpose(0, 2, 1) @ np.array([resting_inverse(h + prior / flights) for h in H])
     information = (weighed @ X).sum(axis=0)
     information[:f, :f] += prior
-    information[f:, f:] += np.eye(e) / BEFORE**2
+    information[f:, f:] += np.eye(e) / UNTOLD**2
     covariance = resting_inverse(information)
     # The prior's own pull is the rest of all scores: they sum to nothing.
     pull = np.concatenate([-s.sum(axis=0), np.zeros(e)])
@@ -81,9 +83,11 @@ def heard_answer(fit: BandedEstimate) -> Answer:
     left = s - X @ found
     pulls = np.einsum("ij,kjf,kf->ki", covariance, weighed, left)[:, f:]
     scatter = flights / (flights - 1.0) * (pulls**2).sum(axis=0)
-    std = np.sqrt(np.maximum(np.diagonal(covariance)[f:], scatter))
-    half = np.clip(float(stats.t.ppf(0.975, flights - 1)) * std, LEAST_OPEN, 1.0)
-    return Answer(beyond=tuple(found[f:].tolist()), open=tuple(half.tolist()))
+    few = float(stats.t.ppf(0.975, flights - 1)) / 1.96
+    variance = few**2 * np.maximum(np.diagonal(covariance)[f:], scatter)
+    gain = BEFORE**2 / (BEFORE**2 + variance)
+    half = np.maximum(1.96 * np.sqrt(gain * variance), LEAST_OPEN)
+    return Answer(beyond=tuple((gain * found[f:]).tolist()), open=tuple(half.tolist()))
 
 
 def _asked_apart(
