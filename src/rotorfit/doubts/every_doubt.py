@@ -75,7 +75,7 @@ def with_doubts(
     doubts: list[Doubt] = [
         lever_doubt(flown, fit, numbers),
         *_doubts_of_body(tables, fit, numbers, joint, flown),
-        *_doubts_of_flight(flown, fit, numbers),
+        *_doubts_of_flight(flown, fit, numbers, joint),
     ]
     doubts.append((odd_flight(flown.configurations, joint, fit), {}))
     doubts.append((changed_in_flight(flown.configurations), {}))
@@ -117,7 +117,9 @@ def _doubts_of_body(
         yield words, {f"smallest_second_moment@{name}": moment.share}
 
 
-def _doubts_of_flight(flown: Flown, fit: BandedEstimate, numbers: Numbers) -> Iterator[Doubt]:
+def _doubts_of_flight(
+    flown: Flown, fit: BandedEstimate, numbers: Numbers, joint: Sequence[JointConfiguration]
+) -> Iterator[Doubt]:
     """Yield what the flights say against the fit."""
     yield without_mean(fit, numbers)
     yield early_motors(flown), {}
@@ -125,7 +127,7 @@ def _doubts_of_flight(flown: Flown, fit: BandedEstimate, numbers: Numbers) -> It
     yield accelerometer_apart(flown), {}
     yield saturated_sensors(flown), {}
     yield from _doubts_of_thrust(flown, numbers)
-    for peak in residual_peaks(flown, fit):
+    for peak in residual_peaks(flown, fit, joint):
         yield peak_sentence(peak), {f"residual_peak@{peak.configuration}": peak.ratio}
 
 

@@ -14,8 +14,9 @@ import numpy as np
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Configured
-from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate, only
 from rotorfit.fit.joint_numbers import joint_numbers
+from rotorfit.fit.many_flights.autopilot import UNHEARD
 from rotorfit.fit.number_intervals import Numbers
 
 LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
@@ -68,12 +69,7 @@ def _alone(
         own = c.factors.recording == k
         if not own.any():
             continue
-        one = replace(
-            c,
-            factors=c.factors.select(own),
-            counted=None if c.counted is None else c.counted[own],
-            answered=None if c.answered is None else c.answered[own],
-        )
+        one = only(replace(c, answer=UNHEARD), own)
         try:
             yield k, joint_numbers(joint_estimate([one], [], begin=begin), [one], {c.name: 0.0})
         except EstimationError:

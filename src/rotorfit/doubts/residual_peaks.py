@@ -16,6 +16,7 @@ from scipy import signal, stats
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Flown, retimed
 from rotorfit.fit.frequency_bands import EDGES, STRETCH
+from rotorfit.fit.joint_equations import JointConfiguration, theta_of
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.reduce import split_segment
 from rotorfit.model.signals import signal_matrix
@@ -55,14 +56,14 @@ class Peak:
     probability: float
 
 
-def residual_peaks(flown: Flown, fit: BandedEstimate) -> list[Peak]:
+def residual_peaks(
+    flown: Flown, fit: BandedEstimate, joint: Sequence[JointConfiguration]
+) -> list[Peak]:
     """Return the highest peak of every configuration whose flights are long enough."""
-    theta = fit.problem.map.theta(fit.estimate.values)
+    every = theta_of(fit.problem.map, fit.estimate.values, joint)
     peaks: list[Peak] = []
-    for c, (configured, tensor) in enumerate(
-        zip(flown.configurations, fit.problem.tensors, strict=True)
-    ):
-        B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta[c], tensor)
+    for configured, theta in zip(flown.configurations, every, strict=True):
+        B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, flown.model.tensor)
         G: Float[np.ndarray, "k z"] = scipy.linalg.solve(B[:, list(fit.problem.noisy)], B)
         prepared = [flight.prepared for flight in configured.flights]
         power, lines = _binned(_errors(flown, prepared, G))

@@ -6,6 +6,7 @@ Thrown off by a factor all numbers stay consistent, so that they are said beside
 import numpy as np
 
 from rotorfit.fit.flights import Flown
+from rotorfit.fit.many_flights.trims import flights_of
 from rotorfit.results.parameter_tables import Tables
 
 RPM = 60.0 / (2.0 * np.pi)
@@ -27,7 +28,23 @@ def what_numbers_hang_on(tables: Tables, flown: Flown) -> tuple[str, ...]:
         )
     seconds = sum(f.prepared.data.seconds_used for c in flown.configurations for f in c.flights)
     parts.append(f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)")
+    if tables.factors is not None:
+        parts += [
+            _shared(c.name, len(flights))
+            for c in tables.factors.configurations
+            if len(flights := flights_of(c.factors)) > 1
+        ]
     return tuple(parts)
+
+
+def _shared(configuration: str, flights: int) -> str:
+    """Return what stays in the intervals of however many flights, in words."""
+    return (
+        f"{configuration}: what changes from flight to flight (trim, air, gusts) averages out over "
+        f"{flights} flights; what all share does not, and stays in every interval: mass, arms and "
+        "the place of the IMU, when the log has the motors' speed, half of what is not known of an "
+        "autopilot's answer to gusts"
+    )
 
 
 def _distances(flown: Flown) -> str:

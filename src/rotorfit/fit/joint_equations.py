@@ -20,6 +20,13 @@ from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
+from rotorfit.fit.many_flights.autopilot import UNHEARD, Answer
+from rotorfit.fit.many_flights.trims import (
+    configuration_theta,
+    flights_of,
+    trim_prior,
+    with_trims,
+)
 from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.row_fits import (
     ACCEL_BIAS_STD,
@@ -85,7 +92,7 @@ class JointConfiguration:
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `answered` are those of
     `steering.py`: which errors of each block count, and which of those of the turns the autopilot
-    answers. `timing` is what a fit may move of the motors' timing.
+    answers; `answer` how far. `timing` is what a fit may move of the motors' timing.
     """
 
     name: str
@@ -98,6 +105,7 @@ class JointConfiguration:
     counted: Bool[np.ndarray, "b 6"] | None = None
     answered: Bool[np.ndarray, "b e"] | None = None
     timing: FreeTiming | None = None
+    answer: Answer = UNHEARD
 
 
 def joint_estimate(
@@ -177,24 +185,61 @@ def joint_problem(
     known_kt: tuple[float, float] | None = None,
     terms: Collection[Term] = DEFAULT_TERMS,
 ) -> BandedProblem:
-    """Return the problem that `joint_estimate` solves."""
-    mapped = joint_map(configurations, terms=terms)
+    """Return the problem that `joint_estimate` solves: a theta for each of `flights_apart`."""
+    owners, flights = flights_apart(configurations)
     layout = configurations[0].model.layout
+    mapped = joint_map(configurations, terms=terms)
+    mapped = with_trims(mapped, configurations[0].model.names, owners)
     prior = joint_prior(configurations)
+    prior |= trim_prior(mapped, [c.mass * c.vehicle.arm for c in flights])
     timing = configurations[0].timing
     known = {} if known_kt is None else {"kt": known_kt}
     known |= {} if timing is None else timing.prior()
     return BandedProblem(
-        factors=tuple(c.factors for c in configurations),
-        tensors=tuple(c.model.tensor for c in configurations),
+        factors=tuple(c.factors for c in flights),
+        tensors=tuple(c.model.tensor for c in flights),
         map=mapped,
         noisy=tuple(layout.index(name) for name in NOISY),
         prior_mean={name: mean for name, (mean, _) in known.items()},
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
-        counted=tuple(c.counted for c in configurations if c.counted is not None),
-        feedback=_feedback(configurations),
+        counted=tuple(c.counted for c in flights if c.counted is not None),
+        feedback=_feedback(flights),
     )
+
+
+def flights_apart(
+    configurations: Sequence[JointConfiguration],
+) -> tuple[list[int], list[JointConfiguration]]:
+    """Return each flight with its configuration's place; the few of one configuration as one."""
+    owners: list[int] = []
+    flights: list[JointConfiguration] = []
+    for place, c in enumerate(configurations):
+        parts = flights_of(c.factors)
+        owners += [place] * len(parts)
+        flights += [c] if len(parts) == 1 else [only(c, own) for own in parts]
+    return owners, flights
+
+
+def only(configuration: JointConfiguration, blocks: Bool[np.ndarray, " b"]) -> JointConfiguration:
+    """Return some blocks of a configuration."""
+    counted, answered = configuration.counted, configuration.answered
+    return replace(
+        configuration,
+        factors=configuration.factors.select(blocks),
+        counted=None if counted is None else counted[blocks],
+        answered=None if answered is None else answered[blocks],
+    )
+
+
+def theta_of(
+    fit_map: ParameterMap,
+    phi: Float[np.ndarray, " f"],
+    configurations: Sequence[JointConfiguration],
+) -> Float[np.ndarray, "c p"]:
+    """Return theta of every configuration, of a map to that of its flights."""
+    counts = [len(flights_of(c.factors)) for c in configurations]
+    return configuration_theta(fit_map, phi, counts)
 
 
 def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
@@ -225,8 +270,8 @@ def _answers(configuration: JointConfiguration) -> Answers:
     return Answers(
         rows=(factors.rows * moving)[:, None] * steered,
         moves=_mixed(configuration, turn),
-        share=answer[:, None] * TAKEN * answered,
-        doubt=np.repeat(answer[:, None], len(TAKEN), axis=1),
+        share=answer[:, None] * (TAKEN * answered + configuration.answer.beyond),
+        doubt=answer[:, None] * np.array(configuration.answer.open),
         late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
 

@@ -1,7 +1,7 @@
 """The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.kt_from_weight import WeighedThrust
+from rotorfit.fit.many_flights.autopilot import UNHEARD, heard_answer
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.steering import steered
 
@@ -83,4 +84,10 @@ def joint_fit(
         begin = first.estimate.by_name
     commanded = flown.motors.speed == "commanded"
     joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
+    fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin)
+    answer = heard_answer(fit)
+    if answer == UNHEARD:
+        return fit, joint
+    joint = [replace(c, answer=answer) for c in joint]
+    begin = fit.estimate.by_name
     return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint

@@ -34,7 +34,9 @@ from rotorfit.fit.joint_equations import (
     JointConfiguration,
     rotor_drag_std,
     spread_names,
+    theta_of,
 )
+from rotorfit.fit.many_flights.trims import ENOUGH_FLIGHTS
 from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.number_intervals import (
     PRODUCTS,
@@ -65,9 +67,8 @@ FEWEST_PHASES = 3
 MOST_LEVERAGE = 4.0
 """Of a phase that has three quarters of the information."""
 FEWEST_FLIGHTS = 3
-"""Of one configuration, from which their scatter tells anything."""
-ENOUGH_FLIGHTS = 5
-"""From which it tells its own size too: of fewer it can only be a lower limit."""
+"""Of one configuration, from which their scatter tells anything: its own size from
+`ENOUGH_FLIGHTS` on, of fewer it can only be a lower limit."""
 OWN_NUMBERS = (
     *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
     *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS, *TURN_DAMPING),
@@ -107,7 +108,11 @@ def joint_numbers(
         names=names,
         values=values,
         half_width=np.maximum.reduce(
-            [random, _between_phases(fit, jacobian), _between_flights(fit, jacobian)]
+            [
+                random,
+                _between_phases(fit, jacobian),
+                _between_flights(fit, jacobian, configurations),
+            ]
         ),
         correlation=correlation_of(formal + shared),
         excitation=excitation(fit, configurations),
@@ -120,7 +125,9 @@ def joint_numbers(
 
 
 def _between_flights(
-    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+    fit: BandedEstimate,
+    jacobian: Float[np.ndarray, "q f"],
+    configurations: Sequence[JointConfiguration],
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width that the pull of each flight as a whole shows; zeros for one or two.
 
@@ -129,10 +136,10 @@ def _between_flights(
     """
     variance, degrees = np.zeros(len(jacobian)), np.inf
     first = 0
-    for factors in fit.problem.factors:
-        own = fit.influence[first : first + len(factors)]
-        first += len(factors)
-        source = factors.recording
+    for configuration in configurations:
+        source = configuration.factors.recording
+        own = fit.influence[first : first + len(source)]
+        first += len(source)
         pulls = np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T
         m = len(pulls)
         if m < FEWEST_FLIGHTS:
@@ -194,7 +201,7 @@ def physical(
     p = dict(zip(mapped.names, phi.tolist(), strict=True))
     out = {name: p[name] for name in SHARED_FREE if name in p}
     out["kd_over_kt"] = p["kd"] / p["kt"]
-    theta = mapped.theta(phi)
+    theta = theta_of(mapped, phi, configurations)
     index = configurations[0].model.names.index
     spread = spread_names(configurations[0].vehicle)
     for i in range(len(spread) if set(spread) <= set(p) else 0):

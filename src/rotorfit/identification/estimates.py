@@ -20,6 +20,7 @@ from rotorfit.fit.joint_equations import JointConfiguration, at_values, joint_es
 from rotorfit.fit.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.joint_numbers import joint_numbers, physical
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
+from rotorfit.fit.many_flights.autopilot import UNHEARD
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.other_settings import widened
 from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
@@ -99,7 +100,7 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     tables = replace(
         tables,
         warnings=(*tables.warnings, *unsettled, *choice.sentences, *doubts),
-        settings={**tables.settings, **choice.settings},
+        settings={**tables.settings, **choice.settings, **_answer_told(joint)},
     )
     kept = FittedFactors(
         configurations=tuple(joint), terms=tuple(terms), values=fit.estimate.by_name
@@ -108,6 +109,14 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     tables = with_doubts(tables, flown, numbers, fit=fit, joint=joint)
     tables = with_pilot(tables, flown, numbers, fit=fit, joint=joint)
     return tables if uncoupled is None else without_yaw_scale(tables, uncoupled.gain)
+
+
+def _answer_told(joint: Sequence[JointConfiguration]) -> dict[str, dict[str, tuple[float, ...]]]:
+    """Return the autopilot's answer beyond the usual one, where the flights tell it."""
+    answer = joint[0].answer
+    if answer == UNHEARD:
+        return {}
+    return {"autopilot_answer": {"beyond_usual": answer.beyond, "half_width": answer.open}}
 
 
 def _unmoved(flown: Flown, fit: BandedEstimate) -> dict[str, float]:

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Complex, Float, Int
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.solved import solved
 from rotorfit.fit.flights import Configured, Flown, banded_data
-from rotorfit.fit.joint_equations import ANSWERED, NOISY, JointConfiguration
+from rotorfit.fit.joint_equations import ANSWERED, NOISY, JointConfiguration, theta_of
 from rotorfit.flight.data import FlightData, Velocity
 from rotorfit.model.reduce import banded_lines
 from rotorfit.model.signals import signal_matrix
@@ -52,7 +52,7 @@ def reference_lines(
     fit, joint
         Their fit, and its configurations.
     """
-    theta = fit.problem.map.theta(fit.estimate.values)
+    theta = theta_of(fit.problem.map, fit.estimate.values, joint)
     for k, (configured, c) in enumerate(zip(flown.configurations, joint, strict=True)):
         G, _ = solved(c.model.tensor, theta[k], fit.problem.noisy)
         yield c.name, _lines(configured, c, flown, G[[NOISY.index(name) for name in ANSWERED]])

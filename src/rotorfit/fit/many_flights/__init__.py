@@ -1,0 +1,1 @@
+"""What several flights of one configuration show together, and one alone cannot."""

@@ -1,0 +1,116 @@
+r"""What flights of one vehicle show together of how far its autopilot answers disturbances.
+
+What an answer adds to the score of a flight goes with its rows, what the flight knows with rows
+times rho. So an answer that is taken too small pulls flights by 1 / rho, each as it was flown, and
+flights of different rho show by how much: with the score :math:`s_k` of flight k at the joint fit,
+its information :math:`H_k`, and :math:`G_k` what an answer would add to it,
+
+.. math:: s_k = H_k \Delta - G_k \delta + n_k, \quad n_k \sim N(0, H_k),
+
+weighed regression gives :math:`\delta` for roll, pitch and yaw: one of all flights, whose autopilot
+is the same. How well it is known the scatter of the flights about it tells (cluster-robust: White,
+Econometrica 48, 1980; Liang and Zeger, Biometrika 73, 1986).
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from rotorfit.estimation.banded import (
+    BandedEstimate,
+    normal_equations,
+    parameter_scale,
+    resting_inverse,
+)
+from rotorfit.estimation.banded_equations import feedback_scores, solutions
+from rotorfit.fit.many_flights.trims import ENOUGH_FLIGHTS
+
+BEFORE: Final = 1.0 / 1.96
+"""Deviation of an answer from what is taken for granted, before the flights: nothing or twice it
+are the ends of the interval."""
+UNTOLD: Final = 100.0
+"""Deviation of what no flight tells."""
+LEAST_OPEN: Final = 0.5
+"""Of that interval, which no number of flights closes: how an answer goes with frequency is assumed
+for all of them alike."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """An autopilot's answer to roll, pitch and yaw errors, as shares of the usual one.
+
+    Attributes
+    ----------
+    beyond
+        How much more than what is taken for granted.
+    open
+        Half of the 95 % interval of that; 1 is what is known of any autopilot.
+    """
+
+    beyond: tuple[float, ...] = (0.0, 0.0, 0.0)
+    open: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+
+UNHEARD: Final = Answer()
+"""Of few flights."""
+
+
+def heard_answer(fit: BandedEstimate) -> Answer:
+    """Return the answer that five flights or more show together; of fewer what is usual.
+
+    Parameters
+    ----------
+    fit
+        Of all flights, made with the usual answer.
+    """
+    flights = len(fit.problem.factors)
+    if flights < ENOUGH_FLIGHTS or fit.problem.feedback is None:
+        return UNHEARD
+    H, s, G, prior = _asked_apart(fit)
+    f, e = G.shape[1:]
+    X = np.concatenate([H, -G], axis=2)
+    weighed = X.transpose(0, 2, 1) @ np.array([resting_inverse(h + prior / flights) for h in H])
+    information = (weighed @ X).sum(axis=0)
+    information[:f, :f] += prior
+    information[f:, f:] += np.eye(e) / UNTOLD**2
+    covariance = resting_inverse(information)
+    # The prior's own pull is the rest of all scores: they sum to nothing.
+    pull = np.concatenate([-s.sum(axis=0), np.zeros(e)])
+    found = covariance @ (np.einsum("kif,kf->i", weighed, s) + pull)
+    left = s - X @ found
+    pulls = np.einsum("ij,kjf,kf->ki", covariance, weighed, left)[:, f:]
+    scatter = flights / (flights - 1.0) * (pulls**2).sum(axis=0)
+    few = float(stats.t.ppf(0.975, flights - 1)) / 1.96
+    variance = few**2 * np.maximum(np.diagonal(covariance)[f:], scatter)
+    gain = BEFORE**2 / (BEFORE**2 + variance)
+    half = np.maximum(1.96 * np.sqrt(gain * variance), LEAST_OPEN)
+    return Answer(beyond=tuple((gain * found[f:]).tolist()), open=tuple(half.tolist()))
+
+
+def _asked_apart(
+    fit: BandedEstimate,
+) -> tuple[
+    Float[np.ndarray, "m f f"],
+    Float[np.ndarray, "m f"],
+    Float[np.ndarray, "m f e"],
+    Float[np.ndarray, "f f"],
+]:
+    """Return information, score and what an answer adds to it, of each flight; and the prior.
+
+    In units of what all flights know of each parameter alone.
+    """
+    problem, feedback = fit.problem, fit.problem.feedback
+    assert feedback is not None
+    flight = np.repeat(np.arange(len(problem.factors)), [len(f) for f in problem.factors])
+    added = feedback_scores(problem, feedback.doubtful(), solutions(problem, fit.estimate.values))
+    prior = normal_equations(fit, np.zeros(len(flight), dtype=bool)).information
+    every = [normal_equations(fit, flight == k) for k in range(len(problem.factors))]
+    H = np.array([own.information - prior for own in every])
+    s = np.array([own.scores[:-1].sum(axis=0) for own in every])
+    G = np.array([added[flight == k].sum(axis=0).T for k in range(len(every))])
+    size = parameter_scale(H.sum(axis=0) + prior)
+    square = np.outer(size, size)
+    return H / square, s / size, G / size[:, None], prior / square

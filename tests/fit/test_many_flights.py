@@ -1,0 +1,135 @@
+"""What five flights or more tell together: a trim of each, and how far their autopilot answers."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import flown
+import made_fit
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.joint_equations import joint_problem, theta_of
+from rotorfit.fit.many_flights import autopilot
+from rotorfit.fit.many_flights.autopilot import LEAST_OPEN, UNHEARD, heard_answer
+from rotorfit.identification.identify import identify_flights
+from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
+from rotorfit.simulation.tables import write_flight_table
+
+PLACES = np.array([[2e-3, 0.0], [-2e-3, 1e-3], [0.0, -2e-3], [1e-3, 2e-3], [-1e-3, -1e-3]])
+"""Of each flight's centre of mass about that of all [m]."""
+
+
+def of_flights(flights):
+    source = np.repeat(np.arange(flights), 2)
+    blocks = made_fit.blocks([(1.0, 2.0)] * len(source), source=source)
+    return made_fit.configuration("A", factors=blocks)
+
+
+@pytest.mark.parametrize("flights", [1, 4])
+def test_few_flights_are_one(flights):
+    problem = joint_problem([of_flights(flights)])
+    assert len(problem.factors) == len(problem.tensors) == len(problem.map.constant) == 1
+    assert not any(name.startswith("trim") for name in problem.map.names)
+
+
+def test_each_of_five_flights_has_its_own_first_moments_and_all_else_in_common():
+    body, other = of_flights(5), replace(of_flights(2), name="B")
+    problem = joint_problem([body, other])
+    assert [len(factors) for factors in problem.factors] == [2, 2, 2, 2, 2, 4]
+    names = problem.map.names
+    trims = [f"trim_{moment}@{k}" for k in range(5) for moment in ("msx", "msy")]
+    assert [name for name in names if name.startswith("trim")] == trims
+    std = 0.01 * body.mass * body.vehicle.arm
+    assert all(problem.prior_std[name] == pytest.approx(std) for name in trims)
+
+    values = np.array([made_fit.BODY.get(name.partition("@")[0], 0.0) for name in names])
+    moved = values.copy()
+    moved[names.index("trim_msy@3")] = 1e-3
+    apart = problem.map.theta(moved) - problem.map.theta(values)
+    assert np.argwhere(apart).tolist() == [[3, body.model.names.index("msy")]]
+    np.testing.assert_array_equal(
+        theta_of(problem.map, moved, [body, other]), problem.map.theta(values)[[0, 5]]
+    )
+
+
+def asked_apart(answer, *, rho, scatter=0.0):
+    """Return what flights ask for at their joint fit, an answer pulling: s = H D - G answer + n."""
+    f = 4
+    H = np.array([r * np.eye(f) for r in rho])
+    G = np.repeat(np.eye(f)[:, :3][None] * 20.0, len(rho), axis=0)
+    noise = np.random.default_rng(1).standard_normal((len(rho), f)) * np.sqrt(rho)[:, None]
+    pulled = scatter * noise - G @ answer
+    shift = np.linalg.solve(H.sum(axis=0), -pulled.sum(axis=0))
+    return H, H @ shift + pulled, G, np.zeros((f, f))
+
+
+FIT = SimpleNamespace(problem=SimpleNamespace(factors=[None] * 8, feedback=object()))
+RHO = np.array([10.0, 20.0, 40.0, 100.0, 300.0, 1000.0, 2000.0, 5000.0])
+
+
+def test_flights_of_different_rho_show_how_far_the_autopilot_answers(monkeypatch):
+    true = np.array([0.4, -0.3, 0.0])
+    monkeypatch.setattr(autopilot, "_asked_apart", lambda fit: asked_apart(true, rho=RHO))
+    found = heard_answer(FIT)
+    np.testing.assert_allclose(found.beyond, true, atol=0.05)
+    assert found.open == pytest.approx((LEAST_OPEN,) * 3)
+
+
+def test_flights_of_one_rho_show_nothing_of_it(monkeypatch):
+    asked = asked_apart(np.array([0.4, -0.3, 0.0]), rho=np.full(8, 100.0))
+    monkeypatch.setattr(autopilot, "_asked_apart", lambda fit: asked)
+    found = heard_answer(FIT)
+    np.testing.assert_allclose(found.beyond, 0.0, atol=1e-3)
+    assert found.open == pytest.approx((1.0, 1.0, 1.0), abs=1e-3)
+
+
+def test_flights_that_scatter_leave_it_open(monkeypatch):
+    asked = asked_apart(np.zeros(3), rho=RHO, scatter=20.0)
+    monkeypatch.setattr(autopilot, "_asked_apart", lambda fit: asked)
+    assert min(heard_answer(FIT).open) > 0.7
+
+
+def test_four_flights_show_nothing_of_it():
+    few = SimpleNamespace(problem=SimpleNamespace(factors=[None] * 4, feedback=object()))
+    assert heard_answer(few) is UNHEARD
+
+
+@pytest.fixture(scope="module")
+def five(tmp_path_factory):
+    """Return what five flights give whose battery sat elsewhere in each, and the truth of all."""
+    folder = tmp_path_factory.mktemp("five")
+    (truth, vehicle), sensors = variant(layout_vehicle("quad-x"), "noisy")
+    scenario = Scenario(seconds=10.0, ground_seconds=1.0, sensors=sensors, physics_rate=200.0)
+    names = []
+    for k, (x, y) in enumerate(PLACES):
+        msx, msy, msz = truth.first_moments
+        moments = (msx + truth.mass * x, msy + truth.mass * y, msz)
+        flight = simulate_flight(replace(truth, first_moments=moments), vehicle, scenario, seed=k)
+        names.append(folder / f"{k}.csv")
+        write_flight_table(flight, names[-1])
+    path = flown.experiment_file(folder / "e.toml", vehicle, names, mass=truth.mass)
+    return identify_flights(load_experiment(path)), truth
+
+
+def test_the_trim_of_each_flight_is_found(five):
+    identified, truth = five
+    values = identified.factors.values
+    found = [[values[f"trim_{m}@{k}"] for m in ("msx", "msy")] for k in range(5)]
+    np.testing.assert_allclose(np.array(found) / truth.mass, PLACES, atol=4e-4)
+
+
+def test_intervals_of_flights_of_different_trim_hold_and_are_narrow(five):
+    identified, truth = five
+    for name, true in zip(
+        ("Ixx_com", "Iyy_com", "Izz_com"), np.diagonal(truth.com_inertia), strict=True
+    ):
+        low, high = identified.result.derived_value(name).interval
+        assert low < true < high
+        assert high - low < 0.15 * true
+
+
+def test_what_all_flights_share_is_said(five):
+    used = five[0].result.settings["used"]
+    assert "averages out over 5 flights; what all share does not" in used["hangs_on"][-1]
+    assert all(LEAST_OPEN <= half <= 1.0 for half in used["autopilot_answer"]["half_width"])
