@@ -12,7 +12,7 @@ moves tells of the inertia only to someone who knows the disturbance in N m, and
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -30,7 +30,6 @@ from rotorfit.fit.joint_equations import (
 )
 from rotorfit.fit.joint_numbers import physical
 from rotorfit.fit.motor_timing import LAG_PRIOR
-from rotorfit.flight.felt_climb import felt_climb
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Vehicle
@@ -161,12 +160,11 @@ def flight_spectrum(
         Noise of the rotor speeds [rad/s]; 0 where commands stand for them.
     """
     data = sampled_flight_data(flight)
-    data = replace(data, climb=felt_climb(data))
     n, rate = len(data.time) - 2, data.sample_rate
     w = windows.tukey(n, TAPER)
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     frequency = frequency[frequency <= TOP]
-    Z = signal_matrix(data, vehicle, 1, n + 1, velocity="climb") * (w / np.sqrt(n))[:, None]
+    Z = signal_matrix(data, vehicle, 1, n + 1) * (w / np.sqrt(n))[:, None]
     turn = 2.0 * np.pi * frequency / rate
     average = (4.0 + 2.0 * np.cos(turn)) / 6.0
     # The window's own slope differentiates too: it is what is known of a rate's mean slope.
@@ -211,7 +209,7 @@ def _sensitivity(
 
     The gyroscopic products with the rotors' spin, whose noise is far below the rest, are left out.
     """
-    names = signal_layout(vehicle, velocity="climb")
+    names = signal_layout(vehicle)
     w, O = flight.angular_velocity[::20], flight.rotor_speed[::20]
     C = np.zeros((len(w), len(names), 6 + O.shape[1]))
     for k, axis in enumerate("xyz"):
@@ -230,7 +228,7 @@ def _derivative_sensitivity(
     vehicle: Vehicle, gyro_std: float, rotor_speed_std: float
 ) -> Float[np.ndarray, "z c"]:
     """Return the same for the derivatives of rates and of the rotors' spin."""
-    names = signal_layout(vehicle, velocity="climb")
+    names = signal_layout(vehicle)
     E = np.zeros((len(names), 6 + len(vehicle.rotors)))
     spins = vehicle.spins[:, None] * vehicle.axes
     for k, axis in enumerate("xyz"):
@@ -276,7 +274,7 @@ def flights_bound(flights: Mapping[str, SimulatedFlight], *, commanded: bool) ->
         Whether commands stand for rotor speeds, and the motors' lag is unknown.
     """
     first = next(iter(flights.values()))
-    physics = regressor(first.vehicle, velocity="climb")
+    physics = regressor(first.vehicle)
     joint = [_joint_configuration(name, f, physics) for name, f in flights.items()]
     mapped = joint_map(joint)
     phi = true_phi(mapped, flights)
@@ -337,7 +335,6 @@ def true_phi(
         own_kt = truth.rotor_kt(flight.rotor_speed.shape[1])
         kt = float(own_kt.mean())
         values |= {"kt": kt, "kd": truth.kd, "Jr": truth.Jr}
-        values[f"climb_drag@{name}"] = truth.drag[2]
         values |= {f"spread_{i}": float(k) / kt - 1.0 for i, k in enumerate(own_kt, start=1)}
         own = zip(
             ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
