@@ -10,9 +10,9 @@ import flown
 import made_fit
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.joint_equations import joint_problem, theta_of
-from rotorfit.fit.many_flights import autopilot
-from rotorfit.fit.many_flights.autopilot import LEAST_OPEN, UNHEARD, heard_answer
 from rotorfit.identification.identify import identify_flights
+from rotorfit.many_flights import autopilot
+from rotorfit.many_flights.autopilot import LEAST_OPEN, UNHEARD, heard_answer
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
 from rotorfit.simulation.tables import write_flight_table
 

@@ -10,9 +10,9 @@ from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.kt_from_weight import WeighedThrust
-from rotorfit.fit.many_flights.autopilot import UNHEARD, heard_answer
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.steering import steered
+from rotorfit.many_flights.autopilot import UNHEARD, heard_answer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

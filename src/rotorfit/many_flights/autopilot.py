@@ -26,7 +26,7 @@ from rotorfit.estimation.banded import (
     resting_inverse,
 )
 from rotorfit.estimation.banded_equations import feedback_scores, solutions
-from rotorfit.fit.many_flights.trims import ENOUGH_FLIGHTS
+from rotorfit.many_flights.trims import ENOUGH_FLIGHTS
 
 BEFORE: Final = 1.0 / 1.96
 """Deviation of an answer from what is taken for granted, before the flights: nothing or twice it
