@@ -16,8 +16,8 @@ from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate, only
 from rotorfit.fit.joint_numbers import joint_numbers
-from rotorfit.fit.many_flights.autopilot import UNHEARD
 from rotorfit.fit.number_intervals import Numbers
+from rotorfit.many_flights.autopilot import UNHEARD
 
 LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
 LEAST_SHARE: Final = 0.05

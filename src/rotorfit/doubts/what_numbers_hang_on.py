@@ -6,7 +6,7 @@ Thrown off by a factor all numbers stay consistent, so that they are said beside
 import numpy as np
 
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.many_flights.trims import flights_of
+from rotorfit.many_flights.trims import flights_of
 from rotorfit.results.parameter_tables import Tables
 
 RPM = 60.0 / (2.0 * np.pi)

@@ -20,13 +20,6 @@ from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
-from rotorfit.fit.many_flights.autopilot import UNHEARD, Answer
-from rotorfit.fit.many_flights.trims import (
-    configuration_theta,
-    flights_of,
-    trim_prior,
-    with_trims,
-)
 from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.row_fits import (
     ACCEL_BIAS_STD,
@@ -36,6 +29,13 @@ from rotorfit.fit.row_fits import (
 )
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.motors import MotorResponse
+from rotorfit.many_flights.autopilot import UNHEARD, Answer
+from rotorfit.many_flights.trims import (
+    configuration_theta,
+    flights_of,
+    trim_prior,
+    with_trims,
+)
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR, TURN_DAMPING
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle

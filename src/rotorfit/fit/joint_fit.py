@@ -10,9 +10,9 @@ from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
 from rotorfit.fit.kt_from_weight import WeighedThrust
-from rotorfit.fit.many_flights.autopilot import UNHEARD, heard_answer
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.steering import steered
+from rotorfit.many_flights.autopilot import heard_answer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,9 +85,9 @@ def joint_fit(
     commanded = flown.motors.speed == "commanded"
     joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
     fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin)
+    if len(fit.problem.factors) == len(joint):
+        return fit, joint  # no configuration has enough flights to take them apart
     answer = heard_answer(fit)
-    if answer == UNHEARD:
-        return fit, joint
     joint = [replace(c, answer=answer) for c in joint]
     begin = fit.estimate.by_name
     return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint

@@ -36,7 +36,6 @@ from rotorfit.fit.joint_equations import (
     spread_names,
     theta_of,
 )
-from rotorfit.fit.many_flights.trims import ENOUGH_FLIGHTS
 from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.number_intervals import (
     PRODUCTS,
@@ -49,6 +48,7 @@ from rotorfit.fit.number_intervals import (
     product_scale,
     quadrature,
 )
+from rotorfit.many_flights.trims import ENOUGH_FLIGHTS
 from rotorfit.model.parameters import (
     DERIVED,
     DRAG,

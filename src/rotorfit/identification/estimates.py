@@ -20,7 +20,6 @@ from rotorfit.fit.joint_equations import JointConfiguration, at_values, joint_es
 from rotorfit.fit.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.joint_numbers import joint_numbers, physical
 from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
-from rotorfit.fit.many_flights.autopilot import UNHEARD
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.other_settings import widened
 from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
@@ -30,6 +29,7 @@ from rotorfit.fit.term_choice import chosen
 from rotorfit.identification.coupling import uncoupled_fit, without_yaw_scale
 from rotorfit.identification.estimated_velocity import velocity_estimated, with_velocity_errors
 from rotorfit.identification.filtered_imu import with_filter_faults
+from rotorfit.many_flights.autopilot import UNHEARD
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables, with_timing_total

@@ -26,7 +26,6 @@ from rotorfit.estimation.banded import (
     resting_inverse,
 )
 from rotorfit.estimation.banded_equations import feedback_scores, solutions
-from rotorfit.fit.many_flights.trims import ENOUGH_FLIGHTS
 
 BEFORE: Final = 1.0 / 1.96
 """Deviation of an answer from what is taken for granted, before the flights: nothing or twice it
@@ -59,16 +58,14 @@ UNHEARD: Final = Answer()
 
 
 def heard_answer(fit: BandedEstimate) -> Answer:
-    """Return the answer that five flights or more show together; of fewer what is usual.
+    """Return the answer that flights show together.
 
     Parameters
     ----------
     fit
-        Of all flights, made with the usual answer.
+        Of all flights, each with factors of its own, made with the usual answer.
     """
     flights = len(fit.problem.factors)
-    if flights < ENOUGH_FLIGHTS or fit.problem.feedback is None:
-        return UNHEARD
     H, s, G, prior = _asked_apart(fit)
     f, e = G.shape[1:]
     X = np.concatenate([H, -G], axis=2)
