@@ -111,7 +111,8 @@ def _bottom(places: Sequence[float], costs: Sequence[float], best: int) -> float
     near = slice(best - 1, best + 2)
     bend, slope, _ = np.polyfit(np.array(places[near]) - places[best], costs[near], 2).tolist()
     lowest = places[best] - 0.5 * slope / bend if bend > 0.0 else places[best]
-    return float(np.clip(lowest, places[best - 1], places[best + 1]))
+    low, high = sorted((places[best - 1], places[best + 1]))
+    return min(max(lowest, low), high)
 
 
 def _turns(flown: Flown) -> bool:
