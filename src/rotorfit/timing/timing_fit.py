@@ -114,7 +114,8 @@ def _fitted(
     late = response.mean_lag > LEAST_LAG and total > 0.0
     if "motor_lag" in names and (pull > UNTOLD_PULL or not late):
         return _untold(flown, delay_free="motor_delay" in names)
-    return replace(_with_deviations(flown, free, fit), bands=timed.found_with())
+    found = _with_deviations(flown, free, fit)
+    return replace(found, bands=timed.found_with()) if _near(free, fit) else found
 
 
 def _begun(
