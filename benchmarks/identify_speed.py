@@ -4,10 +4,12 @@
 
 Simulated flights of known vehicles, written as flight tables with measured speeds or with commands
 alone: 75 s at 200 Hz, eight times as long, ten minutes at 1 kHz, two configurations, twenty
-flights. Each case runs in a process of its own. Printed are the processor seconds of reading (which
-is reading and preparing all flights), those of everything after it, their ratio, and the most
-memory that the process had. With --against, the `src` folder of another version does the same
-beside it, and the last columns are its time after reading, and how many times more that is.
+flights; and a real log with commands beside measured speeds, where the real data are there
+($ROTORFIT_DATA, ../shared/data). Each case runs in a process of its own. Printed are the processor
+seconds of reading (which is reading and preparing all flights), those of everything after it, their
+ratio, and the most memory that the process had. With --against, the `src` folder of another version
+does the same beside it, and the last columns are its time after reading, how many times more that
+is, and its memory.
 """
 
 import argparse
@@ -68,6 +70,25 @@ CASES = (
 )
 
 
+REAL = "tudelft-indiflight/LOG00267.BFL"
+
+
+def written_real(folder: Path) -> Path | None:
+    """Write the experiment file of the real log; None where that is not there."""
+    # As in `common`, whose imports would count in the memory of every process.
+    beside = SOURCE.parents[1] / "shared" / "data"
+    log = Path(os.environ.get("ROTORFIT_DATA") or beside) / REAL
+    if not log.exists():
+        return None
+    vehicle = (SOURCE.parent / "examples/cinerat.toml").read_text(encoding="utf-8")
+    path = folder / "experiment.toml"
+    path.write_text(
+        f'{vehicle}\n[[configuration]]\nname = "A"\nmass = 0.428\nflights = ["{log.resolve()}"]\n',
+        encoding="utf-8",
+    )
+    return path
+
+
 def written(case: Case, folder: Path, *, commanded: bool) -> Path:
     """Fly a case, and write its tables and experiment file."""
     channels = IMU_AND_COMMAND if commanded else IMU_AND_SPEED
@@ -126,19 +147,30 @@ def lines(cases: Sequence[Case], against: Path | None) -> Iterator[str]:
         for commanded in (False, True):
             with tempfile.TemporaryDirectory() as name:
                 experiment = written_apart(case, Path(name), commanded=commanded)
-                own = spent(experiment, SOURCE)
-                other = spent(experiment, against) if against else None
-            kind = "commanded" if commanded else "measured"
-            line = (
-                f"{case.name + ', ' + kind:32s} {own['read']:8.2f} {own['after']:8.2f} "
-                f"{own['after'] / own['read']:6.1f} {own['memory']:6.0f}"
-            )
-            if other is not None:
-                line += (
-                    f" {other['after']:8.2f} {other['after'] / own['after']:6.1f} "
-                    f"{other['memory']:6.0f}"
-                )
-            yield line
+                kind = "commanded" if commanded else "measured"
+                yield _line(f"{case.name}, {kind}", experiment, against)
+
+
+def real_lines(against: Path | None) -> Iterator[str]:
+    """Yield the line of the real log, where it is there."""
+    with tempfile.TemporaryDirectory() as name:
+        experiment = written_real(Path(name))
+        if experiment is not None:
+            yield _line(Path(REAL).stem, experiment, against)
+
+
+def _line(name: str, experiment: Path, against: Path | None) -> str:
+    own = spent(experiment, SOURCE)
+    line = (
+        f"{name:32s} {own['read']:8.2f} {own['after']:8.2f} "
+        f"{own['after'] / own['read']:6.1f} {own['memory']:6.0f}"
+    )
+    if against is None:
+        return line
+    other = spent(experiment, against)
+    return (
+        f"{line} {other['after']:8.2f} {other['after'] / own['after']:6.1f} {other['memory']:6.0f}"
+    )
 
 
 def main() -> None:
@@ -150,6 +182,9 @@ def main() -> None:
     given = parser.parse_args()
     for line in lines([c for c in CASES if given.only in c.name], given.against):
         print(line, flush=True)
+    if given.only in REAL:
+        for line in real_lines(given.against):
+            print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -10,8 +10,9 @@ from scipy import signal
 
 import made_fit
 from rotorfit.estimation.factors import Factors, stack_factors, triangular_factors
-from rotorfit.fit.flights import prepared_bands
-from rotorfit.fit.motor_timing import FreeTiming
+from rotorfit.fit.flights import Flown, prepared_bands
+from rotorfit.fit.motor_timing import FreeTiming, MotorTiming
+from rotorfit.fit.other_settings import longer_arms
 from rotorfit.flight.data import Segment
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.regressor import regressor
@@ -108,6 +109,50 @@ def test_rows_that_do_not_move_are_those_without_slopes():
         np.arange(with_slopes.R.shape[2]), rotor_columns(regressor(made_fit.QUAD).layout)
     )
     assert not with_slopes.slopes[..., still].any()
+
+
+BOTH = ("motor_lag", "motor_delay")
+ELSEWHERE = MotorResponse(lag=0.0402, delay=0.0101)
+
+
+def counted_bands(monkeypatch):
+    """Return a list that grows by one where signals are made anew."""
+    made, bands = [], Flown.bands
+
+    def counting(self, response=None, **more):
+        made.append(response)
+        return bands(self, response, **more)
+
+    monkeypatch.setattr(Flown, "bands", counting)
+    return made
+
+
+def test_times_beside_are_freed_without_new_signals(monkeypatch):
+    made = counted_bands(monkeypatch)
+    whole = made_fit.flown(moving(2)).at(AT, BOTH, beside=("motor_skew",))
+    freed = whole.freed()
+    assert freed.free_timing == FreeTiming(at=AT, names=(*BOTH, "motor_skew"))
+    assert freed.timed_bands[0].slopes.shape[1] == 3
+    assert made == [AT] and whole.timed_bands[0].slopes.shape[1] == 2
+    plain = prepared_bands(moving(2), made_fit.QUAD, AT, free=FreeTiming(at=AT, names=BOTH))
+    found = whole.timed_bands[0]
+    np.testing.assert_allclose(found.gram, plain.gram, atol=1e-12 * plain.gram.max())
+
+
+def test_bands_of_the_timing_serve_the_same_flights_alone(monkeypatch):
+    made = counted_bands(monkeypatch)
+    whole = made_fit.flown(moving(2)).at(AT, BOTH)
+    timing = MotorTiming(response=ELSEWHERE, total_std=1e-3, free=BOTH, bands=whole.found_with())
+    found = replace(whole, motor_timing=timing)
+    assert found.timing == ELSEWHERE and found.free_timing.at == AT
+    assert found.timed_bands is whole.timed_bands and made == [AT]
+    for other in (
+        replace(found, vehicle=longer_arms(made_fit.QUAD, 0.01)),
+        replace(found, configurations=(replace(found.configurations[0]),)),
+    ):
+        assert other.free_timing.at == ELSEWHERE
+        assert other.timed_bands is not whole.timed_bands
+    assert made == [AT, ELSEWHERE, ELSEWHERE]
 
 
 def with_slopes(rng, blocks):

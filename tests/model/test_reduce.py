@@ -237,6 +237,16 @@ def test_a_band_holds_its_lines_and_no_others():
         assert F.band[i] == pytest.approx([low, high - 0.05])
 
 
+def test_lower_bands_alone_are_those_of_all():
+    data, plan = flight(9000), BandPlan(edges=EDGES, longest=20.0)
+    every = band_factors(data, VEHICLE, plan=plan)
+    low = band_factors(data, VEHICLE, plan=plan, top=3.0)
+    own = every.select(every.band[:, 0] < 3.0)
+    assert 0 < len(own) < len(every)
+    np.testing.assert_array_equal(low.R, own.R)
+    np.testing.assert_array_equal(low.band, own.band)
+
+
 def test_a_stretch_too_short_for_a_band_is_left_out():
     parts = (Segment(start=0, stop=3), Segment(start=10, stop=2010), Segment(start=2010, stop=2012))
     data = replace(flight(2100), segments=parts)

@@ -23,7 +23,7 @@ from rotorfit.timing.timing_fit import (
     find_timing,
     timed_again,
 )
-from rotorfit.timing.timing_search import coarse_timing, pull_of_gusts
+from rotorfit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
 
 MS = 1e-3
 COMMANDED = MotorsEntry(speed="commanded")
@@ -138,7 +138,7 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
     """Let every fit move the times by a share of the way to the bottom; return where it was."""
     seen = []
 
-    def joint_fit(flown, *, terms, begin=None):
+    def joint_fit(flown, *, terms, begin=None, guess=None):
         free = flown.free_timing
         seen.append((free, begin))
         way = {
@@ -153,6 +153,7 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
 
     monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
     monkeypatch.setattr(timing_fit, "pull_of_gusts", lambda *_: 0.0)
+    monkeypatch.setattr(Flown, "bands", lambda *_, **more: ())
     return seen
 
 
@@ -168,6 +169,32 @@ def test_a_fit_that_has_moved_far_begins_again_there_and_not_with_the_times(monk
     assert "kt" in seen[1][1]
     assert timed.free_timing.at == seen[-1][0].at
     assert [fit.estimate.value(name) for name in BOTH] == pytest.approx([0.0, 0.0])
+
+
+def turning(rate):
+    flight = made_fit.prepared()
+    rates = np.full_like(flight.data.angular_velocity, rate)
+    return replace(flight, data=replace(flight.data, angular_velocity=rates))
+
+
+def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
+    """And where they settle all begin, but for what only a first fit of all can tell."""
+    many = made_fit.flown(*(turning(k) for k in (3, 1, 6, 2, 5, 4)), motors=COMMANDED)
+    few = liveliest(many).configurations[0].flights
+    assert [f.prepared.data.angular_velocity[0, 0] for f in few] == [3, 6, 5, 4]
+    one = flown()
+    assert liveliest(one) is one
+    seen, sizes = fits_to(monkeypatch, AT), []
+    plain = timing_fit.joint_fit
+
+    def joint_fit(flown, **more):
+        sizes.append((len(flown.configurations[0].flights), sorted(more)))
+        return plain(flown, **more)
+
+    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
+    timed, _ = timing_fit._begun(many, MotorResponse(lag=0.03), BOTH, ())
+    assert sizes == [(4, ["guess", "terms"]), (4, ["begin", "terms"]), (6, ["guess", "terms"])]
+    assert timed.timing == AT and seen[-1][0].at == AT
 
 
 def test_a_tenth_of_a_deviation_needs_no_other_round(monkeypatch):

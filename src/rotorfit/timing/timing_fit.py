@@ -98,7 +98,8 @@ def timed_again(flown: Flown, terms: Sequence[Term]) -> Flown:
 def _fitted(
     flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
-    timed, fit = _settled(*_begun(flown, start, names, terms), terms)
+    begun, first = _begun(flown, start, names, terms)
+    timed, fit = _settled(begun, terms, first)
     at = timed.timing
     if at is not None and _may_skew(timed, at, names):
         timed, fit = _with_skew(timed, fit, terms)
@@ -113,7 +114,8 @@ def _fitted(
     late = response.mean_lag > LEAST_LAG and total > 0.0
     if "motor_lag" in names and (pull > UNTOLD_PULL or not late):
         return _untold(flown, delay_free="motor_delay" in names)
-    return _with_deviations(timed, free, fit)
+    found = _with_deviations(flown, free, fit)
+    return replace(found, bands=timed.found_with()) if _near(free, fit) else found
 
 
 def _begun(
@@ -123,7 +125,8 @@ def _begun(
     few, guess = liveliest(flown), None
     if few is not flown:
         with suppress(EstimationError):
-            timed, fit = _settled(*_begun(few, start, names, terms), terms)
+            begun, first = _begun(few, start, names, terms)
+            timed, fit = _settled(begun, terms, first)
             free = timed.free_timing
             assert free is not None
             start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
@@ -132,12 +135,13 @@ def _begun(
 
 
 def _settled(
-    flown: Flown, fit: BandedEstimate, terms: tuple[Term, ...]
+    flown: Flown, terms: tuple[Term, ...], fit: BandedEstimate | None = None
 ) -> tuple[Flown, BandedEstimate]:
     """Return the fit whose signals are made where it ends, and the flights at that timing.
 
-    `fit` is the one at the timing that the flights have.
+    `fit` is the one at the timing that the flights have, where it is there already.
     """
+    fit = fit or joint_fit(flown, terms=terms)[0]
     for _ in range(MOST_ROUNDS - 1):
         free = flown.free_timing
         assert free is not None
@@ -183,7 +187,7 @@ def _with_skew(
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
-        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, first, terms)
+        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, terms, first)
     except EstimationError:
         return flown, fit  # motors too quick to tell their rising from their falling
 
@@ -217,7 +221,6 @@ def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> Mot
         total_std=_norm(total, SUM_FAULT, hold),
         free=free.names,
         reached=free.others(fit.estimate.by_name),
-        bands=flown.found_with(),
     )
 
 

@@ -6,7 +6,7 @@ answer to gusts and to the noise of its own gyro, which comes later than they do
 for a delay (8 ms in simulation, where there was none).
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -101,17 +101,7 @@ def _coarse(flown: Flown, unknown: Collection[str]) -> MotorResponse | None:
         best = int(np.argmin(values))
         if values[-1] - values[best] < CLEAR_GAIN:
             return None
-    return MotorResponse(lag=max(_bottom(LAGS_TRIED, values, best), 0.005), delay=delay)
-
-
-def _bottom(places: Sequence[float], costs: Sequence[float], best: int) -> float:
-    """Return where the parabola through the best place and its neighbours is lowest."""
-    if best in (0, len(places) - 1):
-        return places[best]
-    near = slice(best - 1, best + 2)
-    bend, slope, _ = np.polyfit(np.array(places[near]) - places[best], costs[near], 2).tolist()
-    lowest = places[best] - 0.5 * slope / bend if bend > 0.0 else places[best]
-    return float(np.clip(lowest, places[best - 1], places[best + 1]))
+    return MotorResponse(lag=max(LAGS_TRIED[best], 0.005), delay=delay)
 
 
 def _turns(flown: Flown) -> bool:
@@ -139,7 +129,7 @@ def _coarse_delay(flown: Flown) -> MotorResponse | None:
         best = int(np.argmin(values))
         if best in (0, len(grid) - 1) or first - values[best] < LEAST_GAIN:
             return None
-    return at(_bottom(grid.tolist(), values, best))
+    return at(grid[best])
 
 
 def _cost(flown: Flown, response: MotorResponse) -> float:
