@@ -3,18 +3,16 @@
 import base64
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, get_args
 
 from rotorfit.app.export_targets import TITLES
 from rotorfit.errors import MissingNumbersError, OutputError
 from rotorfit.export.assumptions import parse_assumptions, unit_of
 from rotorfit.export.randomised.targets import drawn_words, randomised
+from rotorfit.export.result_numbers import doubts_in_words
 from rotorfit.export.target_names import SUFFIXES, RandomTargetName
 from rotorfit.export.targets import export
-from rotorfit.export.vehicle import VehicleModel
 from rotorfit.results.sound_result import load_sound
-
-DOUBTFUL: Final = ("weak", "removed", "assumed", "from-ratio")
 
 
 def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,7 +53,11 @@ def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
         assumed=assumed,
         project=wanted.get("project") is True,
     )
-    return {"name": name, "text": made.text, "notes": _notes(made.model)}
+    return {
+        "name": name,
+        "text": made.text,
+        "notes": [*doubts_in_words(made.model.numbers), *made.model.notes],
+    }
 
 
 def missing_numbers(error: MissingNumbersError) -> list[dict[str, str]]:
@@ -68,13 +70,3 @@ def _assumed(given: Mapping[str, Any]) -> dict[str, float]:
         return parse_assumptions([f"{name}={value}" for name, value in given.items()])
     except ValueError as error:
         raise OutputError(str(error)) from error
-
-
-def _notes(model: VehicleModel) -> list[str]:
-    """Return which numbers are to be doubted, and what else is to be said."""
-    doubts = [
-        f"{n.name} is {n.origin}{'' if n.remark is None else f': {n.remark}'}"
-        for n in model.numbers
-        if n.origin in DOUBTFUL
-    ]
-    return [*doubts, *model.notes]

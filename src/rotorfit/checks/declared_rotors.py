@@ -232,8 +232,7 @@ def check_frame(factors: Factors, vehicle: Vehicle) -> Response:
     better = best.fits and best.gain_over(declared) > BETTER
     if better and not _hidden(best, free):
         # The simplest that fit come first; where several fit alike, two are named.
-        near: list[int] = np.flatnonzero(scores > best.score - ALIKE)[:2].tolist()
-        alike = [words[i] for i in near]
+        alike = [words[int(i)] for i in np.flatnonzero(scores > best.score - ALIKE)[:2]]
         raise FrameError(
             f"{seen}; with {', or with '.join(alike)}, they would respond {_shown(best)}: "
             "correct the rotors' order and spin, or the log's axes"

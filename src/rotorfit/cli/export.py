@@ -17,7 +17,7 @@ from rotorfit.errors import OutputError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.randomised.targets import COUNT, drawn_words, randomised, variant_files
 from rotorfit.export.randomised.variants import Variants
-from rotorfit.export.result_numbers import Number
+from rotorfit.export.result_numbers import Number, doubts_in_words
 from rotorfit.export.table import (
     columns_of,
     csv_text,
@@ -30,8 +30,6 @@ from rotorfit.export.targets import export
 from rotorfit.logs.files import write_whole
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import load_sound
-
-DOUBTFUL = ("weak", "removed", "assumed", "from-ratio")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,8 +134,7 @@ def _tell_drawn(request: ExportRequest, files: Sequence[Path], found: Variants) 
         return
     count = f", {len(files)} files" if len(files) > 1 else ""
     show(f"{request.output}: {request.target}, configuration {model.configuration}{count}")
-    doubts = [doubt_words(n) for n in model.numbers if n.origin in DOUBTFUL]
-    for line in (*drawn_words(found), *doubts, *model.notes):
+    for line in (*drawn_words(found), *doubts_in_words(model.numbers), *model.notes):
         show(f"  {line}")
 
 
@@ -155,7 +152,6 @@ def _write_vehicle(
         project=request.project,
     )
     write_whole(request.output, made.text, force=request.force)
-    doubts = [doubt_words(n) for n in made.model.numbers if n.origin in DOUBTFUL]
     if request.as_json:
         described = {
             "target": target,
@@ -167,15 +163,8 @@ def _write_vehicle(
         show(json.dumps(described, indent=1, allow_nan=False))
         return
     show(f"{request.output}: {target}, configuration {made.model.configuration}")
-    for line in (*doubts, *made.model.notes):
+    for line in (*doubts_in_words(made.model.numbers), *made.model.notes):
         show(f"  {line}")
-
-
-def doubt_words(number: Number) -> str:
-    """Return a number that is not simply identified, and why."""
-    remark = "" if number.remark is None else f": {number.remark}"
-    digits = 6 if number.origin == "assumed" else 4  # the user's own as given
-    return f"{number.name} = {number.value:.{digits}g} {number.unit} is {number.origin}{remark}"
 
 
 def _plain(number: Number) -> dict[str, object]:

@@ -8,13 +8,13 @@ from pathlib import Path
 import typer
 from threadpoolctl import threadpool_limits
 
-from rotorfit.cli.export import doubt_words
 from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import painted, say, show, terminal_width
 from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
+from rotorfit.export.result_numbers import doubts_in_words
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
 from rotorfit.export.vehicle_model import owner_of, terms_left_out, vehicle_model
 from rotorfit.logs.files import write_whole
@@ -221,7 +221,7 @@ def _refuse_other_vehicle(own: VehicleModel, other: VehicleModel, label: str) ->
 def _notes(
     result: IdentificationResult, model: VehicleModel, bench: Mapping[str, float]
 ) -> list[str]:
-    notes = [doubt_words(n) for n in model.numbers if n.origin in ("weak", "assumed", "from-ratio")]
+    notes = doubts_in_words(model.numbers)
     if bench:
         given = ", ".join(f"{name}={value:g}" for name, value in bench.items())
         notes.append(f"bench: {given}; all else as identified, which favours it")

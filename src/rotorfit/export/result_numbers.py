@@ -5,7 +5,7 @@ rotor speed), parameters at the origin where a result has none about the CoM, an
 only as a ratio of which the user has the other half.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -34,6 +34,7 @@ REPLACED: Final = {"kt": ROTOR_KT, "motor_lag": ("motor_lag_up", "motor_lag_down
 """What an assumed number is for all of: their own are about the one it replaces."""
 RATIOS: Final = {"kd": "kd_over_Izz", "Jr": "Jr_over_Izz"}
 """What the yaw equation gives even where the number alone is lost."""
+DOUBTFUL: Final[tuple[Origin, ...]] = ("weak", "removed", "assumed", "from-ratio")
 MAY_BE_REMOVED: Final = (*COM, *INERTIA_COM[3:], "Jr")
 """Parameters that are zero where the paper's method took them out; of the others, zero is wrong."""
 
@@ -122,6 +123,17 @@ def numbers_of(
     found |= {name: _assumed(name, value) for name, value in assumed.items()}
     found = {name: _in_si(number, found, result) for name, number in found.items()}
     return _with_ratios(_with_assumed_origin(found, assumed))
+
+
+def doubts_in_words(numbers: Iterable[Number]) -> list[str]:
+    """Return the numbers that are not simply identified, one a line, and why."""
+    return [_doubt(number) for number in numbers if number.origin in DOUBTFUL]
+
+
+def _doubt(number: Number) -> str:
+    remark = "" if number.remark is None else f": {number.remark}"
+    digits = 6 if number.origin == "assumed" else 4  # the user's own as given
+    return f"{number.name} = {number.value:.{digits}g} {number.unit} is {number.origin}{remark}"
 
 
 def _of_parameter(p: Parameter) -> Number | Missing:

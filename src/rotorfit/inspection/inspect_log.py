@@ -76,29 +76,11 @@ def inspect_log(
     channels = {
         name: channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
     }
-    trouble: list[str] = []
-    prepared: PreparedFlight | None = None
-    if all(name in log.channels for name in NEEDED) and not {"rotor_speed", "command"}.isdisjoint(
-        log.channels
-    ):
-        try:
-            prepared = _prepared(log)
-            degrees = gyro_in_degrees(prepared.data, takes_columns=log.takes_columns)
-            trouble += [*prepared.warnings, *filter(None, [degrees])]
-        except (LogError, FlightError) as error:
-            trouble.append(str(error))
+    prepared, trouble = _flight(log)
     trouble = [*log.warnings, *_missing(log, usable=prepared is not None), *trouble]
     late = None if prepared is None else motor_lateness(prepared.data)
-    foreseen: Prospects | None = None
-    if prepared is not None:
-        try:
-            foreseen = prospects(
-                prepared,
-                _response(log, late),
-                commanded="rotor_speed" not in log.channels,
-            )
-        except (FlightError, EstimationError) as error:
-            trouble.append(str(error))
+    foreseen, unforeseen = _foreseen(log, prepared, late)
+    trouble += unforeseen
     speeds = telemetry(log)
     trouble += [] if speeds is None else speeds.doubts
     verdicts, refused = _with_airframe(log, airframe, entry)
@@ -132,6 +114,32 @@ def inspect_log(
         metadata=dict(log.metadata),
         pictures=pictures,
     )
+
+
+def _flight(log: FlightLog) -> tuple[PreparedFlight | None, list[str]]:
+    """Return the flight in a log that can be prepared, and what troubles it."""
+    motors = {"rotor_speed", "command"} & log.channels.keys()
+    if not motors or not all(name in log.channels for name in NEEDED):
+        return None, []
+    try:
+        prepared = _prepared(log)
+        degrees = gyro_in_degrees(prepared.data, takes_columns=log.takes_columns)
+    except (LogError, FlightError) as error:
+        return None, [str(error)]
+    return prepared, [*prepared.warnings, *filter(None, [degrees])]
+
+
+def _foreseen(
+    log: FlightLog, prepared: PreparedFlight | None, late: float | None
+) -> tuple[Prospects | None, list[str]]:
+    """Return what a flight can show, and why that cannot be said."""
+    if prepared is None:
+        return None, []
+    commanded = "rotor_speed" not in log.channels
+    try:
+        return prospects(prepared, _response(log, late), commanded=commanded), []
+    except (FlightError, EstimationError) as error:
+        return None, [str(error)]
 
 
 def _with_airframe(

@@ -7,7 +7,7 @@ from rotorfit.logs.files import write_whole
 from rotorfit.report.correlations import correlation_section
 from rotorfit.report.excitation import TOO_SHORT, excitation_figure
 from rotorfit.report.motor_law import law_section
-from rotorfit.report.number_words import PREDICTED_WELL, VERDICT_MEANING, configurations
+from rotorfit.report.number_words import PREDICTED_WELL, VERDICT_MEANING
 from rotorfit.report.page_templates import fingerprint, page_style, page_template, template_text
 from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
 from rotorfit.report.parameters import parameter_tables
@@ -17,7 +17,7 @@ from rotorfit.report.svg import clean
 from rotorfit.report.used_flights import used_flights
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.wrenches import validation_rows, wrench_figures
-from rotorfit.results.result import IdentificationResult
+from rotorfit.results.result import IdentificationResult, configuration_names
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 
@@ -46,7 +46,7 @@ def report_html(
         result=result,
         method=method_words(result.method),
         seconds=sum(flight.seconds_used for flight in result.flights),
-        configurations=configurations(result),
+        configurations=configuration_names(result),
         meanings=VERDICT_MEANING,
         summary=summary_of(result),
         tables=parameter_tables(result),

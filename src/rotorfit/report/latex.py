@@ -3,9 +3,15 @@
 from typing import Final
 
 from rotorfit.display.digits import Number, number_of
-from rotorfit.report.number_words import TITLES, configurations
+from rotorfit.report.number_words import TITLES
 from rotorfit.report.parameters import COM_FIRST
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
+from rotorfit.results.result import (
+    Derived,
+    IdentificationResult,
+    Parameter,
+    configuration_names,
+    verdict_of,
+)
 
 ROTORS: Final = ("kt", "kd", "Jr", "motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
 SYMBOLS: Final = {
@@ -35,7 +41,7 @@ def latex_table(result: IdentificationResult) -> str:
     result
         What `identify` returned, or `IdentificationResult.load`.
     """
-    owners = configurations(result)
+    owners = configuration_names(result)
     found = {(e.name, e.configuration): e for e in (*result.parameters, *result.derived)}
     verdicts = {(n, o): verdict_of(result, e) for (n, o), e in found.items()}
     rows: list[str] = []

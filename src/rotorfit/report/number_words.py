@@ -2,7 +2,7 @@
 
 from rotorfit.display.digits import finite_interval, known
 from rotorfit.model.parameters import DRAG_MOMENTS
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.result import Derived, Parameter
 
 TITLES = {
     "kt": "Thrust coefficient of a rotor",
@@ -118,9 +118,3 @@ def percent_words(value: float) -> str:
     if value < 0.001:
         return "0.001 %"
     return f"{float(f'{value:.1g}' if value < 1 else f'{value:.2g}'):g} %"
-
-
-def configurations(result: IdentificationResult) -> list[str]:
-    """Return the names of the configurations in their order."""
-    names = [p.configuration for p in (*result.parameters, *result.derived)]
-    return list(dict.fromkeys(name for name in names if name is not None))

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from rotorfit.display.digits import known
 from rotorfit.logs.files import file_name
-from rotorfit.report.number_words import configurations, title_of, unit_words
+from rotorfit.report.number_words import title_of, unit_words
 from rotorfit.report.paper_numbers import (
     ILLEGIBLE,
     MASSES,
@@ -18,7 +18,7 @@ from rotorfit.report.paper_numbers import (
     Entry,
 )
 from rotorfit.report.wrenches import error_words
-from rotorfit.results.result import IdentificationResult, Parameter
+from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 ORDER = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "kt", "kd")
@@ -63,7 +63,7 @@ class PaperSection:
 def is_paper_vehicle(result: IdentificationResult) -> bool:
     """Whether the paper's preset was used on configurations named and weighed as the paper's."""
     settings = cast("Mapping[str, Any]", result.settings.get("identification") or {})
-    names = configurations(result)
+    names = configuration_names(result)
     if settings.get("preset") != "paper" or not names:
         return False
     return all(name in MASSES and _weighs(result, name, MASSES[name]) for name in names)
@@ -82,7 +82,7 @@ def paper_section(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison]
 ) -> PaperSection:
     """Return the paper's tables beside ours: I for one configuration, II for two at once."""
-    names = [name for name in configurations(result) if name in MASSES]
+    names = [name for name in configuration_names(result) if name in MASSES]
     both = len(names) > 1
     source, name = (TABLE_2, "Table II") if both else (TABLE_1, "Table I")
     return PaperSection(

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from rotorfit.display.digits import Number, known, number_of
 from rotorfit.model.parameters import COM, INERTIA_COM
 from rotorfit.report.intervals import axis_of, axis_range, interval_bar
-from rotorfit.report.number_words import configurations, title_of, unit_words
+from rotorfit.report.number_words import title_of, unit_words
 from rotorfit.results.about_com import body_verdict, relative_width, twin_of
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
 from rotorfit.results.verdicts import ADVICE, motion_for
 
 COM_FIRST = (*COM, *INERTIA_COM)
@@ -73,7 +73,7 @@ def parameter_tables(result: IdentificationResult) -> tuple[ParameterTable, ...]
             ],
         )
     ]
-    for name in configurations(result):
+    for name in configuration_names(result):
         tables += _body_tables(result, name)
     return tuple(table for table in tables if table.rows)
 
@@ -89,7 +89,7 @@ def _body_tables(result: IdentificationResult, configuration: str) -> list[Param
     ]
     mass = [_of_parameter(p) for p in own if p.name == "mass"]
     # With one configuration the rotors' table has the ratios; with several they differ by body.
-    elsewhere = _ROTOR_DERIVED if len(configurations(result)) == 1 else ()
+    elsewhere = _ROTOR_DERIVED if len(configuration_names(result)) == 1 else ()
     others = [
         Entry(number=d, verdict="")
         for d in derived.values()
@@ -113,7 +113,7 @@ _ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total"
 
 def _shared_derived(result: IdentificationResult) -> list[Entry]:
     """Return the derived numbers of the rotors; with one configuration its ratios too."""
-    names = _ROTOR_DERIVED if len(configurations(result)) == 1 else ()
+    names = _ROTOR_DERIVED if len(configuration_names(result)) == 1 else ()
     return [
         Entry(number=d, verdict="")
         for d in result.derived

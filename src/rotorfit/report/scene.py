@@ -16,8 +16,8 @@ from rotorfit.errors import RotorfitError
 from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.report.number_words import configurations, half_width
-from rotorfit.results.result import IdentificationResult
+from rotorfit.report.number_words import half_width
+from rotorfit.results.result import IdentificationResult, configuration_names
 
 Point = tuple[float, float, float]
 
@@ -75,7 +75,7 @@ def scene_of(result: IdentificationResult) -> Scene | None:
         vehicle=vehicle,
         bodies=tuple(
             _body(result, name, shift, flip=airframe.axes == "FRD")
-            for name in configurations(result)
+            for name in configuration_names(result)
         ),
         imu=vehicle.imu_position or shift,
         imu_words=_origin_words(result.settings, vehicle),

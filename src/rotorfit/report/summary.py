@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from rotorfit.display.digits import known, number_of
 from rotorfit.report.number_words import (
     VERDICT_MEANING,
-    configurations,
     half_width,
     percent,
     percent_words,
@@ -14,7 +13,7 @@ from rotorfit.report.number_words import (
     unit_words,
 )
 from rotorfit.results.about_com import body_verdict, twin_of
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
 from rotorfit.results.verdicts import WEAK
 
 SUBJECTS = {
@@ -62,7 +61,7 @@ def summary_of(result: IdentificationResult) -> Summary:
     # The paper's sigmas do not hold: what is said to be known is said to be so by its formula.
     source = ", by the paper's formula" if result.method == "tls" else ""
     groups = [("Rotors", _merged(_of_rotors(shared, result.derived)))]
-    names = configurations(result)
+    names = configuration_names(result)
     for name in names:
         title = "Body" if len(names) == 1 else f"Body, configuration {name}"
         groups.append((title, _merged(_body(result, name))))

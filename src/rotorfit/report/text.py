@@ -8,10 +8,10 @@ from rotorfit.display.digits import known, with_interval
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
-from rotorfit.report.number_words import VERDICT_MEANING, configurations, percent
+from rotorfit.report.number_words import VERDICT_MEANING, percent
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
 from rotorfit.results.about_com import twin_of
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
 from rotorfit.results.verdicts import NUISANCE, WEAK
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
@@ -40,7 +40,7 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
         _law_lines(result, width),
         *(
             _table(f"Body, configuration {name}", _body_lines(result, name))
-            for name in configurations(result)
+            for name in configuration_names(result)
         ),
         _listed(
             "Flights kept apart: what is left unexplained",
@@ -70,7 +70,7 @@ def _title(result: IdentificationResult) -> str:
 def _rotor_lines(result: IdentificationResult) -> list[Line]:
     shared = [p for p in result.parameters if p.configuration is None]
     # Numbers of one configuration stand with the rotors where there is no other.
-    own = {None, *configurations(result)} if len(configurations(result)) < 2 else {None}
+    own = {None, *configuration_names(result)} if len(configuration_names(result)) < 2 else {None}
     return [*map(_of_parameter, shared), *_rotor_derived(result, own)]
 
 
@@ -108,7 +108,7 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
     about_com = [derived[name] for name in COM_FIRST if name in derived]
     twins = {twin_of(d.name) for d in about_com}
     others = [p for name, p in parameters.items() if name not in {"mass", *twins, *DRAG_MOMENTS}]
-    several = len(configurations(result)) > 1
+    several = len(configuration_names(result)) > 1
     return [
         *(_of_parameter(p) for name, p in parameters.items() if name == "mass"),
         *(_of_body(d, parameters.get(twin_of(d.name)), derived) for d in about_com),

@@ -151,10 +151,7 @@ def _understood(path: Path) -> _Found:
     choice = imu.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
-    used = dict.fromkeys(choice.names, imu.LABELS)
-    used |= dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS)
-    wanted = Wanted(names=names, instances=choice.instances, labels=used)
-    messages = find_messages(_blocks(path, (0.4, 0.6)), wanted=wanted)
+    messages = find_messages(_blocks(path, (0.4, 0.6)), wanted=_wanted(choice, names))
     frame = frame_of(settings, said)
     wired = motors.wiring(settings, frame)
     # Messages are let go of when their channel is made: all of both would fill the memory.
@@ -163,20 +160,14 @@ def _understood(path: Path) -> _Found:
     appended = _appended(messages, choice.names)
     sensors = imu.read_imu(messages, settings, choice)
     messages = messages.without(choice.names)
-    command, command_notes = motors.read_commands(messages, settings, wired)
-    if command is not None:
-        command, mix_notes = remix.remixed(messages, settings, command, frame=frame)
-        command_notes += mix_notes
+    command, command_notes = _commands(messages, settings, wired, frame)
     messages = messages.without(motors.OUTPUT_MESSAGES)
     made = {
         "gyro": sensors.gyro,
         "accel": sensors.accel,
         "rotor_speed": speed,
         "command": command,
-        "battery": pose.read_battery(messages),
-        "velocity": pose.read_velocity(messages),
-        "reference": pose.read_reference(messages),
-        **pose.read_pose(messages),
+        **_beside_motors(messages),
     }
     channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
@@ -209,6 +200,34 @@ def _understood(path: Path) -> _Found:
         gyro_lowpass=sensors.gyro_lowpass,
         circumstances=circumstances.circumstances_of(messages, said, _begin(channels)),
     )
+
+
+def _wanted(choice: imu.ImuChoice, names: frozenset[str]) -> Wanted:
+    """Return what is kept of the messages with these names: of IMUs the chosen one alone."""
+    labels = dict.fromkeys(choice.names, imu.LABELS)
+    labels |= dict.fromkeys(motors.ESC_NAMES, motors.ESC_LABELS)
+    return Wanted(names=names, instances=choice.instances, labels=labels)
+
+
+def _commands(
+    messages: Messages, settings: Parameters, wired: motors.Wiring, frame: Frame | None
+) -> tuple[Channel | None, list[str]]:
+    """Return the motors' commands, mixed again where that is faster, and what to say of them."""
+    command, notes = motors.read_commands(messages, settings, wired)
+    if command is None:
+        return None, notes
+    command, mixed = remix.remixed(messages, settings, command, frame=frame)
+    return command, [*notes, *mixed]
+
+
+def _beside_motors(messages: Messages) -> dict[str, Channel | None]:
+    """Return the channels that are neither of the IMU nor of the motors."""
+    return {
+        "battery": pose.read_battery(messages),
+        "velocity": pose.read_velocity(messages),
+        "reference": pose.read_reference(messages),
+        **pose.read_pose(messages),
+    }
 
 
 def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, float] | None:
