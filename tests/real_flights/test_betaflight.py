@@ -24,19 +24,18 @@ def result(on_commands):
 
 
 def test_thrust_per_mass_is_what_carries_the_weight(result):
-    """Its changes of thrust give 18.5; without the drag along it, which is not told, 15 +- 13."""
+    """A line through its squared commands, of a lag of 40 to 80 ms, has 12 to 15 for a slope."""
     kt = result.parameter("kt")
     assert kt.value == pytest.approx(20.1, abs=0.3)
-    assert kt.interval[0] < 17.5
+    assert kt.interval[0] < 16.0
     assert any("kt is taken from the weight" in words for words in result.warnings)
 
 
-def test_lag_and_delay_are_told_by_yaw_and_thrust(result):
-    """Its parts of 9 to 15 s mostly give 22 to 33 ms and 5 ms, without that drag up to 47 ms."""
-    lag, delay = (result.parameter(name) for name in ("motor_lag", "motor_delay"))
-    assert lag.value == pytest.approx(0.03, abs=0.006)
-    assert delay.value == pytest.approx(0.0053, abs=0.001)
-    assert lag.interval[1] - lag.interval[0] > 0.008
+def test_lag_and_delay_are_not_told_by_so_little_motion(result):
+    """Roll and pitch follow their commands less than the autopilot answers: 150 ms fit as well."""
+    assert result.derived_value("motor_lag_total").value is None
+    for name in ("motor_lag", "motor_delay"):
+        assert result.parameter(name).verdict == "not-identified"
 
 
 def test_the_yaw_that_is_flown_is_found_and_nothing_else(result):

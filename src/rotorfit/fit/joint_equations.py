@@ -63,7 +63,7 @@ TWIST_STD = np.radians(2.0)
 ROTOR_DRAG_STD = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
-CLIMB_DRAG_STD = 0.3
+CLIMB_DRAG_STD = 0.5
 """Known of what the air does against a climb before the flight, over mass and velocity [1/s]: drag
 of the frame and thrust that the rotors lose."""
 DRAG_STD = 0.3
