@@ -14,6 +14,7 @@ from rotorfit.fit.excitation import (
     RATIO_PULL,
     SCALE_PULL,
     attenuation_allowance,
+    common_share,
     link_allowance,
     product_allowance,
 )
@@ -110,3 +111,10 @@ def test_the_term_for_the_answer_leaves_less_to_allow_for(rho, share, name):
     allowed = attenuation_allowance(name, found, rho, answered=True)
     assert found - 1.0 <= allowed * (1 + 1e-9)
     assert allowed < attenuation_allowance(name, found, rho, answered=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "share"), [("kt", 0.005), ("Iyy_com", 0.005), ("kd_over_Izz", 0.015), ("com_x", 0.0)]
+)
+def test_what_many_flights_are_off_all_alike(name, share):
+    assert common_share(name) == share

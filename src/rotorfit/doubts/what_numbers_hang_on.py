@@ -42,8 +42,8 @@ def _shared(configuration: str, flights: int) -> str:
     return (
         f"{configuration}: what changes from flight to flight (trim, air, gusts) averages out over "
         f"{flights} flights; what all share does not, and stays in every interval: mass, arms and "
-        "the place of the IMU, when the log has the motors' speed, half of what is not known of an "
-        "autopilot's answer to gusts"
+        "the place of the IMU, when the log has the motors' speed, what is not known of the "
+        "autopilot's answer to gusts, and what the model lacks in all of them (drag, say)"
     )
 
 

@@ -25,6 +25,7 @@ from rotorfit.fit.excitation import (
     SCALED,
     YAW_PRODUCTS,
     attenuation_allowance,
+    common_share,
     link_allowance,
     product_allowance,
     scale_stretch,
@@ -48,7 +49,7 @@ from rotorfit.fit.number_intervals import (
     product_scale,
     quadrature,
 )
-from rotorfit.many_flights.trims import ENOUGH_FLIGHTS
+from rotorfit.many_flights.trims import ENOUGH_FLIGHTS, flights_of
 from rotorfit.model.parameters import (
     DERIVED,
     DRAG,
@@ -317,11 +318,12 @@ def _with_systematic(
     `shifts`: of what is assumed of autopilot and motors.
     """
     by_name = {c.name: c for c in configurations}
+    many = any(len(flights_of(c.factors)) > 1 for c in configurations)
     extra = np.zeros(len(numbers.names))
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
         value = abs(float(numbers.values[i]))
-        parts = [float(shifts[i])]
+        parts = [float(shifts[i]), common_share(base) * value * many]
         rho = numbers.rho(name)
         if rho is not None and not rho > LEAST_EXCITATION:
             c = by_name[owner] if owner else configurations[0]

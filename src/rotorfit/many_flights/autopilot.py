@@ -32,9 +32,9 @@ BEFORE: Final = 1.0 / 1.96
 are the ends of the interval."""
 UNTOLD: Final = 100.0
 """Deviation of what no flight tells."""
-LEAST_OPEN: Final = 0.5
-"""Of that interval, which no number of flights closes: how an answer goes with frequency is assumed
-for all of them alike."""
+LEAST_OPEN: Final = np.array([1.0, 1.0, 0.5])
+"""Of that interval, for roll, pitch and yaw, which no number of flights closes: how an answer goes
+with frequency is assumed for all of them alike, and the scale of yaw hangs on that of pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
