@@ -83,6 +83,7 @@ def test_without_an_answer_nothing_is_written(refused, tmp_path, monkeypatch):
         (("--spacing", "200"), "front to back and left to right in mm, such as 91,127"),
         (("--layout", "quad-z", "--spacing", "9,9"), "layout 'quad-z'; expected one of quad-x,"),
         (("--order", "paper", "--spacing", "9,9"), "order 'paper'; expected one of px4,"),
+        (("--order", "betafligt", "--spacing", "9,9"), "crazyflie; did you mean betaflight?"),
     ],
 )
 def test_wrong_answers_are_refused(refused, tmp_path, monkeypatch, arguments, words):

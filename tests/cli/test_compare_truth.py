@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
@@ -32,3 +33,17 @@ def test_a_truth_that_is_damaged_is_refused(refused, tmp_path, monkeypatch):
     assert "not the truth of a simulated flight" in refused("compare", "result.json", "truth.json")
     words = refused("compare", "truth.json", "truth.json")
     assert "give a result to compare them with" in words
+
+
+def test_the_delay_of_commands_is_beside_its_own(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = a_result()
+    delay = replace(result.parameters[0], name="command_delay", unit="s", value=0.0108,
+                    interval=(0.009, 0.0126))  # fmt: skip
+    replace(result, parameters=(*result.parameters, delay)).save(tmp_path / "result.json")
+    truth = {"shared": {"motor_delay": 0.01}, "configurations": {"A": {"mass": 1.285}}}
+    (tmp_path / "truth.json").write_text(json.dumps({"seed": 1, **truth}))
+    lines = run("compare", "result.json", "truth.json").out.splitlines()
+    (line,) = (line for line in lines if line.startswith("command_delay"))
+    assert "0.01 " in line
+    assert "*" not in line

@@ -4,6 +4,7 @@ import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -113,7 +114,9 @@ def _chosen(what: str, given: str | None, seen: SeenAirframe, choices: list[str]
     only = choices[0] if len(choices) == 1 else None
     answer = given or only or _one_of(choices, question, default, f"--{what}")
     if answer not in choices:
-        raise ExperimentError(f"{what} {answer!r}; expected one of {', '.join(choices)}")
+        near = get_close_matches(answer, choices, n=1, cutoff=0.5)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise ExperimentError(f"{what} {answer!r}; expected one of {', '.join(choices)}{hint}")
     if seen.borne_out and own not in (None, answer):
         say(f"the flight responds like {what} {own}, not {answer}: make sure that it is right")
     return answer

@@ -31,11 +31,23 @@ def run(paths: Sequence[Path], *, as_json: bool) -> None:
         truth_result(path) if is_truth else load_sound(path)
         for path, is_truth in zip(paths, truths, strict=True)
     ]
+    if any(p.name == "command_delay" for result in results for p in result.parameters):
+        results = [
+            _with_delay_of_commands(result) if is_truth else result
+            for result, is_truth in zip(results, truths, strict=True)
+        ]
     comparison = compare_results(results, _labels(paths))
     if as_json:
         show(json.dumps(dataclasses.asdict(comparison), indent=1, allow_nan=False))
     else:
         show("\n".join([comparison_text(comparison), *_latency(results)]))
+
+
+def _with_delay_of_commands(truth: IdentificationResult) -> IdentificationResult:
+    """Return a truth, whose delay is that of commands, as results of measured speeds name it."""
+    names = {"motor_delay": "command_delay"}
+    named = (dataclasses.replace(p, name=names.get(p.name, p.name)) for p in truth.parameters)
+    return dataclasses.replace(truth, parameters=tuple(named))
 
 
 def truth_result(path: Path) -> IdentificationResult:

@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import textwrap
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import typer
 
 from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import show
+from rotorfit.cli.terminal import show, terminal_width
 from rotorfit.errors import OutputError, RotorfitWarning
 from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.randomised.targets import COUNT, drawn_words, randomised, variant_files
@@ -135,7 +136,7 @@ def _tell_drawn(request: ExportRequest, files: Sequence[Path], found: Variants) 
     count = f", {len(files)} files" if len(files) > 1 else ""
     show(f"{request.output}: {request.target}, configuration {model.configuration}{count}")
     for line in (*drawn_words(found), *doubts_in_words(model.numbers), *model.notes):
-        show(f"  {line}")
+        show(textwrap.fill(line, terminal_width(), initial_indent="  ", subsequent_indent="    "))
 
 
 def _write_vehicle(
@@ -164,7 +165,7 @@ def _write_vehicle(
         return
     show(f"{request.output}: {target}, configuration {made.model.configuration}")
     for line in (*doubts_in_words(made.model.numbers), *made.model.notes):
-        show(f"  {line}")
+        show(textwrap.fill(line, terminal_width(), initial_indent="  ", subsequent_indent="    "))
 
 
 def _plain(number: Number) -> dict[str, object]:
