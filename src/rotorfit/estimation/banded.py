@@ -283,6 +283,19 @@ def _state_of(fit: BandedEstimate) -> State:
     )
 
 
+def part_equations(
+    fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]
+) -> tuple[Float[np.ndarray, "p f f"], Float[np.ndarray, "p f"], Float[np.ndarray, " f"]]:
+    """Return information and score of each part of the blocks, and what the prior asks for.
+
+    The prior is in neither of the former.
+    """
+    asked = corrected_equations(fit.problem, _state_of(fit))
+    information = part_information(fit.problem, _state_of(fit), parts)
+    scores = np.array([asked.scores[part].sum(axis=0) for part in parts])
+    return information, scores, asked.pull
+
+
 def steps_without(
     fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]
 ) -> Float[np.ndarray, "p f"]:
@@ -290,10 +303,8 @@ def steps_without(
 
     In one pass: what all others ask for is a sum before the part and one behind it.
     """
-    asked = corrected_equations(fit.problem, _state_of(fit))
-    prior, pull = np.diag(fit.problem.prior[1] ** -2.0), asked.pull
-    information = part_information(fit.problem, _state_of(fit), parts)
-    scores = np.array([asked.scores[part].sum(axis=0) for part in parts])
+    information, scores, pull = part_equations(fit, parts)
+    prior = np.diag(fit.problem.prior[1] ** -2.0)
     rest = zip(_sums_of_others(information), _sums_of_others(scores), strict=True)
     return np.array(
         [NormalEquations(information=H + prior, scores=np.array([s, pull])).step for H, s in rest]

@@ -300,7 +300,9 @@ def lifted_slopes(
     """Return d u / d phi of each configuration, by the columns of its factors."""
     parts: list[Float[np.ndarray, "k a f"]] = []
     for factors, (G, dG) in zip(problem.factors, found, strict=True):
-        own: Float[np.ndarray, "k a f"] = factors.lift(problem.moves(phi)) @ dG.transpose(1, 2, 0)
+        lift, moved = factors.lift(problem.moves(phi)), np.flatnonzero(dG.any(axis=(1, 2)))
+        own = np.zeros((dG.shape[1], len(lift), len(dG)))
+        own[:, :, moved] = lift @ dG[moved].transpose(1, 2, 0)
         for place, lift in zip(problem.places, factors.slope_lifts, strict=True):
             own[:, :, place] += G @ lift.T
         parts.append(own)
@@ -320,7 +322,9 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
     for c, (factors, w) in enumerate(zip(problem.factors, weights, strict=True)):
         plain += _information(factors, w, dU[c])
         asked = factors.columns.transpose(0, 2, 1) @ (errors[c] * w[:, None, :])
-        own = -np.tensordot(asked, dU[c], axes=((2, 1), (0, 1)))
+        moved = np.flatnonzero(dU[c].any(axis=(0, 1)))
+        own = np.zeros((len(factors), len(plain)))
+        own[:, moved] = -np.tensordot(asked, dU[c][:, :, moved], axes=((2, 1), (0, 1)))
         if factors.noise is not None:
             G, dG = found[c]
             N = factors.rows[:, None] * factors.known_noise
@@ -380,7 +384,10 @@ def _of_gram(
     dU: Float[np.ndarray, "k a f"],
 ) -> Float[np.ndarray, "f f"]:
     S = np.tensordot(weight, gram, axes=(0, 0))
-    found: Float[np.ndarray, "f f"] = (dU.transpose(0, 2, 1) @ S @ dU).sum(axis=0)
+    moved = np.flatnonzero(dU.any(axis=(0, 1)))
+    own = dU[:, :, moved]
+    found = np.zeros((dU.shape[2], dU.shape[2]))
+    found[np.ix_(moved, moved)] = (own.transpose(0, 2, 1) @ S @ own).sum(axis=0)
     return found
 
 

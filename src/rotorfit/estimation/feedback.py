@@ -109,9 +109,12 @@ class Feedback:
         moved = dG[:, list(self.errors)][:, :, list(self.inputs)]
         effect = self._effect(own, G)
         effect = np.where(effect == 0, np.inf, effect)  # nothing to answer with
-        along = own.moves.transpose(1, 0, 2) @ moved.transpose(1, 2, 0)
-        slope = along.transpose(1, 0, 2) / effect[:, :, None]
-        return own.rows[:, :, None] * np.real(own.share[:, :, None] * slope)
+        by = np.flatnonzero(moved.any(axis=(1, 2)))
+        along = own.moves.transpose(1, 0, 2) @ moved[by].transpose(1, 2, 0)
+        slope = along.transpose(1, 0, 2) * (own.rows * own.share / effect)[:, :, None]
+        every = np.zeros((*effect.shape, len(dG)))
+        every[:, :, by] = np.real(slope)
+        return every
 
     def _effect(self, own: Answers, G: Float[np.ndarray, "k z"]) -> Complex[np.ndarray, "b e"]:
         return np.einsum("ei,bei->be", G[np.ix_(self.errors, self.inputs)], own.moves)

@@ -29,5 +29,9 @@ def solved_jacobian(
 ) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "f k z"]]:
     """Return G = M^-1 B and d G / d phi = M^-1 (dB - dM G)."""
     G, inverse = solved(tensor, theta, noisy)
-    dB = np.einsum("pjz,pf->fjz", tensor, dtheta)
-    return G, inverse @ (dB - dB[:, :, list(noisy)] @ G)
+    # Of what many flights share out among them, each is moved by its own.
+    own = np.flatnonzero(dtheta.any(axis=0))
+    dB = np.einsum("pjz,pf->fjz", tensor, dtheta[:, own])
+    dG = np.zeros((dtheta.shape[1], *G.shape))
+    dG[own] = inverse @ (dB - dB[:, :, list(noisy)] @ G)
+    return G, dG

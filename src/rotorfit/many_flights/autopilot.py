@@ -21,8 +21,8 @@ from scipy import stats
 
 from rotorfit.estimation.banded import (
     BandedEstimate,
-    normal_equations,
     parameter_scale,
+    part_equations,
     resting_inverse,
 )
 from rotorfit.estimation.banded_equations import feedback_scores, solutions
@@ -103,11 +103,10 @@ def _asked_apart(
     assert feedback is not None
     flight = np.repeat(np.arange(len(problem.factors)), [len(f) for f in problem.factors])
     added = feedback_scores(problem, feedback.doubtful(), solutions(problem, fit.estimate.values))
-    prior = normal_equations(fit, np.zeros(len(flight), dtype=bool)).information
-    every = [normal_equations(fit, flight == k) for k in range(len(problem.factors))]
-    H = np.array([own.information - prior for own in every])
-    s = np.array([own.scores[:-1].sum(axis=0) for own in every])
-    G = np.array([added[flight == k].sum(axis=0).T for k in range(len(every))])
+    prior = np.diag(problem.prior[1] ** -2.0)
+    parts = [flight == k for k in range(len(problem.factors))]
+    H, s, _ = part_equations(fit, parts)
+    G = np.array([added[part].sum(axis=0).T for part in parts])
     size = parameter_scale(H.sum(axis=0) + prior)
     square = np.outer(size, size)
     return H / square, s / size, G / size[:, None], prior / square
