@@ -186,7 +186,7 @@ def test_the_page_of_motion_capture_says_what_px4_logs_of_it():
     text = page("howto/mocap.md")
     assert "bit 7 of `SDLOG_PROFILE`" in text
     assert f"`SDLOG_PROFILE = {1 | 1 << 1 | 1 << 4}`" in text
-    assert "Times of receipt over a network are refused" in text
+    assert "refuses recordings with times of receipt over a network" in text
 
 
 def test_low_passes_of_px4_are_told_of_in_one_way():

@@ -138,7 +138,7 @@ def demo(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate the paper's experiment, identify it, compare with the truth.
+    """Simulate the paper's experiment, identify it, compare.
 
     Six, Briot, Erskine and Chriette, ICRA 2020: two quadrotors that differ by a known payload,
     identified by the default method and by the paper's.
