@@ -85,6 +85,8 @@ class Factors:
 
     def select(self, keep: Bool[np.ndarray, " b"]) -> "Factors":
         """Return the blocks for which `keep` is true."""
+        if keep.all():
+            return self
         return Factors(
             R=self.R[keep],
             rows=self.rows[keep],
