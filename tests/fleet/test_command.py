@@ -1,7 +1,10 @@
 """rotorfit fleet: what it leaves, what it says, and what it refuses."""
 
 import csv
+import html
 import io
+import re
+import shlex
 import shutil
 import sys
 
@@ -65,6 +68,27 @@ def test_tables_and_page_of_a_fleet(run, out, small_fleet):
     assert [f["log"] for f in failures] == [f.file for f in small_fleet.fleet.failures]
     page = (out / "fleet.html").read_text("utf-8")
     assert "rotorfit identify one/flight1.csv --mass 1.285 --airframe airframe.toml" in page
+
+
+def test_the_command_of_a_flight_makes_its_report_and_the_next_run_links_it(
+    run, out, small_fleet, monkeypatch, capsys
+):
+    asked = (small_fleet.folder, *declared(small_fleet), "-o", out)
+    run(*asked)
+    page = html.unescape((out / "fleet.html").read_text("utf-8"))
+    (line,) = re.findall(r"rotorfit identify one/flight2\.csv [^<]*", page)
+    monkeypatch.chdir(small_fleet.folder)
+    monkeypatch.setattr(sys, "argv", shlex.split(line))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    capsys.readouterr()
+    assert not ended.value.code
+    (report,) = (out / "reports").iterdir()
+    assert "flight2.csv" in report.read_text("utf-8")
+    assert 'href="reports/' not in page
+    run(*asked)
+    again = (out / "fleet.html").read_text("utf-8")
+    assert again.count(f'<a href="reports/{report.name}">open</a>') == again.count('href="rep') == 1
 
 
 def test_without_pyarrow_the_tables_are_csv(run, out, small_fleet, monkeypatch):

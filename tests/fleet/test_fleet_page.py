@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import pytest
 from fleet_material import a_fleet, planted_fleet
 
-from rotorfit.fleet.page import Links, fleet_html, make_report
+from rotorfit.fleet.page import Links, fleet_html, report_command
 from rotorfit.fleet.records import FlightFailure
 from rotorfit.fleet.statistics import fleet_statistics
 
@@ -18,7 +18,10 @@ def html() -> str:
         FlightFailure(file=f"/logs/x{i}.ulg", reason="cut <off>", what_to_do="copy it again")
         for i in range(3)
     ]
-    links = Links(reports={records[0].sha256: "reports/V01-log1.html"}, command=make_report)
+    links = Links(
+        report=lambda record: "reports/V01-log1.html" if record is records[0] else "",
+        command=report_command,
+    )
     return fleet_html(statistics, records, failures, name="Line <3>", links=links)
 
 

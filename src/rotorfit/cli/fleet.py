@@ -12,10 +12,12 @@ import typer
 from rotorfit.cli.progress import paced, steps
 from rotorfit.cli.terminal import say, show
 from rotorfit.errors import LogError
+from rotorfit.fleet.entries import make_folder
 from rotorfit.fleet.findings import Finding, findings
 from rotorfit.fleet.listing import Defaults, ListedLog, listed_logs, mass_of
 from rotorfit.fleet.run import (
     FAILURES,
+    REPORTS,
     Fleet,
     FleetType,
     Told,
@@ -24,6 +26,7 @@ from rotorfit.fleet.run import (
     cores,
     failures_file,
     fleet_files,
+    links_to,
     read_fleet,
     types_of,
 )
@@ -72,7 +75,9 @@ def run(request: FleetRequest) -> None:
         types = types_of(fleet)
         tell("fitting the flights of each vehicle together")
         name = request.source.absolute().stem
-        files = fleet_files(fleet, types, cache, workers, name=name)
+        links = links_to(request.output, request.source)
+        files = fleet_files(fleet, types, cache, workers, name=name, links=links)
+    make_folder(request.output / REPORTS)
     _write(request.output, files)
     if not has_parquet():
         say("tables are CSV: pip install 'rotorfit[parquet]' writes them as Parquet")

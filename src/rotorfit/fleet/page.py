@@ -2,9 +2,9 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Final
 
 import numpy as np
@@ -47,28 +47,46 @@ class Links:
 
     Attributes
     ----------
-    reports
-        Of flights whose report there is: from its record's fingerprint to a relative address.
+    report
+        Returns the address of the report of a record, from the fleet's page; "" where none is.
     command
-        Returns the command that makes the report of a record.
+        Returns the command that makes it.
     """
 
-    reports: Mapping[str, str]
+    report: Callable[[FlightRecord], str]
     command: Callable[[FlightRecord], str]
 
 
-def make_report(record: FlightRecord) -> str:
-    """Return the command that makes a flight's own report."""
-    mass = "unknown" if record.mass is None else f"{record.mass:g}"
-    number = f" --log {record.log_number}" if record.log_number > 1 else ""
-    page = f"{Path(file_name(record.file)).stem}.html"
-    return (
-        f"rotorfit identify {shlex.quote(record.file)}{number} --mass {mass} "
-        f"--airframe airframe.toml --report {shlex.quote(page)}"
+def report_name(record: FlightRecord) -> str:
+    """Return the name of the page of a flight: one for each flight of a fleet."""
+    stem = Path(file_name(record.file)).stem
+    number = f"-{record.log_number}" if record.log_number > 1 else ""
+    return f"{stem}{number}-{record.sha256[:8]}.html"
+
+
+def report_command(
+    record: FlightRecord, *, folder: str = ".", airframe: str = "airframe.toml"
+) -> str:
+    """Return the command that identifies one flight again, with a page of its own.
+
+    Parameters
+    ----------
+    record
+        Of the flight.
+    folder
+        Of the page, seen from that of the logs.
+    airframe
+        File of its airframe.
+    """
+    mass = "unknown" if record.mass is None else str(record.mass)
+    number = ["--log", str(record.log_number)] if record.log_number > 1 else []
+    words = ["rotorfit", "identify", record.file, *number, "--mass", mass, "--airframe", airframe]
+    return shlex.join(
+        [*words, "--report", (PurePosixPath(folder) / report_name(record)).as_posix()]
     )
 
 
-NO_LINKS: Final = Links(reports={}, command=make_report)
+NO_LINKS: Final = Links(report=lambda record: "", command=report_command)
 
 
 def fleet_html(
@@ -351,7 +369,7 @@ def _flight_row(record: FlightRecord, number: int, marked: bool, links: Links) -
         day="" if record.started is None else day_words(record.started),
         seconds=f"{record.seconds_used:.0f}",
         doubts=len(record.warnings),
-        link=links.reports.get(record.sha256, ""),
+        link=links.report(record),
         command=links.command(record),
         marked=marked,
     )

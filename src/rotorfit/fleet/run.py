@@ -3,20 +3,20 @@
 import dataclasses
 import json
 import os
-import shlex
 import shutil
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+from urllib.parse import quote
 
 from rotorfit.errors import OutputError
 from rotorfit.fleet.entries import Entry, make_folder, read_entry
 from rotorfit.fleet.executors import by_cluster, by_processes, mapped
 from rotorfit.fleet.listing import FlightTask, ListedLog
 from rotorfit.fleet.one_flight import experiment_of
-from rotorfit.fleet.page import Links, fleet_html
+from rotorfit.fleet.page import NO_LINKS, Links, fleet_html, report_command, report_name
 from rotorfit.fleet.records import (
     Columns,
     FlightFailure,
@@ -35,6 +35,8 @@ OWNER: Final = "fleet.json"
 """By which a folder is known as one of a fleet: whose logs it is of."""
 FAILURES: Final = "failures.csv"
 PAGE: Final = "fleet.html"
+REPORTS: Final = "reports"
+"""Folder of the flights' own pages, made by the commands that `PAGE` shows."""
 TIME_LIMIT: Final = 600.0
 """Of a log [s], where none is given."""
 
@@ -224,7 +226,13 @@ def _of_airframe(fleet: Fleet, airframe: str) -> Fleet:
 
 
 def fleet_files(
-    fleet: Fleet, types: Sequence[FleetType], cache: Path, workers: Workers, *, name: str
+    fleet: Fleet,
+    types: Sequence[FleetType],
+    cache: Path,
+    workers: Workers,
+    *,
+    name: str,
+    links: Callable[[FleetType], Links] = lambda one: NO_LINKS,
 ) -> dict[str, bytes]:
     """Return tables and pages of a fleet, by the names of their files.
 
@@ -238,12 +246,14 @@ def fleet_files(
         Who fits the flights of each vehicle together.
     name
         Of the fleet, for people.
+    links
+        Of each type: how its page leads to the flights' own reports (`links_to`).
     """
     tables = [_vehicles(one, cache, workers) for one in types]
     pages = [
-        (PAGE, _page(one, name))
+        (PAGE, _page(one, name, links(one)))
         if len(types) == 1
-        else (f"fleet-{one.name}.html", _page(one, one.name))
+        else (f"fleet-{one.name}.html", _page(one, one.name, links(one)))
         for one in types
     ]
     return dict(
@@ -275,26 +285,43 @@ def _flight_parts(records: Sequence[FlightRecord]) -> Iterator[Columns]:
         yield flight_columns(records[first : first + ROWS], numbers)
 
 
-def _page(one: FleetType, name: str) -> bytes:
-    """Return the page; every flight on it says how its own report is made."""
+def _page(one: FleetType, name: str, links: Links) -> bytes:
     fleet = one.fleet
-    pairs = zip(fleet.records, fleet.kept, strict=True)
-    tasks = {(record.file, record.log_number): kept.task for record, kept in pairs}
-
-    def command(record: FlightRecord) -> str:
-        return _report_command(record, tasks[record.file, record.log_number])
-
-    links = Links(reports={}, command=command)
     html = fleet_html(one.statistics, fleet.records, fleet.failures, name=name, links=links)
     return html.encode()
 
 
-def _report_command(record: FlightRecord, task: FlightTask) -> str:
-    """Return the command that identifies one flight again, with a page of its own."""
-    number = [] if task.log_number is None else ["--log", str(task.log_number)]
-    page = f"{Path(task.file).stem}.html"
-    words = ["rotorfit", "identify", record.file, *number, "--mass", str(task.mass)]
-    return shlex.join([*words, "--airframe", Path(task.airframe).name, "--report", page])
+def links_to(out: Path, source: Path) -> Callable[[FleetType], Links]:
+    """Return how the pages of a fleet lead to its flights' own reports.
+
+    To those that there are in its folder `REPORTS`; of the others the command that makes one
+    there, called where the logs are.
+
+    Parameters
+    ----------
+    out
+        Folder of the fleet.
+    source
+        Folder of the logs, or their table.
+    """
+    base = source if source.is_dir() else source.parent
+    folder = Path(os.path.relpath(out / REPORTS, base)).as_posix()
+
+    def report(record: FlightRecord) -> str:
+        name = report_name(record)
+        return quote(f"{REPORTS}/{name}") if (out / REPORTS / name).exists() else ""
+
+    def links(one: FleetType) -> Links:
+        pairs = zip(one.fleet.records, one.fleet.kept, strict=True)
+        airframes = {(r.file, r.log_number): Path(kept.task.airframe).name for r, kept in pairs}
+        return Links(
+            report=report,
+            command=lambda record: report_command(
+                record, folder=folder, airframe=airframes[record.file, record.log_number]
+            ),
+        )
+
+    return links
 
 
 def failures_file(fleet: Fleet) -> bytes:
