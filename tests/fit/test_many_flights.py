@@ -13,6 +13,7 @@ from rotorfit.fit.joint_equations import joint_problem, theta_of
 from rotorfit.identification.identify import identify_flights
 from rotorfit.many_flights import autopilot
 from rotorfit.many_flights.autopilot import LEAST_OPEN, heard_answer
+from rotorfit.many_flights.trims import trim_shares
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
 from rotorfit.simulation.tables import write_flight_table
 
@@ -112,6 +113,24 @@ def test_the_trim_of_each_flight_is_found(five):
     values = identified.factors.values
     found = [[values[f"trim_{m}@{k}"] for m in ("msx", "msy")] for k in range(5)]
     np.testing.assert_allclose(np.array(found) / truth.mass, PLACES, atol=4e-4)
+
+
+def test_trims_are_assumed_to_scatter_as_they_do(five):
+    identified, _ = five
+    (body,) = identified.factors.configurations
+    scatter = np.sqrt(PLACES.var(axis=0, ddof=1).mean()) / body.vehicle.arm
+    assert body.trim_share == pytest.approx(scatter, rel=0.1)
+
+
+def test_the_scatter_of_trims_counts_what_is_open_of_each_not_of_all():
+    names = [f"trim_{m}@{k}" for k in range(1, 6) for m in ("msx", "msy")]
+    common = np.kron(np.ones((5, 5)), np.eye(2))
+    made = SimpleNamespace(names=tuple(names), values=np.full(10, 3e-3))
+    made.covariance = 4e-8 * np.eye(10) + 1e-4 * common
+    owners, moments = [0, 1, 1, 1, 1, 1], [0.2] * 6
+    assert trim_shares(made, owners, moments) == {1: pytest.approx(1e-3)}
+    made.covariance = 1e-4 * common
+    assert trim_shares(made, owners, moments) == {1: 5e-4}  # and no less
 
 
 def test_intervals_of_flights_of_different_trim_hold_and_are_narrow(five):

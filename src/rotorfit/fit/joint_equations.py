@@ -31,6 +31,7 @@ from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.many_flights.autopilot import UNHEARD, Answer
 from rotorfit.many_flights.trims import (
+    TRIM_SHARE,
     configuration_theta,
     flights_of,
     trim_prior,
@@ -92,7 +93,8 @@ class JointConfiguration:
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `answered` are those of
     `steering.py`: which errors of each block count, and which of those of the turns the autopilot
-    answers; `answer` how far. `timing` is what a fit may move of the motors' timing.
+    answers; `answer` how far. `timing` is what a fit may move of the motors' timing. `trim_share`:
+    by how much of the arm the centre of mass of many flights scatters.
     """
 
     name: str
@@ -106,6 +108,7 @@ class JointConfiguration:
     answered: Bool[np.ndarray, "b e"] | None = None
     timing: FreeTiming | None = None
     answer: Answer = UNHEARD
+    trim_share: float = TRIM_SHARE
 
 
 def joint_estimate(
@@ -191,7 +194,7 @@ def joint_problem(
     mapped = joint_map(configurations, terms=terms)
     mapped = with_trims(mapped, configurations[0].model.names, owners)
     prior = joint_prior(configurations)
-    prior |= trim_prior(mapped, [c.mass * c.vehicle.arm for c in flights])
+    prior |= trim_prior(mapped, [c.trim_share * c.mass * c.vehicle.arm for c in flights])
     timing = configurations[0].timing
     known = {} if known_kt is None else {"kt": known_kt}
     known |= {} if timing is None else timing.prior()

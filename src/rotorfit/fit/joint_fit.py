@@ -8,11 +8,12 @@ import numpy as np
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate
+from rotorfit.fit.joint_equations import JointConfiguration, flights_apart, joint_estimate
 from rotorfit.fit.kt_from_weight import WeighedThrust
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.steering import steered
 from rotorfit.many_flights.autopilot import heard_answer
+from rotorfit.many_flights.trims import trim_shares
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +88,15 @@ def joint_fit(
     fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin)
     if len(fit.problem.factors) == len(joint):
         return fit, joint  # no configuration has enough flights to take them apart
-    answer = heard_answer(fit)
-    joint = [replace(c, answer=answer) for c in joint]
+    answer, shares = heard_answer(fit), _trim_shares(fit, joint)
+    joint = [
+        replace(c, answer=answer, trim_share=shares.get(k, c.trim_share))
+        for k, c in enumerate(joint)
+    ]
     begin = fit.estimate.by_name
     return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint
+
+
+def _trim_shares(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, float]:
+    owners, flights = flights_apart(joint)
+    return trim_shares(fit.estimate, owners, [c.mass * c.vehicle.arm for c in flights])

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 
@@ -21,7 +22,9 @@ TRIM: Final = "trim_"
 MOVED: Final = ("msx", "msy")
 """First moments that a flight has for itself: the height of the CoM hardly makes a torque."""
 TRIM_SHARE: Final = 0.01
-"""Of the arm: deviation of a flight's centre of mass about that of all, before the flight."""
+"""Of the arm: deviation of a flight's centre of mass about that of all, before the flights."""
+LEAST_SHARE: Final = 5e-4
+"""Of the arm, which is not measured better: flights that scatter less are taken to do so much."""
 
 
 def flights_of(factors: Factors) -> list[Bool[np.ndarray, " b"]]:
@@ -67,10 +70,45 @@ def with_trims(
     )
 
 
-def trim_prior(mapped: ParameterMap, moments: Sequence[float]) -> dict[str, float]:
-    """Return the deviations of the trims, `moments` being mass times arm of each flight."""
+def trim_prior(mapped: ParameterMap, scatter: Sequence[float]) -> dict[str, float]:
+    """Return the deviations of the trims, `scatter` being that of each flight [kg m]."""
     names = [name for name in mapped.names if name.startswith(TRIM)]
-    return {name: TRIM_SHARE * moments[int(name.partition("@")[2])] for name in names}
+    return {name: scatter[int(name.partition("@")[2])] for name in names}
+
+
+def trim_shares(
+    estimate: Estimate, owners: Sequence[int], moments: Sequence[float]
+) -> dict[int, float]:
+    """Return how far the flights of each configuration scatter, as a share of the arm.
+
+    A prior wider than that would leave the centre of mass of all flights more open than they do.
+    One step of expectation maximisation (Dempster, Laird and Rubin, J. Royal Statistical Society B
+    39, 1977), from what the trims differ by and what is open of that.
+
+    Parameters
+    ----------
+    estimate
+        With a trim for each flight that is not alone.
+    owners
+        Whose flight each is, in order.
+    moments
+        Mass times arm of each flight [kg m].
+    """
+    shares: dict[int, float] = {}
+    for c in set(owners):
+        own = [k for k, owner in enumerate(owners) if owner == c]
+        if len(own) > 1:
+            square = np.mean([_scatter(estimate, [f"{TRIM}{m}@{k}" for k in own]) for m in MOVED])
+            shares[c] = max(float(np.sqrt(square)) / moments[own[0]], LEAST_SHARE)
+    return shares
+
+
+def _scatter(estimate: Estimate, trims: Sequence[str]) -> float:
+    """Return the expected variance of trims about their mean."""
+    at = [estimate.names.index(name) for name in trims]
+    open_still = estimate.covariance[np.ix_(at, at)]
+    about = float(np.trace(open_still) - open_still.mean() * len(at))
+    return float(estimate.values[at].var(ddof=1)) + about / (len(at) - 1.0)
 
 
 def configuration_theta(
