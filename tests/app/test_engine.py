@@ -101,7 +101,7 @@ def test_an_export_asks_for_what_is_missing(identified):
     made = engine.call("export", {"target": "mujoco", "assume": assume}, quiet)
     assert made["name"] == "mujoco.xml"
     assert "<mujoco" in made["text"]
-    assert any(note.startswith("motor_lag is assumed") for note in made["notes"])
+    assert "motor_lag = 0.03 s is assumed" in made["notes"]
 
 
 def test_exports_without_sense_are_refused(identified):
