@@ -1,18 +1,17 @@
 """What five flights or more tell together: a trim of each, and how far their autopilot answers."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import flown
 import made_fit
+from rotorfit.estimation.estimate import Estimate
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.joint_equations import joint_problem, theta_of
 from rotorfit.identification.identify import identify_flights
-from rotorfit.many_flights import autopilot
-from rotorfit.many_flights.autopilot import LEAST_OPEN, heard_answer
+from rotorfit.many_flights.autopilot import LEAST_OPEN, heard
 from rotorfit.many_flights.trims import trim_shares
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
 from rotorfit.simulation.tables import write_flight_table
@@ -65,30 +64,24 @@ def asked_apart(answer, *, rho, scatter=0.0):
     return H, H @ shift + pulled, G, np.zeros((f, f))
 
 
-FIT = SimpleNamespace(problem=SimpleNamespace(factors=[None] * 8))
 RHO = np.array([10.0, 20.0, 40.0, 100.0, 300.0, 1000.0, 2000.0, 5000.0])
 
 
-def test_flights_of_different_rho_show_how_far_the_autopilot_answers(monkeypatch):
+def test_flights_of_different_rho_show_how_far_the_autopilot_answers():
     true = np.array([0.4, -0.3, 0.0])
-    monkeypatch.setattr(autopilot, "_asked_apart", lambda fit: asked_apart(true, rho=RHO))
-    found = heard_answer(FIT)
+    found = heard(*asked_apart(true, rho=RHO))
     np.testing.assert_allclose(found.beyond, true, atol=0.05)
     assert found.open == pytest.approx(tuple(LEAST_OPEN))
 
 
-def test_flights_of_one_rho_show_nothing_of_it(monkeypatch):
-    asked = asked_apart(np.array([0.4, -0.3, 0.0]), rho=np.full(8, 100.0))
-    monkeypatch.setattr(autopilot, "_asked_apart", lambda fit: asked)
-    found = heard_answer(FIT)
+def test_flights_of_one_rho_show_nothing_of_it():
+    found = heard(*asked_apart(np.array([0.4, -0.3, 0.0]), rho=np.full(8, 100.0)))
     np.testing.assert_allclose(found.beyond, 0.0, atol=1e-3)
     assert found.open == pytest.approx((1.0, 1.0, 1.0), abs=1e-3)
 
 
-def test_flights_that_scatter_leave_it_open(monkeypatch):
-    asked = asked_apart(np.zeros(3), rho=RHO, scatter=20.0)
-    monkeypatch.setattr(autopilot, "_asked_apart", lambda fit: asked)
-    assert min(heard_answer(FIT).open) > 0.7
+def test_flights_that_scatter_leave_it_open():
+    assert min(heard(*asked_apart(np.zeros(3), rho=RHO, scatter=20.0)).open) > 0.7
 
 
 @pytest.fixture(scope="module")
@@ -125,12 +118,18 @@ def test_trims_are_assumed_to_scatter_as_they_do(five):
 def test_the_scatter_of_trims_counts_what_is_open_of_each_not_of_all():
     names = [f"trim_{m}@{k}" for k in range(1, 6) for m in ("msx", "msy")]
     common = np.kron(np.ones((5, 5)), np.eye(2))
-    made = SimpleNamespace(names=tuple(names), values=np.full(10, 3e-3))
-    made.covariance = 4e-8 * np.eye(10) + 1e-4 * common
+    estimate = Estimate(
+        names=tuple(names),
+        values=np.full(10, 3e-3),
+        covariance=4e-8 * np.eye(10) + 1e-4 * common,
+        condition_number=1.0,
+        weak_directions=np.eye(10),
+        weak_strengths=np.ones(10),
+    )
     owners, moments = [0, 1, 1, 1, 1, 1], [0.2] * 6
-    assert trim_shares(made, owners, moments) == {1: pytest.approx(1e-3)}
-    made.covariance = 1e-4 * common
-    assert trim_shares(made, owners, moments) == {1: 5e-4}  # and no less
+    assert trim_shares(estimate, owners, moments) == {1: pytest.approx(1e-3)}
+    alike = replace(estimate, covariance=1e-4 * common)
+    assert trim_shares(alike, owners, moments) == {1: 5e-4}  # and no less
 
 
 def test_intervals_of_flights_of_different_trim_hold_and_are_narrow(five):

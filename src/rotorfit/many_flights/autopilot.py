@@ -65,9 +65,27 @@ def heard_answer(fit: BandedEstimate) -> Answer:
     fit
         Of all flights, each with factors of its own, made with the usual answer.
     """
-    flights = len(fit.problem.factors)
-    H, s, G, prior = _asked_apart(fit)
-    f, e = G.shape[1:]
+    return heard(*_asked_apart(fit))
+
+
+def heard(
+    H: Float[np.ndarray, "m f f"],
+    s: Float[np.ndarray, "m f"],
+    G: Float[np.ndarray, "m f e"],
+    prior: Float[np.ndarray, "f f"],
+) -> Answer:
+    """Return the same from what the flights ask for.
+
+    Parameters
+    ----------
+    H, s
+        Information and score of each flight at the joint fit.
+    G
+        What an answer to each error adds to the score.
+    prior
+        Information before the flights.
+    """
+    flights, f, e = G.shape
     X = np.concatenate([H, -G], axis=2)
     weighed = X.transpose(0, 2, 1) @ np.array([resting_inverse(h + prior / flights) for h in H])
     information = (weighed @ X).sum(axis=0)
