@@ -56,8 +56,10 @@ def test_others_are_refused_in_one_line(server, change, words):
     if "token" in change:
         path = f"/{change.pop('token')}/open"
     method = change.pop("method", "POST")
-    status, body, headers = client.send(method, path, b"{}", **change)
-    assert status in (400, 403)  # a request without Host is none
+    # A request without Host is none: what it brings is not read, and its connection may be reset.
+    brought = None if change.get("host", "") is None else b"{}"
+    status, body, headers = client.send(method, path, brought, **change)
+    assert status in (400, 403)
     if status == 403:
         assert words in body.decode()
         assert body.count(b"\n") == 1
