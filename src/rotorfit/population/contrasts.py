@@ -1,10 +1,4 @@
-"""By how much two groups differ, where the scatter inside all groups is one.
-
-References
-----------
-Paule and Mandel, J. of Research of the National Bureau of Standards 87, 1982 (the scatter beside
-stated variances).
-"""
+"""By how much two groups differ, where the scatter inside all groups is one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +7,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float, Int
 from scipy import stats
+
+from rotorfit.population.paule_mandel import scatter_beside
 
 LEAST_FREEDOM: Final = 4
 """Values beyond one a group, without which their scatter is not known."""
@@ -59,7 +55,12 @@ def contrasts(
     freedom = len(values) - len(np.unique(group))
     if freedom < LEAST_FREEDOM or not pairs:
         return Contrasts(difference=nothing, low=nothing, high=nothing, p=nothing)
-    scatter = _scatter(values, variance, group, freedom)
+
+    def chi2(scatter: Float[np.ndarray, ""]) -> Float[np.ndarray, ""]:
+        mean, _ = _means(values, variance + scatter, group)
+        return np.asarray(np.sum((values - mean[group]) ** 2 / (variance + scatter)))
+
+    scatter = float(scatter_beside(chi2, np.array(float(freedom)), values))
     mean, squared = _means(values, variance + scatter, group)
     first, second = np.array(pairs).T
     difference = mean[first] - mean[second]
@@ -82,19 +83,3 @@ def _means(
     weight = np.bincount(group, 1.0 / variance)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.bincount(group, values / variance) / weight, 1.0 / weight
-
-
-def _scatter(
-    values: Float[np.ndarray, " n"],
-    variance: Float[np.ndarray, " n"],
-    group: Int[np.ndarray, " n"],
-    freedom: int,
-) -> float:
-    """Return the variance beside the stated one with which chi^2 is what it should be."""
-    low, high = 0.0, 4.0 * float(np.ptp(values)) ** 2 + np.finfo(float).tiny
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        mean, _ = _means(values, variance + middle, group)
-        chi2 = float(np.sum((values - mean[group]) ** 2 / (variance + middle)))
-        low, high = (middle, high) if chi2 > freedom else (low, middle)
-    return 0.5 * (low + high) if low > 0.0 else 0.0

@@ -2,8 +2,7 @@
 
 References
 ----------
-Paule and Mandel, J. of Research of the National Bureau of Standards 87, 1982 (spread between groups
-of unequal precision); Rosner, Technometrics 25, 1983 (several outliers that hide one another);
+Rosner, Technometrics 25, 1983 (several outliers that hide one another);
 Benjamini and Hochberg, J. of the Royal Statistical Society B 57, 1995 (rate of false discoveries);
 Simes, Biometrika 73, 1986 (several tests as one); Benjamini and Bogomolov, J. of the Royal
 Statistical Society B 76, 2014 (rates within what was selected).
@@ -17,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import stats
 
+from rotorfit.population.paule_mandel import scatter_beside
 from rotorfit.population.random_effects import LEAST_GROUPS
 
 MOST_APART: Final = 0.25
@@ -155,17 +155,11 @@ def _chance(t: float, freedom: float) -> float:
 def _between(
     y: Float[np.ndarray, " g"], v: Float[np.ndarray, " g"], others: Bool[np.ndarray, "g g"]
 ) -> Float[np.ndarray, " g"]:
-    """Return the variance between groups for each set of others: where chi^2 is what it should be.
+    """Return the variance between groups for each set of others."""
 
-    Solved by halving, for all sets at once.
-    """
-    low = np.zeros(len(y))
-    high = np.full(len(y), 4.0 * float(np.ptp(y)) ** 2 + np.finfo(float).tiny)
-    freedom = others.sum(axis=1) - 1
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        w = others / (v[None, :] + middle[:, None])
+    def chi2(between: Float[np.ndarray, " g"]) -> Float[np.ndarray, " g"]:
+        w = others / (v[None, :] + between[:, None])
         mean = (w @ y) / w.sum(axis=1)
-        chi2 = np.sum(w * (y[None, :] - mean[:, None]) ** 2, axis=1)
-        low, high = np.where(chi2 > freedom, middle, low), np.where(chi2 > freedom, high, middle)
-    return np.where(low > 0.0, 0.5 * (low + high), 0.0)
+        return np.sum(w * (y[None, :] - mean[:, None]) ** 2, axis=1)
+
+    return scatter_beside(chi2, others.sum(axis=1) - 1.0, y)
