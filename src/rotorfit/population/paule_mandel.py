@@ -35,7 +35,7 @@ def scatter_beside(
     low = np.zeros_like(freedom)
     high = np.full_like(freedom, 4.0 * float(np.ptp(values)) ** 2 + np.finfo(float).tiny)
     for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
+        middle = np.asarray(0.5 * (low + high))
         more = chi2(middle) > freedom
         low, high = np.where(more, middle, low), np.where(more, high, middle)
     return np.where(low > 0.0, 0.5 * (low + high), 0.0)
