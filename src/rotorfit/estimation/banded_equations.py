@@ -53,6 +53,9 @@ class BandedProblem:
         Where a controller answers the errors.
     moving
         Free parameters that move the signals, in the order of the factors' slopes.
+    tied
+        How much of each error (row) comes with the others (column), and is taken off it: strictly
+        lower triangular up to the order of the errors, one per configuration; nothing by default.
     """
 
     factors: tuple[Factors, ...]
@@ -64,6 +67,7 @@ class BandedProblem:
     counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
     feedback: Feedback | None = None
     moving: tuple[str, ...] = ()
+    tied: tuple[Float[np.ndarray, "k k"], ...] = ()
 
     @property
     def places(self) -> list[int]:
@@ -80,6 +84,10 @@ class BandedProblem:
     def moves(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " t"]:
         """Return how far the signals are moved at `phi`."""
         return phi[self.places]
+
+    def untied(self, c: int, G: Float[np.ndarray, "*f k z"]) -> Float[np.ndarray, "*f k z"]:
+        """Return what makes the errors of configuration `c` without what comes with the others."""
+        return G - self.tied[c] @ G if self.tied else G
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +176,8 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     residuals: list[Float[np.ndarray, "b m k"]] = []
     variances: list[Float[np.ndarray, "b k"]] = []
     squares: list[Float[np.ndarray, "b k"]] = []
-    for c, (factors, G) in enumerate(zip(problem.factors, found, strict=True)):
+    for c, (factors, solved_G) in enumerate(zip(problem.factors, found, strict=True)):
+        G = problem.untied(c, solved_G)
         e = factors.columns @ (factors.lift(problem.moves(phi)) @ G.T)
         power = power_of(e)
         v, floored = _variance(power, factors, problem.noisy)
@@ -294,10 +303,18 @@ def split_blocks(
     return np.split(blocks, np.cumsum([len(f) for f in factors])[:-1])
 
 
+def untied_solutions(problem: BandedProblem, found: Sequence[Solution]) -> list[Solution]:
+    """Return what makes the errors without what comes with others, and its slope."""
+    return [(problem.untied(c, G), problem.untied(c, dG)) for c, (G, dG) in enumerate(found)]
+
+
 def lifted_slopes(
     problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Solution]
 ) -> list[Float[np.ndarray, "k a f"]]:
-    """Return d u / d phi of each configuration, by the columns of its factors."""
+    """Return d u / d phi of each configuration, by the columns of its factors.
+
+    `found` is of the errors that are looked at (`untied_solutions`).
+    """
     parts: list[Float[np.ndarray, "k a f"]] = []
     for factors, (G, dG) in zip(problem.factors, found, strict=True):
         lift, moved = factors.lift(problem.moves(phi)), np.flatnonzero(dG.any(axis=(1, 2)))
@@ -311,7 +328,8 @@ def lifted_slopes(
 
 def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquations:
     """Return the linearised equations at a state."""
-    found = solutions(problem, state.phi)
+    answered = solutions(problem, state.phi)
+    found = untied_solutions(problem, answered)
     dU = lifted_slopes(problem, state.phi, found)
     mean, std = problem.prior
     plain = np.diag(std**-2.0)
@@ -334,7 +352,7 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
         scores.append(own)
     every = np.concatenate(scores)
     if problem.feedback is not None:
-        every += feedback_scores(problem, problem.feedback, found).sum(axis=1)
+        every += feedback_scores(problem, problem.feedback, answered).sum(axis=1)
     return CorrectedEquations(
         plain=plain, taken=taken, scores=every, pull=(mean - state.phi) * std**-2.0
     )
@@ -344,7 +362,7 @@ def part_information(
     problem: BandedProblem, state: State, parts: Sequence[Bool[np.ndarray, " b"]]
 ) -> Float[np.ndarray, "p f f"]:
     """Return the information of parts of the blocks, corrected, without the prior's."""
-    found = solutions(problem, state.phi)
+    found = untied_solutions(problem, solutions(problem, state.phi))
     dU = lifted_slopes(problem, state.phi, found)
     weights = split_blocks(1.0 / state.variance, problem.factors)
     size = len(problem.map.names)
@@ -416,7 +434,8 @@ def _root_of_rows(problem: BandedProblem, state: State) -> Float[np.ndarray, "f 
     """Return the same, from the rows: twice as many digits, at many times the cost."""
     parts = [np.diag(1.0 / problem.prior[1])]
     weights = split_blocks(1.0 / np.sqrt(state.variance), problem.factors)
-    slopes = lifted_slopes(problem, state.phi, solutions(problem, state.phi))
+    found = untied_solutions(problem, solutions(problem, state.phi))
+    slopes = lifted_slopes(problem, state.phi, found)
     for factors, w, dU in zip(problem.factors, weights, slopes, strict=True):
         for k in range(w.shape[1]):
             rows = (factors.columns * w[:, k, None, None]).reshape(-1, factors.columns.shape[2])

@@ -48,6 +48,9 @@ ANSWERED = ("dwx", "dwy", "dwz")
 BANDWIDTH = 25.0
 """[rad/s] up to which an autopilot answers roll and pitch errors: that of the simulated one's rate
 loops, and of usual ones."""
+ATTITUDE = 6.0
+"""Rate per angle that an attitude loop asks for [1/s]: 6.5 in PX4 and 4.5 in ArduPilot by default.
+Such a loop delays the answer; not every pilot flies with one."""
 TAKEN = np.array([1.0, 1.0, 0.0])
 """Share of that answer that is taken for granted: in yaw, where autopilots are slow, none."""
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
@@ -93,7 +96,8 @@ class JointConfiguration:
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `answered` are those of
     `steering.py`: which errors of each block count, and which of those of the turns the autopilot
-    answers; `answer` how far. `timing` is what a fit may move of the motors' timing. `trim_share`:
+    answers; `answer` how far; `tied` (also from there) how much of the errors of the turns comes
+    with those of the forces. `timing` is what a fit may move of the motors' timing. `trim_share`:
     by how much of the arm the centre of mass of many flights scatters.
     """
 
@@ -106,6 +110,7 @@ class JointConfiguration:
     payload_of: str | None = None
     counted: Bool[np.ndarray, "b 6"] | None = None
     answered: Bool[np.ndarray, "b e"] | None = None
+    tied: Float[np.ndarray, "6 6"] | None = None
     timing: FreeTiming | None = None
     answer: Answer = UNHEARD
     trim_share: float = TRIM_SHARE
@@ -207,6 +212,7 @@ def joint_problem(
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
         counted=tuple(c.counted for c in flights if c.counted is not None),
+        tied=tuple(c.tied for c in flights if c.tied is not None),
         feedback=_feedback(flights),
     )
 
@@ -274,9 +280,16 @@ def _answers(configuration: JointConfiguration) -> Answers:
         rows=(factors.rows * moving)[:, None] * steered,
         moves=_mixed(configuration, turn),
         share=answer[:, None] * (TAKEN * answered + configuration.answer.beyond),
-        doubt=answer[:, None] * np.array(configuration.answer.open),
+        doubt=_in_attitude_loop(turn)[:, None] * np.array(configuration.answer.open),
         late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
+
+
+def _in_attitude_loop(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
+    """Return T of a rate loop inside an attitude loop: L / (1 + L), L = w / s (1 + w_a / s)."""
+    s = 1j * turn
+    through = BANDWIDTH * (s + ATTITUDE)
+    return through / (s**2 + through)
 
 
 def _lateness(
