@@ -70,6 +70,9 @@ class FlightData:
     reference
         Angular velocity that pilot or mission asked for [rad/s], where the log has it; NaN in rows
         without.
+    held_for
+        How long a command held as it was recorded, where a sample of the motor channel is the mean
+        of several [s]; None elsewhere.
     """
 
     sample_rate: float
@@ -86,6 +89,7 @@ class FlightData:
     climb: Float[np.ndarray, " n"] | None = None
     lag_on: LagOn = "speed"
     reference: Float[np.ndarray, "n 3"] | None = None
+    held_for: float | None = None
 
     @property
     def used_rows(self) -> Int[np.ndarray, " u"]:

@@ -59,7 +59,7 @@ def with_motors(
     Lag and delay change nothing else: a trial of either costs only these columns.
     """
     if data.differentiation == "exact":
-        jumps = _jumps(data.time, data.sample_rate)
+        jumps = clock_jumps(data.time, data.sample_rate)
         # Low-passed already: moved and differentiated by splines, as the pose is.
         moved = [
             smooth_motors(piece, data.sample_rate, lag=response.mean_lag, delay=response.delay)
@@ -70,7 +70,14 @@ def with_motors(
             rotor_speed=np.concatenate([value for value, _ in moved]),
             rotor_acceleration=np.concatenate([slope for _, slope in moved]),
         )
-    turned = following_rotors(data.time, speed, data.sample_rate, response, lag_on=data.lag_on)
+    turned = following_rotors(
+        data.time,
+        speed,
+        data.sample_rate,
+        response,
+        lag_on=data.lag_on,
+        held_for=data.held_for,
+    )
     return dataclasses.replace(
         data,
         rotor_speed=turned,
@@ -78,8 +85,8 @@ def with_motors(
     )
 
 
-def _jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
-    """Return the first rows after a gap."""
+def clock_jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
+    """Return the first rows after a gap in the clock."""
     return np.flatnonzero(np.diff(time) > 1.5 / sample_rate) + 1
 
 
@@ -90,11 +97,18 @@ def following_rotors(
     response: MotorResponse,
     *,
     lag_on: LagOn,
+    held_for: float | None = None,
 ) -> Float[np.ndarray, "n N"]:
-    """Return the speed of rotors that follow the motor channel, anew after every gap."""
-    jumps = _jumps(time, sample_rate)
+    """Return the speed of rotors that follow the motor channel, anew after every gap.
+
+    `held_for`: see `following_speed`.
+    """
+    jumps = clock_jumps(time, sample_rate)
     power = 2.0 if lag_on == "thrust" else 1.0
     held = speed**power if power != 1.0 else speed
-    pieces = [following_speed(piece, sample_rate, response) for piece in np.split(held, jumps)]
+    pieces = [
+        following_speed(piece, sample_rate, response, held_for=held_for)
+        for piece in np.split(held, jumps)
+    ]
     followed = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     return np.maximum(followed, 0.0) ** (1.0 / power) if power != 1.0 else followed

@@ -44,13 +44,43 @@ class MotorResponse:
 
 
 def following_speed(
-    held: Float[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
+    held: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    response: MotorResponse,
+    *,
+    held_for: float | None = None,
 ) -> Float[np.ndarray, "n N"]:
-    """Return the speed of rotors that follow a held command with delay and lag [rad/s]."""
-    late = shift_time(held, sample_rate, response.delay)
+    """Return the speed of rotors that follow a held command with delay and lag [rad/s].
+
+    Parameters
+    ----------
+    held
+        Speed that each command would settle at, held from its sample to the next [rad/s].
+    sample_rate
+        Of the samples [Hz].
+    response
+        How the rotors follow.
+    held_for
+        How long one command held where each sample is the mean of several [s]; None: each is one.
+    """
+    early = 0.0 if held_for is None else _early(held_for, 1.0 / sample_rate, response.mean_lag)
+    late = shift_time(held, sample_rate, response.delay - early)
     if response.lag_down is None or response.lag_down == response.lag:
         return first_order_lag(late, sample_rate, response.lag)
     return two_way_lag(late, sample_rate, up=response.lag, down=response.lag_down)
+
+
+def _early(one: float, several: float, lag: float) -> float:
+    r"""Return how much later a mean must be taken than that of several commands in turn [s].
+
+    Before a lag :math:`\tau` the last of those that are held for a time T counts most, as
+    :math:`e^{t/\tau}`, and their middle is by :math:`T/2 \coth(T/2\tau) - \tau` late. Without
+    a lag the first alone counts.
+    """
+    if lag <= 0:
+        return 0.5 * (one - several)
+    late, early = (0.5 * held / np.tanh(0.5 * held / lag) for held in (several, one))
+    return float(late - early)
 
 
 def first_order_lag(
