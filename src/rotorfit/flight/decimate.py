@@ -5,14 +5,15 @@ same two samples, of all signals alike.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy import signal
 
 from rotorfit.flight.data import FlightData, Segment
@@ -90,20 +91,20 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
     step = whole_samples(data.sample_rate / (FEWEST_PER_PERIOD * top))
     if step < 2:
         return prepared
-    grid, smooth = _grid(data, step), _low_pass(data.sample_rate, step, top)
+    stretches, smooth = _stretches(data, step), _low_pass(data.sample_rate, step, top)
     before, held = len(smooth) // 2, motors.speed == "commanded"
     mean = np.convolve(smooth, np.ones(step) / step) if held else smooth
-    thinned = partial(_filtered, grid=grid, weights=smooth, before=before)
-    speed = _filtered(prepared.motor_channel, grid=grid, weights=mean, before=before)
+    thinned = partial(_filtered, stretches=stretches, weights=smooth, before=before)
+    speed = _filtered(prepared.motor_channel, stretches=stretches, weights=mean, before=before)
     gyro, rate = thinned(data.angular_velocity), data.sample_rate / step
     fewer = dataclasses.replace(
         data,
         sample_rate=rate,
-        time=data.time[grid.kept],
+        time=np.concatenate([s.times(data) for s in stretches]),
         specific_force=thinned(data.specific_force),
         angular_velocity=gyro,
         angular_acceleration=central_difference(gyro, rate),
-        segments=tuple(_inside(s, s, grid.kept) for s in data.segments),
+        segments=_placed(data.segments, stretches),
         rotor_speed_std=data.rotor_speed_std / float(np.sqrt(step)),
         velocity=None if data.velocity is None else thinned(data.velocity),
         climb=None if data.climb is None else thinned(data.climb[:, None])[:, 0],
@@ -113,33 +114,54 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
     return dataclasses.replace(
         prepared,
         data=with_motors(fewer, speed, motors.response),
-        phases=_phases(prepared, grid.kept),
+        phases=_placed(prepared.phases, stretches),
         motor_channel=speed,
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Grid:
-    """Which rows are kept, every `step` of them, and the parts that are filtered apart."""
+class _Stretch:
+    """Recorded rows `start` to `stop` without a gap in the clock, and which are kept of them.
 
-    kept: Int[np.ndarray, " m"]
+    `first`: the row that the first kept one becomes, which is before `start`, so that the second
+    recorded row has a neighbour; the last is behind `stop` likewise. `borders`: rows between which
+    parts are filtered apart.
+    """
+
+    start: int
+    stop: int
     step: int
-    parts: tuple[tuple[int, int], ...]
+    first: int
+    borders: tuple[int, ...]
+
+    @property
+    def kept(self) -> range:
+        """Recorded rows that are kept, the first and the last outside of what was recorded."""
+        return range(self.start + 1 - self.step, self.stop - 1 + self.step, self.step)
+
+    def place(self, row: int) -> int:
+        """Return what the first kept row from `row` on becomes."""
+        return self.first - (self.kept.start - row) // self.step
+
+    def times(self, data: FlightData) -> Float[np.ndarray, " m"]:
+        """Return when the kept rows are [s]."""
+        return data.time[self.start] + (np.array(self.kept) - self.start) / data.sample_rate
 
 
-def _grid(data: FlightData, step: int) -> _Grid:
-    """Return rows that begin anew after every gap, and each segment as a part of its own.
+def _stretches(data: FlightData, step: int) -> list[_Stretch]:
+    """Return the stretches without a gap in the clock, each segment a part of its own.
 
     Beside a segment, and the row before and behind it, a gap of one channel may be drawn over.
     """
+    borders = [row for s in data.segments for row in (s.start - 1, s.stop + 1)]
     jumps = clock_jumps(data.time, data.sample_rate).tolist()
-    whole = [0, *jumps, len(data.time)]
-    borders = {row for s in data.segments for row in (s.start - 1, s.stop + 1)}
-    return _Grid(
-        kept=np.concatenate([np.arange(a, b, step) for a, b in pairwise(whole)]),
-        step=step,
-        parts=tuple(pairwise(sorted({*whole, *borders}))),
-    )
+    found: list[_Stretch] = []
+    first = 0
+    for a, b in pairwise([0, *jumps, len(data.time)]):
+        own = {a, b, *(row for row in borders if a < row < b)}
+        found.append(_Stretch(start=a, stop=b, step=step, first=first, borders=tuple(sorted(own))))
+        first += len(found[-1].kept)
+    return found
 
 
 @lru_cache(maxsize=8)
@@ -154,7 +176,7 @@ def _low_pass(sample_rate: float, step: int, top: float) -> Float[np.ndarray, " 
 def _filtered(
     values: Float[np.ndarray, "n k"],
     *,
-    grid: _Grid,
+    stretches: Sequence[_Stretch],
     weights: Float[np.ndarray, " t"],
     before: int,
 ) -> Float[np.ndarray, "m k"]:
@@ -162,32 +184,32 @@ def _filtered(
 
     `weights`: of consecutive samples, of which so many are `before` the row.
     """
-    out = np.empty((len(grid.kept), values.shape[1]))
-    ends = ((before, len(weights) - 1 - before), (0, 0))
+    step = stretches[0].step
+    behind = len(weights) - 1 - before
     # With as many zeros that the first sum over samples alone is one of those that are made.
-    turned = np.concatenate([np.zeros(-(len(weights) - 1) % grid.step), weights[::-1]])
-    skipped = (len(turned) - 1) // grid.step
-    for a, b in grid.parts:
-        first, stop = np.searchsorted(grid.kept, [a, b]).tolist()
-        if first < stop:
+    turned = np.concatenate([np.zeros(-(len(weights) - 1) % step), weights[::-1]])
+    skipped = (len(turned) - 1) // step
+    parts: list[Float[np.ndarray, "_ k"]] = []
+    for stretch in stretches:
+        for a, b in pairwise(stretch.borders):
+            kept = stretch.kept[
+                stretch.place(a) - stretch.first if a > stretch.start else 0 : stretch.place(b)
+                - stretch.first
+                if b < stretch.stop
+                else None
+            ]
+            ends = ((before + step, behind + step), (0, 0))
             wide = np.pad(values[a:b], ends, mode="reflect", reflect_type="odd")
-            made = signal.upfirdn(turned, wide[grid.kept[first] - a :], down=grid.step, axis=0)
-            out[first:stop] = made[skipped : skipped + stop - first]
-    return out
+            made = signal.upfirdn(turned, wide[kept.start - a + step :], down=step, axis=0)
+            parts.append(made[skipped : skipped + len(kept)])
+    return np.concatenate(parts)
 
 
-def _inside(part: Segment, segment: Segment, kept: Int[np.ndarray, " m"]) -> Segment:
-    """Return the kept rows of a part of a segment that have neighbours of that segment."""
-    first, last = np.searchsorted(kept, [segment.start - 1, segment.stop + 1]).tolist()
-    start, stop = np.searchsorted(kept, [part.start, part.stop]).tolist()
-    return Segment(start=max(start, first + 1), stop=min(stop, last - 1))
-
-
-def _phases(prepared: PreparedFlight, kept: Int[np.ndarray, " m"]) -> tuple[Segment, ...]:
-    """Return the phases in rows that are kept."""
+def _placed(parts: Sequence[Segment], stretches: Sequence[_Stretch]) -> tuple[Segment, ...]:
+    """Return parts of the recorded rows as parts of the kept ones."""
+    starts = [stretch.start for stretch in stretches]
+    own = [stretches[bisect_right(starts, part.start) - 1] for part in parts]
     return tuple(
-        _inside(phase, segment, kept)
-        for segment in prepared.data.segments
-        for phase in prepared.phases
-        if segment.start <= phase.start < segment.stop
+        Segment(start=stretch.place(part.start), stop=stretch.place(part.stop))
+        for part, stretch in zip(parts, own, strict=True)
     )

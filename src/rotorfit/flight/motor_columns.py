@@ -87,7 +87,7 @@ def with_motors(
 
 def clock_jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
     """Return the first rows after a gap in the clock."""
-    return np.flatnonzero(np.diff(time) > 1.5 / sample_rate) + 1
+    return np.flatnonzero(np.abs(np.diff(time) * sample_rate - 1.0) > 0.5) + 1
 
 
 def following_rotors(
