@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.flight.log import LagOn
+from rotorfit.flight.thinning import Thinning
 
 Differentiation = Literal["exact", "central"]
 Velocity = Literal["none", "climb", "known"]
@@ -28,6 +29,28 @@ class Segment:
 
     def __len__(self) -> int:
         return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldCommands:
+    """Commands of which a decimated flight has means: each was held until the next.
+
+    A lag that differs between up and down answers every one of them, and not their mean.
+
+    Attributes
+    ----------
+    time, sample_rate
+        Their uniform clock [s], [Hz].
+    speed
+        That each would settle at [rad/s].
+    thinned
+        From values on that clock to those of the flight.
+    """
+
+    time: Float[np.ndarray, " r"]
+    sample_rate: float
+    speed: Float[np.ndarray, "r N"]
+    thinned: Thinning
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,9 +93,8 @@ class FlightData:
     reference
         Angular velocity that pilot or mission asked for [rad/s], where the log has it; NaN in rows
         without.
-    held_for
-        How long a command held as it was recorded, where a sample of the motor channel is the mean
-        of several [s]; None elsewhere.
+    held
+        The commands as recorded, where a sample of the motor channel is the mean of several.
     """
 
     sample_rate: float
@@ -89,7 +111,7 @@ class FlightData:
     climb: Float[np.ndarray, " n"] | None = None
     lag_on: LagOn = "speed"
     reference: Float[np.ndarray, "n 3"] | None = None
-    held_for: float | None = None
+    held: HeldCommands | None = None
 
     @property
     def used_rows(self) -> Int[np.ndarray, " u"]:

@@ -5,30 +5,23 @@ same two samples, of all signals alike.
 """
 
 import dataclasses
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
-from scipy import signal
 
-from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.data import FlightData, HeldCommands, Segment
 from rotorfit.flight.motor_columns import MotorModel, clock_jumps, with_motors
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.sensor_limits import CutOff, cut_off
 from rotorfit.flight.signals import central_difference, whole_samples
+from rotorfit.flight.thinning import Stretch, Thinning, kept_rows, low_pass, stretches
 
 FEWEST_PER_PERIOD: Final = 8.0
 """Samples kept for a period of the fastest line: at that line the average of [1 4 1]/6 is off the
 central difference by 0.2 %, at a third of its frequency by 0.003 %."""
-FLAT: Final = 4.0 / 3.0
-"""Up to so many times that line the filter is flat, and nothing folds back onto it."""
-DAMPED: Final = 80.0
-"""What would fold back there is damped by [dB]; flat to the same."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,125 +84,56 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
     step = whole_samples(data.sample_rate / (FEWEST_PER_PERIOD * top))
     if step < 2:
         return prepared
-    stretches, smooth = _stretches(data, step), _low_pass(data.sample_rate, step, top)
-    before, held = len(smooth) // 2, motors.speed == "commanded"
-    mean = np.convolve(smooth, np.ones(step) / step) if held else smooth
-    thinned = partial(_filtered, stretches=stretches, weights=smooth, before=before)
-    speed = _filtered(prepared.motor_channel, stretches=stretches, weights=mean, before=before)
+    within = stretches(
+        len(data.time),
+        step=step,
+        jumps=clock_jumps(data.time, data.sample_rate).tolist(),
+        # Beside a segment and its neighbour rows, a gap of one channel may be drawn over.
+        borders=[row for s in data.segments for row in (s.start - 1, s.stop + 1)],
+    )
+    weights = low_pass(data.sample_rate, step, top)
+    thinned = Thinning(within=within, weights=weights, before=len(weights) // 2)
     gyro, rate = thinned(data.angular_velocity), data.sample_rate / step
+    speed, held = thinned(prepared.motor_channel), None
+    if motors.speed == "commanded":
+        mean = np.convolve(weights, np.ones(step) / step)
+        speed = dataclasses.replace(thinned, weights=mean)(prepared.motor_channel)
+        held = HeldCommands(
+            time=data.time,
+            speed=prepared.motor_channel,
+            sample_rate=data.sample_rate,
+            thinned=thinned,
+        )
     fewer = dataclasses.replace(
         data,
         sample_rate=rate,
-        time=np.concatenate([s.times(data) for s in stretches]),
+        time=_times(data, within),
         specific_force=thinned(data.specific_force),
         angular_velocity=gyro,
         angular_acceleration=central_difference(gyro, rate),
-        segments=_placed(data.segments, stretches),
+        segments=_placed(data.segments, within),
         rotor_speed_std=data.rotor_speed_std / float(np.sqrt(step)),
         velocity=None if data.velocity is None else thinned(data.velocity),
         climb=None if data.climb is None else thinned(data.climb[:, None])[:, 0],
         reference=None if data.reference is None else thinned(data.reference),
-        held_for=1.0 / data.sample_rate if held else None,
+        held=held,
     )
     return dataclasses.replace(
         prepared,
         data=with_motors(fewer, speed, motors.response),
-        phases=_placed(prepared.phases, stretches),
+        phases=_placed(prepared.phases, within),
         motor_channel=speed,
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Stretch:
-    """Recorded rows `start` to `stop` without a gap in the clock, and which are kept of them.
-
-    `first`: the row that the first kept one becomes, which is before `start`, so that the second
-    recorded row has a neighbour; the last is behind `stop` likewise. `borders`: rows between which
-    parts are filtered apart.
-    """
-
-    start: int
-    stop: int
-    step: int
-    first: int
-    borders: tuple[int, ...]
-
-    @property
-    def kept(self) -> range:
-        """Recorded rows that are kept, the first and the last outside of what was recorded."""
-        return range(self.start + 1 - self.step, self.stop - 1 + self.step, self.step)
-
-    def place(self, row: int) -> int:
-        """Return what the first kept row from `row` on becomes."""
-        return self.first - (self.kept.start - row) // self.step
-
-    def times(self, data: FlightData) -> Float[np.ndarray, " m"]:
-        """Return when the kept rows are [s]."""
-        return data.time[self.start] + (np.array(self.kept) - self.start) / data.sample_rate
-
-
-def _stretches(data: FlightData, step: int) -> list[_Stretch]:
-    """Return the stretches without a gap in the clock, each segment a part of its own.
-
-    Beside a segment, and the row before and behind it, a gap of one channel may be drawn over.
-    """
-    borders = [row for s in data.segments for row in (s.start - 1, s.stop + 1)]
-    jumps = clock_jumps(data.time, data.sample_rate).tolist()
-    found: list[_Stretch] = []
-    first = 0
-    for a, b in pairwise([0, *jumps, len(data.time)]):
-        own = {a, b, *(row for row in borders if a < row < b)}
-        found.append(_Stretch(start=a, stop=b, step=step, first=first, borders=tuple(sorted(own))))
-        first += len(found[-1].kept)
-    return found
-
-
-@lru_cache(maxsize=8)
-def _low_pass(sample_rate: float, step: int, top: float) -> Float[np.ndarray, " t"]:
-    """Return an odd number of weights, about the sample in their middle."""
-    kept_rate = sample_rate / step
-    width = kept_rate - 2.0 * FLAT * top
-    count, beta = signal.kaiserord(DAMPED, width / (0.5 * sample_rate))
-    return signal.firwin(count | 1, 0.5 * kept_rate, window=("kaiser", beta), fs=sample_rate)
-
-
-def _filtered(
-    values: Float[np.ndarray, "n k"],
-    *,
-    stretches: Sequence[_Stretch],
-    weights: Float[np.ndarray, " t"],
-    before: int,
-) -> Float[np.ndarray, "m k"]:
-    """Return the kept rows of filtered values, every part continued by point reflection.
-
-    `weights`: of consecutive samples, of which so many are `before` the row.
-    """
-    step = stretches[0].step
-    behind = len(weights) - 1 - before
-    # With as many zeros that the first sum over samples alone is one of those that are made.
-    turned = np.concatenate([np.zeros(-(len(weights) - 1) % step), weights[::-1]])
-    skipped = (len(turned) - 1) // step
-    parts: list[Float[np.ndarray, "_ k"]] = []
-    for stretch in stretches:
-        for a, b in pairwise(stretch.borders):
-            kept = stretch.kept[
-                stretch.place(a) - stretch.first if a > stretch.start else 0 : stretch.place(b)
-                - stretch.first
-                if b < stretch.stop
-                else None
-            ]
-            ends = ((before + step, behind + step), (0, 0))
-            wide = np.pad(values[a:b], ends, mode="reflect", reflect_type="odd")
-            made = signal.upfirdn(turned, wide[kept.start - a + step :], down=step, axis=0)
-            parts.append(made[skipped : skipped + len(kept)])
-    return np.concatenate(parts)
-
-
-def _placed(parts: Sequence[Segment], stretches: Sequence[_Stretch]) -> tuple[Segment, ...]:
-    """Return parts of the recorded rows as parts of the kept ones."""
-    starts = [stretch.start for stretch in stretches]
-    own = [stretches[bisect_right(starts, part.start) - 1] for part in parts]
-    return tuple(
-        Segment(start=stretch.place(part.start), stop=stretch.place(part.stop))
-        for part, stretch in zip(parts, own, strict=True)
+def _times(data: FlightData, within: Sequence[Stretch]) -> Float[np.ndarray, " m"]:
+    """Return when the kept rows are [s], on the clocks of their stretches."""
+    return np.concatenate(
+        [data.time[s.start] + (np.array(s.kept) - s.start) / data.sample_rate for s in within]
     )
+
+
+def _placed(parts: Sequence[Segment], within: Sequence[Stretch]) -> tuple[Segment, ...]:
+    """Return parts of the recorded rows as parts of the kept ones."""
+    rows = [kept_rows(within, part.start, part.stop) for part in parts]
+    return tuple(Segment(start=a, stop=b) for a, b in rows)

@@ -2,7 +2,8 @@
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,6 +14,10 @@ from rotorfit.flight.motors import MotorResponse, following_speed
 from rotorfit.flight.signals import central_difference
 from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.flight.splines import smooth_motors
+
+
+SLOW_LAG: Final = 2.0
+"""Lag in samples, from which means of commands do as well as these: to 1e-4 up to 30 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,19 +75,26 @@ def with_motors(
             rotor_speed=np.concatenate([value for value, _ in moved]),
             rotor_acceleration=np.concatenate([slope for _, slope in moved]),
         )
-    turned = following_rotors(
-        data.time,
-        speed,
-        data.sample_rate,
-        response,
-        lag_on=data.lag_on,
-        held_for=data.held_for,
-    )
+    turned = _turned(data, speed, response)
     return dataclasses.replace(
         data,
         rotor_speed=turned,
         rotor_acceleration=central_difference(turned, data.sample_rate),
     )
+
+
+def _turned(
+    data: FlightData, speed: Float[np.ndarray, "n N"], response: MotorResponse
+) -> Float[np.ndarray, "n N"]:
+    """Return the speed of the rotors; from means of commands only where these answer like each."""
+    held = data.held
+    follow = partial(following_rotors, response=response, lag_on=data.lag_on)
+    if held is None:
+        return follow(data.time, speed, data.sample_rate)
+    linear = data.lag_on == "speed" and not response.two_way
+    if not linear or response.lag * data.sample_rate < SLOW_LAG:
+        return held.thinned(follow(held.time, held.speed, held.sample_rate))
+    return follow(data.time, speed, data.sample_rate, held_for=1.0 / held.sample_rate)
 
 
 def clock_jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
@@ -94,8 +106,8 @@ def following_rotors(
     time: Float[np.ndarray, " n"],
     speed: Float[np.ndarray, "n N"],
     sample_rate: float,
-    response: MotorResponse,
     *,
+    response: MotorResponse,
     lag_on: LagOn,
     held_for: float | None = None,
 ) -> Float[np.ndarray, "n N"]:

@@ -38,6 +38,11 @@ class MotorResponse:
     lag_down: float | None = None
 
     @property
+    def two_way(self) -> bool:
+        """Whether rising and falling speed differ."""
+        return self.lag_down is not None and self.lag_down != self.lag
+
+    @property
     def mean_lag(self) -> float:
         """Of rising and falling speed [s]."""
         return self.lag if self.lag_down is None else 0.5 * (self.lag + self.lag_down)
@@ -61,26 +66,25 @@ def following_speed(
     response
         How the rotors follow.
     held_for
-        How long one command held where each sample is the mean of several [s]; None: each is one.
+        How long one command held where each sample is the mean of several, of which the first is
+        at the sample's time [s]; None: each is one. Of means, one lag that is not zero is expected.
     """
-    early = 0.0 if held_for is None else _early(held_for, 1.0 / sample_rate, response.mean_lag)
+    early = 0.0 if held_for is None else _early(held_for, 1.0 / sample_rate, response.lag)
     late = shift_time(held, sample_rate, response.delay - early)
-    if response.lag_down is None or response.lag_down == response.lag:
+    if response.lag_down is None or not response.two_way:
         return first_order_lag(late, sample_rate, response.lag)
     return two_way_lag(late, sample_rate, up=response.lag, down=response.lag_down)
 
 
 def _early(one: float, several: float, lag: float) -> float:
-    r"""Return how much later a mean must be taken than that of several commands in turn [s].
+    r"""Return how much later than their own a mean of several commands must be taken [s].
 
-    Before a lag :math:`\tau` the last of those that are held for a time T counts most, as
-    :math:`e^{t/\tau}`, and their middle is by :math:`T/2 \coth(T/2\tau) - \tau` late. Without
-    a lag the first alone counts.
+    Behind a lag :math:`\tau` what was commanded during a time T counts with :math:`e^{t/\tau}`,
+    so that its middle is :math:`T/2 \coth(T/2\tau) - \tau` later than half of T: of `several`
+    together, and of each one.
     """
-    if lag <= 0:
-        return 0.5 * (one - several)
-    late, early = (0.5 * held / np.tanh(0.5 * held / lag) for held in (several, one))
-    return float(late - early)
+    together, each = (0.5 * held / np.tanh(0.5 * held / lag) for held in (several, one))
+    return float(together - each)
 
 
 def first_order_lag(

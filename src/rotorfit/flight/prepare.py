@@ -243,7 +243,11 @@ def _turned(
 ) -> Float[np.ndarray, "n N"]:
     """Return the rotor speed by the motor model as it was declared."""
     return following_rotors(
-        uniform.time, speed, uniform.sample_rate, motors.response, lag_on=motors.lag_on
+        uniform.time,
+        speed,
+        uniform.sample_rate,
+        response=motors.response,
+        lag_on=motors.lag_on,
     )
 
 
