@@ -15,7 +15,6 @@ from rotorfit.flight.signals import central_difference
 from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.flight.splines import smooth_motors
 
-
 SLOW_LAG: Final = 2.0
 """Lag in samples, from which means of commands do as well as these: to 1e-4 up to 30 Hz."""
 

@@ -13,7 +13,7 @@ from scipy import signal
 
 FLAT: Final = 4.0 / 3.0
 """Up to so many times the fastest line the filter is flat, and nothing folds back onto it."""
-DAMPED: Final = 80.0
+DAMPED: Final = 100.0
 """By how much that is damped which would fold back there [dB]; flat is as even."""
 
 
