@@ -8,7 +8,7 @@ from scipy import signal
 
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.decimate import as_recorded, decimated
-from rotorfit.flight.motor_columns import MotorModel, following_rotors, with_motors
+from rotorfit.flight.motor_columns import MotorModel, with_motors
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.sensor_limits import cut_off
@@ -124,9 +124,7 @@ def test_lagging_thrust_is_made_of_every_command(rng):
 
 def _follows_as_recorded(prepared, response):
     data = prepared.data
-    every = following_rotors(
-        data.time, data.rotor_speed, data.sample_rate, response=response, lag_on=data.lag_on
-    )
+    every = with_motors(data, data.rotor_speed, response).rotor_speed
     wanted = decimated(replace(prepared, motor_channel=every), MEASURED, top=TOP).data.rotor_speed
     fewer = decimated(prepared, COMMANDED, top=TOP)
     found = with_motors(fewer.data, fewer.motor_channel, response).rotor_speed
@@ -156,7 +154,11 @@ def test_white_noise_of_measured_speeds_keeps_its_density(rng):
     assert (np.abs(lines[used]) ** 2).mean() == pytest.approx(data.rotor_speed_std**2, rel=0.1)
 
 
-GAPS = (Segment(start=51, stop=1501), Segment(start=1507, stop=2999), Segment(start=3001, stop=3999))
+GAPS = (
+    Segment(start=51, stop=1501),
+    Segment(start=1507, stop=2999),
+    Segment(start=3001, stop=3999),
+)
 """At 1 kHz: the first two with a gap of one channel between them, the last behind lost samples."""
 
 
@@ -193,6 +195,20 @@ def test_the_segments_are_where_they_were_whatever_gaps_are_between():
     assert found.phases[0].stop == found.phases[1].start
 
 
+@pytest.mark.parametrize("lost", [2.6, 4.2, 5.5, 9.0, 5000.0])
+def test_the_lag_begins_anew_after_a_gap_however_short(lost):
+    values = np.where(np.arange(4000) < 3000, 1000.0, 500.0)[:, None] * np.ones((1, 7))
+    prepared = flight(
+        1000.0,
+        values,
+        time=(np.arange(4000) + (lost - 1.0) * (np.arange(4000) >= 3000)) / 1000.0,
+        segments=(Segment(start=1, stop=2999), Segment(start=3001, stop=3999)),
+    )
+    found = decimated(prepared, replace(COMMANDED, lag=0.1), top=TOP).data
+    for segment, speed in zip(found.segments, (1000.0, 500.0), strict=True):
+        assert found.rotor_speed[segment.start : segment.stop] == pytest.approx(speed, rel=1e-9)
+
+
 def test_a_velocity_that_is_missing_elsewhere_is_not_missing_in_flight():
     prepared = with_gaps(np.ones((4000, 7)))
     velocity = np.full((4000, 3), np.nan)
@@ -211,7 +227,7 @@ def test_what_a_sensors_end_cut_off_is_found_in_every_sample():
     recorded = as_recorded(prepared)
     assert recorded.cut_off["gyro"].share == pytest.approx(0.45, abs=0.02)
     assert recorded.cut_off["gyro"].largest == 7.5
-    assert recorded.samples == 4998
+    assert (recorded.samples, recorded.start) == (4998, 5.0)
     assert recorded.seconds == pytest.approx(4.998)
     assert recorded.spans == ((pytest.approx(5.001), pytest.approx(9.998)),)
     fewer = decimated(prepared, MEASURED, top=TOP).data

@@ -39,18 +39,17 @@ class HeldCommands:
 
     Attributes
     ----------
-    time, sample_rate
-        Their uniform clock [s], [Hz].
     speed
         That each would settle at [rad/s].
-    thinned
-        From values on that clock to those of the flight.
+    sample_rate
+        As recorded [Hz].
+    jumps
+        First rows after a gap.
     """
 
-    time: Float[np.ndarray, " r"]
-    sample_rate: float
     speed: Float[np.ndarray, "r N"]
-    thinned: Thinning
+    sample_rate: float
+    jumps: Int[np.ndarray, " j"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,8 +92,10 @@ class FlightData:
     reference
         Angular velocity that pilot or mission asked for [rad/s], where the log has it; NaN in rows
         without.
+    thinned
+        How these rows were made of those that were recorded, where they are fewer.
     held
-        The commands as recorded, where a sample of the motor channel is the mean of several.
+        The commands as recorded, where a row of the motor channel is the mean of several.
     """
 
     sample_rate: float
@@ -111,6 +112,7 @@ class FlightData:
     climb: Float[np.ndarray, " n"] | None = None
     lag_on: LagOn = "speed"
     reference: Float[np.ndarray, "n 3"] | None = None
+    thinned: Thinning | None = None
     held: HeldCommands | None = None
 
     @property

@@ -32,6 +32,8 @@ class AsRecorded:
     ----------
     sample_rate
         Of the clock of all channels [Hz].
+    start
+        Time of the first sample, on the log's own clock [s].
     samples, seconds
         In all airborne stretches.
     spans
@@ -41,6 +43,7 @@ class AsRecorded:
     """
 
     sample_rate: float
+    start: float
     samples: int
     seconds: float
     spans: tuple[tuple[float, float], ...]
@@ -52,6 +55,7 @@ def as_recorded(prepared: PreparedFlight) -> AsRecorded:
     data, rows = prepared.data, prepared.data.used_rows
     return AsRecorded(
         sample_rate=data.sample_rate,
+        start=float(data.time[0]),
         samples=data.samples_used,
         seconds=data.seconds_used,
         spans=tuple(
@@ -84,6 +88,44 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
     step = whole_samples(data.sample_rate / (FEWEST_PER_PERIOD * top))
     if step < 2:
         return prepared
+    thinned, held = _thinning(data, step, top), None
+    gyro, rate = thinned(data.angular_velocity), data.sample_rate / step
+    if motors.speed == "measured":
+        speed = thinned(prepared.motor_channel)
+    else:
+        mean = np.convolve(thinned.weights, np.ones(step) / step)
+        speed = dataclasses.replace(thinned, weights=mean)(prepared.motor_channel)
+        held = HeldCommands(
+            speed=prepared.motor_channel,
+            sample_rate=data.sample_rate,
+            jumps=clock_jumps(data.time, data.sample_rate),
+        )
+    fewer = dataclasses.replace(
+        data,
+        sample_rate=rate,
+        time=_times(data, thinned.within),
+        specific_force=thinned(data.specific_force),
+        angular_velocity=gyro,
+        angular_acceleration=central_difference(gyro, rate),
+        segments=_placed(data.segments, thinned.within),
+        rotor_speed_std=data.rotor_speed_std / float(np.sqrt(step)),
+        velocity=None if data.velocity is None else thinned(data.velocity),
+        climb=None if data.climb is None else thinned(data.climb[:, None])[:, 0],
+        reference=None if data.reference is None else thinned(data.reference),
+        thinned=thinned,
+        held=held,
+    )
+    return dataclasses.replace(
+        prepared,
+        data=with_motors(fewer, speed, motors.response),
+        phases=_placed(prepared.phases, thinned.within),
+        motor_channel=speed,
+    )
+
+
+def _thinning(data: FlightData, step: int, top: float) -> Thinning:
+    """Return the filter for lines up to `top` [Hz], and every `step`-th row of a flight."""
+    weights = low_pass(data.sample_rate, step, top)
     within = stretches(
         len(data.time),
         step=step,
@@ -91,39 +133,7 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
         # Beside a segment and its neighbour rows, a gap of one channel may be drawn over.
         borders=[row for s in data.segments for row in (s.start - 1, s.stop + 1)],
     )
-    weights = low_pass(data.sample_rate, step, top)
-    thinned = Thinning(within=within, weights=weights, before=len(weights) // 2)
-    gyro, rate = thinned(data.angular_velocity), data.sample_rate / step
-    speed, held = thinned(prepared.motor_channel), None
-    if motors.speed == "commanded":
-        mean = np.convolve(weights, np.ones(step) / step)
-        speed = dataclasses.replace(thinned, weights=mean)(prepared.motor_channel)
-        held = HeldCommands(
-            time=data.time,
-            speed=prepared.motor_channel,
-            sample_rate=data.sample_rate,
-            thinned=thinned,
-        )
-    fewer = dataclasses.replace(
-        data,
-        sample_rate=rate,
-        time=_times(data, within),
-        specific_force=thinned(data.specific_force),
-        angular_velocity=gyro,
-        angular_acceleration=central_difference(gyro, rate),
-        segments=_placed(data.segments, within),
-        rotor_speed_std=data.rotor_speed_std / float(np.sqrt(step)),
-        velocity=None if data.velocity is None else thinned(data.velocity),
-        climb=None if data.climb is None else thinned(data.climb[:, None])[:, 0],
-        reference=None if data.reference is None else thinned(data.reference),
-        held=held,
-    )
-    return dataclasses.replace(
-        prepared,
-        data=with_motors(fewer, speed, motors.response),
-        phases=_placed(prepared.phases, within),
-        motor_channel=speed,
-    )
+    return Thinning(within=within, weights=weights, before=len(weights) // 2)
 
 
 def _times(data: FlightData, within: Sequence[Stretch]) -> Float[np.ndarray, " m"]:

@@ -86,35 +86,38 @@ def _turned(
     data: FlightData, speed: Float[np.ndarray, "n N"], response: MotorResponse
 ) -> Float[np.ndarray, "n N"]:
     """Return the speed of the rotors; from means of commands only where these answer like each."""
-    held = data.held
     follow = partial(following_rotors, response=response, lag_on=data.lag_on)
+    held, thinned = data.held, data.thinned
+    if thinned is None:
+        jumps = clock_jumps(data.time, data.sample_rate)
+        return follow(speed, data.sample_rate, jumps=jumps)
     if held is None:
-        return follow(data.time, speed, data.sample_rate)
+        return follow(speed, data.sample_rate, jumps=thinned.jumps)
     linear = data.lag_on == "speed" and not response.two_way
     if not linear or response.lag * data.sample_rate < SLOW_LAG:
-        return held.thinned(follow(held.time, held.speed, held.sample_rate))
-    return follow(data.time, speed, data.sample_rate, held_for=1.0 / held.sample_rate)
+        return thinned(follow(held.speed, held.sample_rate, jumps=held.jumps))
+    held_for = 1.0 / held.sample_rate
+    return follow(speed, data.sample_rate, jumps=thinned.jumps, held_for=held_for)
 
 
 def clock_jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
     """Return the first rows after a gap in the clock."""
-    return np.flatnonzero(np.abs(np.diff(time) * sample_rate - 1.0) > 0.5) + 1
+    return np.flatnonzero(np.diff(time) > 1.5 / sample_rate) + 1
 
 
 def following_rotors(
-    time: Float[np.ndarray, " n"],
     speed: Float[np.ndarray, "n N"],
     sample_rate: float,
     *,
+    jumps: Int[np.ndarray, " j"],
     response: MotorResponse,
     lag_on: LagOn,
     held_for: float | None = None,
 ) -> Float[np.ndarray, "n N"]:
     """Return the speed of rotors that follow the motor channel, anew after every gap.
 
-    `held_for`: see `following_speed`.
+    `jumps`: the first rows after a gap; `held_for`: see `following_speed`.
     """
-    jumps = clock_jumps(time, sample_rate)
     power = 2.0 if lag_on == "thrust" else 1.0
     held = speed**power if power != 1.0 else speed
     pieces = [

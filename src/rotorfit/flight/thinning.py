@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy import signal
 
 FLAT: Final = 4.0 / 3.0
@@ -109,6 +109,11 @@ class Thinning:
     within: tuple[Stretch, ...]
     weights: Float[np.ndarray, " t"]
     before: int
+
+    @property
+    def jumps(self) -> Int[np.ndarray, " j"]:
+        """The first kept rows after a gap in the clock."""
+        return np.array([stretch.first for stretch in self.within[1:]], dtype=np.int64)
 
     def __call__(self, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
         """Return the kept rows of filtered values, every part continued by point reflection."""

@@ -310,7 +310,7 @@ def _mass_warning(flown: Flown) -> tuple[str, ...]:
 
 
 def _record(flight: UsedFlight, configuration: str) -> FlightRecord:
-    recorded, zero = flight.recorded, float(flight.prepared.data.time[0])
+    recorded, zero = flight.recorded, flight.recorded.start
     return FlightRecord(
         file=flight.entry.written,
         sha256=flight.log.sha256,
