@@ -321,6 +321,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         on_clock = on_one_clock(log, rotor_count=count, motors=motor_model)
         log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
         prepared = prepared_from(on_clock, arm=vehicle.arm, motors=motor_model, window=window)
+        del on_clock
         recorded, tilt = as_recorded(prepared), imu_tilt_of(experiment.airframe)
         if experiment.identification.in_bands:
             prepared = decimated(prepared, motor_model, top=EDGES[-1])

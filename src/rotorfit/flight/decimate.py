@@ -52,7 +52,7 @@ class AsRecorded:
 
 def as_recorded(prepared: PreparedFlight) -> AsRecorded:
     """Return what is said of a flight with every sample that was recorded."""
-    data, rows = prepared.data, prepared.data.used_rows
+    data = prepared.data
     return AsRecorded(
         sample_rate=data.sample_rate,
         start=float(data.time[0]),
@@ -62,10 +62,16 @@ def as_recorded(prepared: PreparedFlight) -> AsRecorded:
             (float(data.time[s.start]), float(data.time[s.stop - 1])) for s in data.segments
         ),
         cut_off={
-            "gyro": cut_off(data.angular_velocity[rows], "gyro"),
-            "accel": cut_off(data.specific_force[rows], "accel"),
+            "gyro": cut_off(_used(data, data.angular_velocity), "gyro"),
+            "accel": cut_off(_used(data, data.specific_force), "accel"),
         },
     )
+
+
+def _used(data: FlightData, values: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "u 3"]:
+    """Return the rows of all segments; of one they are not copied."""
+    parts = [values[s.start : s.stop] for s in data.segments]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> PreparedFlight:

@@ -27,7 +27,7 @@ def cut_off(values: Float[np.ndarray, "n 3"], sensor: Literal["gyro", "accel"]) 
     """Return what a sensor's end cut off of its readings in flight."""
     return CutOff(
         share=share_at_limit(values, LEAST_LIMIT[sensor]),
-        largest=float(np.abs(values).max(initial=0.0)),
+        largest=max(float(values.max(initial=0.0)), -float(values.min(initial=0.0))),
     )
 
 
