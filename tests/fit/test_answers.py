@@ -14,6 +14,7 @@ from rotorfit.fit.joint_equations import (
     _answers,
     _lateness,
     joint_problem,
+    usual_answer,
 )
 from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.flight.motors import MotorResponse
@@ -57,19 +58,23 @@ def steered(vehicle=made_fit.QUAD, **more):
     )
 
 
-def test_an_answer_follows_an_error_as_a_low_pass_of_25_rad_per_second():
+def test_an_answer_is_that_of_a_rate_loop_inside_an_attitude_loop():
     """Roll and pitch where they are flown; of yaw nothing is taken for granted."""
     share = _answers(steered()).share
-    low_pass = 1.0 / (1.0 + 1j * TURNS / 25.0)
-    assert share[:, 0] == pytest.approx([0.0, low_pass[1], 0.0])
+    loop = 25.0 / (1j * TURNS[1]) * (1.0 + 6.0 / (1j * TURNS[1]))
+    assert share[:, 0] == pytest.approx([0.0, loop / (1.0 + loop), 0.0])
     assert (share[:, 1:] == 0.0).all()
-    assert np.abs(low_pass[1]) == pytest.approx(0.936, abs=1e-3)
-    assert np.angle(low_pass[1]) < 0.0  # later than the error
+    assert np.angle(share[1, 0]) < 0.0  # later than the error
+
+
+def test_far_under_the_attitude_loop_all_is_answered_and_far_above_the_rate_loop_nothing():
+    assert usual_answer(np.array([0.0, 0.01])) == pytest.approx([1.0, 1.0], abs=1e-5)
+    assert usual_answer(np.array([1e5])) == pytest.approx(25.0 / 1e5j, rel=1e-3)
 
 
 def test_all_of_an_answer_is_in_doubt_of_every_axis_flown_or_not():
-    low_pass = 1.0 / (1.0 + 1j * TURNS / 25.0)
-    np.testing.assert_allclose(_answers(steered()).doubt, np.tile(low_pass[:, None], (1, 3)))
+    answer = usual_answer(TURNS)
+    np.testing.assert_allclose(_answers(steered()).doubt, np.tile(answer[:, None], (1, 3)))
 
 
 def test_rows_that_count_may_be_answered_but_for_trim():

@@ -159,11 +159,11 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
 
 
 def test_a_fit_that_has_moved_far_begins_again_there_and_not_with_the_times(monkeypatch):
-    """No further than 20 ms a round, which is how far the slopes reach."""
+    """No further than 20 ms a round, which is how far the slopes reach; all times by one share."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
     timed, fit = _settled(flown().at(MotorResponse(lag=0.005), BOTH), ())
     places = [(free.at.lag, free.at.delay) for free, _ in seen]
-    expected = [(0.005, 0.0), (0.025, 0.012), (0.045, 0.012), (0.055, 0.012)]
+    expected = [(0.005, 0.0), (0.025, 0.0048), (0.045, 0.0096), (0.055, 0.012)]
     assert np.array(places) == pytest.approx(np.array(expected))
     assert seen[0][1] is None
     assert not set(seen[1][1]) & set(BOTH)

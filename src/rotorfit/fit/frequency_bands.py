@@ -6,7 +6,6 @@ the vehicle, and pull at every estimate.
 """
 
 from collections.abc import Iterator
-from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -23,8 +22,6 @@ flights the deviation of k_d is a third larger; real ones agree on both."""
 PILOT_BAND: Final = (0.3, 3.0)
 """Where explained and residual angular acceleration are compared [Hz]: where a pilot moves the
 vehicle. Further up the gyro's own noise, differentiated, would hide a well flown axis."""
-STICKS_TOP: Final = 5.5
-"""As far as quick sticks, throws and steps of an attitude reach by themselves [Hz]."""
 LEAST_RATIO: Final = 3.0
 """Explained over residual power of an angular acceleration from which a band counts. About its
 bandwidth an autopilot's answer alone makes as much as one to three."""
@@ -42,9 +39,6 @@ def flown_bands(
 ) -> Bool[np.ndarray, "b k"]:
     """Return in which blocks a pilot moves an axis; a band is judged over all of a flight.
 
-    Above `STICKS_TOP` only those count that follow upon others that count, at most one band apart: an autopilot that answers the noise of its gyro makes rotors and accelerations go
-    together, too, at one frequency where a wrong delay turns that into an effect of the rotors.
-
     Parameters
     ----------
     factors
@@ -53,13 +47,8 @@ def flown_bands(
         Sums of squares of angular accelerations and of their errors, one column per axis.
     """
     flown = np.zeros(signal.shape, dtype=bool)
-    for bands in _bands_of_flights(factors):
-        below = (np.ones(signal.shape[1], dtype=bool),) * 2
-        for band in bands:
-            moved = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
-            if factors.band[band, 0].min() >= STICKS_TOP:
-                moved &= below[0] | below[1]
-            flown[band], below = moved, (below[1], moved)
+    for band in _bands_of_flights(factors):
+        flown[band] = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
     return flown
 
 
@@ -76,7 +65,7 @@ def followed_bands(
         Their rows of the signal, and of what should make it.
     """
     followed = np.zeros(len(factors), dtype=bool)
-    for band in chain.from_iterable(_bands_of_flights(factors)):
+    for band in _bands_of_flights(factors):
         power = float((made[band] ** 2).sum())
         explained = float((made[band] * signal[band]).sum()) ** 2 / max(power, _TINY)
         followed[band] = explained > LEAST_RATIO * ((signal[band] ** 2).sum() - explained)
@@ -91,10 +80,11 @@ def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.n
     return flown | ~flown.any(axis=0) | (factors.band[:, 0] == 0.0)[:, None]
 
 
-def _bands_of_flights(factors: Factors) -> Iterator[list[Bool[np.ndarray, " b"]]]:
-    """Yield which blocks of a flight are about one frequency, upwards; flight after flight."""
+def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
+    """Yield which blocks are of one flight and about one frequency."""
     middle: Float[np.ndarray, " b"] = factors.band.mean(axis=1)
     place = np.digitize(middle, EDGES)
     for number in np.unique(factors.recording):
         own = factors.recording == number
-        yield [own & (place == one) for one in np.unique(place[own])]
+        for one in np.unique(place[own]):
+            yield own & (place == one)

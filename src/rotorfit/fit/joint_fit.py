@@ -1,10 +1,12 @@
 """The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
@@ -80,11 +82,8 @@ def joint_fit(
     if begin is None:
         rows = joint if guess is None else []
         starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in rows]
-        # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
-        # autopilot's answer to the noise of its gyro may well be all there is.
-        slow = [steered_slowly(c) for c in joint]
-        first = joint_estimate(slow, starts, known_kt=known, terms=terms, begin=guess)
-        begin = first.estimate.by_name
+        fit = partial(joint_estimate, starts=starts, known_kt=known, terms=terms, begin=guess)
+        begin = _first_fit(fit, joint).estimate.by_name
     commanded = flown.motors.speed == "commanded"
     joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
     fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin)
@@ -97,6 +96,20 @@ def joint_fit(
     ]
     begin = fit.estimate.by_name
     return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint
+
+
+def _first_fit(
+    fit: Callable[[list[JointConfiguration]], BandedEstimate], joint: list[JointConfiguration]
+) -> BandedEstimate:
+    """Return the fit before which nobody can tell the pilot's motion from disturbances.
+
+    To turns of the pilot's band alone, where that is enough: further up an autopilot's answer to
+    the noise of its gyro may well be all there is.
+    """
+    try:
+        return fit([steered_slowly(c) for c in joint])
+    except UnsettledError:
+        return fit(joint)
 
 
 def _trim_shares(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, float]:

@@ -135,12 +135,15 @@ def _regression(
     X: Float[np.ndarray, "b m p"], y: Float[np.ndarray, "b m"], rows: Int[np.ndarray, " b"]
 ) -> Float[np.ndarray, " p"]:
     """Return the coefficients of y by X, with a variance of its errors in each block."""
-    XX, Xy, yy = X.transpose(0, 2, 1) @ X, np.einsum("bmp,bm->bp", X, y), (y * y).sum(axis=1)
+    XX: Float[np.ndarray, "b p p"] = X.transpose(0, 2, 1) @ X
+    Xy: Float[np.ndarray, "b p"] = (X * y[:, :, None]).sum(axis=1)
+    power: Float[np.ndarray, " b"] = (y * y).sum(axis=1)
     C, explained = np.zeros(X.shape[2]), 0.0
     for _ in range(REWEIGHTED):
-        left = yy - 2.0 * Xy @ C + np.einsum("p,bpq,q->b", C, XX, C)
+        left: Float[np.ndarray, " b"] = power - (2.0 * Xy - XX @ C) @ C
         weight = rows / np.maximum(left, _TINY)
-        information, asked = np.tensordot(weight, XX, axes=1), weight @ Xy
-        C = np.linalg.lstsq(information, asked)[0]
+        asked: Float[np.ndarray, " p"] = weight @ Xy
+        information: Float[np.ndarray, "p p"] = np.tensordot(weight, XX, axes=1)
+        C = np.asarray(np.linalg.lstsq(information, asked)[0])
         explained = float(asked @ C)
     return C * max(1.0 - BY_CHANCE / max(explained, BY_CHANCE), 0.0)

@@ -31,6 +31,8 @@ MOST_ROUNDS: Final = 10
 """Of fitting, and of making the signals anew where the fit has moved to."""
 LONGEST_MOVE: Final = 0.02
 """Of a time in one round [s], beyond which its slope is none."""
+MOST_OF_A_LAG: Final = 0.75
+"""By which it falls in one round: without any lag, its slope says nothing of longer ones."""
 NEAR: Final = 0.1
 """Deviations by which the last round may still move a time."""
 ENOUGH: Final[Mapping[str, float]] = {
@@ -179,11 +181,13 @@ def _may_skew(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> bool:
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
-    """Return the timing that the fit has moved to, no further than its slopes reach."""
+    """Return the timing that the fit has moved to, in its direction as far as its slopes reach."""
     by = {name: fit.estimate.value(name) for name in free.names}
     reach = {name: LARGEST_SKEW if name == "motor_skew" else LONGEST_MOVE for name in by}
-    by = {name: float(np.clip(v, -reach[name], reach[name])) for name, v in by.items()}
-    return free.moved(by)
+    if by.get("motor_lag", 0.0) < 0.0 and free.at.mean_lag > LEAST_LAG:
+        reach["motor_lag"] = min(LONGEST_MOVE, MOST_OF_A_LAG * free.at.mean_lag)
+    share = min(reach[name] / max(abs(value), reach[name]) for name, value in by.items())
+    return free.moved({name: share * value for name, value in by.items()})
 
 
 def _with_skew(
