@@ -12,10 +12,12 @@ needs no more of the blocks than their Gram matrices, weighted and summed.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Bool, Float, Int, Shaped
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.factors import Factors, borrowed_mean_square
@@ -32,6 +34,31 @@ made of the rows themselves there. What only a prior determines would drown besi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """Blocks in succession that have a theta of their own.
+
+    Attributes
+    ----------
+    configuration, place
+        Whose they are, and which of its parts.
+    own, blocks
+        The blocks among those of their configuration, and among all.
+    moved
+        Free parameters that move their theta or their signals.
+    """
+
+    configuration: int
+    place: int
+    own: slice
+    blocks: slice
+    moved: Int[np.ndarray, " q"]
+
+    def at(self, places: Sequence[int]) -> list[int]:
+        """Return where some parameters stand among those that move it."""
+        return [int(np.flatnonzero(self.moved == place)[0]) for place in places]
+
+
+@dataclass(frozen=True, kw_only=True)
 class BandedProblem:
     """What the estimator is handed; it knows of no drone.
 
@@ -42,7 +69,10 @@ class BandedProblem:
     tensors
         A_p of each configuration.
     map
-        From the free parameters to each configuration's theta.
+        From the free parameters to theta of each configuration, or of each of its parts.
+    parts
+        How many blocks in succession have a theta of their own, of each configuration; none: all of
+        each configuration have one.
     noisy
         Which signals carry the noise, as many as there are equations.
     prior_mean, prior_std
@@ -50,7 +80,7 @@ class BandedProblem:
     counted
         Which errors of each block count, one array per configuration; all where there is none.
     feedback
-        Where a controller answers the errors.
+        Where a controller answers the errors, by the same parts.
     moving
         Free parameters that move the signals, in the order of the factors' slopes.
     """
@@ -61,9 +91,55 @@ class BandedProblem:
     noisy: tuple[int, ...]
     prior_mean: Mapping[str, float]
     prior_std: Mapping[str, float]
+    parts: tuple[tuple[int, ...], ...] = ()
     counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
     feedback: Feedback | None = None
     moving: tuple[str, ...] = ()
+
+    @cached_property
+    def every_part(self) -> list["Part"]:
+        """The parts of all configurations; theta and answers are in their order."""
+        counts = self.parts or [(len(factors),) for factors in self.factors]
+        owners = [(c, t) for c, own in enumerate(counts) for t in range(len(own))]
+        ends = pairwise(accumulate((n for own in counts for n in own), initial=0))
+        firsts = [0, *accumulate(len(factors) for factors in self.factors)]
+        moved = np.concatenate(self.moved)
+        return [
+            Part(
+                configuration=c,
+                place=t,
+                own=slice(first - firsts[c], last - firsts[c]),
+                blocks=slice(first, last),
+                moved=moved[number],
+            )
+            for number, ((c, t), (first, last)) in enumerate(zip(owners, ends, strict=True))
+        ]
+
+    @cached_property
+    def thetas(self) -> list[slice]:
+        """Which thetas are those of each configuration's parts."""
+        counts = [len(own) for own in self.parts] or [1] * len(self.factors)
+        return [slice(*ends) for ends in pairwise(accumulate(counts, initial=0))]
+
+    @cached_property
+    def moved(self) -> list[Int[np.ndarray, "_ q"]]:
+        """Which free parameters move each part of each configuration, all in their order.
+
+        As many for all parts of one: others, which move nothing there, fill up.
+        """
+        moves = self.map.moves.copy()
+        moves[:, self.places] = True
+        each = [moves[own] for own in self.thetas]
+        return [np.argsort(~m, axis=1, kind="stable")[:, : m.sum(axis=1).max()] for m in each]
+
+    @cached_property
+    def floors(self) -> list[Float[np.ndarray, " k"]]:
+        """Smallest variance of each noisy signal in each configuration."""
+        signals = split_blocks(signal_power(self), self.factors)
+        return [
+            RELATIVE_FLOOR * signal.sum(axis=0) / factors.rows.sum() + np.finfo(float).tiny
+            for signal, factors in zip(signals, self.factors, strict=True)
+        ]
 
     @property
     def places(self) -> list[int]:
@@ -169,18 +245,19 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     variances: list[Float[np.ndarray, "b k"]] = []
     squares: list[Float[np.ndarray, "b k"]] = []
     for c, (factors, G) in enumerate(zip(problem.factors, found, strict=True)):
-        e = factors.columns @ (factors.lift(problem.moves(phi)) @ G.T)
-        power = power_of(e)
-        v, floored = _variance(power, factors, problem.noisy)
+        e = _errors(problem, c, G @ factors.lift(problem.moves(phi)).T)
+        power, rows, floor = power_of(e), factors.rows[:, None], problem.floors[c]
+        own = borrowed_mean_square(power, factors)
+        v, floored = np.maximum(own, floor), own < floor
         counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
-        cost += float(np.sum(factors.rows[:, None] * np.log(v), where=counted))
+        cost += float(np.sum(rows * np.log(v), where=counted))
         # At its floor a variance is no longer that of the errors: they have a cost of their own,
         # or the likelihood of exact flights would be flat.
-        spare = np.minimum(power / v - factors.rows[:, None], 0.0)
+        spare = np.minimum(power / v - rows, 0.0)
         cost += float(np.sum(spare, where=counted & floored))
         residuals.append(e)
         variances.append(np.where(counted, v, np.inf))
-        squares.append(power - factors.rows[:, None] * known_share(factors, G))
+        squares.append(power - rows * known_share(problem, c, G))
     if not np.isfinite(cost):
         raise EstimationError("the likelihood is not finite here")
     return Evaluated(
@@ -195,15 +272,35 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
 
 def solved_each(
     problem: BandedProblem, phi: Float[np.ndarray, " f"]
-) -> list[Float[np.ndarray, "k z"]]:
-    """Return G of each configuration."""
+) -> list[Float[np.ndarray, "_ k z"]]:
+    """Return G of the parts of each configuration."""
     theta = problem.map.theta(phi)
-    return [solved(A, theta[c], problem.noisy)[0] for c, A in enumerate(problem.tensors)]
+    each = zip(problem.tensors, problem.thetas, strict=True)
+    return [solved(A, theta[own], problem.noisy)[0] for A, own in each]
 
 
-def known_share(factors: Factors, G: Float[np.ndarray, "k z"]) -> Float[np.ndarray, "b k"]:
-    """Return what the regressors' known noise adds to the variance of every block's errors."""
-    return factors.known_noise @ (G * G).T
+def _errors(
+    problem: BandedProblem, c: int, U: Float[np.ndarray, "t k a"]
+) -> Float[np.ndarray, "b m k"]:
+    """Return the errors of the blocks of one configuration, by the columns of its factors."""
+    columns = problem.factors[c].columns
+    e = np.empty((*columns.shape[:2], U.shape[1]))
+    for part in problem.every_part:
+        if part.configuration == c:
+            e[part.own] = columns[part.own] @ U[part.place].T
+    return e
+
+
+def known_share(
+    problem: BandedProblem, c: int, G: Float[np.ndarray, "t k z"]
+) -> Float[np.ndarray, "b k"]:
+    """Return what known noise of the regressors adds to the variance of every block's errors."""
+    noise = problem.factors[c].noise
+    share = np.zeros((len(problem.factors[c]), G.shape[1]))
+    for part in problem.every_part:
+        if part.configuration == c and noise is not None:
+            share[part.own] = noise[part.own] @ (G[part.place] ** 2).T
+    return share
 
 
 def evaluated_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated | None:
@@ -225,19 +322,6 @@ def signal_power(problem: BandedProblem) -> Float[np.ndarray, "b k"]:
     return np.concatenate([power_of(factors.R[:, :, noisy]) for factors in problem.factors])
 
 
-def _variance(
-    power: Float[np.ndarray, "b k"], factors: Factors, noisy: Sequence[int]
-) -> tuple[Float[np.ndarray, "b k"], Bool[np.ndarray, "b k"]]:
-    """Return each block's mean square error per noisy signal, and where it is at its floor.
-
-    Blocks of few rows borrow from their neighbours.
-    """
-    signal = power_of(factors.R[:, :, list(noisy)]).sum(axis=0)
-    floor = RELATIVE_FLOOR * signal / factors.rows.sum() + np.finfo(float).tiny
-    own = borrowed_mean_square(power, factors)
-    return np.maximum(own, floor), own < floor
-
-
 def prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
     """Return minus twice the logarithm of the prior."""
     mean, std = problem.prior
@@ -246,29 +330,36 @@ def prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
 
 
 def feedback_gain(
-    problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Float[np.ndarray, "k z"]]
+    problem: BandedProblem,
+    phi: Float[np.ndarray, " f"],
+    found: Sequence[Float[np.ndarray, "_ k z"]],
 ) -> float:
     """Return what the answers of a controller add to the log-likelihood; `found` is G of each."""
     if problem.feedback is None:
         return 0.0
     moves = problem.moves(phi)
     gain = 0.0
-    for c, G in enumerate(found):
-        gain += problem.feedback.gain(c, G)
-        gain += float(problem.feedback.answers[c].drift.sum(axis=(0, 1)) @ moves)
+    for part, G in enumerate(G for own in found for G in own):
+        gain += problem.feedback.gain(part, G)
+        gain += float(problem.feedback.answers[part].drift.sum(axis=(0, 1)) @ moves)
     return gain
 
 
-Solution = tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "f k z"]]
-"""G = M^-1 B of a configuration, and its slope by the free parameters."""
+Solution = tuple[Float[np.ndarray, "t k z"], Float[np.ndarray, "t k q z"]]
+"""G = M^-1 B of each part of a configuration, and its slope by the parameters that move it."""
 
 
 def solutions(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> list[Solution]:
     """Return G and d G / d phi of each configuration: d (M^-1 B) = M^-1 (dB - dM M^-1 B)."""
     theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
     return [
-        solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
-        for c, tensor in enumerate(problem.tensors)
+        solved_jacobian(
+            tensor,
+            theta[own],
+            np.take_along_axis(dtheta[own], moved[:, None], axis=2),
+            problem.noisy,
+        )
+        for tensor, own, moved in zip(problem.tensors, problem.thetas, problem.moved, strict=True)
     ]
 
 
@@ -279,12 +370,22 @@ def feedback_scores(
 
     `feedback` is that of the problem, or one with other answers.
     """
-    parts: list[Float[np.ndarray, "b e f"]] = []
-    for c, (G, dG) in enumerate(found):
-        own = feedback.slope(c, G, dG)
-        own[:, :, problem.places] += feedback.answers[c].drift
-        parts.append(own)
-    return np.concatenate(parts)
+    blocks = sum(len(factors) for factors in problem.factors)
+    scores = np.zeros((blocks, len(feedback.errors), len(problem.map.names)))
+    for number, part in enumerate(problem.every_part):
+        scores[part.blocks][:, :, part.moved] = _answered(problem, feedback, number, found)
+    return scores
+
+
+def _answered(
+    problem: BandedProblem, feedback: Feedback, number: int, found: Sequence[Solution]
+) -> Float[np.ndarray, "b e q"]:
+    """Return the same of one part, by the parameters that move it."""
+    part = problem.every_part[number]
+    G, dG = (each[part.place] for each in found[part.configuration])
+    scores = feedback.slope(number, G, dG.transpose(1, 0, 2))
+    scores[:, :, part.at(problem.places)] += feedback.answers[number].drift
+    return scores
 
 
 def split_blocks(
@@ -296,98 +397,91 @@ def split_blocks(
 
 def lifted_slopes(
     problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Solution]
-) -> list[Float[np.ndarray, "k a f"]]:
-    """Return d u / d phi of each configuration, by the columns of its factors."""
-    parts: list[Float[np.ndarray, "k a f"]] = []
-    for factors, (G, dG) in zip(problem.factors, found, strict=True):
-        lift, moved = factors.lift(problem.moves(phi)), np.flatnonzero(dG.any(axis=(1, 2)))
-        own = np.zeros((dG.shape[1], len(lift), len(dG)))
-        own[:, :, moved] = lift @ dG[moved].transpose(1, 2, 0)
-        for place, lift in zip(problem.places, factors.slope_lifts, strict=True):
-            own[:, :, place] += G @ lift.T
-        parts.append(own)
-    return parts
+) -> list[Float[np.ndarray, "k a q"]]:
+    """Return d u / d phi of each part, by the columns of its factors and what moves it."""
+    lifts = [factors.lift(problem.moves(phi)) for factors in problem.factors]
+    each = [dG @ lift.T for lift, (_, dG) in zip(lifts, found, strict=True)]
+    slopes: list[Float[np.ndarray, "k a q"]] = []
+    for part in problem.every_part:
+        own = each[part.configuration][part.place].transpose(0, 2, 1)
+        G, by = found[part.configuration][0], problem.factors[part.configuration].slope_lifts
+        for at, lift in zip(part.at(problem.places), by, strict=True):
+            own[:, :, at] += G[part.place] @ lift.T
+        slopes.append(own)
+    return slopes
 
 
 def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquations:
     """Return the linearised equations at a state."""
     found = solutions(problem, state.phi)
-    dU = lifted_slopes(problem, state.phi, found)
+    slopes = lifted_slopes(problem, state.phi, found)
     mean, std = problem.prior
     plain = np.diag(std**-2.0)
     taken = np.zeros_like(plain)
-    scores: list[Float[np.ndarray, "b f"]] = []
-    weights = split_blocks(1.0 / state.variance, problem.factors)
-    errors = split_blocks(state.residual, problem.factors)
-    for c, (factors, w) in enumerate(zip(problem.factors, weights, strict=True)):
-        plain += _information(factors, w, dU[c])
-        asked = factors.columns.transpose(0, 2, 1) @ (errors[c] * w[:, None, :])
-        moved = np.flatnonzero(dU[c].any(axis=(0, 1)))
-        own = np.zeros((len(factors), len(plain)))
-        own[:, moved] = -np.tensordot(asked, dU[c][:, :, moved], axes=((2, 1), (0, 1)))
+    scores = np.zeros((len(state.variance), len(plain)))
+    for number, (part, dU) in enumerate(zip(problem.every_part, slopes, strict=True)):
+        factors, w = problem.factors[part.configuration], 1.0 / state.variance[part.blocks]
+        square = np.ix_(part.moved, part.moved)
+        plain[square] += _information(factors.gram[part.own], w, dU)
+        asked = (state.residual[part.blocks] * w[:, None, :]).transpose(0, 2, 1)
+        asked = (asked @ factors.columns[part.own]).reshape(len(w), -1)
+        own = -asked @ dU.reshape(-1, len(part.moved))
         if factors.noise is not None:
-            G, dG = found[c]
-            N = factors.rows[:, None] * factors.known_noise
-            shares = N @ (dG * G).transpose(1, 2, 0)
+            G, dG = (each[part.place] for each in found[part.configuration])
+            noise, rows = factors.noise[part.own], factors.rows[part.own, None]
+            shares = rows * noise @ (dG * G[:, None]).transpose(0, 2, 1)
             own += (w.T[:, :, None] * shares).sum(axis=0)
-            taken += _taken(factors, w, dG)
-        scores.append(own)
-    every = np.concatenate(scores)
-    if problem.feedback is not None:
-        every += feedback_scores(problem, problem.feedback, found).sum(axis=1)
+            taken[square] += _taken(noise, rows * w, dG)
+        if problem.feedback is not None:
+            own += _answered(problem, problem.feedback, number, found).sum(axis=1)
+        scores[part.blocks, part.moved] = own
     return CorrectedEquations(
-        plain=plain, taken=taken, scores=every, pull=(mean - state.phi) * std**-2.0
+        plain=plain, taken=taken, scores=scores, pull=(mean - state.phi) * std**-2.0
     )
 
 
 def part_information(
-    problem: BandedProblem, state: State, parts: Sequence[Bool[np.ndarray, " b"]]
+    problem: BandedProblem, state: State, chosen: Sequence[Bool[np.ndarray, " b"]]
 ) -> Float[np.ndarray, "p f f"]:
-    """Return the information of parts of the blocks, corrected, without the prior's."""
+    """Return the information of choices of the blocks, corrected, without the prior's."""
     found = solutions(problem, state.phi)
-    dU = lifted_slopes(problem, state.phi, found)
-    weights = split_blocks(1.0 / state.variance, problem.factors)
+    slopes = lifted_slopes(problem, state.phi, found)
     size = len(problem.map.names)
-    out = np.zeros((len(parts), size, size))
-    for p, part in enumerate(parts):
-        chosen = split_blocks(part, problem.factors)
-        for c, (factors, w, own) in enumerate(zip(problem.factors, weights, chosen, strict=True)):
-            if own.any():
-                out[p] += _of_gram(factors.gram[own], w[own], dU[c])
-            if own.any() and factors.noise is not None:
-                out[p] -= _taken(factors, w * own[:, None], found[c][1])
+    out = np.zeros((len(chosen), size, size))
+    for part, dU in zip(problem.every_part, slopes, strict=True):
+        factors, w = problem.factors[part.configuration], 1.0 / state.variance[part.blocks]
+        square = np.ix_(part.moved, part.moved)
+        for p, blocks in enumerate(chosen):
+            own = np.flatnonzero(blocks[part.blocks])
+            if not len(own):
+                continue
+            out[p][square] += _information(factors.gram[part.own][own], w[own], dU)
+            if factors.noise is not None:
+                dG, rows = found[part.configuration][1], factors.rows[part.own, None]
+                noise = factors.noise[part.own][own]
+                out[p][square] -= _taken(noise, (rows * w)[own], dG[part.place])
     return out
 
 
 def _taken(
-    factors: Factors, weight: Float[np.ndarray, "b k"], dG: Float[np.ndarray, "f k z"]
-) -> Float[np.ndarray, "f f"]:
-    """Return what of one configuration's information is only the regressors' known noise."""
-    slope = dG.transpose(1, 0, 2)
-    noise = (weight * factors.rows[:, None]).T @ factors.known_noise
-    found: Float[np.ndarray, "f f"] = (slope * noise[:, None] @ slope.transpose(0, 2, 1)).sum(
-        axis=0
-    )
+    noise: Float[np.ndarray, "b z"],
+    weight: Float[np.ndarray, "b k"],
+    dG: Float[np.ndarray, "k q z"],
+) -> Float[np.ndarray, "q q"]:
+    """Return what of the information of blocks is only the regressors' known noise."""
+    weighed: Float[np.ndarray, "k z"] = weight.T @ noise
+    found: Float[np.ndarray, "q q"] = (dG * weighed[:, None] @ dG.transpose(0, 2, 1)).sum(axis=0)
     return found
 
 
 def _information(
-    factors: Factors, weight: Float[np.ndarray, "b k"], dU: Float[np.ndarray, "k a f"]
-) -> Float[np.ndarray, "f f"]:
-    """Return the information of one configuration's blocks, by their Gram matrices."""
-    return _of_gram(factors.gram, weight, dU)
-
-
-def _of_gram(
     gram: Float[np.ndarray, "b a a"],
     weight: Float[np.ndarray, "b k"],
-    dU: Float[np.ndarray, "k a f"],
-) -> Float[np.ndarray, "f f"]:
+    dU: Float[np.ndarray, "k a q"],
+) -> Float[np.ndarray, "q q"]:
+    """Return the information of blocks of one part, by their Gram matrices."""
     S = np.tensordot(weight, gram, axes=(0, 0))
-    moved = np.flatnonzero(dU.any(axis=(0, 1)))
-    own = dU[:, :, moved]
-    found = np.zeros((dU.shape[2], dU.shape[2]))
-    found[np.ix_(moved, moved)] = (own.transpose(0, 2, 1) @ S @ own).sum(axis=0)
+    found: Float[np.ndarray, "q q"] = (dU.transpose(0, 2, 1) @ S @ dU).sum(axis=0)
     return found
 
 
@@ -415,12 +509,15 @@ def root_of(
 def _root_of_rows(problem: BandedProblem, state: State) -> Float[np.ndarray, "f f"]:
     """Return the same, from the rows: twice as many digits, at many times the cost."""
     parts = [np.diag(1.0 / problem.prior[1])]
-    weights = split_blocks(1.0 / np.sqrt(state.variance), problem.factors)
     slopes = lifted_slopes(problem, state.phi, solutions(problem, state.phi))
-    for factors, w, dU in zip(problem.factors, weights, slopes, strict=True):
-        for k in range(w.shape[1]):
-            rows = (factors.columns * w[:, k, None, None]).reshape(-1, factors.columns.shape[2])
-            parts.append(np.asarray(np.linalg.qr(rows, mode="r")) @ dU[k])
+    for part, dU in zip(problem.every_part, slopes, strict=True):
+        columns = problem.factors[part.configuration].columns[part.own]
+        weights = 1.0 / np.sqrt(state.variance[part.blocks])
+        for w, slope in zip(weights.T, dU, strict=True):
+            rows = (columns * w[:, None, None]).reshape(-1, columns.shape[2])
+            own = np.zeros((min(rows.shape), len(problem.map.names)))
+            own[:, part.moved] = np.asarray(np.linalg.qr(rows, mode="r")) @ slope
+            parts.append(own)
     return np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))
 
 
@@ -429,11 +526,14 @@ def selected(
 ) -> tuple[BandedProblem, State]:
     """Return the problem and the state of some blocks, with the variances of all of them."""
     keep = split_blocks(blocks, problem.factors)
+    each = [blocks[part.blocks] for part in problem.every_part]
+    counts = [int(own.sum()) for own in each]
     feedback = problem.feedback
     chosen = replace(
         problem,
         factors=tuple(f.select(k) for f, k in zip(problem.factors, keep, strict=True)),
+        parts=tuple(tuple(counts[own]) for own in problem.thetas),
         counted=tuple(c[k] for c, k in zip(problem.counted, keep, strict=False)),
-        feedback=None if feedback is None else feedback.select(keep),
+        feedback=None if feedback is None else feedback.select(each),
     )
     return chosen, replace(state, residual=state.residual[blocks], variance=state.variance[blocks])

@@ -9,29 +9,30 @@ from rotorfit.errors import EstimationError
 
 
 def solved(
-    tensor: Float[np.ndarray, "p j z"], theta: Float[np.ndarray, " p"], noisy: Sequence[int]
-) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "k j"]]:
-    """Return M^-1 B and M^-1."""
-    B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, tensor)
-    both = np.concatenate([B, np.eye(len(B))], axis=1)
+    tensor: Float[np.ndarray, "p j z"], theta: Float[np.ndarray, "*t p"], noisy: Sequence[int]
+) -> tuple[Float[np.ndarray, "*t k z"], Float[np.ndarray, "*t k j"]]:
+    """Return M^-1 B and M^-1, of every theta."""
+    B: Float[np.ndarray, "*t k z"] = np.tensordot(theta, tensor, axes=1)
+    unit = np.broadcast_to(np.eye(B.shape[-2]), (*B.shape[:-1], B.shape[-2]))
+    both = np.concatenate([B, unit], axis=-1)
     try:
-        both_solved: Float[np.ndarray, "k g"] = np.linalg.solve(B[:, list(noisy)], both)
+        both_solved: Float[np.ndarray, "*t k g"] = np.linalg.solve(B[..., list(noisy)], both)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise EstimationError("the equations cannot be solved for the noisy signals") from error
-    return both_solved[:, : B.shape[1]], both_solved[:, B.shape[1] :]
+    return both_solved[..., : B.shape[-1]], both_solved[..., B.shape[-1] :]
 
 
 def solved_jacobian(
     tensor: Float[np.ndarray, "p j z"],
-    theta: Float[np.ndarray, " p"],
-    dtheta: Float[np.ndarray, "p f"],
+    theta: Float[np.ndarray, "t p"],
+    dtheta: Float[np.ndarray, "t p f"],
     noisy: Sequence[int],
-) -> tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "f k z"]]:
-    """Return G = M^-1 B and d G / d phi = M^-1 (dB - dM G)."""
+) -> tuple[Float[np.ndarray, "t k z"], Float[np.ndarray, "t k f z"]]:
+    """Return G = M^-1 B and d G / d phi = M^-1 (dB - dM G), of every theta."""
     G, inverse = solved(tensor, theta, noisy)
-    # Of what many flights share out among them, each is moved by its own.
-    own = np.flatnonzero(dtheta.any(axis=0))
-    dB = np.einsum("pjz,pf->fjz", tensor, dtheta[:, own])
-    dG = np.zeros((dtheta.shape[1], *G.shape))
-    dG[own] = inverse @ (dB - dB[:, :, list(noisy)] @ G)
-    return G, dG
+    t, k, z = G.shape
+    A = np.ascontiguousarray(tensor.transpose(1, 0, 2))
+    # First by theta: few large products of matrices in place of many small ones.
+    left = A - (A[:, :, list(noisy)].reshape(-1, k) @ G).reshape(t, *A.shape)
+    by_theta = (inverse @ left.reshape(t, k, -1)).reshape(t, k, -1, z)
+    return G, dtheta.transpose(0, 2, 1)[:, None] @ by_theta

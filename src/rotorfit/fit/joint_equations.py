@@ -190,6 +190,10 @@ def joint_problem(
 ) -> BandedProblem:
     """Return the problem that `joint_estimate` solves: a theta for each of `flights_apart`."""
     owners, flights = flights_apart(configurations)
+    counts = [
+        [len(f.factors) for o, f in zip(owners, flights, strict=True) if o == c]
+        for c in range(len(configurations))
+    ]
     layout = configurations[0].model.layout
     mapped = joint_map(configurations, terms=terms)
     mapped = with_trims(mapped, configurations[0].model.names, owners)
@@ -199,14 +203,15 @@ def joint_problem(
     known = {} if known_kt is None else {"kt": known_kt}
     known |= {} if timing is None else timing.prior()
     return BandedProblem(
-        factors=tuple(c.factors for c in flights),
-        tensors=tuple(c.model.tensor for c in flights),
+        factors=tuple(c.factors for c in configurations),
+        tensors=tuple(c.model.tensor for c in configurations),
+        parts=tuple(tuple(own) for own in counts),
         map=mapped,
         noisy=tuple(layout.index(name) for name in NOISY),
         prior_mean={name: mean for name, (mean, _) in known.items()},
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
-        counted=tuple(c.counted for c in flights if c.counted is not None),
+        counted=tuple(c.counted for c in configurations if c.counted is not None),
         feedback=_feedback(flights),
     )
 

@@ -86,7 +86,7 @@ def joint_fit(
     commanded = flown.motors.speed == "commanded"
     joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
     fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin)
-    if len(fit.problem.factors) == len(joint):
+    if len(fit.problem.every_part) == len(joint):
         return fit, joint  # no configuration has enough flights to take them apart
     answer, shares = heard_answer(fit), _trim_shares(fit, joint)
     joint = [
