@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedProblem, banded
-from rotorfit.estimation.banded_equations import evaluated, lifted_slopes, solutions
+from rotorfit.estimation.banded_equations import evaluated, lifted_slopes
+from rotorfit.estimation.banded_problem import solutions
 from rotorfit.estimation.factors import Factors, time_block_factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
 

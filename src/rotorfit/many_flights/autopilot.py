@@ -25,7 +25,8 @@ from rotorfit.estimation.banded import (
     part_equations,
     resting_inverse,
 )
-from rotorfit.estimation.banded_equations import feedback_scores, solutions
+from rotorfit.estimation.banded_equations import feedback_scores
+from rotorfit.estimation.banded_problem import solutions
 
 BEFORE: Final = 1.0 / 1.96
 """Deviation of an answer from what is taken for granted, before the flights: nothing or twice it

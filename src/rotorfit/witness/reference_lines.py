@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.estimation.solved import solved
+from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.flights import Configured, Flown, banded_data
 from rotorfit.fit.joint_equations import ANSWERED, NOISY, JointConfiguration, theta_of
 from rotorfit.flight.data import FlightData, Velocity
