@@ -14,7 +14,13 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded, log_likelihood
+from rotorfit.estimation.banded import (
+    SMALLEST_STEP,
+    BandedEstimate,
+    BandedProblem,
+    banded,
+    log_likelihood,
+)
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
@@ -118,6 +124,7 @@ def joint_estimate(
     known_kt: tuple[float, float] | None = None,
     terms: Collection[Term] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
+    close: float = SMALLEST_STEP,
 ) -> BandedEstimate:
     """Return the estimate of all configurations together.
 
@@ -134,12 +141,14 @@ def joint_estimate(
         Optional terms of the model.
     begin
         Better values to begin with, of free parameters that have them.
+    close
+        The iteration ends when no parameter moves by more than this share of its deviation.
     """
     problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
     start = np.zeros(len(problem.map.names))
     if starts:
         start = _likeliest_start(problem, configurations, starts)
-    return banded(problem, at_values(problem, begin or {}, start))
+    return banded(problem, at_values(problem, begin or {}, start), close=close)
 
 
 def at_values(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -13,7 +14,11 @@ from rotorfit.fit.kt_from_weight import WeighedThrust
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.steering import steered
 from rotorfit.many_flights.autopilot import heard_answer
-from rotorfit.many_flights.trims import trim_shares
+from rotorfit.many_flights.trims import flights_of, trim_shares
+
+NEAR: Final = 0.1
+"""Of a parameter's deviation, at which those fits end that tell only what counts, and what the
+flights differ by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,13 +86,14 @@ def joint_fit(
         rows = joint if guess is None else []
         starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in rows]
         # Before the first fit nobody can tell the pilot's motion from disturbances.
-        first = joint_estimate(joint, starts, known_kt=known, terms=terms, begin=guess)
+        first = joint_estimate(joint, starts, known_kt=known, terms=terms, begin=guess, close=NEAR)
         begin = first.estimate.by_name
     commanded = flown.motors.speed == "commanded"
     joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
-    fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin)
-    if len(fit.problem.every_part) == len(joint):
-        return fit, joint  # no configuration has enough flights to take them apart
+    if all(len(flights_of(c.factors)) == 1 for c in joint):
+        # No configuration has enough flights to take them apart.
+        return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint
+    fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin, close=NEAR)
     answer, shares = heard_answer(fit), _trim_shares(fit, joint)
     joint = [
         replace(c, answer=answer, trim_share=shares.get(k, c.trim_share))
