@@ -31,8 +31,9 @@ MOST_ROUNDS: Final = 10
 """Of fitting, and of making the signals anew where the fit has moved to."""
 LONGEST_MOVE: Final = 0.02
 """Of a time in one round [s], beyond which its slope is none."""
-NEAR: Final = 0.1
-"""Deviations by which the last round may still move a time."""
+NEAR: Final = 0.3
+"""Deviations by which the last round may still move a time, by the slopes of its signals: made anew
+there, they move it by a few hundredths more."""
 ENOUGH: Final[Mapping[str, float]] = {
     "motor_delay": 0.1 * SUM_FAULT,
     "motor_lag": 0.1 * SUM_FAULT,
@@ -101,7 +102,7 @@ def _fitted(
     begun, first = _begun(flown, start, names, terms)
     timed, fit = _settled(begun, terms, first)
     at = timed.timing
-    if at is not None and _may_skew(timed, at, names):
+    if at is not None and _beside(timed, at, names):
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
@@ -130,7 +131,9 @@ def _begun(
             free = timed.free_timing
             assert free is not None
             start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
-    flown = flown.at(start, names)
+    # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
+    beside = _beside(flown, start, names) if guess is not None else ()
+    flown = flown.at(start, names, beside=beside)
     return flown, joint_fit(flown, terms=terms, guess=guess)[0]
 
 
@@ -148,8 +151,7 @@ def _settled(
         if _near(free, fit):
             break
         moved = _moved(free, fit)
-        beside = ("motor_skew",) if _may_skew(flown, moved, free.names) else ()
-        flown = flown.at(moved, free.names, beside=beside)
+        flown = flown.at(moved, free.names, beside=_beside(flown, moved, free.names))
         fit, _ = joint_fit(flown, terms=terms, begin=free.others(fit.estimate.by_name))
     return flown, fit
 
@@ -161,11 +163,12 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     return bool((np.abs(fit.estimate.values[at]) <= enough).all())
 
 
-def _may_skew(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> bool:
-    """Return whether rising and falling speed may get a lag each, and have none yet."""
+def _beside(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the skew where rising and falling speed may get a lag each, and have none yet."""
     # Low-passed beside motion capture, motor data rise and fall alike.
     lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
-    return lagging and "motor_skew" not in names and flown.source == "imu"
+    may = lagging and "motor_skew" not in names and flown.source == "imu"
+    return ("motor_skew",) if may else ()
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
