@@ -117,12 +117,12 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     found = solved_each(problem, phi)
     rest = prior_cost(problem, phi) - 2.0 * feedback_gain(problem, phi, found)
     cost = rest
-    residuals: list[Float[np.ndarray, "b m k"]] = []
+    residual = _errors(problem, phi, found)
+    powers = split_blocks(power_of(residual), problem.factors)
     variances: list[Float[np.ndarray, "b k"]] = []
     squares: list[Float[np.ndarray, "b k"]] = []
     for c, (factors, G) in enumerate(zip(problem.factors, found, strict=True)):
-        e = _errors(problem, c, G @ factors.lift(problem.moves(phi)).T)
-        power, rows, floor = power_of(e), factors.rows[:, None], problem.floors[c]
+        power, rows, floor = powers[c], factors.rows[:, None], problem.floors[c]
         own = borrowed_mean_square(power, factors)
         v, floored = np.maximum(own, floor), own < floor
         counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
@@ -131,14 +131,13 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
         # or the likelihood of exact flights would be flat.
         spare = np.minimum(power / v - rows, 0.0)
         cost += float(np.sum(spare, where=counted & floored))
-        residuals.append(e)
         variances.append(np.where(counted, v, np.inf))
         squares.append(power - rows * known_share(problem, c, G))
     if not np.isfinite(cost):
         raise EstimationError("the likelihood is not finite here")
     return Evaluated(
         phi=phi,
-        residual=np.concatenate(residuals),
+        residual=residual,
         variance=np.concatenate(variances),
         cost=cost,
         squares=np.concatenate(squares),
@@ -147,14 +146,18 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
 
 
 def _errors(
-    problem: BandedProblem, c: int, U: Float[np.ndarray, "t k a"]
+    problem: BandedProblem,
+    phi: Float[np.ndarray, " f"],
+    found: Sequence[Float[np.ndarray, "_ k z"]],
 ) -> Float[np.ndarray, "b m k"]:
-    """Return the errors of the blocks of one configuration, by the columns of its factors."""
-    columns = problem.factors[c].columns
-    e = np.empty((*columns.shape[:2], U.shape[1]))
+    """Return the errors of all blocks; `found` is G of each."""
+    lifts = [factors.lift(problem.moves(phi)).T for factors in problem.factors]
+    blocks = sum(len(factors) for factors in problem.factors)
+    e = np.empty((blocks, problem.factors[0].columns.shape[1], len(problem.noisy)))
     for part in problem.every_part:
-        if part.configuration == c:
-            e[part.own] = columns[part.own] @ U[part.place].T
+        c = part.configuration
+        columns, u = problem.factors[c].columns[part.own], found[c][part.place] @ lifts[c]
+        np.matmul(columns, u.T, out=e[part.blocks])
     return e
 
 

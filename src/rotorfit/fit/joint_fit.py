@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, flights_apart, joint_estimate
@@ -17,8 +17,8 @@ from rotorfit.many_flights.autopilot import heard_answer
 from rotorfit.many_flights.trims import flights_of, trim_shares
 
 NEAR: Final = 0.1
-"""Of a parameter's deviation, at which those fits end that tell only what counts, and what the
-flights differ by."""
+"""Of a parameter's deviation, at which those fits of many flights end that tell only what counts,
+and what the flights differ by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,18 +82,19 @@ def joint_fit(
     ]
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
+    apart = any(len(flights_of(c.factors)) > 1 for c in joint)
+    close = NEAR if apart else SMALLEST_STEP
     if begin is None:
         rows = joint if guess is None else []
         starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in rows]
         # Before the first fit nobody can tell the pilot's motion from disturbances.
-        first = joint_estimate(joint, starts, known_kt=known, terms=terms, begin=guess, close=NEAR)
+        first = joint_estimate(joint, starts, known_kt=known, terms=terms, begin=guess, close=close)
         begin = first.estimate.by_name
     commanded = flown.motors.speed == "commanded"
     joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
-    if all(len(flights_of(c.factors)) == 1 for c in joint):
-        # No configuration has enough flights to take them apart.
-        return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint
-    fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin, close=NEAR)
+    fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin, close=close)
+    if not apart:
+        return fit, joint  # no configuration has enough flights to take them apart
     answer, shares = heard_answer(fit), _trim_shares(fit, joint)
     joint = [
         replace(c, answer=answer, trim_share=shares.get(k, c.trim_share))

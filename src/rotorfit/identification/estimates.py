@@ -146,7 +146,8 @@ def _by_weight(
     surer = weighed.is_surer_than(*found, timed=flown.timing_told)
     if not (contradicts or surer or biased is not None):
         return fit, joint, *_reaching_weight(flown, fit, numbers, terms=terms)
-    fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
+    guess = None if contradicts else fit.estimate.by_name
+    fit, joint = joint_fit(flown, weighed=weighed, terms=terms, guess=guess)
     anchored = _joint_numbers(flown, fit, joint)
     anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
     if contradicts:
