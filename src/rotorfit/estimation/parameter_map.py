@@ -68,7 +68,7 @@ class ParameterMap:
     @cached_property
     def moves(self) -> Bool[np.ndarray, "c f"]:
         """Which free parameters move theta of each configuration at all."""
-        moves = self.matrix.any(axis=1)
+        moves = np.asarray(self.matrix.any(axis=1))
         (c, _, first, second), _ = self._product_places
         moves[c, first] = moves[c, second] = True
         return moves
