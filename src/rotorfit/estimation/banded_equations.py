@@ -258,8 +258,8 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
         square = np.ix_(part.moved, part.moved)
         plain[square] += _information(factors.gram[part.own], w, dU)
         asked = (state.residual[part.blocks] * w[:, None, :]).transpose(0, 2, 1)
-        asked = (asked @ factors.columns[part.own]).reshape(len(w), -1)
-        own = -asked @ dU.reshape(-1, len(part.moved))
+        by = dU.reshape(-1, len(part.moved))
+        own = -(asked @ factors.columns[part.own]).reshape(-1, len(by)) @ by
         if factors.noise is not None:
             G, dG = (each[part.place] for each in found[part.configuration])
             noise, rows = factors.noise[part.own], factors.rows[part.own, None]
