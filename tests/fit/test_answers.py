@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import made_fit
+from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.fit.joint_equations import (
     NOISY,
@@ -15,7 +16,6 @@ from rotorfit.fit.joint_equations import (
     _lateness,
     joint_problem,
 )
-from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import made_fit
+from rotorfit.bands.motor_timing import FreeTiming, MotorTiming, skew_of, told
 from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.motor_timing import FreeTiming, MotorTiming, skew_of, told
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing import timing_fit, timing_search
 from rotorfit.timing.timing_fit import (

@@ -14,13 +14,13 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.estimation.banded import error_power
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
-from rotorfit.fit.frequency_bands import (
+from rotorfit.bands.frequency_bands import (
     counted_bands,
     flown_bands,
     followed_bands,
 )
+from rotorfit.estimation.banded import error_power
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.joint_equations import (
     ANSWERED,
     NOISY,

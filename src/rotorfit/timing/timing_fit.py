@@ -17,13 +17,13 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.bands.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, answer_shifts
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_fit import joint_fit
-from rotorfit.fit.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
 
