@@ -127,7 +127,7 @@ def _begun(
     if few is not flown:
         with suppress(EstimationError):
             begun, first = _begun(few, start, names, terms)
-            timed, fit = _settled(begun, terms, first)
+            timed, fit = _settled(begun, terms, first, skew=False)
             free = timed.free_timing
             assert free is not None
             start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
@@ -138,11 +138,16 @@ def _begun(
 
 
 def _settled(
-    flown: Flown, terms: tuple[Term, ...], fit: BandedEstimate | None = None
+    flown: Flown,
+    terms: tuple[Term, ...],
+    fit: BandedEstimate | None = None,
+    *,
+    skew: bool = True,
 ) -> tuple[Flown, BandedEstimate]:
     """Return the fit whose signals are made where it ends, and the flights at that timing.
 
-    `fit` is the one at the timing that the flights have, where it is there already.
+    `fit` is the one at the timing that the flights have, where it is there already; `skew`: slopes
+    by the skew are made beside, too, where it may be asked for.
     """
     fit = fit or joint_fit(flown, terms=terms)[0]
     for _ in range(MOST_ROUNDS - 1):
@@ -151,7 +156,8 @@ def _settled(
         if _near(free, fit):
             break
         moved = _moved(free, fit)
-        flown = flown.at(moved, free.names, beside=_beside(flown, moved, free.names))
+        beside = _beside(flown, moved, free.names) if skew else ()
+        flown = flown.at(moved, free.names, beside=beside)
         fit, _ = joint_fit(flown, terms=terms, begin=free.others(fit.estimate.by_name))
     return flown, fit
 
