@@ -98,10 +98,10 @@ def test_scores_of_the_answers_are_the_derivative_of_what_they_gain(seed):
 
 
 @settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 10_000))
-def test_all_scores_together_are_the_derivative_of_the_likelihood(seed):
-    """Of moved signals, of their answers and of what is known beforehand."""
-    problem = two_axes(seed)
+@given(seed=st.integers(0, 10_000), share=st.sampled_from([0.0, 0.7, -2.0]))
+def test_all_scores_together_are_the_derivative_of_the_likelihood(seed, share):
+    """Of moved signals, their answers, what is known beforehand, errors that come together."""
+    problem = replace(two_axes(seed), tied=(np.array([[0.0, 0.0], [share, 0.0]]),))
     phi = 0.1 * np.random.default_rng(seed + 1).normal(size=5)
     score = corrected_equations(problem, evaluated(problem, phi)).score
     slope = slope_of(lambda at: log_likelihood(problem, at), phi)

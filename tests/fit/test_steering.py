@@ -5,12 +5,18 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.bands.frequency_bands import EDGES, LEAST_RATIO, counted_bands, flown_bands
+from rotorfit.bands.frequency_bands import (
+    EDGES,
+    LEAST_RATIO,
+    PILOT_BAND,
+    counted_bands,
+    flown_bands,
+)
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.joint_equations import ANSWERED, NOISY
 from rotorfit.fit.joint_fit import joint_fit
-from rotorfit.fit.steering import _with_counted
+from rotorfit.fit.steering import _tied, _with_counted, steered_slowly
 from rotorfit.identification.identify import _flown
 from rotorfit.simulation import Stick, Sticks, write_flight_table
 
@@ -41,6 +47,65 @@ def test_a_band_is_judged_over_all_stretches_of_its_flight():
     np.testing.assert_array_equal(moved, second)
     signal[first_stretch] -= 2.0
     assert not flown_bands(factors, signal, residual).any()
+
+
+def test_above_the_pilots_band_a_band_must_follow_upon_one_that_is_flown():
+    factors = blocks(stretches=1)
+    signal, residual = np.ones((len(factors), 1)), np.ones((len(factors), 1))
+    below = np.isin(factors.band[:, 0], [1.5, 2.0, 3.0, 8.0])  # 4 Hz is missing in between
+    signal[below] = 1.0 + LEAST_RATIO + 0.1
+    moved = flown_bands(factors, signal, residual)[:, 0]
+    assert factors.band[moved, 0].tolist() == [1.5, 2.0, 3.0]
+
+
+def test_inside_the_pilots_band_any_band_may_be_flown():
+    factors = blocks(stretches=1)
+    signal, residual = np.ones((len(factors), 1)), np.ones((len(factors), 1))
+    signal[np.isin(factors.band[:, 0], [0.6, 2.0])] = 1.0 + LEAST_RATIO + 0.1
+    moved = flown_bands(factors, signal, residual)[:, 0]
+    assert factors.band[moved, 0].tolist() == [0.6, 2.0]
+
+
+def test_a_first_fit_looks_at_turns_in_the_pilots_band_alone():
+    body = made_fit.configuration(factors=blocks(stretches=1))
+    counted = steered_slowly(body).counted
+    slow = body.factors.band[:, 0] < PILOT_BAND[1]
+    assert (counted[:, [ROLL, PITCH, YAW]] == slow[:, None]).all()
+    assert counted[:, [NOISY.index(name) for name in ("ax", "ay", "az")]].all()
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def pushed(rng, share):
+    """What is tied of the errors of 12 blocks in which yaw has a share of the push along y."""
+    error = rng.normal(size=(12, 40, 6)) * np.array([1.0, 2.0, 1.0, 0.1, 0.1, 0.1])
+    error[:, :, YAW] += share * error[:, :, 1]
+    counted = np.ones((12, 6), dtype=bool)
+    factors = made_fit.blocks([(1.0, 2.0)] * 12, rows=40)
+    return _tied(made_fit.configuration(factors=factors, counted=counted), error)
+
+
+def test_what_comes_with_a_push_is_found(rng):
+    tied = pushed(rng, -0.3)
+    assert tied[YAW, 1] == pytest.approx(-0.3, abs=0.01)
+    tied[YAW, 1] = 0.0
+    assert np.abs(tied).max() < 0.02
+
+
+def test_errors_by_themselves_stay_as_they_are(rng):
+    assert not pushed(rng, 0.0).any()
+
+
+def test_bands_that_do_not_count_tie_nothing(rng):
+    error = rng.normal(size=(12, 40, 6))
+    error[:, :, YAW] = error[:, :, 1]
+    body = made_fit.configuration(
+        factors=made_fit.blocks([(1.0, 2.0)] * 12, rows=40), counted=np.zeros((12, 6), dtype=bool)
+    )
+    assert not _tied(body, error).any()
 
 
 def test_what_counts():

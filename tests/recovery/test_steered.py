@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.simulation.tables import IMU_AND_COMMAND, write_flight_table
 
 SEEDS = range(1, 6)
 
@@ -38,3 +39,35 @@ def test_intervals_hold_what_the_autopilot_s_answer_would_hide(runs):
         )
     ]
     assert np.mean(held) >= 0.85
+
+
+@pytest.fixture(scope="module")
+def commanded(tmp_path_factory):
+    """From commands alone: upwards of 8 Hz they are nothing but what the gyro's noise asks for."""
+    folder = tmp_path_factory.mktemp("steered-commands")
+    found = []
+    for seed in (1, 2, 3):
+        flight = flown.simulated(
+            "A", "real", seed=seed, seconds=45.0, steered_by_gyro=True, physics_rate=200.0
+        )
+        log = folder / f"{seed}.csv"
+        write_flight_table(flight, log, channels=IMU_AND_COMMAND)
+        full = flight.max_speed
+        path = flown.experiment_file(
+            folder / f"{seed}.toml",
+            flight.vehicle,
+            [log],
+            mass=flight.truth.mass,
+            extra=f'[motors]\nspeed = "commanded"\nlaw = {{ linear = [0.0, {full!r}] }}\n',
+        )
+        found.append((flight, flown.quietly_identified(path)))
+    return found
+
+
+def test_the_answer_to_the_gyro_s_noise_is_not_taken_for_quick_motors_that_are_late(commanded):
+    """That would be a lag of 4 to 10 ms and a delay of 30, with deviations of half of one."""
+    for flight, result in commanded:
+        lag = result.parameter("motor_lag")
+        assert abs(lag.value - flight.truth.motor_lag) < 0.015
+        kt = result.parameter("kt")
+        assert kt.interval[0] <= flight.truth.kt <= kt.interval[1]

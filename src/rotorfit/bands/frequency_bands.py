@@ -6,6 +6,7 @@ the vehicle, and pull at every estimate.
 """
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -39,6 +40,10 @@ def flown_bands(
 ) -> Bool[np.ndarray, "b k"]:
     """Return in which blocks a pilot moves an axis; a band is judged over all of a flight.
 
+    Above the pilot's band only those count that follow without a gap upon others that count: an
+    autopilot that answers the noise of its gyro makes rotors and accelerations go together, too, at
+    one frequency where a wrong delay turns that into an effect of the rotors.
+
     Parameters
     ----------
     factors
@@ -47,8 +52,14 @@ def flown_bands(
         Sums of squares of angular accelerations and of their errors, one column per axis.
     """
     flown = np.zeros(signal.shape, dtype=bool)
-    for band in _bands_of_flights(factors):
-        flown[band] = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
+    for bands in _bands_of_flights(factors):
+        upwards = np.ones(signal.shape[1], dtype=bool)
+        for band in bands:
+            moved = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
+            if factors.band[band, 0].min() >= PILOT_BAND[1]:
+                moved &= upwards
+            upwards = moved
+            flown[band] = moved
     return flown
 
 
@@ -65,7 +76,7 @@ def followed_bands(
         Their rows of the signal, and of what should make it.
     """
     followed = np.zeros(len(factors), dtype=bool)
-    for band in _bands_of_flights(factors):
+    for band in chain.from_iterable(_bands_of_flights(factors)):
         power = float((made[band] ** 2).sum())
         explained = float((made[band] * signal[band]).sum()) ** 2 / max(power, _TINY)
         followed[band] = explained > LEAST_RATIO * ((signal[band] ** 2).sum() - explained)
@@ -80,11 +91,10 @@ def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.n
     return flown | ~flown.any(axis=0) | (factors.band[:, 0] == 0.0)[:, None]
 
 
-def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
-    """Yield which blocks are of one flight and about one frequency."""
+def _bands_of_flights(factors: Factors) -> Iterator[list[Bool[np.ndarray, " b"]]]:
+    """Yield which blocks of a flight are about one frequency, upwards; flight after flight."""
     middle: Float[np.ndarray, " b"] = factors.band.mean(axis=1)
     place = np.digitize(middle, EDGES)
     for number in np.unique(factors.recording):
         own = factors.recording == number
-        for one in np.unique(place[own]):
-            yield own & (place == one)
+        yield [own & (place == one) for one in np.unique(place[own])]

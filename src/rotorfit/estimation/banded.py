@@ -185,13 +185,6 @@ def _leapt(
     return state if trial is None or trial.cost >= state.cost else trial
 
 
-def error_power(
-    problem: BandedProblem, phi: Float[np.ndarray, " f"]
-) -> tuple[Float[np.ndarray, "b k"], Float[np.ndarray, "b k"]]:
-    """Return the sums of squares of each noisy signal, and of its error at `phi`, per block."""
-    return signal_power(problem), power_of(evaluated(problem, phi).residual)
-
-
 def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
     """Return the log-likelihood at `phi`, minus infinity where the equations have no solution."""
     state = evaluated_or_none(problem, phi)

@@ -117,11 +117,12 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     found = solved_each(problem, phi)
     rest = prior_cost(problem, phi) - 2.0 * feedback_gain(problem, phi, found)
     cost = rest
-    residual = _errors(problem, phi, found)
+    untied = [problem.untied(c, G) for c, G in enumerate(found)]
+    residual = _errors(problem, phi, untied)
     powers = split_blocks(power_of(residual), problem.factors)
     variances: list[Float[np.ndarray, "b k"]] = []
     squares: list[Float[np.ndarray, "b k"]] = []
-    for c, (factors, G) in enumerate(zip(problem.factors, found, strict=True)):
+    for c, (factors, G) in enumerate(zip(problem.factors, untied, strict=True)):
         power, rows, floor = powers[c], factors.rows[:, None], problem.floors[c]
         own = borrowed_mean_square(power, factors)
         v, floored = np.maximum(own, floor), own < floor
@@ -150,7 +151,7 @@ def _errors(
     phi: Float[np.ndarray, " f"],
     found: Sequence[Float[np.ndarray, "_ k z"]],
 ) -> Float[np.ndarray, "b m k"]:
-    """Return the errors of all blocks; `found` is G of each."""
+    """Return the errors of all blocks; `found` is what makes them of each part's signals."""
     lifts = [factors.lift(problem.moves(phi)).T for factors in problem.factors]
     blocks = sum(len(factors) for factors in problem.factors)
     e = np.empty((blocks, problem.factors[0].columns.shape[1], len(problem.noisy)))
@@ -229,10 +230,18 @@ def _answered(
     return scores
 
 
+def untied_solutions(problem: BandedProblem, found: Sequence[Solution]) -> list[Solution]:
+    """Return what makes the errors without what comes with others, and its slope."""
+    return [(problem.untied(c, G), problem.untied(c, dG)) for c, (G, dG) in enumerate(found)]
+
+
 def lifted_slopes(
     problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Solution]
 ) -> list[Float[np.ndarray, "k a q"]]:
-    """Return d u / d phi of each part, by the columns of its factors and what moves it."""
+    """Return d u / d phi of each part, by the columns of its factors and what moves it.
+
+    `found` is of the errors that are looked at (`untied_solutions`).
+    """
     lifts = [factors.lift(problem.moves(phi)) for factors in problem.factors]
     each = [dG @ lift.T for lift, (_, dG) in zip(lifts, found, strict=True)]
     slopes: list[Float[np.ndarray, "k a q"]] = []
@@ -247,7 +256,8 @@ def lifted_slopes(
 
 def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquations:
     """Return the linearised equations at a state."""
-    found = solutions(problem, state.phi)
+    answered = solutions(problem, state.phi)
+    found = untied_solutions(problem, answered)
     slopes = lifted_slopes(problem, state.phi, found)
     mean, std = problem.prior
     plain = np.diag(std**-2.0)
@@ -267,7 +277,7 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
             own += (w.T[:, :, None] * shares).sum(axis=0)
             taken[square] += _taken(noise, rows * w, dG)
         if problem.feedback is not None:
-            own += _answered(problem, problem.feedback, number, found).sum(axis=1)
+            own += _answered(problem, problem.feedback, number, answered).sum(axis=1)
         scores[part.blocks, part.moved] = own
     return CorrectedEquations(
         plain=plain, taken=taken, scores=scores, pull=(mean - state.phi) * std**-2.0
@@ -278,7 +288,7 @@ def part_information(
     problem: BandedProblem, state: State, chosen: Sequence[Bool[np.ndarray, " b"]]
 ) -> Float[np.ndarray, "p f f"]:
     """Return the information of choices of the blocks, corrected, without the prior's."""
-    found = solutions(problem, state.phi)
+    found = untied_solutions(problem, solutions(problem, state.phi))
     slopes = lifted_slopes(problem, state.phi, found)
     size = len(problem.map.names)
     out = np.zeros((len(chosen), size, size))
@@ -343,7 +353,8 @@ def root_of(
 def _root_of_rows(problem: BandedProblem, state: State) -> Float[np.ndarray, "f f"]:
     """Return the same, from the rows: twice as many digits, at many times the cost."""
     parts = [np.diag(1.0 / problem.prior[1])]
-    slopes = lifted_slopes(problem, state.phi, solutions(problem, state.phi))
+    found = untied_solutions(problem, solutions(problem, state.phi))
+    slopes = lifted_slopes(problem, state.phi, found)
     for part, dU in zip(problem.every_part, slopes, strict=True):
         columns = problem.factors[part.configuration].columns[part.own]
         weights = 1.0 / np.sqrt(state.variance[part.blocks])

@@ -69,6 +69,9 @@ class BandedProblem:
         Where a controller answers the errors, by the same parts.
     moving
         Free parameters that move the signals, in the order of the factors' slopes.
+    tied
+        How much of each error (row) comes with the others (column), and is taken off it: strictly
+        lower triangular up to the order of the errors, one per configuration; nothing by default.
     """
 
     factors: tuple[Factors, ...]
@@ -81,6 +84,7 @@ class BandedProblem:
     counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
     feedback: Feedback | None = None
     moving: tuple[str, ...] = ()
+    tied: tuple[Float[np.ndarray, "k k"], ...] = ()
 
     @cached_property
     def every_part(self) -> list[Part]:
@@ -142,6 +146,13 @@ class BandedProblem:
     def moves(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " t"]:
         """Return how far the signals are moved at `phi`."""
         return phi[self.places]
+
+    def untied(self, c: int, G: Float[np.ndarray, "t k *f"]) -> Float[np.ndarray, "t k *f"]:
+        """Return what makes the errors of configuration `c` without what comes with the others."""
+        if not self.tied:
+            return G
+        rows = G.reshape(*G.shape[:2], -1)
+        return (rows - self.tied[c] @ rows).reshape(G.shape)
 
 
 def power_of(rows: Float[np.ndarray, "b m k"]) -> Float[np.ndarray, "b k"]:

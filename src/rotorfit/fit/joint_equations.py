@@ -50,6 +50,9 @@ ANSWERED = ("dwx", "dwy", "dwz")
 BANDWIDTH = 25.0
 """[rad/s] up to which an autopilot answers roll and pitch errors: that of the simulated one's rate
 loops, and of usual ones."""
+ATTITUDE = 6.0
+"""Rate per angle that an attitude loop asks for [1/s]: 6.5 in PX4 and 4.5 in ArduPilot by default.
+Such a loop delays the answer; not every pilot flies with one."""
 TAKEN = np.array([1.0, 1.0, 0.0])
 """Share of that answer that is taken for granted: in yaw, where autopilots are slow, none."""
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
@@ -189,6 +192,7 @@ def joint_problem(
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
         counted=tuple(c.counted for c in configurations if c.counted is not None),
+        tied=tuple(c.tied for c in configurations if c.tied is not None),
         feedback=_feedback(flights),
     )
 
@@ -256,9 +260,16 @@ def _answers(configuration: JointConfiguration) -> Answers:
         rows=(factors.rows * moving)[:, None] * steered,
         moves=_mixed(configuration, turn),
         share=answer[:, None] * (TAKEN * answered + configuration.answer.beyond),
-        doubt=answer[:, None] * np.array(configuration.answer.open),
+        doubt=_in_attitude_loop(turn)[:, None] * np.array(configuration.answer.open),
         late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
+
+
+def _in_attitude_loop(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
+    """Return T of a rate loop inside an attitude loop: L / (1 + L), L = w / s (1 + w_a / s)."""
+    s = 1j * turn
+    through = BANDWIDTH * (s + ATTITUDE)
+    return through / (s**2 + through)
 
 
 def _lateness(

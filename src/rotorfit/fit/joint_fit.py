@@ -12,7 +12,7 @@ from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, flights_apart, joint_estimate
 from rotorfit.fit.kt_from_weight import WeighedThrust
 from rotorfit.fit.row_fits import fit_rows
-from rotorfit.fit.steering import steered
+from rotorfit.fit.steering import steered, steered_slowly
 from rotorfit.many_flights.autopilot import heard_answer
 from rotorfit.many_flights.trims import flights_of, trim_shares
 
@@ -87,8 +87,10 @@ def joint_fit(
     if begin is None:
         rows = joint if guess is None else []
         starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in rows]
-        # Before the first fit nobody can tell the pilot's motion from disturbances.
-        first = joint_estimate(joint, starts, known_kt=known, terms=terms, begin=guess, close=close)
+        # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
+        # autopilot's answer to the noise of its gyro may well be all there is.
+        slow = [steered_slowly(c) for c in joint]
+        first = joint_estimate(slow, starts, known_kt=known, terms=terms, begin=guess, close=close)
         begin = first.estimate.by_name
     commanded = flown.motors.speed == "commanded"
     joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.factors import Factors
@@ -33,7 +33,8 @@ class JointConfiguration:
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
     no first moments and inertia of its own to estimate. `counted` and `answered` are those of
     `steering.py`: which errors of each block count, and which of those of the turns the autopilot
-    answers; `answer` how far. `timing` is what a fit may move of the motors' timing. `trim_share`:
+    answers; `answer` how far; `tied` (also from there) how much of the errors of the turns comes
+    with those of the forces. `timing` is what a fit may move of the motors' timing. `trim_share`:
     by how much of the arm the centre of mass of many flights scatters.
     """
 
@@ -46,6 +47,7 @@ class JointConfiguration:
     payload_of: str | None = None
     counted: Bool[np.ndarray, "b 6"] | None = None
     answered: Bool[np.ndarray, "b e"] | None = None
+    tied: Float[np.ndarray, "6 6"] | None = None
     timing: FreeTiming | None = None
     answer: Answer = UNHEARD
     trim_share: float = TRIM_SHARE

@@ -1,10 +1,13 @@
-"""Which errors tell of the vehicle, and in which the autopilot answers.
+"""Which errors tell of the vehicle, which come together, and in which the autopilot answers.
 
 Bands in which no pilot moves an axis do not count for it (`frequency_bands.py`). In the others the
 autopilot still answers disturbances, and by how much is known well enough: wholly, up to the
 frequencies that a pilot uses (`rotorfit.estimation.feedback`). Where rotor speeds are commands,
 bands in which the thrust does not follow them do not count for it: motors are no first-order lag
 further up, and many quiet lines of no thrust at all would outvote those that tell of k_t.
+
+Gusts and drag push at one place and turn the vehicle about another, its centre of mass. What of the
+errors of the turns comes with those of the forces is therefore known, and is taken off them.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -12,14 +15,16 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from rotorfit.bands.frequency_bands import (
     counted_bands,
     flown_bands,
     followed_bands,
+    slow_bands,
 )
-from rotorfit.estimation.banded import error_power
+from rotorfit.estimation.banded_equations import evaluated
+from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.joint_equations import (
     ANSWERED,
@@ -30,7 +35,23 @@ from rotorfit.fit.joint_equations import (
 )
 
 THRUST: Final = NOISY.index("az")
+FORCES: Final = tuple(NOISY.index(name) for name in ("ax", "ay", "az"))
 TURNS: Final = tuple(NOISY.index(name) for name in ("dwx", "dwy", "dwz"))
+REWEIGHTED: Final = 4
+"""Passes of a regression whose variances are those of what it leaves."""
+FEWEST_ROWS: Final = 30
+"""Of fewer nothing is regressed."""
+BY_CHANCE: Final = 16.0
+"""What three coefficients explain by chance in one flight of a thousand, in variances of what is
+left."""
+_TINY: Final = float(np.finfo(float).tiny)
+
+
+def steered_slowly(configuration: JointConfiguration) -> JointConfiguration:
+    """Return the configuration with turns that count in the pilot's band alone."""
+    counted = np.ones((len(configuration.factors), len(NOISY)), dtype=bool)
+    counted[:, list(TURNS)] = slow_bands(configuration.factors)
+    return replace(configuration, counted=counted)
 
 
 def steered(
@@ -56,10 +77,16 @@ def steered(
     """
     problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
     phi = at_values(problem, values, np.zeros(len(problem.map.names)))
-    signal, residual = error_power(problem, phi)
-    ends = np.cumsum([len(c.factors) for c in configurations])[:-1]
-    parts = zip(configurations, np.split(signal, ends), np.split(residual, ends), strict=True)
-    return [_with_counted(*part, commanded=commanded) for part in parts]
+    every = evaluated(problem, phi).residual
+    signal, residual, errors = (
+        split_blocks(blocks, [c.factors for c in configurations])
+        for blocks in (signal_power(problem), power_of(every), every)
+    )
+    counted = [
+        _with_counted(*part, commanded=commanded)
+        for part in zip(configurations, signal, residual, strict=True)
+    ]
+    return [replace(c, tied=_tied(c, e)) for c, e in zip(counted, errors, strict=True)]
 
 
 def _with_counted(
@@ -84,3 +111,37 @@ def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:
     squares = [index(f"O2_{i}") for i in range(1, len(configuration.vehicle.rotors) + 1)]
     made = factors.R[:, :, squares] @ configuration.vehicle.axes[:, 2]
     return followed_bands(factors, factors.R[:, :, index("az")], made)
+
+
+def _tied(
+    configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"]
+) -> Float[np.ndarray, "6 6"]:
+    """Return how much of the errors of the turns comes with those of the forces.
+
+    By regression over the blocks that count, each with the variance of what is left, and shrunk as
+    far as chance explains as much (James and Stein, 4th Berkeley Symposium, 1961).
+    """
+    counted, factors = configuration.counted, configuration.factors
+    assert counted is not None
+    tied = np.zeros((len(NOISY), len(NOISY)))
+    for turn in TURNS:
+        own = counted[:, turn] & (factors.band[:, 0] > 0.0)
+        if factors.rows[own].sum() > FEWEST_ROWS:
+            pushes, turned = error[own][:, :, list(FORCES)], error[own][:, :, turn]
+            tied[turn, list(FORCES)] = _regression(pushes, turned, factors.rows[own])
+    return tied
+
+
+def _regression(
+    X: Float[np.ndarray, "b m p"], y: Float[np.ndarray, "b m"], rows: Int[np.ndarray, " b"]
+) -> Float[np.ndarray, " p"]:
+    """Return the coefficients of y by X, with a variance of its errors in each block."""
+    XX, Xy, yy = X.transpose(0, 2, 1) @ X, np.einsum("bmp,bm->bp", X, y), (y * y).sum(axis=1)
+    C, explained = np.zeros(X.shape[2]), 0.0
+    for _ in range(REWEIGHTED):
+        left = yy - 2.0 * Xy @ C + np.einsum("p,bpq,q->b", C, XX, C)
+        weight = rows / np.maximum(left, _TINY)
+        information, asked = np.tensordot(weight, XX, axes=1), weight @ Xy
+        C = np.linalg.lstsq(information, asked)[0]
+        explained = float(asked @ C)
+    return C * max(1.0 - BY_CHANCE / max(explained, BY_CHANCE), 0.0)

@@ -40,7 +40,7 @@ def factor_arrays(fitted: FittedFactors, flown: Flown) -> dict[str, np.ndarray]:
         "name": one.name,
         "values": dict(fitted.values),
     }
-    given = {"counted": one.counted, "answered": one.answered, **factors}
+    given = {"counted": one.counted, "answered": one.answered, "tied": one.tied, **factors}
     arrays = {name: np.asarray(array) for name, array in given.items() if array is not None}
     return {**arrays, "fit": np.frombuffer(json.dumps(told).encode(), dtype=np.uint8)}
 
@@ -64,6 +64,7 @@ def fitted_factors(arrays: Mapping[str, np.ndarray], experiment: Experiment) -> 
         vehicle=vehicle,
         counted=arrays.get("counted"),
         answered=arrays.get("answered"),
+        tied=arrays.get("tied"),
         timing=None if told["timing"] is None else _timing(told["timing"]),
     )
     terms = cast("tuple[Term, ...]", tuple(told["terms"]))
