@@ -146,8 +146,7 @@ def _by_weight(
     surer = weighed.is_surer_than(*found, timed=flown.timing_told)
     if not (contradicts or surer or biased is not None):
         return fit, joint, *_reaching_weight(flown, fit, numbers, terms=terms)
-    guess = None if contradicts else fit.estimate.by_name
-    fit, joint = joint_fit(flown, weighed=weighed, terms=terms, guess=guess)
+    fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
     anchored = _joint_numbers(flown, fit, joint)
     anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
     if contradicts:
