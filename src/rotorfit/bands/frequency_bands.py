@@ -23,6 +23,8 @@ flights the deviation of k_d is a third larger; real ones agree on both."""
 PILOT_BAND: Final = (0.3, 3.0)
 """Where explained and residual angular acceleration are compared [Hz]: where a pilot moves the
 vehicle. Further up the gyro's own noise, differentiated, would hide a well flown axis."""
+STICKS_TOP: Final = 5.5
+"""As far as quick sticks, throws and steps of an attitude reach by themselves [Hz]."""
 LEAST_RATIO: Final = 3.0
 """Explained over residual power of an angular acceleration from which a band counts. About its
 bandwidth an autopilot's answer alone makes as much as one to three."""
@@ -40,9 +42,8 @@ def flown_bands(
 ) -> Bool[np.ndarray, "b k"]:
     """Return in which blocks a pilot moves an axis; a band is judged over all of a flight.
 
-    Above the pilot's band only those count that follow without a gap upon others that count: an
-    autopilot that answers the noise of its gyro makes rotors and accelerations go together, too, at
-    one frequency where a wrong delay turns that into an effect of the rotors.
+    Above `STICKS_TOP` only those count that follow upon others that count, at most one band apart: an autopilot that answers the noise of its gyro makes rotors and accelerations go
+    together, too, at one frequency where a wrong delay turns that into an effect of the rotors.
 
     Parameters
     ----------
@@ -53,13 +54,12 @@ def flown_bands(
     """
     flown = np.zeros(signal.shape, dtype=bool)
     for bands in _bands_of_flights(factors):
-        upwards = np.ones(signal.shape[1], dtype=bool)
+        below = (np.ones(signal.shape[1], dtype=bool),) * 2
         for band in bands:
             moved = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
-            if factors.band[band, 0].min() >= PILOT_BAND[1]:
-                moved &= upwards
-            upwards = moved
-            flown[band] = moved
+            if factors.band[band, 0].min() >= STICKS_TOP:
+                moved &= below[0] | below[1]
+            flown[band], below = moved, (below[1], moved)
     return flown
 
 

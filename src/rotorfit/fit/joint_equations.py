@@ -253,19 +253,19 @@ def _answers(configuration: JointConfiguration) -> Answers:
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
     steered = counted[:, [NOISY.index(name) for name in ANSWERED]]
     moving = factors.band[:, 0] > 0.0  # trim is nobody's answer
-    answer = 1.0 / (1.0 + 1j * turn / BANDWIDTH)
+    answer = usual_answer(turn)
     timing = configuration.timing
     late = [] if timing is None else [_lateness(name, turn, timing.at) for name in timing.names]
     return Answers(
         rows=(factors.rows * moving)[:, None] * steered,
         moves=_mixed(configuration, turn),
         share=answer[:, None] * (TAKEN * answered + configuration.answer.beyond),
-        doubt=_in_attitude_loop(turn)[:, None] * np.array(configuration.answer.open),
+        doubt=answer[:, None] * np.array(configuration.answer.open),
         late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
 
 
-def _in_attitude_loop(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
+def usual_answer(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
     """Return T of a rate loop inside an attitude loop: L / (1 + L), L = w / s (1 + w_a / s)."""
     s = 1j * turn
     through = BANDWIDTH * (s + ATTITUDE)
