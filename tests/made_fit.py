@@ -11,6 +11,7 @@ from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, Moto
 from rotorfit.fit.flights import Configured, Flown, UsedFlight
 from rotorfit.fit.joint_equations import JointConfiguration, joint_problem
 from rotorfit.flight.data import FlightData, Segment
+from rotorfit.flight.decimate import as_recorded
 from rotorfit.flight.log import FlightLog
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.regressor import regressor
@@ -133,6 +134,7 @@ def flown(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
                 path=Path(f"A{number}.csv"), sha256="0", format="table", channels={}, seconds=1.0
             ),
             prepared=flight,
+            recorded=as_recorded(flight),
         )
         for number, flight in enumerate(flights)
     ]

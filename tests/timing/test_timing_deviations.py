@@ -15,6 +15,7 @@ from rotorfit.fit.flights import Flown
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing import timing_fit, timing_search
 from rotorfit.timing.timing_fit import (
+    _begun,
     _fitted,
     _hold_fault,
     _settled,
@@ -479,3 +480,30 @@ def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(monkeypatch):
 )
 def test_a_time_is_told_where_half_of_its_interval_is_under_its_size_or_35_ms(value, std, known):
     assert told(value, std) is known
+
+
+@pytest.mark.parametrize(
+    ("lost", "begun"),
+    [([], 40.0), ([40.0], 20.0), ([40.0, 20.0], 80.0), ([40.0, 20.0, 80.0], 40.0)],
+)
+def test_a_fit_that_gets_lost_begins_at_another_lag(monkeypatch, lost, begun):
+    tried = []
+
+    def fit(flown, **_):
+        tried.append(1e3 * flown.timing.lag)
+        away = 1e26 if any(abs(tried[-1] - lag) < 1e-6 for lag in lost) else 2.0
+        return fit_at(flown.free_timing, moved=[1.0, -away]), []
+
+    monkeypatch.setattr(timing_fit, "joint_fit", fit)
+    found, first = _begun(flown(), MotorResponse(lag=0.04), BOTH, ())
+    assert 1e3 * found.timing.lag == pytest.approx(begun)
+    assert first.estimate.value("motor_delay") == pytest.approx(-1e23 if len(lost) == 3 else -0.002)
+    assert tried == pytest.approx([40.0, 20.0, 80.0][: min(len(lost) + 1, 3)])
+
+
+def test_without_a_lag_there_is_one_start(monkeypatch):
+    monkeypatch.setattr(
+        timing_fit, "joint_fit", lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), [])
+    )
+    found, _ = _begun(flown(), MotorResponse(delay=0.01), ("motor_delay",), ())
+    assert found.timing == MotorResponse(delay=0.01)

@@ -3,10 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from rotorfit.fit.flights import Flown, UsedFlight
-from rotorfit.flight.sensor_limits import LEAST_LIMIT, share_at_limit
 
 LEAST_SHARE: Final = 1e-3
 """Of the flight that must be cut off: real flights without a fault have none."""
@@ -22,22 +19,16 @@ def saturated_sensors(flown: Flown) -> str | None:
 
 def _cut_off(flight: UsedFlight) -> list[tuple[float, str]]:
     """Return the share of the flight that each sensor's end cut off, and what is to be said."""
-    data = flight.prepared.data
-    rows = data.used_rows
     file = Path(flight.entry.file).name
     found: list[tuple[float, str]] = []
-    for name, values, unit in (
-        ("gyro", data.angular_velocity, "rad/s"),
-        ("accel", data.specific_force, "m/s^2"),
-    ):
-        share = share_at_limit(values[rows], LEAST_LIMIT[name])
-        if share > LEAST_SHARE:
-            end = float(np.abs(values[rows]).max())
+    for name, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
+        cut = flight.recorded.cut_off[name]
+        if cut.share > LEAST_SHARE:
             sensor = "gyro" if name == "gyro" else "accelerometer"
             words = (
-                f"{file}: the {sensor} is at the end of its range ({end:.3g} {unit}) for "
-                f"{100 * share:.1f} % of the flight: what is faster or harder is cut off, and "
+                f"{file}: the {sensor} is at the end of its range ({cut.largest:.3g} {unit}) for "
+                f"{100 * cut.share:.1f} % of the flight: what is faster or harder is cut off, and "
                 "inertia or thrust comes out wrong; set a wider range, or fly more gently"
             )
-            found.append((share, words))
+            found.append((cut.share, words))
     return found

@@ -26,7 +26,7 @@ def what_numbers_hang_on(tables: Tables, flown: Flown) -> tuple[str, ...]:
             "kt and kd are proportional to the inverse square of rotor speed (hover at "
             f"{hover:.0f} rad/s, {RPM * hover:.0f} rpm)"
         )
-    seconds = sum(f.prepared.data.seconds_used for c in flown.configurations for f in c.flights)
+    seconds = sum(f.recorded.seconds for c in flown.configurations for f in c.flights)
     parts.append(f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)")
     if tables.factors is not None:
         parts += [

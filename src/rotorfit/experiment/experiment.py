@@ -176,6 +176,11 @@ class IdentificationEntry(Strict):
     cutoff: Positive | None = None
     r_sigma: Positive | None = None
 
+    @property
+    def in_bands(self) -> bool:
+        """Whether the method looks at frequency bands, not at every sample."""
+        return self.preset != "paper" and self.method != "tls"
+
 
 class Experiment(Strict):
     """The whole experiment, checked: a pydantic model of the experiment file, SI units.

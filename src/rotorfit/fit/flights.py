@@ -1,7 +1,7 @@
 """From the flights of an experiment to factors: read, prepare, reduce."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.bands.flight_bands import banded_data, flight_bands
+from rotorfit.bands.frequency_bands import EDGES
 from rotorfit.bands.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming, TimedBands
 from rotorfit.errors import ExperimentError, RotorfitError
 from rotorfit.estimation.factors import Factors, stack_recordings
@@ -27,6 +28,7 @@ from rotorfit.experiment.read_options import read_options_of, recording_options_
 from rotorfit.fit.weight_balance import Turning, turning
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
 from rotorfit.flight.data import Velocity
+from rotorfit.flight.decimate import AsRecorded, as_recorded, decimated
 from rotorfit.flight.joined_poses import with_poses
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.mocap import prepare_mocap
@@ -47,6 +49,7 @@ NOT_ANSWERING: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
 class UsedFlight:
     """A flight as it enters the estimate; of its log no channels are kept.
 
+    `prepared`: of a fast log with fewer samples; `recorded`: what is said of all of them.
     `motors`: as declared, completed by the log's parameters.
     `speeds_commanded`: its commands are rotor speeds [rad/s], not shares of full output.
     `telemetry`: how measured speeds go with the commands, where the log has both; `answers`: the
@@ -56,6 +59,7 @@ class UsedFlight:
     entry: FlightEntry
     log: FlightLog
     prepared: PreparedFlight
+    recorded: AsRecorded
     motors: MotorsEntry = field(default_factory=MotorsEntry)
     speeds_commanded: bool = False
     telemetry: Telemetry | None = None
@@ -312,22 +316,26 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         prepared = prepare_mocap(
             log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
         )
-        log = dataclasses.replace(log, channels={})
+        log, recorded = dataclasses.replace(log, channels={}), as_recorded(prepared)
     else:
-        tilt = imu_tilt_of(experiment.airframe)
-        recorded = on_one_clock(log, rotor_count=count, motors=motor_model)
+        on_clock = on_one_clock(log, rotor_count=count, motors=motor_model)
         log = dataclasses.replace(log, channels={})  # a long log as recorded would fill the memory
-        prepared = prepared_from(recorded, arm=vehicle.arm, motors=motor_model, window=window)
+        prepared = prepared_from(on_clock, arm=vehicle.arm, motors=motor_model, window=window)
+        del on_clock
+        recorded, tilt = as_recorded(prepared), imu_tilt_of(experiment.airframe)
+        if experiment.identification.in_bands:
+            prepared = decimated(prepared, motor_model, top=EDGES[-1])
         prepared = prepared if tilt is None else levelled(prepared, tilt)
     return UsedFlight(
         entry=entry,
         log=log,
         prepared=prepared,
+        recorded=recorded,
         speeds_commanded=speeds_commanded,
         telemetry=seen,
-        answers=_in_flight(answers, prepared),
+        answers=within(answers, recorded.spans),
         motors=motors,
-        battery=_voltage(battery, prepared),
+        battery=_voltage(battery, recorded.spans),
     )
 
 
@@ -353,23 +361,12 @@ def _not_answering(seen: Telemetry) -> list[int]:
     return [r.rotor - 1 for r in seen.rotors if r.state in NOT_ANSWERING]
 
 
-def _in_flight(answers: tuple[Answer, ...], prepared: PreparedFlight) -> tuple[Answer, ...]:
-    """Return commands and speeds of the airborne stretches, on the log's own clocks."""
-    return within(answers, _airborne(prepared))
-
-
-def _airborne(prepared: PreparedFlight) -> list[tuple[float, float]]:
-    """Return start and end of every airborne stretch, on the log's own clock [s]."""
-    time = prepared.data.time
-    return [(float(time[s.start]), float(time[s.stop - 1])) for s in prepared.data.segments]
-
-
-def _voltage(battery: Channel | None, prepared: PreparedFlight) -> float | None:
+def _voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> float | None:
     """Return the mean voltage in flight [V]; None where none was logged."""
     if battery is None:
         return None
     inside = np.zeros(len(battery.time), dtype=bool)
-    for begin, end in _airborne(prepared):
+    for begin, end in flown:
         inside |= (battery.time >= begin) & (battery.time <= end)
     seen = battery.values[inside & np.isfinite(battery.values[:, 0]), 0]
     return float(seen.mean()) if len(seen) else None

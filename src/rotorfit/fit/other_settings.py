@@ -53,7 +53,7 @@ def _other_timings(flown: Flown) -> list[list[Flown]]:
     found = flown.motor_timing
     if found is None:
         return []
-    half = 0.5 / flown.configurations[0].flights[0].prepared.data.sample_rate
+    half = 0.5 / flown.configurations[0].flights[0].recorded.sample_rate
     step, at = max(half, found.total_std), found.response
     groups = [[flown.at(replace(at, delay=at.delay + move)) for move in (-step, step)]]
     if found.lag_std is not None and found.delay_std is not None:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.flight.log import LagOn
+from rotorfit.flight.thinning import Thinning
 
 Differentiation = Literal["exact", "central"]
 Velocity = Literal["none", "climb", "known"]
@@ -28,6 +29,27 @@ class Segment:
 
     def __len__(self) -> int:
         return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldCommands:
+    """Commands of which a decimated flight has means: each was held until the next.
+
+    A lag that differs between up and down answers every one of them, and not their mean.
+
+    Attributes
+    ----------
+    speed
+        That each would settle at [rad/s].
+    sample_rate
+        As recorded [Hz].
+    jumps
+        First rows after a gap.
+    """
+
+    speed: Float[np.ndarray, "r N"]
+    sample_rate: float
+    jumps: Int[np.ndarray, " j"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +92,10 @@ class FlightData:
     reference
         Angular velocity that pilot or mission asked for [rad/s], where the log has it; NaN in rows
         without.
+    thinned
+        How these rows were made of those that were recorded, where they are fewer.
+    held
+        The commands as recorded, where a row of the motor channel is the mean of several.
     """
 
     sample_rate: float
@@ -86,6 +112,8 @@ class FlightData:
     climb: Float[np.ndarray, " n"] | None = None
     lag_on: LagOn = "speed"
     reference: Float[np.ndarray, "n 3"] | None = None
+    thinned: Thinning | None = None
+    held: HeldCommands | None = None
 
     @property
     def used_rows(self) -> Int[np.ndarray, " u"]:

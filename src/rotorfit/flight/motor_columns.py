@@ -2,7 +2,8 @@
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,6 +14,9 @@ from rotorfit.flight.motors import MotorResponse, following_speed
 from rotorfit.flight.signals import central_difference
 from rotorfit.flight.speed_law import SpeedLaw
 from rotorfit.flight.splines import smooth_motors
+
+SLOW_LAG: Final = 2.0
+"""Lag in samples, from which means of commands do as well as these: to 1e-4 up to 30 Hz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +63,7 @@ def with_motors(
     Lag and delay change nothing else: a trial of either costs only these columns.
     """
     if data.differentiation == "exact":
-        jumps = _jumps(data.time, data.sample_rate)
+        jumps = clock_jumps(data.time, data.sample_rate)
         # Low-passed already: moved and differentiated by splines, as the pose is.
         moved = [
             smooth_motors(piece, data.sample_rate, lag=response.mean_lag, delay=response.delay)
@@ -70,7 +74,7 @@ def with_motors(
             rotor_speed=np.concatenate([value for value, _ in moved]),
             rotor_acceleration=np.concatenate([slope for _, slope in moved]),
         )
-    turned = following_rotors(data.time, speed, data.sample_rate, response, lag_on=data.lag_on)
+    turned = _turned(data, speed, response)
     return dataclasses.replace(
         data,
         rotor_speed=turned,
@@ -78,23 +82,47 @@ def with_motors(
     )
 
 
-def _jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
-    """Return the first rows after a gap."""
+def _turned(
+    data: FlightData, speed: Float[np.ndarray, "n N"], response: MotorResponse
+) -> Float[np.ndarray, "n N"]:
+    """Return the speed of the rotors; from means of commands only where these answer like each."""
+    follow = partial(following_rotors, response=response, lag_on=data.lag_on)
+    held, thinned = data.held, data.thinned
+    if thinned is None:
+        jumps = clock_jumps(data.time, data.sample_rate)
+        return follow(speed, data.sample_rate, jumps=jumps)
+    if held is None:
+        return follow(speed, data.sample_rate, jumps=thinned.jumps)
+    linear = data.lag_on == "speed" and not response.two_way
+    if not linear or response.lag * data.sample_rate < SLOW_LAG:
+        return thinned(follow(held.speed, held.sample_rate, jumps=held.jumps))
+    held_for = 1.0 / held.sample_rate
+    return follow(speed, data.sample_rate, jumps=thinned.jumps, held_for=held_for)
+
+
+def clock_jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
+    """Return the first rows after a gap in the clock."""
     return np.flatnonzero(np.diff(time) > 1.5 / sample_rate) + 1
 
 
 def following_rotors(
-    time: Float[np.ndarray, " n"],
     speed: Float[np.ndarray, "n N"],
     sample_rate: float,
-    response: MotorResponse,
     *,
+    jumps: Int[np.ndarray, " j"],
+    response: MotorResponse,
     lag_on: LagOn,
+    held_for: float | None = None,
 ) -> Float[np.ndarray, "n N"]:
-    """Return the speed of rotors that follow the motor channel, anew after every gap."""
-    jumps = _jumps(time, sample_rate)
+    """Return the speed of rotors that follow the motor channel, anew after every gap.
+
+    `jumps`: the first rows after a gap; `held_for`: see `following_speed`.
+    """
     power = 2.0 if lag_on == "thrust" else 1.0
     held = speed**power if power != 1.0 else speed
-    pieces = [following_speed(piece, sample_rate, response) for piece in np.split(held, jumps)]
+    pieces = [
+        following_speed(piece, sample_rate, response, held_for=held_for)
+        for piece in np.split(held, jumps)
+    ]
     followed = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     return np.maximum(followed, 0.0) ** (1.0 / power) if power != 1.0 else followed

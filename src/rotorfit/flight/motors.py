@@ -38,19 +38,53 @@ class MotorResponse:
     lag_down: float | None = None
 
     @property
+    def two_way(self) -> bool:
+        """Whether rising and falling speed differ."""
+        return self.lag_down is not None and self.lag_down != self.lag
+
+    @property
     def mean_lag(self) -> float:
         """Of rising and falling speed [s]."""
         return self.lag if self.lag_down is None else 0.5 * (self.lag + self.lag_down)
 
 
 def following_speed(
-    held: Float[np.ndarray, "n N"], sample_rate: float, response: MotorResponse
+    held: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    response: MotorResponse,
+    *,
+    held_for: float | None = None,
 ) -> Float[np.ndarray, "n N"]:
-    """Return the speed of rotors that follow a held command with delay and lag [rad/s]."""
-    late = shift_time(held, sample_rate, response.delay)
-    if response.lag_down is None or response.lag_down == response.lag:
+    """Return the speed of rotors that follow a held command with delay and lag [rad/s].
+
+    Parameters
+    ----------
+    held
+        Speed that each command would settle at, held from its sample to the next [rad/s].
+    sample_rate
+        Of the samples [Hz].
+    response
+        How the rotors follow.
+    held_for
+        How long one command held where each sample is the mean of several, of which the first is
+        at the sample's time [s]; None: each is one. Of means, one lag that is not zero is expected.
+    """
+    early = 0.0 if held_for is None else _early(held_for, 1.0 / sample_rate, response.lag)
+    late = shift_time(held, sample_rate, response.delay - early)
+    if response.lag_down is None or not response.two_way:
         return first_order_lag(late, sample_rate, response.lag)
     return two_way_lag(late, sample_rate, up=response.lag, down=response.lag_down)
+
+
+def _early(one: float, several: float, lag: float) -> float:
+    r"""Return how much later than their own a mean of several commands must be taken [s].
+
+    Behind a lag :math:`\tau` what was commanded during a time T counts with :math:`e^{t/\tau}`,
+    so that its middle is :math:`T/2 \coth(T/2\tau) - \tau` later than half of T: of `several`
+    together, and of each one.
+    """
+    together, each = (0.5 * held / np.tanh(0.5 * held / lag) for held in (several, one))
+    return float(together - each)
 
 
 def first_order_lag(

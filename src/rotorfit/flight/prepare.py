@@ -35,7 +35,7 @@ from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.felt_climb import felt_climb
 from rotorfit.flight.ground_contact import ON_THE_GROUND, aloft, ground_contact, ground_said
 from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.flight.motor_columns import MotorModel, following_rotors, with_motors
+from rotorfit.flight.motor_columns import MotorModel, clock_jumps, following_rotors, with_motors
 from rotorfit.flight.motors import (
     first_order_lag,
     speed_from_command,
@@ -243,7 +243,11 @@ def _turned(
 ) -> Float[np.ndarray, "n N"]:
     """Return the rotor speed by the motor model as it was declared."""
     return following_rotors(
-        uniform.time, speed, uniform.sample_rate, motors.response, lag_on=motors.lag_on
+        speed,
+        uniform.sample_rate,
+        jumps=clock_jumps(uniform.time, uniform.sample_rate),
+        response=motors.response,
+        lag_on=motors.lag_on,
     )
 
 

@@ -1,6 +1,7 @@
 """How much of a sensor's signal its end cut off."""
 
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,6 +13,22 @@ LEAST_LIMIT: Final = {"gyro": 4.0, "accel": 35.0}
 LIMIT_RUN: Final = 3
 STEEP: Final = 5.0
 """A step of so many times the smallest one is no rounded peak's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutOff:
+    """The share of a flight that a sensor's end cut off, and the largest reading, in its unit."""
+
+    share: float
+    largest: float
+
+
+def cut_off(values: Float[np.ndarray, "n 3"], sensor: Literal["gyro", "accel"]) -> CutOff:
+    """Return what a sensor's end cut off of its readings in flight."""
+    return CutOff(
+        share=share_at_limit(values, LEAST_LIMIT[sensor]),
+        largest=max(float(values.max(initial=0.0)), -float(values.min(initial=0.0))),
+    )
 
 
 def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1) -> float:

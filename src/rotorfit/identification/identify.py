@@ -310,18 +310,14 @@ def _mass_warning(flown: Flown) -> tuple[str, ...]:
 
 
 def _record(flight: UsedFlight, configuration: str) -> FlightRecord:
-    data = flight.prepared.data
-    zero = float(data.time[0])
+    recorded, zero = flight.recorded, flight.recorded.start
     return FlightRecord(
         file=flight.entry.written,
         sha256=flight.log.sha256,
         configuration=configuration,
-        seconds_used=data.seconds_used,
-        samples_used=data.samples_used,
-        used=tuple(
-            (float(data.time[s.start]) - zero, float(data.time[s.stop - 1]) - zero)
-            for s in data.segments
-        ),
+        seconds_used=recorded.seconds,
+        samples_used=recorded.samples,
+        used=tuple((start - zero, end - zero) for start, end in recorded.spans),
         cuts=tuple((c.start - zero, c.end - zero, c.reason) for c in flight.prepared.cuts),
         warnings=(*flight.log.warnings, *flight.prepared.warnings),
     )

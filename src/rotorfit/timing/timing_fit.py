@@ -51,6 +51,10 @@ UNTOLD_PULL: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
 residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
 instead of 39 in a hover)."""
+STARTS: Final = (1.0, 0.5, 2.0)
+"""Of the lag that the fit begins with, one after the other where it gets lost."""
+LOST: Final = 1.0
+"""A fit that moves a time further has lost the motion: its slopes hold for some 20 ms [s]."""
 HOLD_FAULT: Final = 0.25
 """Of a sample: half of the half-sample that lies between the two ways a command may have held."""
 FEWEST_TERMS: Final[tuple[Term, ...]] = ("accel_bias",)
@@ -133,8 +137,14 @@ def _begun(
             start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
     # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
     beside = _beside(flown, start, names) if guess is not None else ()
-    flown = flown.at(start, names, beside=beside)
-    return flown, joint_fit(flown, terms=terms, guess=guess)[0]
+    tried: list[tuple[Flown, BandedEstimate]] = []
+    for share in STARTS if start.lag > 0.0 else STARTS[:1]:
+        begun = flown.at(replace(start, lag=share * start.lag), names, beside=beside)
+        fit, _ = joint_fit(begun, terms=terms, guess=guess)
+        if max(abs(fit.estimate.value(name)) for name in names) < LOST:
+            return begun, fit
+        tried.append((begun, fit))
+    return tried[0]
 
 
 def _settled(

@@ -220,7 +220,7 @@ def compare_wrenches(
     Z = np.concatenate(parts)
     body, rotors = _wrenches(_without_bias(Z, known), model, known)
     time = np.concatenate([data.time[s.start + end : s.stop - end] for s in inner])
-    time = time - data.time[0]
+    time = time - used.recorded.start
     predicted = [
         c
         for c in SHOWN
