@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.bands.frequency_bands import EDGES
 from rotorfit.checks.declared_rotors import check_frame, free_response, response
 from rotorfit.errors import FrameError
-from rotorfit.fit.frequency_bands import EDGES
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.simulation import (
     PERFECT,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.bands.frequency_bands import EDGES
 from rotorfit.checks.plausible_units import (
     SLIMMEST,
     STOUTEST,
@@ -17,7 +18,6 @@ from rotorfit.checks.plausible_units import (
     slow_rotor_doubts,
 )
 from rotorfit.errors import ExperimentError, FlightError, FrameError
-from rotorfit.fit.frequency_bands import EDGES
 from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.simulation import (
     Scenario,

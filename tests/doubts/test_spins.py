@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.bands.frequency_bands import EDGES
 from rotorfit.doubts.spins import better_spins, negative_drag
 from rotorfit.errors import FrameError
-from rotorfit.fit.frequency_bands import EDGES
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.reduce import BandPlan, yaw_factors
 from rotorfit.simulation import (

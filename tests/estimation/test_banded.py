@@ -9,8 +9,18 @@ from hypothesis import strategies as st
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedProblem, banded
-from rotorfit.estimation.banded_equations import evaluated, lifted_slopes, solutions
+from rotorfit.estimation.banded_equations import (
+    State,
+    corrected_equations,
+    evaluated,
+    lifted_slopes,
+    part_information,
+    root_of,
+    selected,
+)
+from rotorfit.estimation.banded_problem import solutions
 from rotorfit.estimation.factors import Factors, time_block_factors, triangular_factors
+from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import parameter_map
 
 
@@ -75,6 +85,96 @@ def test_jacobian_is_the_derivative_of_the_residual(seed, products):
         ) / 2e-6
         scale = np.abs(J[..., f]).max() + np.abs(difference).max()
         np.testing.assert_allclose(J[..., f], difference, atol=2e-5 * scale)
+
+
+def random_answers(rng, blocks):
+    shape = (blocks, 2, 2)
+    moves, share, doubt = (
+        rng.normal(size=s) + 1j * rng.normal(size=s) for s in (shape, shape[:2], shape[:2])
+    )
+    return Answers(
+        rows=rng.integers(10, 30, size=(blocks, 2)),
+        moves=moves,
+        share=share,
+        doubt=doubt,
+        late=np.zeros((blocks, 0), dtype=complex),
+    )
+
+
+def in_parts_and_apart(seed, *, noise):
+    """Return one configuration of two parts, and two configurations of one, of the same blocks."""
+    rng = np.random.default_rng(seed)
+    plain = random_problem(seed)
+    factors = plain.factors[0]
+    if noise:
+        factors = replace(factors, noise=0.01 * rng.uniform(size=(4, 5)))
+    each = [factors.select(np.arange(4) < 1), factors.select(np.arange(4) >= 1)]
+    free = {
+        "p": {(0, "a"): 1.0, (1, "a"): 1.0},
+        "q": {(0, "b"): 1.0, (1, "c"): 0.5},
+        "r": {(1, "d"): 1.0},
+        "s": {(1, "b"): 1.0},
+    }
+    known = {(0, "m"): 3.0, (1, "m"): 3.0}
+    terms = {(1, "c"): [(0.3, "p", "s")]}
+    apart = replace(
+        plain,
+        factors=tuple(each),
+        tensors=plain.tensors * 2,
+        map=parameter_map("mabcd", free, known, configurations=2, products=terms),
+        prior_std={name: 2.0 for name in "pqrs"},
+        counted=(np.array([[True, False]]), np.ones((3, 2), dtype=bool)),
+        feedback=Feedback(
+            errors=(0, 1), inputs=(2, 3), answers=(random_answers(rng, 1), random_answers(rng, 3))
+        ),
+    )
+    together = replace(
+        apart,
+        factors=(factors,),
+        tensors=plain.tensors,
+        parts=((1, 3),),
+        counted=(np.concatenate(apart.counted),),
+    )
+    return together, apart
+
+
+@pytest.mark.parametrize("noise", [False, True])
+def test_parts_of_one_configuration_are_as_configurations_of_their_own(noise):
+    """But for what few rows borrow, and the floor: here no block has few, and none is exact."""
+    together, apart = in_parts_and_apart(3, noise=noise)
+    phi = np.array([0.2, -0.4, 0.7, 0.1])
+    chosen = [np.array([True, True, False, False]), np.array([False, True, False, True])]
+
+    def all_of(problem):
+        state = evaluated(problem, phi)
+        asked = corrected_equations(problem, state)
+        at = State(phi=phi, residual=state.residual, variance=state.variance)
+        some = corrected_equations(*selected(problem, at, chosen[1]))
+        return (
+            np.array([state.cost, state.rest]),
+            state.residual,
+            state.variance,
+            state.squares,
+            asked.plain,
+            asked.taken,
+            asked.scores,
+            part_information(problem, state, chosen),
+            some.plain,
+            some.scores,
+            root_of(problem, state, asked.plain),
+        )
+
+    for one, other in zip(all_of(together), all_of(apart), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
+def test_rows_give_the_root_of_the_information_of_every_part(monkeypatch):
+    together, _ = in_parts_and_apart(3, noise=False)
+    state = evaluated(together, np.array([0.2, -0.4, 0.7, 0.1]))
+    plain = corrected_equations(together, state).plain
+    monkeypatch.setattr("rotorfit.estimation.banded_equations.SMALLEST_PIVOT", np.inf)
+    R = root_of(together, state, plain)
+    np.testing.assert_allclose(R.T @ R, plain, rtol=1e-10, atol=1e-10 * plain.max())
 
 
 def test_one_noise_level_gives_ordinary_least_squares():

@@ -200,6 +200,16 @@ def test_stacked_factors_number_their_segments_on():
     assert len(kept) == 2
 
 
+def test_blocks_in_succession_are_not_copied():
+    Z = np.random.default_rng(2).normal(size=(90, 3))
+    whole = time_block_factors(Z, block_rows=30)
+    for keep, copied in (([False, True, True], False), ([True, False, True], True)):
+        some = whole.select(np.array(keep))
+        np.testing.assert_array_equal(some.R, whole.R[keep])
+        assert np.shares_memory(some.R, whole.R) is not copied
+    assert len(whole.select(np.zeros(3, dtype=bool))) == 0
+
+
 def test_merged_factors_are_one_block_of_all_rows():
     Z = np.random.default_rng(0).normal(size=(90, 3))
     F = time_block_factors(Z, block_rows=20)

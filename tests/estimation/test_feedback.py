@@ -19,9 +19,8 @@ from rotorfit.estimation.banded_equations import (
     evaluated,
     feedback_gain,
     feedback_scores,
-    solutions,
-    solved_each,
 )
+from rotorfit.estimation.banded_problem import solutions, solved_each
 from rotorfit.estimation.factors import Factors, time_block_factors, triangular_factors
 from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import parameter_map

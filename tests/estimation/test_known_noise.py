@@ -176,7 +176,7 @@ def test_where_most_is_noise_nothing_moves_from_its_start():
 def test_what_noise_adds_to_the_errors_is_its_variance_times_the_squared_slope():
     y, x = points()
     problem = slope_problem(y, x, noise=0.25)
-    found = known_share(problem.factors[0], np.array([[1.0, -3.0]]))
+    found = known_share(problem, 0, np.array([[[1.0, -3.0]]]))
     np.testing.assert_allclose(found, np.full((BLOCKS, 1), 2.25))
 
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import made_fit
+from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.fit.joint_equations import (
     NOISY,
@@ -16,7 +17,6 @@ from rotorfit.fit.joint_equations import (
     joint_problem,
     usual_answer,
 )
-from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rotorfit.bands.frequency_bands import PILOT_BAND
 from rotorfit.fit.excitation import (
     ANSWERED_PULL,
     AXIS_OF,
@@ -18,7 +19,6 @@ from rotorfit.fit.excitation import (
     link_allowance,
     product_allowance,
 )
-from rotorfit.fit.frequency_bands import PILOT_BAND
 
 PULLS = {"Ixx_com": INERTIA_PULL, "Iyy": INERTIA_PULL, "Izz": SCALE_PULL, "kd": SCALE_PULL}
 

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 import made_fit
+from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.banded import BandedProblem, answer_shifts, banded
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
@@ -24,7 +25,6 @@ from rotorfit.fit.joint_numbers import (
     number_scale,
     weighed_excitation,
 )
-from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.flight.motors import MotorResponse
 
 FREE = 12

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.experiment.payload import PointMass
 from rotorfit.fit import row_fits
 from rotorfit.fit.joint_equations import joint_prior, joint_problem, rotor_speeds
-from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.regressor import regressor

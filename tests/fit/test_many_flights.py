@@ -29,14 +29,14 @@ def of_flights(flights):
 @pytest.mark.parametrize("flights", [1, 4])
 def test_few_flights_are_one(flights):
     problem = joint_problem([of_flights(flights)])
-    assert len(problem.factors) == len(problem.tensors) == len(problem.map.constant) == 1
+    assert len(problem.every_part) == len(problem.map.constant) == 1
     assert not any(name.startswith("trim") for name in problem.map.names)
 
 
 def test_each_of_five_flights_has_its_own_first_moments_and_all_else_in_common():
     body, other = of_flights(5), replace(of_flights(2), name="B")
     problem = joint_problem([body, other])
-    assert [len(factors) for factors in problem.factors] == [2, 2, 2, 2, 2, 4]
+    assert problem.parts == ((2, 2, 2, 2, 2), (4,))
     names = problem.map.names
     trims = [f"trim_{moment}@{k}" for k in range(5) for moment in ("msx", "msy")]
     assert [name for name in names if name.startswith("trim")] == trims

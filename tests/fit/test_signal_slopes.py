@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from scipy import signal
 
 import made_fit
+from rotorfit.bands.flight_bands import prepared_bands
+from rotorfit.bands.motor_timing import FreeTiming, MotorTiming
 from rotorfit.estimation.factors import Factors, stack_factors, triangular_factors
-from rotorfit.fit.flights import Flown, prepared_bands
-from rotorfit.fit.motor_timing import FreeTiming, MotorTiming
+from rotorfit.fit.flights import Flown
 from rotorfit.fit.other_settings import longer_arms
 from rotorfit.flight.data import Segment
 from rotorfit.flight.motors import MotorResponse

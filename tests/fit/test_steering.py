@@ -5,15 +5,15 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.estimation.factors import Factors
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.frequency_bands import (
+from rotorfit.bands.frequency_bands import (
     EDGES,
     LEAST_RATIO,
     PILOT_BAND,
     counted_bands,
     flown_bands,
 )
+from rotorfit.estimation.factors import Factors
+from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.joint_equations import ANSWERED, NOISY
 from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.steering import _tied, _with_counted, steered_slowly

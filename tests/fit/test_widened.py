@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit.motor_timing import MotorTiming
 from rotorfit.fit.other_settings import longer_arms, moved_imu, other_geometries, widened
 from rotorfit.flight.motors import MotorResponse
 

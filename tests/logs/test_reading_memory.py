@@ -12,9 +12,10 @@ from benchmarks.large_log import CHANNELS, FORMATS, RATE, SECONDS, parts
 from flight_writers import WRITERS, in_whole_rpm
 
 from flown import experiment_file, simulated
+from rotorfit.bands.flight_bands import flight_bands
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.flights import flight_bands, load_flight
+from rotorfit.fit.flights import load_flight
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.logs import read_log
 
@@ -75,6 +76,6 @@ def test_a_long_flight_is_prepared_and_retimed_within_three_times_its_channels(f
         (entry,) = experiment.configuration[0].flights
         used = load_flight(entry, experiment)
         assert used.log.channels == {}
-        assert len(flight_bands([used], vehicle, MotorResponse(lag=0.02, delay=0.003))) > 0
+        assert len(flight_bands([used.prepared], vehicle, MotorResponse(lag=0.02, delay=0.003))) > 0
 
     assert growth(written("table", flight, tmp_path), work) < LIMIT

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import flown
+from rotorfit.bands.frequency_bands import EDGES, STRETCH
 from rotorfit.errors import ExperimentError
-from rotorfit.fit.frequency_bands import EDGES, STRETCH
 from rotorfit.fit.joint_equations import ROTOR_SPREAD_STD, JointConfiguration, joint_estimate
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.model.layouts import layout_rotors

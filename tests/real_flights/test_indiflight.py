@@ -157,7 +157,7 @@ def test_the_throw_of_a_calm_log_tells_roll_and_pitch_and_no_yaw(joint):
     for name, axis in (("Ixx", "roll"), ("Iyy", "pitch")):
         found = result.derived_value(f"{name}_com")
         assert 0.1 * found.value > 0.5 * (found.interval[1] - found.interval[0])
-        assert 2.0 < result.diagnostics[f"excitation_{axis}@A"] < 4.0
+        assert result.diagnostics[f"excitation_{axis}@A"] < 4.0
     for name in ("Izz", "kd", "Jr"):
         found = result.parameter(name)
         assert found.verdict == "not-identified"

@@ -2,8 +2,8 @@
 
 import pytest
 
+from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit.motor_timing import MotorTiming
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.results.parameter_tables import motor_parameters
 

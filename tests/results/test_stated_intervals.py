@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.estimation.estimate import Estimate, LinearProblem
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.estimation.total import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
-from rotorfit.fit.motor_timing import MotorTiming
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.paper_fit import PaperSettings
 from rotorfit.fit.row_fits import ROWS, RowFits

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import made_fit
+from rotorfit.bands.motor_timing import FreeTiming, MotorTiming, skew_of, told
 from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.motor_timing import FreeTiming, MotorTiming, skew_of, told
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing import timing_fit, timing_search
 from rotorfit.timing.timing_fit import (
@@ -198,8 +198,8 @@ def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
     assert timed.timing == AT and seen[-1][0].at == AT
 
 
-def test_a_tenth_of_a_deviation_needs_no_other_round(monkeypatch):
-    for off, rounds in ((0.09, 1), (0.11, 2)):
+def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
+    for off, rounds in ((0.29, 1), (0.31, 2)):
         seen = fits_to(monkeypatch, AT)
         start = MotorResponse(lag=AT.lag + off * MS, delay=AT.delay)
         _settled(flown().at(start, BOTH), ())

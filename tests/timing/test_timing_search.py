@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 import flown
+from rotorfit.bands.motor_timing import LAG_PRIOR
 from rotorfit.errors import FlightWarning
 from rotorfit.experiment.experiment import MotorsEntry, load_experiment
-from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.identification.identify import _flown, identify
 from rotorfit.results.parameter_tables import motor_parameters

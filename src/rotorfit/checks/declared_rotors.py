@@ -17,12 +17,13 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Bool, Float
 
+from rotorfit.bands.flight_bands import prepared_bands
+from rotorfit.bands.motor_timing import LAG_PRIOR
 from rotorfit.checks.plausible_units import refuse_implausible_size
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit.flights import UsedFlight, prepared_bands
-from rotorfit.fit.motor_timing import LAG_PRIOR
+from rotorfit.fit.flights import UsedFlight
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.mounting import LEAST_LEAN, lean, lean_words
 from rotorfit.model.signals import signal_layout

@@ -15,6 +15,7 @@ from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.flights import Configured
 from rotorfit.fit.joint_equations import JointConfiguration, joint_estimate, only
+from rotorfit.fit.joint_fit import NEAR
 from rotorfit.fit.joint_numbers import joint_numbers
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.many_flights.autopilot import UNHEARD
@@ -71,7 +72,8 @@ def _alone(
             continue
         one = only(replace(c, answer=UNHEARD), own)
         try:
-            yield k, joint_numbers(joint_estimate([one], [], begin=begin), [one], {c.name: 0.0})
+            alone = joint_estimate([one], [], begin=begin, close=NEAR)
+            yield k, joint_numbers(alone, [one], {c.name: 0.0})
         except EstimationError:
             continue  # too short or too still a flight to tell anything by itself
 

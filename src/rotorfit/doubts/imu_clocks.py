@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.fit.flights import Flown, UsedFlight, retimed
+from rotorfit.bands.flight_bands import retimed
+from rotorfit.fit.flights import Flown, UsedFlight
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.signals import smooth, whole_samples
 from rotorfit.model.vehicle import Vehicle

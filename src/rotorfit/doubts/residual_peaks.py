@@ -13,9 +13,10 @@ import scipy.linalg
 from jaxtyping import Float
 from scipy import signal, stats
 
+from rotorfit.bands.flight_bands import retimed
+from rotorfit.bands.frequency_bands import EDGES, STRETCH
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.fit.flights import Flown, retimed
-from rotorfit.fit.frequency_bands import EDGES, STRETCH
+from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, theta_of
 from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.reduce import split_segment

@@ -16,12 +16,12 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
+from rotorfit.bands.frequency_bands import EDGES, flown_bands
 from rotorfit.checks.declared_rotors import BAND, reversed_rotor
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.frequency_bands import EDGES, flown_bands
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.vehicle import Vehicle

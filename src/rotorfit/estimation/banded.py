@@ -21,9 +21,6 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded_equations import (
-    BandedProblem as BandedProblem,
-)
-from rotorfit.estimation.banded_equations import (
     Evaluated,
     State,
     corrected_equations,
@@ -31,9 +28,14 @@ from rotorfit.estimation.banded_equations import (
     evaluated_or_none,
     feedback_scores,
     part_information,
-    power_of,
     root_of,
     selected,
+)
+from rotorfit.estimation.banded_problem import (
+    BandedProblem as BandedProblem,
+)
+from rotorfit.estimation.banded_problem import (
+    power_of,
     signal_power,
     solutions,
 )

@@ -10,84 +10,28 @@ R d u_k / d phi: rows are needed once for the errors, and the information
 needs no more of the blocks than their Gram matrices, weighted and summed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Shaped
+from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.factors import Factors, borrowed_mean_square
+from rotorfit.estimation.banded_problem import (
+    BandedProblem,
+    Solution,
+    power_of,
+    solutions,
+    solved_each,
+    split_blocks,
+)
+from rotorfit.estimation.factors import borrowed_mean_square
 from rotorfit.estimation.feedback import Feedback
-from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.estimation.solved import solved, solved_jacobian
 
-RELATIVE_FLOOR: Final = 1e-9
-"""Smallest variance, relative to the noisy signal's own: far under any sensor's, but a simulation
-may be exact, and without a floor its likelihood is a valley that the iteration crawls along."""
 SMALLEST_PIVOT: Final = 1e-4
 """Of the column-scaled information, under which its rounding (1e-16 / pivot^2) would show: it is
 made of the rows themselves there. What only a prior determines would drown beside exact flights."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BandedProblem:
-    """What the estimator is handed; it knows of no drone.
-
-    Attributes
-    ----------
-    factors
-        One per configuration, a block per stretch and frequency band.
-    tensors
-        A_p of each configuration.
-    map
-        From the free parameters to each configuration's theta.
-    noisy
-        Which signals carry the noise, as many as there are equations.
-    prior_mean, prior_std
-        Of free parameters that are known beforehand.
-    counted
-        Which errors of each block count, one array per configuration; all where there is none.
-    feedback
-        Where a controller answers the errors.
-    moving
-        Free parameters that move the signals, in the order of the factors' slopes.
-    tied
-        How much of each error (row) comes with the others (column), and is taken off it: strictly
-        lower triangular up to the order of the errors, one per configuration; nothing by default.
-    """
-
-    factors: tuple[Factors, ...]
-    tensors: tuple[Float[np.ndarray, "p j z"], ...]
-    map: ParameterMap
-    noisy: tuple[int, ...]
-    prior_mean: Mapping[str, float]
-    prior_std: Mapping[str, float]
-    counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
-    feedback: Feedback | None = None
-    moving: tuple[str, ...] = ()
-    tied: tuple[Float[np.ndarray, "k k"], ...] = ()
-
-    @property
-    def places(self) -> list[int]:
-        """Places among the free parameters of those that move the signals."""
-        return [self.map.names.index(name) for name in self.moving]
-
-    @property
-    def prior(self) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
-        """Mean and deviation of every free parameter before the flight."""
-        mean = [self.prior_mean.get(name, 0.0) for name in self.map.names]
-        std = [self.prior_std.get(name, np.inf) for name in self.map.names]
-        return np.array(mean), np.array(std)
-
-    def moves(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " t"]:
-        """Return how far the signals are moved at `phi`."""
-        return phi[self.places]
-
-    def untied(self, c: int, G: Float[np.ndarray, "*f k z"]) -> Float[np.ndarray, "*f k z"]:
-        """Return what makes the errors of configuration `c` without what comes with the others."""
-        return G - self.tied[c] @ G if self.tied else G
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,28 +117,28 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     found = solved_each(problem, phi)
     rest = prior_cost(problem, phi) - 2.0 * feedback_gain(problem, phi, found)
     cost = rest
-    residuals: list[Float[np.ndarray, "b m k"]] = []
+    untied = [problem.untied(c, G) for c, G in enumerate(found)]
+    residual = _errors(problem, phi, untied)
+    powers = split_blocks(power_of(residual), problem.factors)
     variances: list[Float[np.ndarray, "b k"]] = []
     squares: list[Float[np.ndarray, "b k"]] = []
-    for c, (factors, solved_G) in enumerate(zip(problem.factors, found, strict=True)):
-        G = problem.untied(c, solved_G)
-        e = factors.columns @ (factors.lift(problem.moves(phi)) @ G.T)
-        power = power_of(e)
-        v, floored = _variance(power, factors, problem.noisy)
+    for c, (factors, G) in enumerate(zip(problem.factors, untied, strict=True)):
+        power, rows, floor = powers[c], factors.rows[:, None], problem.floors[c]
+        own = borrowed_mean_square(power, factors)
+        v, floored = np.maximum(own, floor), own < floor
         counted = problem.counted[c] if problem.counted else np.ones_like(v, dtype=bool)
-        cost += float(np.sum(factors.rows[:, None] * np.log(v), where=counted))
+        cost += float(np.sum(rows * np.log(v), where=counted))
         # At its floor a variance is no longer that of the errors: they have a cost of their own,
         # or the likelihood of exact flights would be flat.
-        spare = np.minimum(power / v - factors.rows[:, None], 0.0)
+        spare = np.minimum(power / v - rows, 0.0)
         cost += float(np.sum(spare, where=counted & floored))
-        residuals.append(e)
         variances.append(np.where(counted, v, np.inf))
-        squares.append(power - factors.rows[:, None] * known_share(factors, G))
+        squares.append(power - rows * known_share(problem, c, G))
     if not np.isfinite(cost):
         raise EstimationError("the likelihood is not finite here")
     return Evaluated(
         phi=phi,
-        residual=np.concatenate(residuals),
+        residual=residual,
         variance=np.concatenate(variances),
         cost=cost,
         squares=np.concatenate(squares),
@@ -202,17 +146,32 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
     )
 
 
-def solved_each(
-    problem: BandedProblem, phi: Float[np.ndarray, " f"]
-) -> list[Float[np.ndarray, "k z"]]:
-    """Return G of each configuration."""
-    theta = problem.map.theta(phi)
-    return [solved(A, theta[c], problem.noisy)[0] for c, A in enumerate(problem.tensors)]
+def _errors(
+    problem: BandedProblem,
+    phi: Float[np.ndarray, " f"],
+    found: Sequence[Float[np.ndarray, "_ k z"]],
+) -> Float[np.ndarray, "b m k"]:
+    """Return the errors of all blocks; `found` is what makes them of each part's signals."""
+    lifts = [factors.lift(problem.moves(phi)).T for factors in problem.factors]
+    blocks = sum(len(factors) for factors in problem.factors)
+    e = np.empty((blocks, problem.factors[0].columns.shape[1], len(problem.noisy)))
+    for part in problem.every_part:
+        c = part.configuration
+        columns, u = problem.factors[c].columns[part.own], found[c][part.place] @ lifts[c]
+        np.matmul(columns, u.T, out=e[part.blocks])
+    return e
 
 
-def known_share(factors: Factors, G: Float[np.ndarray, "k z"]) -> Float[np.ndarray, "b k"]:
-    """Return what the regressors' known noise adds to the variance of every block's errors."""
-    return factors.known_noise @ (G * G).T
+def known_share(
+    problem: BandedProblem, c: int, G: Float[np.ndarray, "t k z"]
+) -> Float[np.ndarray, "b k"]:
+    """Return what known noise of the regressors adds to the variance of every block's errors."""
+    noise = problem.factors[c].noise
+    share = np.zeros((len(problem.factors[c]), G.shape[1]))
+    for part in problem.every_part:
+        if part.configuration == c and noise is not None:
+            share[part.own] = noise[part.own] @ (G[part.place] ** 2).T
+    return share
 
 
 def evaluated_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated | None:
@@ -223,30 +182,6 @@ def evaluated_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> E
         return None
 
 
-def power_of(rows: Float[np.ndarray, "b m k"]) -> Float[np.ndarray, "b k"]:
-    """Return the sum of squares of every column of each block."""
-    return np.einsum("bmk,bmk->bk", rows, rows)
-
-
-def signal_power(problem: BandedProblem) -> Float[np.ndarray, "b k"]:
-    """Return the sum of squares of each noisy signal in every block."""
-    noisy = list(problem.noisy)
-    return np.concatenate([power_of(factors.R[:, :, noisy]) for factors in problem.factors])
-
-
-def _variance(
-    power: Float[np.ndarray, "b k"], factors: Factors, noisy: Sequence[int]
-) -> tuple[Float[np.ndarray, "b k"], Bool[np.ndarray, "b k"]]:
-    """Return each block's mean square error per noisy signal, and where it is at its floor.
-
-    Blocks of few rows borrow from their neighbours.
-    """
-    signal = power_of(factors.R[:, :, list(noisy)]).sum(axis=0)
-    floor = RELATIVE_FLOOR * signal / factors.rows.sum() + np.finfo(float).tiny
-    own = borrowed_mean_square(power, factors)
-    return np.maximum(own, floor), own < floor
-
-
 def prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
     """Return minus twice the logarithm of the prior."""
     mean, std = problem.prior
@@ -255,30 +190,19 @@ def prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
 
 
 def feedback_gain(
-    problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Float[np.ndarray, "k z"]]
+    problem: BandedProblem,
+    phi: Float[np.ndarray, " f"],
+    found: Sequence[Float[np.ndarray, "_ k z"]],
 ) -> float:
     """Return what the answers of a controller add to the log-likelihood; `found` is G of each."""
     if problem.feedback is None:
         return 0.0
     moves = problem.moves(phi)
     gain = 0.0
-    for c, G in enumerate(found):
-        gain += problem.feedback.gain(c, G)
-        gain += float(problem.feedback.answers[c].drift.sum(axis=(0, 1)) @ moves)
+    for part, G in enumerate(G for own in found for G in own):
+        gain += problem.feedback.gain(part, G)
+        gain += float(problem.feedback.answers[part].drift.sum(axis=(0, 1)) @ moves)
     return gain
-
-
-Solution = tuple[Float[np.ndarray, "k z"], Float[np.ndarray, "f k z"]]
-"""G = M^-1 B of a configuration, and its slope by the free parameters."""
-
-
-def solutions(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> list[Solution]:
-    """Return G and d G / d phi of each configuration: d (M^-1 B) = M^-1 (dB - dM M^-1 B)."""
-    theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
-    return [
-        solved_jacobian(tensor, theta[c], dtheta[c], problem.noisy)
-        for c, tensor in enumerate(problem.tensors)
-    ]
 
 
 def feedback_scores(
@@ -288,19 +212,22 @@ def feedback_scores(
 
     `feedback` is that of the problem, or one with other answers.
     """
-    parts: list[Float[np.ndarray, "b e f"]] = []
-    for c, (G, dG) in enumerate(found):
-        own = feedback.slope(c, G, dG)
-        own[:, :, problem.places] += feedback.answers[c].drift
-        parts.append(own)
-    return np.concatenate(parts)
+    blocks = sum(len(factors) for factors in problem.factors)
+    scores = np.zeros((blocks, len(feedback.errors), len(problem.map.names)))
+    for number, part in enumerate(problem.every_part):
+        scores[part.blocks][:, :, part.moved] = _answered(problem, feedback, number, found)
+    return scores
 
 
-def split_blocks(
-    blocks: Shaped[np.ndarray, "b ..."], factors: Sequence[Factors]
-) -> list[Shaped[np.ndarray, "_ ..."]]:
-    """Return what is told of every block, configuration by configuration."""
-    return np.split(blocks, np.cumsum([len(f) for f in factors])[:-1])
+def _answered(
+    problem: BandedProblem, feedback: Feedback, number: int, found: Sequence[Solution]
+) -> Float[np.ndarray, "b e q"]:
+    """Return the same of one part, by the parameters that move it."""
+    part = problem.every_part[number]
+    G, dG = (each[part.place] for each in found[part.configuration])
+    scores = feedback.slope(number, G, dG.transpose(1, 0, 2))
+    scores[:, :, part.at(problem.places)] += feedback.answers[number].drift
+    return scores
 
 
 def untied_solutions(problem: BandedProblem, found: Sequence[Solution]) -> list[Solution]:
@@ -310,102 +237,95 @@ def untied_solutions(problem: BandedProblem, found: Sequence[Solution]) -> list[
 
 def lifted_slopes(
     problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Solution]
-) -> list[Float[np.ndarray, "k a f"]]:
-    """Return d u / d phi of each configuration, by the columns of its factors.
+) -> list[Float[np.ndarray, "k a q"]]:
+    """Return d u / d phi of each part, by the columns of its factors and what moves it.
 
     `found` is of the errors that are looked at (`untied_solutions`).
     """
-    parts: list[Float[np.ndarray, "k a f"]] = []
-    for factors, (G, dG) in zip(problem.factors, found, strict=True):
-        lift, moved = factors.lift(problem.moves(phi)), np.flatnonzero(dG.any(axis=(1, 2)))
-        own = np.zeros((dG.shape[1], len(lift), len(dG)))
-        own[:, :, moved] = lift @ dG[moved].transpose(1, 2, 0)
-        for place, lift in zip(problem.places, factors.slope_lifts, strict=True):
-            own[:, :, place] += G @ lift.T
-        parts.append(own)
-    return parts
+    lifts = [factors.lift(problem.moves(phi)) for factors in problem.factors]
+    each = [dG @ lift.T for lift, (_, dG) in zip(lifts, found, strict=True)]
+    slopes: list[Float[np.ndarray, "k a q"]] = []
+    for part in problem.every_part:
+        own = each[part.configuration][part.place].transpose(0, 2, 1)
+        G, by = found[part.configuration][0], problem.factors[part.configuration].slope_lifts
+        for at, lift in zip(part.at(problem.places), by, strict=True):
+            own[:, :, at] += G[part.place] @ lift.T
+        slopes.append(own)
+    return slopes
 
 
 def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquations:
     """Return the linearised equations at a state."""
     answered = solutions(problem, state.phi)
     found = untied_solutions(problem, answered)
-    dU = lifted_slopes(problem, state.phi, found)
+    slopes = lifted_slopes(problem, state.phi, found)
     mean, std = problem.prior
     plain = np.diag(std**-2.0)
     taken = np.zeros_like(plain)
-    scores: list[Float[np.ndarray, "b f"]] = []
-    weights = split_blocks(1.0 / state.variance, problem.factors)
-    errors = split_blocks(state.residual, problem.factors)
-    for c, (factors, w) in enumerate(zip(problem.factors, weights, strict=True)):
-        plain += _information(factors, w, dU[c])
-        asked = factors.columns.transpose(0, 2, 1) @ (errors[c] * w[:, None, :])
-        moved = np.flatnonzero(dU[c].any(axis=(0, 1)))
-        own = np.zeros((len(factors), len(plain)))
-        own[:, moved] = -np.tensordot(asked, dU[c][:, :, moved], axes=((2, 1), (0, 1)))
+    scores = np.zeros((len(state.variance), len(plain)))
+    for number, (part, dU) in enumerate(zip(problem.every_part, slopes, strict=True)):
+        factors, w = problem.factors[part.configuration], 1.0 / state.variance[part.blocks]
+        square = np.ix_(part.moved, part.moved)
+        plain[square] += _information(factors.gram[part.own], w, dU)
+        asked = (state.residual[part.blocks] * w[:, None, :]).transpose(0, 2, 1)
+        by = dU.reshape(-1, len(part.moved))
+        own = -(asked @ factors.columns[part.own]).reshape(-1, len(by)) @ by
         if factors.noise is not None:
-            G, dG = found[c]
-            N = factors.rows[:, None] * factors.known_noise
-            shares = N @ (dG * G).transpose(1, 2, 0)
+            G, dG = (each[part.place] for each in found[part.configuration])
+            noise, rows = factors.noise[part.own], factors.rows[part.own, None]
+            shares = rows * noise @ (dG * G[:, None]).transpose(0, 2, 1)
             own += (w.T[:, :, None] * shares).sum(axis=0)
-            taken += _taken(factors, w, dG)
-        scores.append(own)
-    every = np.concatenate(scores)
-    if problem.feedback is not None:
-        every += feedback_scores(problem, problem.feedback, answered).sum(axis=1)
+            taken[square] += _taken(noise, rows * w, dG)
+        if problem.feedback is not None:
+            own += _answered(problem, problem.feedback, number, answered).sum(axis=1)
+        scores[part.blocks, part.moved] = own
     return CorrectedEquations(
-        plain=plain, taken=taken, scores=every, pull=(mean - state.phi) * std**-2.0
+        plain=plain, taken=taken, scores=scores, pull=(mean - state.phi) * std**-2.0
     )
 
 
 def part_information(
-    problem: BandedProblem, state: State, parts: Sequence[Bool[np.ndarray, " b"]]
+    problem: BandedProblem, state: State, chosen: Sequence[Bool[np.ndarray, " b"]]
 ) -> Float[np.ndarray, "p f f"]:
-    """Return the information of parts of the blocks, corrected, without the prior's."""
+    """Return the information of choices of the blocks, corrected, without the prior's."""
     found = untied_solutions(problem, solutions(problem, state.phi))
-    dU = lifted_slopes(problem, state.phi, found)
-    weights = split_blocks(1.0 / state.variance, problem.factors)
+    slopes = lifted_slopes(problem, state.phi, found)
     size = len(problem.map.names)
-    out = np.zeros((len(parts), size, size))
-    for p, part in enumerate(parts):
-        chosen = split_blocks(part, problem.factors)
-        for c, (factors, w, own) in enumerate(zip(problem.factors, weights, chosen, strict=True)):
-            if own.any():
-                out[p] += _of_gram(factors.gram[own], w[own], dU[c])
-            if own.any() and factors.noise is not None:
-                out[p] -= _taken(factors, w * own[:, None], found[c][1])
+    out = np.zeros((len(chosen), size, size))
+    for part, dU in zip(problem.every_part, slopes, strict=True):
+        factors, w = problem.factors[part.configuration], 1.0 / state.variance[part.blocks]
+        square = np.ix_(part.moved, part.moved)
+        for p, blocks in enumerate(chosen):
+            own = np.flatnonzero(blocks[part.blocks])
+            if not len(own):
+                continue
+            out[p][square] += _information(factors.gram[part.own][own], w[own], dU)
+            if factors.noise is not None:
+                dG, rows = found[part.configuration][1], factors.rows[part.own, None]
+                noise = factors.noise[part.own][own]
+                out[p][square] -= _taken(noise, (rows * w)[own], dG[part.place])
     return out
 
 
 def _taken(
-    factors: Factors, weight: Float[np.ndarray, "b k"], dG: Float[np.ndarray, "f k z"]
-) -> Float[np.ndarray, "f f"]:
-    """Return what of one configuration's information is only the regressors' known noise."""
-    slope = dG.transpose(1, 0, 2)
-    noise = (weight * factors.rows[:, None]).T @ factors.known_noise
-    found: Float[np.ndarray, "f f"] = (slope * noise[:, None] @ slope.transpose(0, 2, 1)).sum(
-        axis=0
-    )
+    noise: Float[np.ndarray, "b z"],
+    weight: Float[np.ndarray, "b k"],
+    dG: Float[np.ndarray, "k q z"],
+) -> Float[np.ndarray, "q q"]:
+    """Return what of the information of blocks is only the regressors' known noise."""
+    weighed: Float[np.ndarray, "k z"] = weight.T @ noise
+    found: Float[np.ndarray, "q q"] = (dG * weighed[:, None] @ dG.transpose(0, 2, 1)).sum(axis=0)
     return found
 
 
 def _information(
-    factors: Factors, weight: Float[np.ndarray, "b k"], dU: Float[np.ndarray, "k a f"]
-) -> Float[np.ndarray, "f f"]:
-    """Return the information of one configuration's blocks, by their Gram matrices."""
-    return _of_gram(factors.gram, weight, dU)
-
-
-def _of_gram(
     gram: Float[np.ndarray, "b a a"],
     weight: Float[np.ndarray, "b k"],
-    dU: Float[np.ndarray, "k a f"],
-) -> Float[np.ndarray, "f f"]:
+    dU: Float[np.ndarray, "k a q"],
+) -> Float[np.ndarray, "q q"]:
+    """Return the information of blocks of one part, by their Gram matrices."""
     S = np.tensordot(weight, gram, axes=(0, 0))
-    moved = np.flatnonzero(dU.any(axis=(0, 1)))
-    own = dU[:, :, moved]
-    found = np.zeros((dU.shape[2], dU.shape[2]))
-    found[np.ix_(moved, moved)] = (own.transpose(0, 2, 1) @ S @ own).sum(axis=0)
+    found: Float[np.ndarray, "q q"] = (dU.transpose(0, 2, 1) @ S @ dU).sum(axis=0)
     return found
 
 
@@ -433,13 +353,16 @@ def root_of(
 def _root_of_rows(problem: BandedProblem, state: State) -> Float[np.ndarray, "f f"]:
     """Return the same, from the rows: twice as many digits, at many times the cost."""
     parts = [np.diag(1.0 / problem.prior[1])]
-    weights = split_blocks(1.0 / np.sqrt(state.variance), problem.factors)
     found = untied_solutions(problem, solutions(problem, state.phi))
     slopes = lifted_slopes(problem, state.phi, found)
-    for factors, w, dU in zip(problem.factors, weights, slopes, strict=True):
-        for k in range(w.shape[1]):
-            rows = (factors.columns * w[:, k, None, None]).reshape(-1, factors.columns.shape[2])
-            parts.append(np.asarray(np.linalg.qr(rows, mode="r")) @ dU[k])
+    for part, dU in zip(problem.every_part, slopes, strict=True):
+        columns = problem.factors[part.configuration].columns[part.own]
+        weights = 1.0 / np.sqrt(state.variance[part.blocks])
+        for w, slope in zip(weights.T, dU, strict=True):
+            rows = (columns * w[:, None, None]).reshape(-1, columns.shape[2])
+            own = np.zeros((min(rows.shape), len(problem.map.names)))
+            own[:, part.moved] = np.asarray(np.linalg.qr(rows, mode="r")) @ slope
+            parts.append(own)
     return np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))
 
 
@@ -448,11 +371,14 @@ def selected(
 ) -> tuple[BandedProblem, State]:
     """Return the problem and the state of some blocks, with the variances of all of them."""
     keep = split_blocks(blocks, problem.factors)
+    each = [blocks[part.blocks] for part in problem.every_part]
+    counts = [int(own.sum()) for own in each]
     feedback = problem.feedback
     chosen = replace(
         problem,
         factors=tuple(f.select(k) for f, k in zip(problem.factors, keep, strict=True)),
+        parts=tuple(tuple(counts[own]) for own in problem.thetas),
         counted=tuple(c[k] for c, k in zip(problem.counted, keep, strict=False)),
-        feedback=None if feedback is None else feedback.select(keep),
+        feedback=None if feedback is None else feedback.select(each),
     )
     return chosen, replace(state, residual=state.residual[blocks], variance=state.variance[blocks])

@@ -84,17 +84,20 @@ class Factors:
         return np.zeros((len(self), self.R.shape[2])) if self.noise is None else self.noise
 
     def select(self, keep: Bool[np.ndarray, " b"]) -> "Factors":
-        """Return the blocks for which `keep` is true."""
+        """Return the blocks for which `keep` is true; nothing is copied of blocks in succession."""
         if keep.all():
             return self
+        places = np.flatnonzero(keep)
+        first, last = (int(places[0]), int(places[-1]) + 1) if len(places) else (0, 0)
+        own = slice(first, last) if last - first == len(places) else keep
         return Factors(
-            R=self.R[keep],
-            rows=self.rows[keep],
-            segment=self.segment[keep],
-            band=self.band[keep],
-            noise=None if self.noise is None else self.noise[keep],
-            source=None if self.source is None else self.source[keep],
-            slopes=None if self.slopes is None else self.slopes[keep],
+            R=self.R[own],
+            rows=self.rows[own],
+            segment=self.segment[own],
+            band=self.band[own],
+            noise=None if self.noise is None else self.noise[own],
+            source=None if self.source is None else self.source[own],
+            slopes=None if self.slopes is None else self.slopes[own],
         )
 
     def first_slopes(self, count: int) -> "Factors":

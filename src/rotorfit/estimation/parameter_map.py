@@ -10,9 +10,10 @@ coefficient times a displacement of the rotors).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from rotorfit.errors import EstimationError
 
@@ -28,7 +29,7 @@ class Product:
     factor: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ParameterMap:
     """The map theta_c = constant_c + matrix_c phi + products, one row c per configuration.
 
@@ -52,17 +53,32 @@ class ParameterMap:
     def theta(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "c p"]:
         """Return the parameters of each configuration at `phi`."""
         theta = self.constant + self.matrix @ phi
-        for t in self.products:
-            theta[t.configuration, t.entry] += t.factor * phi[t.first] * phi[t.second]
+        (c, entry, first, second), factor = self._product_places
+        np.add.at(theta, (c, entry), factor * phi[first] * phi[second])
         return theta
 
     def jacobian(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, "c p f"]:
         """Return d theta / d phi at `phi`."""
         jacobian = self.matrix.copy()
-        for t in self.products:
-            jacobian[t.configuration, t.entry, t.first] += t.factor * phi[t.second]
-            jacobian[t.configuration, t.entry, t.second] += t.factor * phi[t.first]
+        (c, entry, first, second), factor = self._product_places
+        np.add.at(jacobian, (c, entry, first), factor * phi[second])
+        np.add.at(jacobian, (c, entry, second), factor * phi[first])
         return jacobian
+
+    @cached_property
+    def moves(self) -> Bool[np.ndarray, "c f"]:
+        """Which free parameters move theta of each configuration at all."""
+        moves = np.asarray(self.matrix.any(axis=1))
+        (c, _, first, second), _ = self._product_places
+        moves[c, first] = moves[c, second] = True
+        return moves
+
+    @cached_property
+    def _product_places(self) -> tuple[Int[np.ndarray, "4 n"], Float[np.ndarray, " n"]]:
+        """Configuration, entry, first and second of every product, and its factor."""
+        places = [(t.configuration, t.entry, t.first, t.second) for t in self.products]
+        factors = [t.factor for t in self.products]
+        return np.array(places, dtype=np.int64).reshape(-1, 4).T, np.array(factors, dtype=float)
 
     def without(self, name: str) -> "ParameterMap":
         """Return the map with the free parameter `name` removed (held at zero)."""

@@ -9,6 +9,9 @@ from typing import Final
 
 import numpy as np
 
+from rotorfit.bands.flight_bands import banded_data, flight_bands
+from rotorfit.bands.frequency_bands import EDGES
+from rotorfit.bands.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming, TimedBands
 from rotorfit.errors import ExperimentError, RotorfitError
 from rotorfit.estimation.factors import Factors, stack_recordings
 from rotorfit.experiment.declared_vehicle import imu_tilt_of, motor_model_of, vehicle_of
@@ -22,22 +25,19 @@ from rotorfit.experiment.experiment import (
 from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.read_options import read_options_of, recording_options_of
-from rotorfit.fit.frequency_bands import EDGES, STRETCH
-from rotorfit.fit.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming, TimedBands
 from rotorfit.fit.weight_balance import Turning, turning
 from rotorfit.flight.answered_commands import Answer, answered_commands, within
-from rotorfit.flight.data import FlightData, Velocity
+from rotorfit.flight.data import Velocity
 from rotorfit.flight.decimate import AsRecorded, as_recorded, decimated
 from rotorfit.flight.joined_poses import with_poses
 from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.flight.mocap import prepare_mocap
-from rotorfit.flight.motor_columns import with_motors
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.mounting import ImuTilt, levelled
 from rotorfit.flight.prepare import PreparedFlight, on_one_clock, prepared_from
 from rotorfit.flight.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.logs import read_log
-from rotorfit.model.reduce import BandPlan, Lines, band_factors, body_lines, yaw_factors
+from rotorfit.model.reduce import Lines, body_lines, yaw_factors
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -226,7 +226,7 @@ class Flown:
         body = self.body or [None] * len(self.configurations)
         return tuple(
             flight_bands(
-                c.flights,
+                [f.prepared for f in c.flights],
                 self.vehicle,
                 response,
                 velocity=self.velocity,
@@ -421,51 +421,6 @@ def levelled_flights(flown: Flown, tilt: ImuTilt) -> Flown:
     )
 
 
-def flight_bands(
-    flights: list[UsedFlight],
-    vehicle: Vehicle,
-    response: MotorResponse | None,
-    *,
-    velocity: Velocity = "none",
-    free: FreeTiming | None = None,
-    body: Sequence[tuple[Lines, ...]] | None = None,
-    top: float = np.inf,
-) -> Factors:
-    """Return the band factors of all flights, calm and lively phases apart.
-
-    Parameters
-    ----------
-    flights
-        Of one configuration.
-    vehicle
-        Its geometry.
-    response
-        Lag and delay of the motors; None leaves each flight as it was prepared.
-    velocity
-        What of the body's velocity is among the signals.
-    free
-        What a fit may move of the timing, for the signals' slopes by it.
-    body
-        Lines of the body's signals (`Flown.reduced`), of each flight.
-    top
-        Only bands that begin under this edge are made [Hz].
-    """
-    return stack_recordings(
-        [
-            prepared_bands(
-                flight.prepared,
-                vehicle,
-                response,
-                velocity=velocity,
-                free=free,
-                body=own,
-                top=top,
-            )
-            for flight, own in zip(flights, body or [None] * len(flights), strict=True)
-        ]
-    )
-
-
 def velocity_known(flights: list[UsedFlight]) -> bool:
     """Return whether every used sample of every flight has a velocity, its neighbours too."""
     return all(
@@ -476,55 +431,3 @@ def velocity_known(flights: list[UsedFlight]) -> bool:
         )
         for flight in flights
     )
-
-
-STEPS: Final[Mapping[str, float]] = {"motor_delay": 1e-3, "motor_lag": 1e-3, "motor_skew": 0.02}
-"""To either side, for the slopes of the signals [s, s, share]."""
-
-
-def prepared_bands(
-    prepared: PreparedFlight,
-    vehicle: Vehicle,
-    response: MotorResponse | None,
-    *,
-    velocity: Velocity = "none",
-    free: FreeTiming | None = None,
-    body: tuple[Lines, ...] | None = None,
-    top: float = np.inf,
-) -> Factors:
-    """Return the band factors of one flight, see `flight_bands`."""
-    moved = [] if free is None else _moved(prepared, free)
-    data, plan = banded_data(prepared, response)
-    return band_factors(
-        data, vehicle, plan=plan, velocity=velocity, moved=moved, body=body, top=top
-    )
-
-
-def banded_data(
-    prepared: PreparedFlight, response: MotorResponse | None
-) -> tuple[FlightData, BandPlan]:
-    """Return one flight at a timing of its motors, in its phases, and how these are cut."""
-    data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
-    top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
-    edges = (*(edge for edge in EDGES if edge < top), top)
-    return data, BandPlan(edges=edges, longest=STRETCH)
-
-
-def _moved(
-    prepared: PreparedFlight, free: FreeTiming
-) -> list[tuple[FlightData, FlightData, float]]:
-    """Return the flight with each free time a step later and earlier, and how far that is apart."""
-    moved: list[tuple[FlightData, FlightData, float]] = []
-    for name in free.names:
-        later, earlier = (free.moved({name: side * STEPS[name]}) for side in (1.0, -1.0))
-        # A lag ends at nothing.
-        apart = later.mean_lag - earlier.mean_lag if name == "motor_lag" else 2.0 * STEPS[name]
-        moved.append((retimed(prepared, later), retimed(prepared, earlier), apart))
-    return moved
-
-
-def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:
-    """Return a flight with its motor data at another lag and delay; None leaves it."""
-    if response is None:
-        return prepared.data
-    return with_motors(prepared.data, prepared.motor_channel, response)

@@ -8,19 +8,25 @@ parameters end in ``@`` and its name.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedEstimate, BandedProblem, banded, log_likelihood
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.banded import (
+    SMALLEST_STEP,
+    BandedEstimate,
+    BandedProblem,
+    banded,
+    log_likelihood,
+)
 from rotorfit.estimation.feedback import Answers, Feedback
-from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
+from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
-from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
-from rotorfit.fit.motor_timing import FreeTiming
+from rotorfit.experiment.payload import tolerances
+from rotorfit.fit.joint_map import JointConfiguration as JointConfiguration
+from rotorfit.fit.joint_map import joint_map
 from rotorfit.fit.row_fits import (
     ACCEL_BIAS_STD,
     MOUNTING_STD,
@@ -29,17 +35,13 @@ from rotorfit.fit.row_fits import (
 )
 from rotorfit.flight.airborne import GRAVITY
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.many_flights.autopilot import UNHEARD, Answer
 from rotorfit.many_flights.trims import (
-    TRIM_SHARE,
     configuration_theta,
     flights_of,
     trim_prior,
     with_trims,
 )
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR, TURN_DAMPING
-from rotorfit.model.regressor import Regressor
-from rotorfit.model.vehicle import Vehicle
+from rotorfit.model.parameters import DRAG_MOMENTS, TURN_DAMPING
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
@@ -84,36 +86,6 @@ LIFT_STD = 0.05
 of the weight at 4 m/s."""
 OFFSET_STD = 0.05
 """Known of a constant torque, as a share of the weight at the end of an arm."""
-CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
-         "y": (("z", "x", 1.0), ("x", "z", -1.0)),
-         "z": (("x", "y", 1.0), ("y", "x", -1.0))}  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointConfiguration:
-    """One configuration as the joint estimate sees it.
-
-    With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
-    no first moments and inertia of its own to estimate. `counted` and `answered` are those of
-    `steering.py`: which errors of each block count, and which of those of the turns the autopilot
-    answers; `answer` how far; `tied` (also from there) how much of the errors of the turns comes
-    with those of the forces. `timing` is what a fit may move of the motors' timing. `trim_share`:
-    by how much of the arm the centre of mass of many flights scatters.
-    """
-
-    name: str
-    mass: float
-    factors: Factors
-    model: Regressor
-    vehicle: Vehicle
-    payload: tuple[PointMass, ...] = ()
-    payload_of: str | None = None
-    counted: Bool[np.ndarray, "b 6"] | None = None
-    answered: Bool[np.ndarray, "b e"] | None = None
-    tied: Float[np.ndarray, "6 6"] | None = None
-    timing: FreeTiming | None = None
-    answer: Answer = UNHEARD
-    trim_share: float = TRIM_SHARE
 
 
 def joint_estimate(
@@ -123,6 +95,7 @@ def joint_estimate(
     known_kt: tuple[float, float] | None = None,
     terms: Collection[Term] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
+    close: float = SMALLEST_STEP,
 ) -> BandedEstimate:
     """Return the estimate of all configurations together.
 
@@ -139,12 +112,14 @@ def joint_estimate(
         Optional terms of the model.
     begin
         Better values to begin with, of free parameters that have them.
+    close
+        The iteration ends when no parameter moves by more than this share of its deviation.
     """
     problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
     start = np.zeros(len(problem.map.names))
     if starts:
         start = _likeliest_start(problem, configurations, starts)
-    return banded(problem, at_values(problem, begin or {}, start))
+    return banded(problem, at_values(problem, begin or {}, start), close=close)
 
 
 def at_values(
@@ -195,6 +170,10 @@ def joint_problem(
 ) -> BandedProblem:
     """Return the problem that `joint_estimate` solves: a theta for each of `flights_apart`."""
     owners, flights = flights_apart(configurations)
+    counts = [
+        [len(f.factors) for o, f in zip(owners, flights, strict=True) if o == c]
+        for c in range(len(configurations))
+    ]
     layout = configurations[0].model.layout
     mapped = joint_map(configurations, terms=terms)
     mapped = with_trims(mapped, configurations[0].model.names, owners)
@@ -204,15 +183,16 @@ def joint_problem(
     known = {} if known_kt is None else {"kt": known_kt}
     known |= {} if timing is None else timing.prior()
     return BandedProblem(
-        factors=tuple(c.factors for c in flights),
-        tensors=tuple(c.model.tensor for c in flights),
+        factors=tuple(c.factors for c in configurations),
+        tensors=tuple(c.model.tensor for c in configurations),
+        parts=tuple(tuple(own) for own in counts),
         map=mapped,
         noisy=tuple(layout.index(name) for name in NOISY),
         prior_mean={name: mean for name, (mean, _) in known.items()},
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
-        counted=tuple(c.counted for c in flights if c.counted is not None),
-        tied=tuple(c.tied for c in flights if c.tied is not None),
+        counted=tuple(c.counted for c in configurations if c.counted is not None),
+        tied=tuple(c.tied for c in configurations if c.tied is not None),
         feedback=_feedback(flights),
     )
 
@@ -368,138 +348,6 @@ def rotor_speeds(configuration: JointConfiguration) -> Float[np.ndarray, " N"]:
     one = np.linalg.norm(lowest[:, :, layout.index("one")])
     size: Float[np.ndarray, " N"] = np.linalg.norm(lowest[:, :, squares], axis=(0, 1)) / one
     return np.sqrt(size)
-
-
-def joint_map(
-    configurations: Sequence[JointConfiguration], *, terms: Collection[Term] = DEFAULT_TERMS
-) -> ParameterMap:
-    """Return the map from the free parameters to theta of every configuration."""
-    spread = spread_names(configurations[0].vehicle) if "rotor_spread" in terms else ()
-    everywhere = range(len(configurations))
-    shared = ("kt", "kd", "Jr") if "rotor_inertia" in terms else ("kt", "kd")
-    shared = (*shared, *(name for name in ("rotor_drag", *ROTORS_AIR) if name in terms))
-    free: dict[str, dict[tuple[int, str], float]] = {
-        name: {(c, name): 1.0 for c in everywhere} for name in shared
-    }
-    free |= {name: {} for name in dict.fromkeys(spread)}
-    timing = configurations[0].timing
-    free |= {name: {} for name in (() if timing is None else timing.names)}
-    given: dict[tuple[int, str], float] = {}
-    products: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
-    for c, configuration in enumerate(configurations):
-        given[c, "mass"] = configuration.mass
-        free |= _own_parameters(c, configuration) | _own_terms(c, configuration, terms)
-        products |= _rotor_terms(c, configuration, spread)
-        if "accel_bias" in terms:
-            products |= _bias_torque(c, configuration)
-        if "twist" in terms:
-            products[c, "kt_twist"] = [(1.0, "kt", f"twist@{configuration.name}")]
-    for c, configuration in enumerate(configurations):
-        if configuration.payload_of is not None:
-            added = added_moments(configuration.payload)
-            given |= {(c, name): value for name, value in added.items()}
-            _link_payload(c, configuration, added, free)
-    return parameter_map(
-        configurations[0].model.names,
-        free,
-        given,
-        configurations=len(configurations),
-        products=products,
-    )
-
-
-def _own_parameters(
-    c: int, configuration: JointConfiguration
-) -> dict[str, dict[tuple[int, str], float]]:
-    """Return the linear parameters of one configuration."""
-    at = f"@{configuration.name}"
-    free: dict[str, dict[tuple[int, str], float]] = {}
-    if configuration.payload_of is None:
-        free |= {f"{name}{at}": {(c, name): 1.0} for name in MOMENTS}
-    for name, _, effect in tolerances(configuration.payload):
-        free[f"{name}{at}"] = {(c, moment): factor for moment, factor in effect.items()}
-    if configuration.vehicle.imu_position is None:
-        free |= {f"rotor_center_{axis}{at}": {} for axis in "xy"}
-    return free
-
-
-def _own_terms(
-    c: int, configuration: JointConfiguration, terms: Collection[Term]
-) -> dict[str, dict[tuple[int, str], float]]:
-    """Return the parameters of the optional terms that each configuration has for itself."""
-    at = f"@{configuration.name}"
-    free: dict[str, dict[tuple[int, str], float]] = {}
-    if "accel_bias" in terms:
-        mass = configuration.mass
-        free |= {f"accel_bias_{axis}{at}": {(c, f"F{axis}_0"): mass} for axis in "xyz"}
-    if "twist" in terms:
-        free[f"twist{at}"] = {}
-    if "climb_drag" in terms and "climb" in configuration.model.layout:
-        free[f"climb_drag{at}"] = {(c, "climb_drag"): 1.0}
-    if "drag" in terms:
-        free |= {f"{name}{at}": {(c, name): 1.0} for name in (*DRAG, *DRAG_MOMENTS)}
-    if "turn_damping" in terms:
-        free |= {f"{name}{at}": {(c, name): 1.0} for name in TURN_DAMPING}
-    if "torque_offset" in terms:
-        free |= {f"torque_offset_{axis}{at}": {(c, f"M{axis}_0"): 1.0} for axis in "xyz"}
-    return free
-
-
-def spread_names(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return the spread of each rotor: its own, or that of the first rotor of its group.
-
-    None where all rotors are of one group, which has nothing to differ from.
-    """
-    groups = [rotor.group for rotor in vehicle.rotors]
-    first = [i if group is None else groups.index(group) for i, group in enumerate(groups)]
-    return () if len(set(first)) == 1 else tuple(f"spread_{i + 1}" for i in first)
-
-
-def _link_payload(
-    c: int,
-    configuration: JointConfiguration,
-    added: Mapping[str, float],
-    free: dict[str, dict[tuple[int, str], float]],
-) -> None:
-    """Let the body's parameters move a second configuration too, which is it plus a payload."""
-    for name in MOMENTS:
-        free[f"{name}@{configuration.payload_of}"][c, name] = 1.0
-    # ms x b with ms = ms of the bare body + what the payload adds: the second part is linear.
-    for axis, pairs in CROSS.items():
-        for first, second, sign in pairs:
-            bias = f"accel_bias_{second}@{configuration.name}"
-            if bias in free:
-                free[bias][c, f"M{axis}_0"] = sign * added[f"ms{first}"]
-
-
-def _bias_torque(
-    c: int, configuration: JointConfiguration
-) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
-    """Return ms x b: what the bias does in the moment rows, ms x (alpha - b)."""
-    at = f"@{configuration.name}"
-    body = f"@{configuration.payload_of or configuration.name}"
-    return {
-        (c, f"M{axis}_0"): [
-            (sign, f"ms{first}{body}", f"accel_bias_{second}{at}") for first, second, sign in pairs
-        ]
-        for axis, pairs in CROSS.items()
-    }
-
-
-def _rotor_terms(
-    c: int, configuration: JointConfiguration, spread: Sequence[str]
-) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
-    """Return k_t times the spread of each rotor (over all rotors zero) and times the centre."""
-    mean = {name: spread.count(name) / len(spread) for name in spread}
-    terms: dict[tuple[int, str], list[tuple[float, str, str]]] = {
-        (c, f"kt_{i}"): [(float(name == own) - share, "kt", name) for name, share in mean.items()]
-        for i, own in enumerate(spread, start=1)
-    }
-    if configuration.vehicle.imu_position is None:
-        at = f"@{configuration.name}"
-        for axis in "xy":
-            terms[c, f"kt_rotor_center_{axis}"] = [(1.0, "kt", f"rotor_center_{axis}{at}")]
-    return terms
 
 
 def joint_start(

@@ -1,13 +1,13 @@
 """The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import Any, Final
 
 import numpy as np
 
 from rotorfit.errors import UnsettledError
-from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, flights_apart, joint_estimate
@@ -15,7 +15,11 @@ from rotorfit.fit.kt_from_weight import WeighedThrust
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.steering import steered, steered_slowly
 from rotorfit.many_flights.autopilot import heard_answer
-from rotorfit.many_flights.trims import trim_shares
+from rotorfit.many_flights.trims import flights_of, trim_shares
+
+NEAR: Final = 0.1
+"""Of a parameter's deviation, at which those fits of many flights end that tell only what counts,
+and what the flights differ by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +64,7 @@ def joint_fit(
         Optional terms of the model.
     begin
         Where to begin, near enough to tell the pilot's motion from disturbances; None: where a
-        first fit of all bands ends.
+        first fit ends, of the turns in the pilot's band alone or, if that does not settle, of all.
     guess
         Where that one begins; None: at the row fits.
     """
@@ -79,37 +83,53 @@ def joint_fit(
     ]
     # Held there: what the flights say of it otherwise is in the interval.
     known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
-    if begin is None:
-        rows = joint if guess is None else []
-        starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in rows]
-        fit = partial(joint_estimate, starts=starts, known_kt=known, terms=terms, begin=guess)
-        begin = _first_fit(fit, joint).estimate.by_name
+    more: dict[str, Any] = {"known_kt": known, "terms": terms}
     commanded = flown.motors.speed == "commanded"
-    joint = steered(joint, begin, commanded=commanded, known_kt=known, terms=terms)
-    fit = joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin)
-    if len(fit.problem.factors) == len(joint):
+    if begin is not None:
+        return _fit_from(joint, begin, commanded=commanded, more=more)
+    starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if guess is None else []
+
+    def first(looked_at: list[JointConfiguration]) -> Mapping[str, float]:
+        close = _close(looked_at)
+        return joint_estimate(looked_at, starts, begin=guess, close=close, **more).estimate.by_name
+
+    # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
+    # autopilot's answer to the noise of its gyro may well be all there is.
+    try:
+        slow = first([steered_slowly(c) for c in joint])
+        return _fit_from(joint, slow, commanded=commanded, more=more)
+    except UnsettledError:
+        return _fit_from(joint, first(joint), commanded=commanded, more=more)
+
+
+def _fit_from(
+    joint: list[JointConfiguration],
+    begin: Mapping[str, float],
+    *,
+    commanded: bool,
+    more: dict[str, Any],
+) -> tuple[BandedEstimate, list[JointConfiguration]]:
+    """Return the fit of what counts, from where that can be told, and its configurations."""
+    joint = steered(joint, begin, commanded=commanded, **more)
+    fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
+    if not _apart(joint):
         return fit, joint  # no configuration has enough flights to take them apart
     answer, shares = heard_answer(fit), _trim_shares(fit, joint)
     joint = [
         replace(c, answer=answer, trim_share=shares.get(k, c.trim_share))
         for k, c in enumerate(joint)
     ]
-    begin = fit.estimate.by_name
-    return joint_estimate(joint, [], known_kt=known, terms=terms, begin=begin), joint
+    return joint_estimate(joint, [], begin=fit.estimate.by_name, **more), joint
 
 
-def _first_fit(
-    fit: Callable[[list[JointConfiguration]], BandedEstimate], joint: list[JointConfiguration]
-) -> BandedEstimate:
-    """Return the fit before which nobody can tell the pilot's motion from disturbances.
+def _apart(joint: Sequence[JointConfiguration]) -> bool:
+    """Return whether any configuration has enough flights to take them apart."""
+    return any(len(flights_of(c.factors)) > 1 for c in joint)
 
-    To turns of the pilot's band alone, where that is enough: further up an autopilot's answer to
-    the noise of its gyro may well be all there is.
-    """
-    try:
-        return fit([steered_slowly(c) for c in joint])
-    except UnsettledError:
-        return fit(joint)
+
+def _close(joint: Sequence[JointConfiguration]) -> float:
+    """Return how near its end a fit is brought before the last."""
+    return NEAR if _apart(joint) else SMALLEST_STEP
 
 
 def _trim_shares(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, float]:

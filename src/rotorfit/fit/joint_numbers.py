@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import stats
 
+from rotorfit.bands.frequency_bands import PILOT_BAND
+from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.banded import BandedEstimate, answer_shifts, steps_without
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
@@ -30,14 +32,8 @@ from rotorfit.fit.excitation import (
     product_allowance,
     scale_stretch,
 )
-from rotorfit.fit.frequency_bands import PILOT_BAND
-from rotorfit.fit.joint_equations import (
-    JointConfiguration,
-    rotor_drag_std,
-    spread_names,
-    theta_of,
-)
-from rotorfit.fit.motor_timing import FreeTiming
+from rotorfit.fit.joint_equations import JointConfiguration, rotor_drag_std, theta_of
+from rotorfit.fit.joint_map import spread_names
 from rotorfit.fit.number_intervals import (
     PRODUCTS,
     Numbers,

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.bands.frequency_bands import EDGES
 from rotorfit.fit.flights import Flown
-from rotorfit.fit.frequency_bands import EDGES
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 

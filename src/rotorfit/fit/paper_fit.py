@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rotorfit.bands.flight_bands import retimed
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.total import EssentialEstimate, essential_total
-from rotorfit.fit.flights import Flown, retimed
+from rotorfit.fit.flights import Flown
 from rotorfit.model.parameters import full_name
 from rotorfit.model.reduce import LowPass, time_factors
 

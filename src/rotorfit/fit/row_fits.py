@@ -26,11 +26,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rotorfit.bands.frequency_bands import PILOT_BAND, flown_bands
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.reweighted import BandedFit, reweighted, scatter_covariance
-from rotorfit.fit.frequency_bands import PILOT_BAND, flown_bands
 from rotorfit.model.regressor import Regressor
 
 ROWS = ("force", "roll", "pitch", "yaw")

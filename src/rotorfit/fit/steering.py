@@ -17,14 +17,15 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.estimation.banded_equations import evaluated, power_of, signal_power, split_blocks
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
-from rotorfit.fit.frequency_bands import (
+from rotorfit.bands.frequency_bands import (
     counted_bands,
     flown_bands,
     followed_bands,
     slow_bands,
 )
+from rotorfit.estimation.banded_equations import evaluated
+from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.joint_equations import (
     ANSWERED,
     NOISY,

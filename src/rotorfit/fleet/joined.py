@@ -17,7 +17,8 @@ from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import resting_inverse
-from rotorfit.estimation.banded_equations import BandedProblem, corrected_equations, evaluated
+from rotorfit.estimation.banded_equations import corrected_equations, evaluated
+from rotorfit.estimation.banded_problem import BandedProblem
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.model_terms import Term

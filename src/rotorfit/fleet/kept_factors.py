@@ -6,6 +6,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment
@@ -13,7 +14,6 @@ from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration
 from rotorfit.fit.joint_fit import FittedFactors
-from rotorfit.fit.motor_timing import FreeTiming
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.regressor import regressor
 

@@ -14,7 +14,7 @@ import scipy.linalg
 from jaxtyping import Float
 from scipy import signal
 
-from rotorfit.fit.frequency_bands import PILOT_BAND
+from rotorfit.bands.frequency_bands import PILOT_BAND
 from rotorfit.flight.data import FlightData
 from rotorfit.flight.signals import whole_samples
 from rotorfit.model.vehicle import Rotor, Vehicle

@@ -4,11 +4,11 @@ import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from rotorfit.bands.motor_timing import LAG_PRIOR
 from rotorfit.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.checks.plausible_units import gyro_in_degrees
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
-from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.flight.camera import camera_clock
 from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.flight.motor_columns import MotorModel

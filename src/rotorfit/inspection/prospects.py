@@ -7,14 +7,14 @@ from typing import Final, Literal
 import numpy as np
 from scipy import stats
 
+from rotorfit.bands.flight_bands import retimed
+from rotorfit.bands.frequency_bands import EDGES, STRETCH, slow_bands
+from rotorfit.bands.motor_timing import LAG_PRIOR
 from rotorfit.checks.declared_rotors import Response, response
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.excitation import NO_EXCITATION, attenuation_allowance
-from rotorfit.fit.flights import retimed
-from rotorfit.fit.frequency_bands import EDGES, STRETCH, slow_bands
 from rotorfit.fit.kt_from_weight import INFLOW_STD, WeighedThrust
-from rotorfit.fit.motor_timing import LAG_PRIOR
 from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
 from rotorfit.fit.weight_balance import held_up, turning
 from rotorfit.flight.data import FlightData

@@ -25,7 +25,8 @@ from rotorfit.estimation.banded import (
     part_equations,
     resting_inverse,
 )
-from rotorfit.estimation.banded_equations import feedback_scores, solutions
+from rotorfit.estimation.banded_equations import feedback_scores
+from rotorfit.estimation.banded_problem import solutions
 
 BEFORE: Final = 1.0 / 1.96
 """Deviation of an answer from what is taken for granted, before the flights: nothing or twice it
@@ -119,12 +120,14 @@ def _asked_apart(
     """
     problem, feedback = fit.problem, fit.problem.feedback
     assert feedback is not None
-    flight = np.repeat(np.arange(len(problem.factors)), [len(f) for f in problem.factors])
     added = feedback_scores(problem, feedback.doubtful(), solutions(problem, fit.estimate.values))
     prior = np.diag(problem.prior[1] ** -2.0)
-    parts = [flight == k for k in range(len(problem.factors))]
-    H, s, _ = part_equations(fit, parts)
-    G = np.array([added[part].sum(axis=0).T for part in parts])
+    number = np.arange(len(added))
+    flights = [
+        (number >= part.blocks.start) & (number < part.blocks.stop) for part in problem.every_part
+    ]
+    H, s, _ = part_equations(fit, flights)
+    G = np.array([added[flight].sum(axis=0).T for flight in flights])
     size = parameter_scale(H.sum(axis=0) + prior)
     square = np.outer(size, size)
     return H / square, s / size, G / size[:, None], prior / square

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.bands.frequency_bands import EDGES, PILOT_BAND, STRETCH
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.bound import Linearised, information, linearised, pull
 from rotorfit.estimation.factors import Factors
@@ -21,14 +22,8 @@ from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.payload import MOMENTS, PointMass, tolerances
 from rotorfit.fit.excitation import attenuation_allowance
-from rotorfit.fit.frequency_bands import EDGES, PILOT_BAND, STRETCH
-from rotorfit.fit.joint_equations import (
-    NOISY,
-    JointConfiguration,
-    joint_map,
-    joint_prior,
-    rotor_drag_std,
-)
+from rotorfit.fit.joint_equations import NOISY, JointConfiguration, joint_prior, rotor_drag_std
+from rotorfit.fit.joint_map import joint_map
 from rotorfit.fit.joint_numbers import (
     AXES,
     hanging_on_roll_and_pitch,

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from rotorfit.bands.frequency_bands import STRETCH
+from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.excitation import HEIGHTS, LEAST_EXCITATION
-from rotorfit.fit.frequency_bands import STRETCH
 from rotorfit.fit.joint_equations import BIAS_STD, ROTOR_SPREAD_STD, JointConfiguration
 from rotorfit.fit.joint_numbers import SHARED_NUMBERS, number_scale
-from rotorfit.fit.motor_timing import MotorTiming
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.results.parameter_tables import (

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.fit.motor_timing import told
+from rotorfit.bands.motor_timing import told
 from rotorfit.flight.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.flight.thrust_curve import ThrustCurve, betaflight_linear, speeds, thrust_curve
 from rotorfit.model.parameters import PARAMETERS

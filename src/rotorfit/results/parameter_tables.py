@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.bands.motor_timing import MotorTiming, told
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
 from rotorfit.fit.excitation import LEAST_EXCITATION
 from rotorfit.fit.joint_fit import FittedFactors
-from rotorfit.fit.motor_timing import MotorTiming, told
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.model.parameters import (
     AIR,

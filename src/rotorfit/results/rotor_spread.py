@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.fit.joint_equations import JointConfiguration, spread_names
+from rotorfit.fit.joint_equations import JointConfiguration
+from rotorfit.fit.joint_map import spread_names
 from rotorfit.results.verdicts import Judgement
 
 MOSTLY_ASSUMED = 0.5

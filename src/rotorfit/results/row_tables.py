@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
+from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.fit.motor_timing import MotorTiming
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.fit.row_fits import ROWS, RowFits
 from rotorfit.fit.row_parameters import number_scale

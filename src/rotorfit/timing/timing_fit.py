@@ -17,13 +17,13 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.bands.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, answer_shifts
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_fit import joint_fit
-from rotorfit.fit.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
 
@@ -33,8 +33,9 @@ LONGEST_MOVE: Final = 0.02
 """Of a time in one round [s], beyond which its slope is none."""
 MOST_OF_A_LAG: Final = 0.75
 """By which it falls in one round: without any lag, its slope says nothing of longer ones."""
-NEAR: Final = 0.1
-"""Deviations by which the last round may still move a time."""
+NEAR: Final = 0.3
+"""Deviations by which the last round may still move a time, by the slopes of its signals: made anew
+there, they move it by a few hundredths more."""
 ENOUGH: Final[Mapping[str, float]] = {
     "motor_delay": 0.1 * SUM_FAULT,
     "motor_lag": 0.1 * SUM_FAULT,
@@ -107,7 +108,7 @@ def _fitted(
     begun, first = _begun(flown, start, names, terms)
     timed, fit = _settled(begun, terms, first)
     at = timed.timing
-    if at is not None and _may_skew(timed, at, names):
+    if at is not None and _beside(timed, at, names):
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
@@ -132,13 +133,15 @@ def _begun(
     if few is not flown:
         with suppress(EstimationError):
             begun, first = _begun(few, start, names, terms)
-            timed, fit = _settled(begun, terms, first)
+            timed, fit = _settled(begun, terms, first, skew=False)
             free = timed.free_timing
             assert free is not None
             start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
+    # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
+    beside = _beside(flown, start, names) if guess is not None else ()
     tried: list[tuple[Flown, BandedEstimate]] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
-        begun = flown.at(replace(start, lag=share * start.lag), names)
+        begun = flown.at(replace(start, lag=share * start.lag), names, beside=beside)
         fit, _ = joint_fit(begun, terms=terms, guess=guess)
         if max(abs(fit.estimate.value(name)) for name in names) < LOST:
             return begun, fit
@@ -147,11 +150,16 @@ def _begun(
 
 
 def _settled(
-    flown: Flown, terms: tuple[Term, ...], fit: BandedEstimate | None = None
+    flown: Flown,
+    terms: tuple[Term, ...],
+    fit: BandedEstimate | None = None,
+    *,
+    skew: bool = True,
 ) -> tuple[Flown, BandedEstimate]:
     """Return the fit whose signals are made where it ends, and the flights at that timing.
 
-    `fit` is the one at the timing that the flights have, where it is there already.
+    `fit` is the one at the timing that the flights have, where it is there already; `skew`: slopes
+    by the skew are made beside, too, where it may be asked for.
     """
     fit = fit or joint_fit(flown, terms=terms)[0]
     for _ in range(MOST_ROUNDS - 1):
@@ -160,7 +168,7 @@ def _settled(
         if _near(free, fit):
             break
         moved = _moved(free, fit)
-        beside = ("motor_skew",) if _may_skew(flown, moved, free.names) else ()
+        beside = _beside(flown, moved, free.names) if skew else ()
         flown = flown.at(moved, free.names, beside=beside)
         fit, _ = joint_fit(flown, terms=terms, begin=free.others(fit.estimate.by_name))
     return flown, fit
@@ -173,11 +181,12 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     return bool((np.abs(fit.estimate.values[at]) <= enough).all())
 
 
-def _may_skew(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> bool:
-    """Return whether rising and falling speed may get a lag each, and have none yet."""
+def _beside(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the skew where rising and falling speed may get a lag each, and have none yet."""
     # Low-passed beside motion capture, motor data rise and fall alike.
     lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
-    return lagging and "motor_skew" not in names and flown.source == "imu"
+    may = lagging and "motor_skew" not in names and flown.source == "imu"
+    return ("motor_skew",) if may else ()
 
 
 def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from rotorfit.bands.frequency_bands import PILOT_BAND, slow_bands
 from rotorfit.fit.flights import Configured, Flown
-from rotorfit.fit.frequency_bands import PILOT_BAND, slow_bands
 from rotorfit.fit.row_fits import angular_log_likelihood, flown_turns, turn_ratios
 from rotorfit.flight.motors import MotorResponse
 

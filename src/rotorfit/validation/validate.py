@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.bands.flight_bands import retimed
+from rotorfit.bands.motor_timing import LAG_PRIOR
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import (
@@ -16,8 +18,7 @@ from rotorfit.experiment.experiment import (
     experiment_of_settings,
     named_flight,
 )
-from rotorfit.fit.flights import UsedFlight, load_flight, retimed, velocity_known
-from rotorfit.fit.motor_timing import LAG_PRIOR
+from rotorfit.fit.flights import UsedFlight, load_flight, velocity_known
 from rotorfit.flight.data import Velocity
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.flight.prepare import PreparedFlight

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
+from rotorfit.bands.flight_bands import banded_data
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.estimation.solved import solved
-from rotorfit.fit.flights import Configured, Flown, banded_data
+from rotorfit.estimation.banded_problem import solved
+from rotorfit.fit.flights import Configured, Flown
 from rotorfit.fit.joint_equations import ANSWERED, NOISY, JointConfiguration, theta_of
 from rotorfit.flight.data import FlightData, Velocity
 from rotorfit.model.reduce import banded_lines

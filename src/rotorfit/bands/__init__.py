@@ -1,0 +1,1 @@
+"""Flights cut into frequency bands, and their factors at any timing of the motors."""

@@ -1,0 +1,230 @@
+"""What the banded estimator is handed, and its equations solved for their noisy signals."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate, pairwise
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.feedback import Feedback
+from rotorfit.estimation.parameter_map import ParameterMap
+
+RELATIVE_FLOOR: Final = 1e-9
+"""Smallest variance, relative to the noisy signal's own: far under any sensor's, but a simulation
+may be exact, and without a floor its likelihood is a valley that the iteration crawls along."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """Blocks in succession that have a theta of their own.
+
+    Attributes
+    ----------
+    configuration, place
+        Whose they are, and which of its parts.
+    own, blocks
+        The blocks among those of their configuration, and among all.
+    moved
+        Free parameters that move their theta or their signals.
+    """
+
+    configuration: int
+    place: int
+    own: slice
+    blocks: slice
+    moved: Int[np.ndarray, " q"]
+
+    def at(self, places: Sequence[int]) -> list[int]:
+        """Return where some parameters stand among those that move it."""
+        return [int(np.flatnonzero(self.moved == place)[0]) for place in places]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandedProblem:
+    """What the estimator is handed; it knows of no drone.
+
+    Attributes
+    ----------
+    factors
+        One per configuration, a block per stretch and frequency band.
+    tensors
+        A_p of each configuration.
+    map
+        From the free parameters to theta of each configuration, or of each of its parts.
+    parts
+        How many blocks in succession have a theta of their own, of each configuration; none: all of
+        each configuration have one.
+    noisy
+        Which signals carry the noise, as many as there are equations.
+    prior_mean, prior_std
+        Of free parameters that are known beforehand.
+    counted
+        Which errors of each block count, one array per configuration; all where there is none.
+    feedback
+        Where a controller answers the errors, by the same parts.
+    moving
+        Free parameters that move the signals, in the order of the factors' slopes.
+    tied
+        How much of each error (row) comes with the others (column), and is taken off it: strictly
+        lower triangular up to the order of the errors, one per configuration; nothing by default.
+    """
+
+    factors: tuple[Factors, ...]
+    tensors: tuple[Float[np.ndarray, "p j z"], ...]
+    map: ParameterMap
+    noisy: tuple[int, ...]
+    prior_mean: Mapping[str, float]
+    prior_std: Mapping[str, float]
+    parts: tuple[tuple[int, ...], ...] = ()
+    counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
+    feedback: Feedback | None = None
+    moving: tuple[str, ...] = ()
+    tied: tuple[Float[np.ndarray, "k k"], ...] = ()
+
+    @cached_property
+    def every_part(self) -> list[Part]:
+        """The parts of all configurations; theta and answers are in their order."""
+        counts = self.parts or [(len(factors),) for factors in self.factors]
+        owners = [(c, t) for c, own in enumerate(counts) for t in range(len(own))]
+        ends = pairwise(accumulate((n for own in counts for n in own), initial=0))
+        firsts = [0, *accumulate(len(factors) for factors in self.factors)]
+        moved = [places for own in self.moved for places in own]
+        return [
+            Part(
+                configuration=c,
+                place=t,
+                own=slice(first - firsts[c], last - firsts[c]),
+                blocks=slice(first, last),
+                moved=moved[number],
+            )
+            for number, ((c, t), (first, last)) in enumerate(zip(owners, ends, strict=True))
+        ]
+
+    @cached_property
+    def thetas(self) -> list[slice]:
+        """Which thetas are those of each configuration's parts."""
+        counts = [len(own) for own in self.parts] or [1] * len(self.factors)
+        return [slice(*ends) for ends in pairwise(accumulate(counts, initial=0))]
+
+    @cached_property
+    def moved(self) -> list[Int[np.ndarray, "_ q"]]:
+        """Which free parameters move each part of each configuration, all in their order.
+
+        As many for all parts of one: others, which move nothing there, fill up.
+        """
+        moves = self.map.moves.copy()
+        moves[:, self.places] = True
+        each = [moves[own] for own in self.thetas]
+        return [np.argsort(~m, axis=1, kind="stable")[:, : m.sum(axis=1).max()] for m in each]
+
+    @cached_property
+    def floors(self) -> list[Float[np.ndarray, " k"]]:
+        """Smallest variance of each noisy signal in each configuration."""
+        signals = split_blocks(signal_power(self), self.factors)
+        return [
+            RELATIVE_FLOOR * signal.sum(axis=0) / factors.rows.sum() + np.finfo(float).tiny
+            for signal, factors in zip(signals, self.factors, strict=True)
+        ]
+
+    @property
+    def places(self) -> list[int]:
+        """Places among the free parameters of those that move the signals."""
+        return [self.map.names.index(name) for name in self.moving]
+
+    @property
+    def prior(self) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
+        """Mean and deviation of every free parameter before the flight."""
+        mean = [self.prior_mean.get(name, 0.0) for name in self.map.names]
+        std = [self.prior_std.get(name, np.inf) for name in self.map.names]
+        return np.array(mean), np.array(std)
+
+    def moves(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " t"]:
+        """Return how far the signals are moved at `phi`."""
+        return phi[self.places]
+
+    def untied(self, c: int, G: Float[np.ndarray, "t k *f"]) -> Float[np.ndarray, "t k *f"]:
+        """Return what makes the errors of configuration `c` without what comes with the others."""
+        if not self.tied:
+            return G
+        rows = G.reshape(*G.shape[:2], -1)
+        return (rows - self.tied[c] @ rows).reshape(G.shape)
+
+
+def power_of(rows: Float[np.ndarray, "b m k"]) -> Float[np.ndarray, "b k"]:
+    """Return the sum of squares of every column of each block."""
+    return np.einsum("bmk,bmk->bk", rows, rows)
+
+
+def signal_power(problem: BandedProblem) -> Float[np.ndarray, "b k"]:
+    """Return the sum of squares of each noisy signal in every block."""
+    noisy = list(problem.noisy)
+    return np.concatenate([power_of(factors.R[:, :, noisy]) for factors in problem.factors])
+
+
+def split_blocks(
+    blocks: Shaped[np.ndarray, "b ..."], factors: Sequence[Factors]
+) -> list[Shaped[np.ndarray, "_ ..."]]:
+    """Return what is told of every block, configuration by configuration."""
+    return np.split(blocks, np.cumsum([len(f) for f in factors])[:-1])
+
+
+def solved(
+    tensor: Float[np.ndarray, "p j z"], theta: Float[np.ndarray, "*t p"], noisy: Sequence[int]
+) -> tuple[Float[np.ndarray, "*t k z"], Float[np.ndarray, "*t k j"]]:
+    """Return M^-1 B and M^-1, of every theta."""
+    B: Float[np.ndarray, "*t k z"] = np.tensordot(theta, tensor, axes=1)
+    unit = np.broadcast_to(np.eye(B.shape[-2]), (*B.shape[:-1], B.shape[-2]))
+    both = np.concatenate([B, unit], axis=-1)
+    try:
+        both_solved: Float[np.ndarray, "*t k g"] = np.linalg.solve(B[..., list(noisy)], both)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise EstimationError("the equations cannot be solved for the noisy signals") from error
+    return both_solved[..., : B.shape[-1]], both_solved[..., B.shape[-1] :]
+
+
+def solved_jacobian(
+    tensor: Float[np.ndarray, "p j z"],
+    theta: Float[np.ndarray, "t p"],
+    dtheta: Float[np.ndarray, "t p f"],
+    noisy: Sequence[int],
+) -> tuple[Float[np.ndarray, "t k z"], Float[np.ndarray, "t k f z"]]:
+    """Return G = M^-1 B and d G / d phi = M^-1 (dB - dM G), of every theta."""
+    G, inverse = solved(tensor, theta, noisy)
+    t, k, z = G.shape
+    A = np.ascontiguousarray(tensor.transpose(1, 0, 2))
+    # First by theta: few large products of matrices in place of many small ones.
+    left = A - (A[:, :, list(noisy)].reshape(-1, k) @ G).reshape(t, *A.shape)
+    by_theta = (inverse @ left.reshape(t, k, -1)).reshape(t, k, -1, z)
+    return G, dtheta.transpose(0, 2, 1)[:, None] @ by_theta
+
+
+def solved_each(
+    problem: BandedProblem, phi: Float[np.ndarray, " f"]
+) -> list[Float[np.ndarray, "_ k z"]]:
+    """Return G of the parts of each configuration."""
+    theta = problem.map.theta(phi)
+    each = zip(problem.tensors, problem.thetas, strict=True)
+    return [solved(A, theta[own], problem.noisy)[0] for A, own in each]
+
+
+Solution = tuple[Float[np.ndarray, "t k z"], Float[np.ndarray, "t k q z"]]
+"""G = M^-1 B of each part of a configuration, and its slope by the parameters that move it."""
+
+
+def solutions(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> list[Solution]:
+    """Return G and d G / d phi of each configuration: d (M^-1 B) = M^-1 (dB - dM M^-1 B)."""
+    theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
+    return [
+        solved_jacobian(
+            tensor,
+            theta[own],
+            np.take_along_axis(dtheta[own], moved[:, None], axis=2),
+            problem.noisy,
+        )
+        for tensor, own, moved in zip(problem.tensors, problem.thetas, problem.moved, strict=True)
+    ]
