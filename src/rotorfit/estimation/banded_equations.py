@@ -237,14 +237,14 @@ def untied_solutions(problem: BandedProblem, found: Sequence[Solution]) -> list[
 
 def lifted_slopes(
     problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Solution]
-) -> list[Float[np.ndarray, "k a q"]]:
+) -> list[Float[np.ndarray, "k a _"]]:
     """Return d u / d phi of each part, by the columns of its factors and what moves it.
 
     `found` is of the errors that are looked at (`untied_solutions`).
     """
     lifts = [factors.lift(problem.moves(phi)) for factors in problem.factors]
     each = [dG @ lift.T for lift, (_, dG) in zip(lifts, found, strict=True)]
-    slopes: list[Float[np.ndarray, "k a q"]] = []
+    slopes: list[Float[np.ndarray, "k a _"]] = []
     for part in problem.every_part:
         own = each[part.configuration][part.place].transpose(0, 2, 1)
         G, by = found[part.configuration][0], problem.factors[part.configuration].slope_lifts

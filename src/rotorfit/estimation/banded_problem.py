@@ -112,7 +112,7 @@ class BandedProblem:
         return [slice(*ends) for ends in pairwise(accumulate(counts, initial=0))]
 
     @cached_property
-    def moved(self) -> list[Int[np.ndarray, "_ q"]]:
+    def moved(self) -> list[Int[np.ndarray, "_ _"]]:
         """Which free parameters move each part of each configuration, all in their order.
 
         As many for all parts of one: others, which move nothing there, fill up.
@@ -212,7 +212,7 @@ def solved_each(
     return [solved(A, theta[own], problem.noisy)[0] for A, own in each]
 
 
-Solution = tuple[Float[np.ndarray, "t k z"], Float[np.ndarray, "t k q z"]]
+Solution = tuple[Float[np.ndarray, "_ k z"], Float[np.ndarray, "_ k _ z"]]
 """G = M^-1 B of each part of a configuration, and its slope by the parameters that move it."""
 
 
