@@ -113,6 +113,8 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
         specific_force=thinned(data.specific_force),
         angular_velocity=gyro,
         angular_acceleration=central_difference(gyro, rate),
+        rotor_speed=speed,
+        rotor_acceleration=speed,
         segments=_placed(data.segments, thinned.within),
         rotor_speed_std=data.rotor_speed_std / float(np.sqrt(step)),
         velocity=None if data.velocity is None else thinned(data.velocity),
