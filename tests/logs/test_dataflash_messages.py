@@ -125,6 +125,7 @@ def test_counts_are_pymavlinks_and_those_of_a_plain_walk(tmp_path_factory, data)
             )
         ).items()
     ]
+    kinds = [kind for kind in kinds if kind.length < 256]  # a byte says how long a message is
     bodies = st.binary(min_size=250, max_size=250)
     # Bytes of messages are anything, heads of messages among them.
     tricky = st.sampled_from([HEAD, HEAD + b"\x80", HEAD + b"\x07"])

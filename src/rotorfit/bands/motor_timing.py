@@ -16,6 +16,10 @@ SPLIT_FAULT: Final = 3e-4
 without a velocity, and motors that are no first-order lag."""
 
 
+LARGEST_SKEW: Final = 0.8
+"""By which share rising is faster and falling slower than their mean, or the other way round."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeTiming:
     """Times that a fit may move, from where its signals were made.
@@ -38,6 +42,7 @@ class FreeTiming:
         """Return the response when each of the times moves by so much."""
         lag = max(self.at.mean_lag + by.get("motor_lag", 0.0), 0.0)
         skew = skew_of(self.at) + by.get("motor_skew", 0.0)
+        skew = min(max(skew, -LARGEST_SKEW), LARGEST_SKEW)
         delay = self.at.delay + by.get("motor_delay", 0.0)
         if skew == 0.0:
             return MotorResponse(lag=lag, delay=delay)

@@ -17,7 +17,14 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.bands.motor_timing import SPLIT_FAULT, SUM_FAULT, FreeTiming, MotorTiming
+from rotorfit.bands.motor_timing import (
+    LARGEST_SKEW,
+    SPLIT_FAULT,
+    SUM_FAULT,
+    FreeTiming,
+    MotorTiming,
+    skew_of,
+)
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, answer_shifts
 from rotorfit.estimation.reweighted import scatter_covariance
@@ -48,7 +55,6 @@ LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, for which rising and falling speed get a lag each."""
 LEAST_LAG: Final = 1e-3
 """Of rotors whose rising and falling may differ [s]."""
-LARGEST_SKEW: Final = 0.8
 UNTOLD_PULL: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
 residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
@@ -210,9 +216,21 @@ def _with_skew(
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
-        return (flown, fit) if gain <= LEAST_GAIN else _settled(wide, terms, first)
+        found = _settled(wide, terms, first) if gain > LEAST_GAIN else (flown, fit)
     except EstimationError:
-        return flown, fit  # motors too quick to tell their rising from their falling
+        return flown, fit
+    # Motors too quick to tell their rising from their falling lose the motion, step by step.
+    return (flown, fit) if _lost(*found) else found
+
+
+def _lost(flown: Flown, fit: BandedEstimate) -> bool:
+    """Return whether a fit that has ended would still move beyond what its slopes say, or did."""
+    free = flown.free_timing
+    assert free is not None
+    still = any(
+        abs(fit.estimate.value(name)) > LONGEST_MOVE for name in free.names if name != "motor_skew"
+    )
+    return still or free.at.mean_lag < LEAST_LAG or abs(skew_of(free.at)) >= LARGEST_SKEW
 
 
 def _untold(flown: Flown, *, delay_free: bool) -> MotorTiming:
