@@ -236,6 +236,14 @@ def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, l
     assert [free.names for free, _ in seen] == [BOTH]
 
 
+@pytest.mark.parametrize(("skew", "kept"), [(0.7, True), (0.9, False), (50.0, False)])
+def test_a_skew_of_more_than_there_is_has_lost_the_motion(monkeypatch, skew, kept):
+    fits_to(monkeypatch, AT, gain=1e3, skew=skew)
+    found = _fitted(flown(), AT, BOTH, ())
+    assert ("motor_skew" in found.free) is kept
+    assert found.response.lag > 0.0
+
+
 def test_where_a_skew_does_not_settle_there_is_none(monkeypatch):
     fits_to(monkeypatch, AT, gain=1e3, skew=0.3)
     plain = timing_fit.joint_fit
@@ -350,7 +358,7 @@ def test_times_move_by_so_much_and_a_lag_not_below_zero(at, lag, delay):
     assert moved.lag_down is None
 
 
-@given(mean=st.floats(0.01, 0.1), skew=st.floats(-0.5, 0.5), by=st.floats(-0.4, 0.4))
+@given(mean=st.floats(0.01, 0.1), skew=st.floats(-0.5, 0.5), by=st.floats(-0.3, 0.3))
 def test_a_skew_makes_rising_quicker_and_falling_slower_about_their_mean(mean, skew, by):
     at = MotorResponse(lag=mean * (1 - skew), lag_down=mean * (1 + skew))
     free = FreeTiming(at=at, names=("motor_lag", "motor_skew"))
