@@ -112,13 +112,18 @@ def prepared(*, seconds=20.0, rate=100.0, motor_rate=100.0, speed=500.0, force=N
         differentiation="exact",
         segments=(Segment(start=0, stop=n),) if segments is None else segments,
     )
+    return as_prepared(data, motor_rate=motor_rate)
+
+
+def as_prepared(data, *, motor_rate):
+    """Return data as a flight that was used whole, without doubts; all channels had its rate."""
     return PreparedFlight(
         data=data,
         phases=data.segments,
         motor_channel=data.rotor_speed,
         gyro_bias=None,
         spikes={},
-        slowest_rate=rate,
+        slowest_rate=data.sample_rate,
         motor_rate=motor_rate,
         cuts=(),
         warnings=(),

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
+import made_fit
 from rotorfit.flight.data import FlightData, Segment
 from rotorfit.flight.decimate import as_recorded, decimated
 from rotorfit.flight.motor_columns import MotorModel, with_motors
 from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.flight.sensor_limits import cut_off
 from rotorfit.flight.signals import central_difference
 from rotorfit.flight.thinning import low_pass
@@ -43,17 +43,7 @@ def flight(rate, values, *, time=None, segments=None, lag_on="speed"):
         reference=-gyro,
         lag_on=lag_on,
     )
-    return PreparedFlight(
-        data=data,
-        phases=data.segments,
-        motor_channel=data.rotor_speed,
-        gyro_bias=None,
-        spikes={},
-        slowest_rate=rate,
-        motor_rate=rate,
-        cuts=(),
-        warnings=(),
-    )
+    return made_fit.as_prepared(data, motor_rate=rate)
 
 
 def slow_noise(rng, n, rate, columns, *, top=TOP):
