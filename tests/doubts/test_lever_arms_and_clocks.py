@@ -31,8 +31,11 @@ def test_arms_of_another_ratio_are_refused_with_the_likely_one(tmp_path, flight)
         flown.identified(tmp_path, [flight], vehicle=wrong)
 
 
-def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0):
-    """Return what flew: random speeds, to which thrust and roll answer, each so much later [s]."""
+def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):
+    """Return what flew: random speeds, to which thrust and roll answer, each so much later [s].
+
+    `noise` of the force [m/s^2]; `turned`: power of other turns over that of those answers.
+    """
     rng = np.random.default_rng(5)
     n = round(RATE * SECONDS)
     sos = signal.butter(2, (2.0, 12.0), "bandpass", fs=RATE, output="sos")
@@ -48,6 +51,8 @@ def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0):
     force[:, 2] = late(made[:, 0], accel_late) * 9.81 / 1e6 + noise * rng.standard_normal(n)
     turn = np.zeros((n, 3))
     turn[:, 0] = late(made[:, 1], gyro_late) * 1e-4
+    other = signal.sosfiltfilt(sos, rng.standard_normal(n))
+    turn[:, 0] += other * np.sqrt(turned * (turn[:, 0] ** 2).mean() / (other**2).mean())
     data = replace(
         flat.data, specific_force=force, angular_acceleration=turn, rotor_speed=np.sqrt(squares)
     )
@@ -60,12 +65,20 @@ def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0):
         (0.03, 0.0, "the accelerometer follows the rotors 30 ms later than the gyro"),
         (0.0, 0.045, "the gyro follows the rotors 45 ms later than the accelerometer"),
         (0.02, 0.02, None),  # together: the motors' own delay
-        (0.01, 0.0, None),
+        (0.01, 0.0, "the accelerometer follows the rotors 10 ms later than the gyro"),
+        (0.0, 0.01, "the gyro follows the rotors 10 ms later than the accelerometer"),
+        (0.005, 0.0, None),
     ],
 )
 def test_sensors_that_are_apart_in_time_are_named(accel, gyro, words):
     said = accelerometer_apart(rotors_that_answer(accel_late=accel, gyro_late=gyro))
     assert said is None if words is None else words in (said or "")
+
+
+@pytest.mark.parametrize(("late", "said"), [(0.01, False), (0.03, True)])
+def test_turns_that_the_rotors_do_not_explain_may_be_that_much_late(late, said):
+    words = accelerometer_apart(rotors_that_answer(accel_late=late, turned=0.13))
+    assert (words is not None) is said
 
 
 def test_where_the_rotors_explain_little_no_time_is_told():

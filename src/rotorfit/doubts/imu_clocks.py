@@ -19,13 +19,18 @@ from rotorfit.flight.data import FlightData
 from rotorfit.flight.signals import smooth, whole_samples
 from rotorfit.model.vehicle import Vehicle
 
-APART: Final = 0.015
+APART: Final = 0.008
 """Between accelerometer and gyro from which it is said [s]. Sound real logs have up to 1 ms, an
 accelerometer stamped 30 ms late 28, a gyro behind a low-pass of 5 Hz 50, one of 20 Hz 12."""
+UNEXPLAINED: Final = 0.1
+"""Or from this times the share of a turn that the rotors do not explain [s]: what the autopilot
+answers to gusts and noise moves the turn's time by so much at most (simulated flights: 17 to 28 ms
+where they explain .8 to .65)."""
+FILTERED: Final = 0.2
+"""Delay of a low-pass filter times its cutoff: .16 of the first order, .23 of the second."""
 EXPLAINED_FORCE: Final = 0.4
 EXPLAINED_TURN: Final = 0.85
-"""Share of the upward force and of a turn that the rotors must explain in the band: below, what the
-autopilot answers to the gyro's noise moves the turn's time by up to 20 ms (simulated flights)."""
+"""Share of the upward force and of a turn that the rotors must explain in the band."""
 REACH: Final = 0.1
 """How far the two are looked for [s]."""
 SLOW, FAST = 2.0, 12.0
@@ -50,7 +55,7 @@ def accelerometer_apart(flown: Flown) -> str | None:
     for configured in flown.configurations:
         for flight in configured.flights:
             apart = _apart(flight, flown)
-            if apart is not None and abs(apart) > APART:
+            if apart is not None:
                 return _words(Path(flight.entry.file).name, apart)
     return None
 
@@ -59,14 +64,14 @@ def _words(name: str, apart: float) -> str:
     late, early = ("accelerometer", "gyro") if apart > 0 else ("gyro", "accelerometer")
     return (
         f"{name}: the {late} follows the rotors {1e3 * abs(apart):.0f} ms later than the {early}, "
-        f"though both respond at once: the {late} is stamped late, or passes a low-pass "
-        f"filter of a few Hz that the {early} does not; log both unfiltered with one clock. Until "
-        "then do not trust kt and inertia"
+        f"though both respond at once: the {late} is stamped late, or passes a low-pass filter "
+        f"of about {FILTERED / abs(apart):.0f} Hz that the {early} does not; log both unfiltered "
+        "with one clock. Until then do not trust kt and inertia"
     )
 
 
 def _apart(flight: UsedFlight, flown: Flown) -> float | None:
-    """Return how much later than the gyro the accelerometer answers [s]; None where untold."""
+    """Return how much later than the gyro the accelerometer answers [s]; None where not surely."""
     data = retimed(flight.prepared, flown.timing)
     if data.seconds_used < SHORTEST:
         return None
@@ -74,7 +79,8 @@ def _apart(flight: UsedFlight, flown: Flown) -> float | None:
     turn = max(turns, key=lambda found: found.share)
     if force.share < EXPLAINED_FORCE or turn.share < EXPLAINED_TURN:
         return None
-    return force.seconds - turn.seconds
+    apart = force.seconds - turn.seconds
+    return apart if abs(apart) > max(APART, UNEXPLAINED * (1.0 - turn.share)) else None
 
 
 def latenesses(data: FlightData, vehicle: Vehicle) -> list[Lateness]:

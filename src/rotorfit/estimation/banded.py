@@ -14,7 +14,7 @@ of every band unknown.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -41,6 +41,7 @@ from rotorfit.estimation.banded_problem import (
 )
 from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
 from rotorfit.estimation.estimate import Estimate, scaled_singular
+from rotorfit.estimation.factors import borrowed_rows
 
 MOST_ITERATIONS = 100
 SMALLEST_STEP = 1e-3
@@ -329,6 +330,24 @@ def resting_inverse(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, 
     size = parameter_scale(information)
     scale = np.outer(size, size)
     return np.linalg.pinv(information / scale, hermitian=True) / scale
+
+
+def weighted_by_chance(fit: BandedEstimate) -> Float[np.ndarray, "f f"]:
+    r"""Return the covariance of the fit with what the blocks' estimated variances add to it.
+
+    A variance from n rows is off by a share of sqrt(2 / n), so that blocks whose errors are small
+    by chance count for too much, and claim too much: with the information J_k of block k,
+    :math:`C + 2 C \big(\sum_k 2 J_k / n_k\big) C` (Meier, Biometrics 9, 1953; Kenward and Roger,
+    Biometrics 53, 1997, where blocks with most of the information add less).
+    """
+    state = _state_of(fit)
+    rows = np.concatenate([borrowed_rows(factors) for factors in fit.problem.factors])
+    doubtful = replace(state, variance=state.variance * (rows / 2.0)[:, None])
+    every = [np.ones(len(rows), dtype=bool)]
+    added = part_information(fit.problem, doubtful, every)[0]
+    covariance = fit.estimate.covariance
+    widened: Float[np.ndarray, "f f"] = covariance + 2.0 * covariance @ added @ covariance
+    return widened
 
 
 def answer_shifts(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:

@@ -198,14 +198,22 @@ def borrowed_mean_square(
     factors
         The blocks.
     """
+    return _with_neighbours(power, factors) / borrowed_rows(factors)[:, None]
+
+
+def borrowed_rows(factors: Factors) -> Float[np.ndarray, " b"]:
+    """Return from how many rows each such mean square is."""
+    return _with_neighbours(factors.rows[:, None].astype(float), factors)[:, 0]
+
+
+def _with_neighbours(sums: Float[np.ndarray, "b k"], factors: Factors) -> Float[np.ndarray, "b k"]:
+    """Return the sums of blocks, with half of their neighbours' where rows are few."""
     few = factors.rows < FEW_ROWS
     same = factors.segment[1:] == factors.segment[:-1]
-    total, count = power.copy(), factors.rows.astype(float)
+    total = sums.copy()
     for here, other in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
-        share = 0.5 * (same & few[here])
-        total[here] += share[:, None] * power[other]
-        count[here] += share * factors.rows[other]
-    return total / count[:, None]
+        total[here] += 0.5 * (same & few[here])[:, None] * sums[other]
+    return total
 
 
 def time_block_factors(

@@ -15,7 +15,12 @@ from scipy import stats
 
 from rotorfit.bands.frequency_bands import PILOT_BAND
 from rotorfit.bands.motor_timing import FreeTiming
-from rotorfit.estimation.banded import BandedEstimate, answer_shifts, steps_without
+from rotorfit.estimation.banded import (
+    BandedEstimate,
+    answer_shifts,
+    steps_without,
+    weighted_by_chance,
+)
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
@@ -90,7 +95,7 @@ def joint_numbers(
         estimate.values,
         estimate.std,
     )
-    formal = jacobian @ estimate.covariance @ jacobian.T
+    formal = jacobian @ weighted_by_chance(fit) @ jacobian.T
     # A block holds an equation for each noisy signal: that many parameters cost one block.
     blocks = len(fit.influence)
     free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)
