@@ -252,12 +252,12 @@ def _answers(configuration: JointConfiguration) -> Answers:
     assert answered is not None and counted is not None
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
     steered = counted[:, [NOISY.index(name) for name in ANSWERED]]
-    moving = factors.band[:, 0] > 0.0  # trim is nobody's answer
+    moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
     answer = usual_answer(turn)
     timing = configuration.timing
     late = [] if timing is None else [_lateness(name, turn, timing.at) for name in timing.names]
     return Answers(
-        rows=(factors.rows * moving)[:, None] * steered,
+        rows=moving[:, None] * steered,
         moves=_mixed(configuration, turn),
         share=answer[:, None] * (TAKEN * answered + configuration.answer.beyond),
         doubt=answer[:, None] * np.array(configuration.answer.open),

@@ -49,6 +49,10 @@ from rotorfit.flight.still_rotors import still_rotors
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
 """Of motors whose commands are all that is known, for the search of the flight only [s]."""
 
+SETTLING = 0.2
+"""After the beginning of a log or a gap, in which motors follow commands that it does not have [s]:
+five usual lags."""
+
 Window = tuple[float | None, float | None]
 
 
@@ -216,7 +220,7 @@ def prepared_from(
             speed,
             motors.response,
         ),
-        segments=_inner_segments(flights, uniform),
+        segments=_inner_segments(flights if measured else _settled(flights, uniform), uniform),
         rotor_speed_std=_rotor_speed_std(recorded.speed_step, motors, speed, flights),
     )
     data = dataclasses.replace(data, climb=felt_climb(data))
@@ -411,6 +415,21 @@ def _gyro_bias(
         return None
     x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
     return x, y, z
+
+
+def _settled(
+    flights: list[tuple[int, int]], uniform: UniformChannels
+) -> list[tuple[int, int]]:
+    """Return the flights from where all that moves the rotors is in the log, if anything is left.
+
+    What they turned at before its first command would pass for a lag.
+    """
+    begins = np.array([start for start, _ in uniform.stretches])
+    known = begins + whole_samples(SETTLING * uniform.sample_rate)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
+    firsts = [int(known[np.searchsorted(begins, a, side="right") - 1]) for a, _ in flights]
+    settled = [(max(a, first), b) for (a, b), first in zip(flights, firsts, strict=True)]
+    return [(a, b) for a, b in settled if b - a >= shortest] or flights
 
 
 def _inner_segments(
