@@ -1,6 +1,6 @@
 """Accuracy against the Cramer-Rao bound, and how often the intervals hold.
 
-    python -m benchmarks.accuracy [--runs 400] [--workers 2] [-o accuracy.json]
+    python -m benchmarks.accuracy [--runs 400] [--steered-by-gyro] [-o accuracy.json]
 
 Monte Carlo on simulated flights of the paper's vehicles A and B, fitted together: S1 (sensor
 noise), S2b (and a disturbing wrench) and stress (rotor inertia, drag, unequal rotors, biased
@@ -47,6 +47,11 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--vehicles", nargs="+", choices=["A", "B"], default=["A", "B"])
     parser.add_argument("--seconds", type=float, default=75.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--steered-by-gyro",
+        action="store_true",
+        help="autopilots answer the noise of their gyros, as real ones do",
+    )
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("-o", "--output", type=Path, help="keep the runs here (JSON)")
     return parser.parse_args(words)
@@ -82,7 +87,12 @@ def keep(path: Path | None, settings: Mapping[str, Any], kept: Kept) -> None:
 
 def fly_all(asked: argparse.Namespace, study: Study) -> Kept:
     """Do the runs that are missing, with a progress bar on stderr."""
-    settings = {"vehicles": asked.vehicles, "seconds": asked.seconds, "seed": asked.seed}
+    settings = {
+        "vehicles": asked.vehicles,
+        "seconds": asked.seconds,
+        "seed": asked.seed,
+        "steered_by_gyro": asked.steered_by_gyro,
+    }
     kept = finished(asked.output, settings)
     missing = [
         (name, str(number))
@@ -127,7 +137,12 @@ def report(runs: Runs, *, scenario: ScenarioName, study: Study) -> bool:
 def main(words: Sequence[str] | None = None) -> int:
     """Run the study."""
     asked = arguments(words)
-    study = Study(vehicles=tuple(asked.vehicles), seconds=asked.seconds, seed=asked.seed)
+    study = Study(
+        vehicles=tuple(asked.vehicles),
+        seconds=asked.seconds,
+        seed=asked.seed,
+        steered_by_gyro=asked.steered_by_gyro,
+    )
     kept = fly_all(asked, study)
     passed = [
         report([kept[name][str(k)] for k in range(asked.runs)], scenario=name, study=study)

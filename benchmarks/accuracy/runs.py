@@ -37,11 +37,14 @@ class Study:
         Of each flight [s].
     seed
         Of the whole study; run k of a scenario is the same whatever else is run.
+    steered_by_gyro
+        Whether the autopilots answer the noise of their gyros, as real ones do.
     """
 
     vehicles: tuple[str, ...] = ("A", "B")
     seconds: float = 75.0
     seed: int = 1
+    steered_by_gyro: bool = False
 
 
 def one_run(number: int, *, scenario: ScenarioName, study: Study) -> dict[str, Any]:
@@ -68,16 +71,19 @@ def fly(number: int, *, scenario: ScenarioName, study: Study) -> dict[str, Simul
     sequence = np.random.SeedSequence([study.seed, place, number])
     seeds = sequence.generate_state(len(study.vehicles)).tolist()
     return {
-        name: _fly_one(name, KINDS[scenario], seconds=study.seconds, seed=seed)
+        name: _fly_one(name, KINDS[scenario], study, seed=seed)
         for name, seed in zip(study.vehicles, seeds, strict=True)
     }
 
 
-def _fly_one(name: str, kind: Any, *, seconds: float, seed: int) -> SimulatedFlight:
+def _fly_one(name: str, kind: Any, study: Study, *, seed: int) -> SimulatedFlight:
     (truth, known), sensors = variant(named_vehicle(name), kind)
     lift = truth.kt * float(known.axes[:, 2].sum()) * FULL_SPEED**2
     scenario = Scenario(
-        seconds=seconds, sensors=sensors, thrust_to_weight=lift / (truth.mass * GRAVITY)
+        seconds=study.seconds,
+        sensors=sensors,
+        thrust_to_weight=lift / (truth.mass * GRAVITY),
+        steered_by_gyro=study.steered_by_gyro,
     )
     return simulate_flight(truth, known, scenario, seed=seed)
 

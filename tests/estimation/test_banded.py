@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedProblem, banded
+from rotorfit.estimation.banded import BandedProblem, banded, weighted_by_chance
 from rotorfit.estimation.banded_equations import (
     State,
     corrected_equations,
@@ -213,6 +213,43 @@ def test_interval_covers_the_slope():
         fit = banded(line_problem(x, y), np.array([1.0, 0.0]))
         inside += abs(fit.estimate.values[0] - 3.0) < 1.96 * fit.estimate.std[0]
     assert 180 <= inside <= 199  # 0.90 to 0.995 of 200; the noise of 20 blocks is estimated
+
+
+@pytest.mark.parametrize("rows", [30, 60])
+def test_variances_from_n_rows_add_four_nths(rows):
+    rng = np.random.default_rng(4)
+    x = rng.normal(size=8 * rows)
+    fit = banded(line_problem(x, x + rng.normal(size=8 * rows), block_rows=rows), np.zeros(2))
+    expected = fit.estimate.covariance * (1.0 + 4.0 / rows)
+    np.testing.assert_allclose(weighted_by_chance(fit), expected, rtol=1e-9)
+
+
+def test_what_a_prior_tells_is_no_chance():
+    rng = np.random.default_rng(4)
+    x = rng.normal(size=240)
+    known = line_problem(
+        x, x + rng.normal(size=240), block_rows=30, prior_std={"slope": 1e-4, "offset": 1e-4}
+    )
+    fit = banded(known, np.zeros(2))
+    np.testing.assert_allclose(weighted_by_chance(fit), fit.estimate.covariance, atol=1e-12)
+
+
+def test_few_rows_scatter_as_said():
+    """Six stretches of ten rows, noise of a factor of three: the fit alone claims too much."""
+    rng = np.random.default_rng(9)
+    plain, widened, found = [], [], []
+    for _ in range(300):
+        x = rng.normal(size=(6, 10))
+        y = x + np.linspace(1.0, 3.0, 6)[:, None] * rng.normal(size=(6, 10))
+        problem = line_problem(x.ravel(), y.ravel(), block_rows=10)
+        apart = replace(problem.factors[0], segment=np.arange(6))
+        fit = banded(replace(problem, factors=(apart,)), np.array([1.0, 0.0]))
+        found.append(fit.estimate.values[0])
+        plain.append(fit.estimate.covariance[0, 0])
+        widened.append(weighted_by_chance(fit)[0, 0])
+    variance = np.var(found)
+    assert np.mean(plain) < 0.8 * variance
+    assert np.mean(widened) == pytest.approx(variance, rel=0.2)
 
 
 def test_exact_equations_are_met_to_rounding():

@@ -7,7 +7,12 @@ import pytest
 from plain_problem import plain_problem
 
 from rotorfit.estimation.estimate import LinearProblem
-from rotorfit.estimation.factors import Factors, borrowed_mean_square, triangular_factors
+from rotorfit.estimation.factors import (
+    Factors,
+    borrowed_mean_square,
+    borrowed_rows,
+    triangular_factors,
+)
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.reweighted import reweighted
 
@@ -82,13 +87,17 @@ def test_exact_equations_have_next_to_no_variance():
     np.testing.assert_allclose(fit.variance, 1e-20 * 4.0 * (x**2).mean(), rtol=1e-9)
 
 
-def mean_squares(rows, power, segment=(0, 0, 0)):
-    factors = Factors(
+def three_blocks(rows, segment=(0, 0, 0)):
+    return Factors(
         R=np.tile(np.eye(2), (3, 1, 1)),
         rows=np.array(rows),
         segment=np.array(segment),
         band=np.tile([0.0, 1.0], (3, 1)),
     )
+
+
+def mean_squares(rows, power, segment=(0, 0, 0)):
+    factors = three_blocks(rows, segment)
     return borrowed_mean_square(np.array(power)[:, None], factors)[:, 0].tolist()
 
 
@@ -99,3 +108,8 @@ def test_bands_of_fewer_than_28_rows_borrow_half_of_their_neighbours():
     assert few == pytest.approx([full[0], (10.0 + 45.0 + 80.0) / (27 + 15 + 20), full[2]])
     apart = mean_squares([30, 27, 40], [90.0, 10.0, 160.0], (0, 1, 1))
     assert apart == pytest.approx([full[0], (10.0 + 80.0) / (27 + 20), full[2]])
+
+
+def test_rows_of_what_is_borrowed_count_half():
+    assert borrowed_rows(three_blocks([30, 27, 40])).tolist() == [30.0, 27.0 + 15.0 + 20.0, 40.0]
+    assert borrowed_rows(three_blocks([1, 9, 40])).tolist() == [1.0 + 4.5, 9.0 + 0.5 + 20.0, 40.0]

@@ -78,7 +78,8 @@ def test_all_of_an_answer_is_in_doubt_of_every_axis_flown_or_not():
 
 
 def test_rows_that_count_may_be_answered_but_for_trim():
-    assert _answers(steered()).rows.tolist() == [[0, 0, 0], [20, 20, 20], [0, 30, 30]]
+    """The first band has the mean beside nine other rows."""
+    assert _answers(steered()).rows.tolist() == [[9, 9, 9], [20, 20, 20], [0, 30, 30]]
 
 
 def test_nobody_answers_where_that_was_not_looked_at():

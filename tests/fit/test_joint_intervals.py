@@ -296,11 +296,20 @@ def test_answers_and_faults_of_the_times_are_in_the_interval(monkeypatch):
     shifts = np.zeros((3, len(fit.estimate.names)))
     shifts[:, place] = [4e-8, -3e-8, 1e-8]
     monkeypatch.setattr(module, "answer_shifts", lambda fit: shifts)
+    monkeypatch.setattr(module, "weighted_by_chance", lambda fit: fit.estimate.covariance)
     left = 12 / (12 - len(fit.estimate.names) / 6)
     chance = stats.t.ppf(0.975, 12 / left) * np.sqrt(left) * 2e-8
     slopes = np.array([8e-12, -2e-12]) @ np.linalg.inv([[1e-6, -3e-7], [-3e-7, 2.5e-7]])
     parts = [chance, 8e-8, 1.96 * slopes @ [3e-4, -3e-4], 1.96 * slopes @ [0.0, 1e-4]]
     assert half_width(fit, [body]) == pytest.approx(np.linalg.norm(parts), rel=1e-4)
+
+
+def test_what_estimated_variances_leave_open_is_in_the_interval(monkeypatch):
+    body = made_fit.configuration()
+    fit = made_fit.fit_of([body], std={"kt": 2e-8})
+    known = half_width(fit, [body])
+    monkeypatch.setattr(module, "weighted_by_chance", lambda fit: 4.0 * fit.estimate.covariance)
+    assert half_width(fit, [body]) == pytest.approx(2.0 * known, rel=1e-3)
 
 
 def test_what_shifts_two_numbers_at_once_makes_them_go_together(monkeypatch):
@@ -311,6 +320,7 @@ def test_what_shifts_two_numbers_at_once_makes_them_go_together(monkeypatch):
     shifts = np.zeros((1, FREE))
     shifts[0, places] = [3e-8, -3e-4]
     monkeypatch.setattr(module, "answer_shifts", lambda fit: shifts)
+    monkeypatch.setattr(module, "weighted_by_chance", lambda fit: fit.estimate.covariance)
     numbers = joint_numbers(fit, [body], {"A": 0.0})
     own = numbers.index("kt"), numbers.index("Ixx@A")
     assert numbers.correlation[own] == pytest.approx(-1.0 / (1.0 + (1.96 / 3.0) ** 2), rel=1e-6)

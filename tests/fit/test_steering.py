@@ -123,6 +123,16 @@ def test_a_band_is_flown_where_rotors_explain_over_three_times_the_rest():
         assert flown_bands(factors, signal, np.ones((1, 1))).tolist() == [[flown_there]]
 
 
+def test_a_short_stretch_is_judged_apart():
+    """Its ten lines about 5 Hz hold the pilot's motion at 1 Hz; the others' lines there do not."""
+    bands = [(4.0, 5.5), (4.0, 5.4), (0.8, 8.2)]
+    factors = made_fit.blocks(bands, rows=[20, 20, 20])
+    signal, residual = np.array([[1.0], [1.0], [300.0]]), np.ones((3, 1))
+    assert flown_bands(factors, signal, residual)[:, 0].tolist() == [False, False, True]
+    narrower = made_fit.blocks([*bands[:2], (3.0, 7.0)], rows=[20, 20, 20])
+    assert flown_bands(narrower, signal, residual).all()
+
+
 @pytest.fixture(scope="module")
 def rolled(tmp_path_factory):
     """A flight with gusts of which only roll is flown, as it is fitted."""

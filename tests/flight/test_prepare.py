@@ -149,7 +149,18 @@ def test_the_lag_does_not_reach_across_a_gap():
     result = prepared(flight_log(**moved), motors=replace(COMMANDED, lag=0.05))
     row = int(np.flatnonzero(np.diff(result.data.time) > 1)[0]) + 1
     assert result.data.rotor_speed[row] == pytest.approx(result.motor_channel[row])
-    assert [s.start for s in result.data.segments] == [1, row + 1]
+    # Motors follow what they were told before the log and in the gap for a fifth of a second.
+    assert [s.start for s in result.data.segments] == [40, row + 40]
+
+
+def test_measured_speeds_are_used_from_the_first_on(hover):
+    assert prepared(hover).data.segments[0].start == 1
+
+
+def test_a_flight_too_short_to_settle_is_used_whole():
+    log = motion_log(hover_thrust(10), name="command")
+    assert prepared(log, motors=COMMANDED, window=(0.0, 0.45)).data.segments[0].start == 1
+    assert prepared(log, motors=COMMANDED, window=(0.0, 0.6)).data.segments[0].start == 40
 
 
 def test_slow_motor_data_are_despiked_as_recorded(hover):

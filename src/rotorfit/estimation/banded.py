@@ -344,7 +344,7 @@ def weighted_by_chance(fit: BandedEstimate) -> Float[np.ndarray, "f f"]:
     rows = np.concatenate([borrowed_rows(factors) for factors in fit.problem.factors])
     doubtful = replace(state, variance=state.variance * (rows / 2.0)[:, None])
     every = [np.ones(len(rows), dtype=bool)]
-    added = part_information(fit.problem, doubtful, every)[0]
+    added = part_information(fit.problem, doubtful, every, corrected=False)[0]
     covariance = fit.estimate.covariance
     widened: Float[np.ndarray, "f f"] = covariance + 2.0 * covariance @ added @ covariance
     return widened

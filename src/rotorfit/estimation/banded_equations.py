@@ -285,9 +285,16 @@ def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquati
 
 
 def part_information(
-    problem: BandedProblem, state: State, chosen: Sequence[Bool[np.ndarray, " b"]]
+    problem: BandedProblem,
+    state: State,
+    chosen: Sequence[Bool[np.ndarray, " b"]],
+    *,
+    corrected: bool = True,
 ) -> Float[np.ndarray, "p f f"]:
-    """Return the information of choices of the blocks, corrected, without the prior's."""
+    """Return the information of choices of the blocks, without the prior's.
+
+    `corrected`: less what of it is only known noise of the regressors.
+    """
     found = untied_solutions(problem, solutions(problem, state.phi))
     slopes = lifted_slopes(problem, state.phi, found)
     size = len(problem.map.names)
@@ -300,7 +307,7 @@ def part_information(
             if not len(own):
                 continue
             out[p][square] += _information(factors.gram[part.own][own], w[own], dU)
-            if factors.noise is not None:
+            if factors.noise is not None and corrected:
                 dG, rows = found[part.configuration][1], factors.rows[part.own, None]
                 noise = factors.noise[part.own][own]
                 out[p][square] -= _taken(noise, (rows * w)[own], dG[part.place])

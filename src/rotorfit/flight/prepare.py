@@ -417,9 +417,7 @@ def _gyro_bias(
     return x, y, z
 
 
-def _settled(
-    flights: list[tuple[int, int]], uniform: UniformChannels
-) -> list[tuple[int, int]]:
+def _settled(flights: list[tuple[int, int]], uniform: UniformChannels) -> list[tuple[int, int]]:
     """Return the flights from where all that moves the rotors is in the log, if anything is left.
 
     What they turned at before its first command would pass for a lag.
