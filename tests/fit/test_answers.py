@@ -59,12 +59,20 @@ def steered(vehicle=made_fit.QUAD, **more):
 
 
 def test_an_answer_is_that_of_a_rate_loop_inside_an_attitude_loop():
-    """Roll and pitch where they are flown; of yaw nothing is taken for granted."""
+    """Roll and pitch where they are flown; of yaw nothing is taken for granted over 0.3 Hz."""
     share = _answers(steered()).share
     loop = 25.0 / (1j * TURNS[1]) * (1.0 + 6.0 / (1j * TURNS[1]))
     assert share[:, 0] == pytest.approx([0.0, loop / (1.0 + loop), 0.0])
     assert (share[:, 1:] == 0.0).all()
     assert np.angle(share[1, 0]) < 0.0  # later than the error
+
+
+def test_every_autopilot_answers_slow_yaw():
+    answered = np.zeros((3, 3), dtype=bool)
+    answered[0, 2] = True
+    share = _answers(replace(steered(), answered=answered)).share
+    assert share[0, 2] == pytest.approx(3.0 / (3.0 + 1j * TURNS[0]))
+    assert np.count_nonzero(share) == 1
 
 
 def test_far_under_the_attitude_loop_all_is_answered_and_far_above_the_rate_loop_nothing():

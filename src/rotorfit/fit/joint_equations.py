@@ -53,8 +53,11 @@ loops, and of usual ones."""
 ATTITUDE = 6.0
 """Rate per angle that an attitude loop asks for [1/s]: 6.5 in PX4 and 4.5 in ArduPilot by default.
 Such a loop delays the answer; not every pilot flies with one."""
-TAKEN = np.array([1.0, 1.0, 0.0])
-"""Share of that answer that is taken for granted: in yaw, where autopilots are slow, none."""
+YAW_BANDWIDTH = 3.0
+"""[rad/s] up to which one answers yaw errors: PX4 and ArduCopter by default, others are quicker."""
+SLOW_YAW = 0.3
+"""[Hz] up to which that is taken for granted: each autopilot answers there. What it does further up
+hangs on its gains, on filters and on the rotors' reaction."""
 BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
 """Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
 IMU and rotor plane look the same."""
@@ -254,12 +257,15 @@ def _answers(configuration: JointConfiguration) -> Answers:
     steered = counted[:, [NOISY.index(name) for name in ANSWERED]]
     moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
     answer = usual_answer(turn)
+    slow = turn < 2.0 * np.pi * SLOW_YAW
+    taken = np.stack([answer, answer, slow * YAW_BANDWIDTH / (1j * turn + YAW_BANDWIDTH)], axis=1)
+    beyond = answer[:, None] * np.array(configuration.answer.beyond)
     timing = configuration.timing
     late = [] if timing is None else [_lateness(name, turn, timing.at) for name in timing.names]
     return Answers(
         rows=moving[:, None] * steered,
         moves=_mixed(configuration, turn),
-        share=answer[:, None] * (TAKEN * answered + configuration.answer.beyond),
+        share=taken * answered + beyond,
         doubt=answer[:, None] * np.array(configuration.answer.open),
         late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
