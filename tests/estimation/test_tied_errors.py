@@ -8,16 +8,21 @@ import pytest
 from rotorfit.estimation.banded import BandedProblem, banded
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.estimation.parameter_map import parameter_map
+from rotorfit.estimation.tied_errors import tie_shifts
 
 SHARE = 0.8
 ROWS = 400
 
 
-def two_lines(seed):
-    """Two lines y = a x + v and y' = b x' + SHARE v + w as rows, and as a problem."""
+def two_lines(seed, *, heard=0.0):
+    """Two lines y = a x + v and y' = b x' + SHARE v + w as rows, and as a problem.
+
+    `heard`: how much of v is in x'.
+    """
     rng = np.random.default_rng(seed)
     x, other, v, w = rng.normal(size=(4, ROWS))
     w *= 0.1
+    other += heard * v
     rows = np.column_stack([2.0 * x + v, 3.0 * other + SHARE * v + w, x, other])
     tensor = np.zeros((3, 2, 4))
     tensor[0, [0, 1], [0, 1]] = 1.0
@@ -34,8 +39,9 @@ def two_lines(seed):
     return rows, problem
 
 
-def tied(problem, share=SHARE):
-    return replace(problem, tied=(np.array([[0.0, 0.0], [share, 0.0]]),))
+def tied(problem, share=SHARE, *, std=np.inf):
+    tie = np.array([[0.0, 0.0], [share, 0.0]])
+    return replace(problem, tied=(tie,), tied_std=(std,))
 
 
 def test_values_and_deviations_are_those_of_generalised_least_squares():
@@ -65,3 +71,30 @@ def test_what_is_shared_no_longer_hides_the_rest(share):
     spread = float(np.sqrt((found[:, 0] ** 2).mean()))
     assert spread == pytest.approx((0.1 if share else 0.81) / ROWS**0.5, rel=0.25)
     assert found[:, 1].mean() == pytest.approx(spread, rel=0.25)
+
+
+@pytest.mark.parametrize("std", [np.inf, 0.01])
+@pytest.mark.parametrize("heard", [0.0, 2.0])
+def test_a_share_that_is_estimated_leaves_open_what_a_parameter_more_does(heard, std):
+    rows, problem = two_lines(2, heard=heard)
+    fit = banded(tied(problem, std=std), np.zeros(2))
+    a, b = fit.estimate.values
+    y, line, x, other = rows.T
+    e = np.array([y - a * x, line - b * other - SHARE * (y - a * x)])
+    slopes = np.zeros((2, ROWS, 3))
+    slopes[0, :, 0], slopes[1, :, 0] = x, -SHARE * x
+    slopes[1, :, 1], slopes[1, :, 2] = other, e[0]
+    variance = (e**2).mean(axis=1)
+    information = np.einsum("inp,inq,i->pq", slopes, slopes, 1.0 / variance)
+    information[2, 2] += std**-2.0
+    more = np.linalg.inv(information)[:2, :2] - np.linalg.inv(information[:2, :2])
+    shifts = tie_shifts(fit)
+    np.testing.assert_allclose(shifts.T @ shifts, more, rtol=1e-3, atol=1e-4 * more[1, 1])
+    if heard and np.isinf(std):  # then the share is half of what is open of the second slope
+        assert more[1, 1] > fit.estimate.covariance[1, 1]
+
+
+def test_without_ties_nothing_is_open():
+    fit = banded(two_lines(3)[1], np.zeros(2))
+    assert tie_shifts(fit).shape == (0, 2)
+    assert tie_shifts(banded(tied(two_lines(3)[1], 0.0), np.zeros(2))).shape == (0, 2)

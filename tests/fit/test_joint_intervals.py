@@ -94,7 +94,8 @@ def test_two_flights_tell_nothing_of_how_flights_differ():
     body = of_flights("A", 2)
     pulls = np.repeat([-4e-8, 4e-8], 4)
     fit = made_fit.fit_of([body], std={}, influence={"kt": pulls / 4})
-    blocks_alone = 2.447 * np.sqrt(8 * 8 / 7 * 8 / 6) * 1e-8  # t of 6
+    # Each has a trim along x and y, and its air: three blocks' worth of parameters in all.
+    blocks_alone = 2.571 * np.sqrt(8 * 8 / 7 * 8 / 5) * 1e-8  # t of 5
     assert half_width(fit, [body]) == pytest.approx(blocks_alone, rel=1e-3)
 
 
@@ -146,7 +147,7 @@ def test_flights_are_taken_whole_whatever_their_blocks_do(monkeypatch):
     moving_as_they_pull(monkeypatch)
     body = of_flights("A", 5)
     fit = made_fit.fit_of([body], std={}, influence={"kt": 1e-8 * np.tile([1.0, -1.0], 10)})
-    free = 20 - (FREE + 2 * 5) / 6  # each has a trim along x and y
+    free = 20 - (FREE + 3 * 5) / 6  # each has a trim along x and y, and its air
     alone = stats.t.ppf(0.975, free) * np.sqrt(20 * 20 / 19 * 20 / free) * 1e-8
     common = 0.005 * made_fit.BODY["kt"]  # what the model lacks in all of them
     assert half_width(fit, [body]) == pytest.approx(np.hypot(alone, common), rel=1e-4)

@@ -1,4 +1,4 @@
-"""What five flights or more tell together: a trim of each, and how far their autopilot answers."""
+"""What flights tell together: trim and air of each, and from five how far their autopilot answers."""
 
 from dataclasses import replace
 
@@ -9,15 +9,20 @@ import flown
 import made_fit
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.experiment.experiment import load_experiment
+from rotorfit.experiment.payload import PointMass
 from rotorfit.fit.joint_equations import joint_problem, theta_of
 from rotorfit.identification.identify import identify_flights
 from rotorfit.many_flights.autopilot import LEAST_OPEN, heard
-from rotorfit.many_flights.trims import trim_shares
+from rotorfit.many_flights.trims import Scatter, scatters
+from rotorfit.model.parameters import INERTIA, inertia_about
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
 from rotorfit.simulation.tables import write_flight_table
 
+TRIMS = ("msx", "msy", "air")
 PLACES = np.array([[2e-3, 0.0], [-2e-3, 1e-3], [0.0, -2e-3], [1e-3, 2e-3], [-1e-3, -1e-3]])
 """Of each flight's centre of mass about that of all [m]."""
+AIR = (0.01, -0.01, 0.005, -0.02, 0.015)
+"""How much denser than usual it is in each."""
 
 
 def of_flights(flights):
@@ -26,31 +31,88 @@ def of_flights(flights):
     return made_fit.configuration("A", factors=blocks)
 
 
-@pytest.mark.parametrize("flights", [1, 4])
-def test_few_flights_are_one(flights):
-    problem = joint_problem([of_flights(flights)])
+def test_a_flight_alone_has_no_trim():
+    problem = joint_problem([of_flights(1)])
     assert len(problem.every_part) == len(problem.map.constant) == 1
     assert not any(name.startswith("trim") for name in problem.map.names)
 
 
-def test_each_of_five_flights_has_its_own_first_moments_and_all_else_in_common():
+def at_body(problem):
+    """Return the free parameters of the problem as of the made-up body."""
+    return np.array([made_fit.BODY.get(name.partition("@")[0], 0.0) for name in problem.map.names])
+
+
+def test_each_of_several_flights_has_trims_of_its_own_and_all_else_in_common():
     body, other = of_flights(5), replace(of_flights(2), name="B")
     problem = joint_problem([body, other])
-    assert problem.parts == ((2, 2, 2, 2, 2), (4,))
+    assert problem.parts == ((2, 2, 2, 2, 2), (2, 2))
     names = problem.map.names
-    trims = [f"trim_{moment}@{k}" for k in range(5) for moment in ("msx", "msy")]
+    trims = [f"trim_{own}@{k}" for k in range(7) for own in TRIMS]
     assert [name for name in names if name.startswith("trim")] == trims
     std = 0.01 * body.mass * body.vehicle.arm
-    assert all(problem.prior_std[name] == pytest.approx(std) for name in trims)
+    for name in trims:
+        assert problem.prior_std[name] == pytest.approx(0.01 if "air" in name else std)
+    wide = joint_problem([body, replace(other, scatter=Scatter(moved=0.03, air=0.02))]).prior_std
+    assert wide["trim_msx@0"] == wide["trim_msx@5"] / 3.0 == pytest.approx(std)
+    assert wide["trim_air@6"] == 2.0 * wide["trim_air@4"]
 
-    values = np.array([made_fit.BODY.get(name.partition("@")[0], 0.0) for name in names])
-    moved = values.copy()
-    moved[names.index("trim_msy@3")] = 1e-3
-    apart = problem.map.theta(moved) - problem.map.theta(values)
-    assert np.argwhere(apart).tolist() == [[3, body.model.names.index("msy")]]
-    np.testing.assert_array_equal(
-        theta_of(problem.map, moved, [body, other]), problem.map.theta(values)[[0, 5]]
+
+@pytest.mark.parametrize(("trim", "size"), [("msx", 1e-5), ("msy", -2e-5)])
+def test_a_battery_elsewhere_moves_the_centre_of_mass_and_not_the_inertia_about_it(trim, size):
+    body, other = of_flights(5), replace(of_flights(2), name="B")
+    problem = joint_problem([body, other])
+    entry = body.model.names.index
+    moved = at_body(problem)
+    before = problem.map.theta(moved)
+    moved[problem.map.names.index(f"trim_{trim}@3")] = size
+    theta = problem.map.theta(moved)
+    assert set(np.argwhere(theta != before)[:, 0]) == {3}
+    assert theta[3, entry(trim)] == pytest.approx(before[3, entry(trim)] + size)
+    com, was = (
+        inertia_about(
+            row[[entry(name) for name in INERTIA]],
+            -body.mass,
+            row[[entry(name) for name in ("msx", "msy", "msz")]] / body.mass,
+        )
+        for row in (theta[3], before[3])
     )
+    np.testing.assert_allclose(com, was, atol=2.0 * size**2 / body.mass)
+    assert np.abs(theta[3] - before[3])[[entry(n) for n in INERTIA]].max() > 2e-8
+    np.testing.assert_array_equal(theta_of(problem.map, moved, [body, other]), before[[0, 5]])
+
+
+def test_a_payload_that_is_known_moves_with_the_body():
+    """The first moments of the second configuration are those of the first and the payload's."""
+    payload = (PointMass(mass=0.2, position=(0.03, -0.02, 0.05)),)
+    body = of_flights(1)
+    loaded = replace(of_flights(2), name="B", mass=1.6, payload=payload, payload_of="A")
+    problem = joint_problem([body, loaded])
+    entry = body.model.names.index
+    moved = at_body(problem)
+    moved[problem.map.names.index("trim_msx@1")] = 1e-5
+    theta = problem.map.theta(moved)
+    com = [
+        inertia_about(
+            row[[entry(name) for name in INERTIA]],
+            -loaded.mass,
+            row[[entry(name) for name in ("msx", "msy", "msz")]] / loaded.mass,
+        )
+        for row in theta[1:]
+    ]
+    np.testing.assert_allclose(com[0], com[1], atol=2e-10)
+
+
+def test_warmer_air_takes_as_much_of_thrust_as_of_drag_torque():
+    body = of_flights(2)
+    problem = joint_problem([body])
+    moved = at_body(problem)
+    before = problem.map.theta(moved)
+    moved[problem.map.names.index("trim_air@1")] = -0.02
+    changed = problem.map.theta(moved) / np.where(before == 0.0, 1.0, before)
+    places = [body.model.names.index(name) for name in ("kt", "kd")]
+    np.testing.assert_allclose(changed[1, places], 0.98)
+    changed[1, places] = 1.0
+    np.testing.assert_array_equal(changed[before != 0.0], 1.0)
 
 
 def asked_apart(answer, *, rho, scatter=0.0):
@@ -86,7 +148,7 @@ def test_flights_that_scatter_leave_it_open():
 
 @pytest.fixture(scope="module")
 def five(tmp_path_factory):
-    """Return what five flights give whose battery sat elsewhere in each, and the truth of all."""
+    """Return what five flights give, each with its battery elsewhere and its own air, and the truth."""
     folder = tmp_path_factory.mktemp("five")
     (truth, vehicle), sensors = variant(layout_vehicle("quad-x"), "noisy")
     scenario = Scenario(seconds=10.0, ground_seconds=1.0, sensors=sensors, physics_rate=200.0)
@@ -94,7 +156,13 @@ def five(tmp_path_factory):
     for k, (x, y) in enumerate(PLACES):
         msx, msy, msz = truth.first_moments
         moments = (msx + truth.mass * x, msy + truth.mass * y, msz)
-        flight = simulate_flight(replace(truth, first_moments=moments), vehicle, scenario, seed=k)
+        own = replace(
+            truth,
+            first_moments=moments,
+            kt=truth.kt * (1.0 + AIR[k]),
+            kd=truth.kd * (1.0 + AIR[k]),
+        )
+        flight = simulate_flight(own, vehicle, scenario, seed=k)
         names.append(folder / f"{k}.csv")
         write_flight_table(flight, names[-1])
     path = flown.experiment_file(folder / "e.toml", vehicle, names, mass=truth.mass)
@@ -108,28 +176,37 @@ def test_the_trim_of_each_flight_is_found(five):
     np.testing.assert_allclose(np.array(found) / truth.mass, PLACES, atol=4e-4)
 
 
-def test_trims_are_assumed_to_scatter_as_they_do(five):
-    identified, _ = five
-    (body,) = identified.factors.configurations
-    scatter = np.sqrt(PLACES.var(axis=0, ddof=1).mean()) / body.vehicle.arm
-    assert body.trim_share == pytest.approx(scatter, rel=0.1)
+def test_the_air_of_each_flight_is_found(five):
+    values = five[0].factors.values
+    found = np.array([values[f"trim_air@{k}"] for k in range(5)])
+    np.testing.assert_allclose(found, np.array(AIR), atol=3e-3)
 
 
-def test_the_scatter_of_trims_counts_what_is_open_of_each_not_of_all():
-    names = [f"trim_{m}@{k}" for k in range(1, 6) for m in ("msx", "msy")]
-    common = np.kron(np.ones((5, 5)), np.eye(2))
+def test_flights_are_assumed_to_differ_as_they_do(five):
+    (body,) = five[0].factors.configurations
+    moved = np.sqrt(PLACES.var(axis=0, ddof=1).mean()) / body.vehicle.arm
+    assert body.scatter.moved == pytest.approx(moved, rel=0.1)
+    assert body.scatter.air == pytest.approx(np.std(AIR, ddof=1), rel=0.2)
+
+
+def test_how_flights_differ_counts_what_is_open_of_each_not_of_all():
+    names = [f"trim_{own}@{k}" for k in range(1, 6) for own in TRIMS]
+    common = np.kron(np.ones((5, 5)), np.eye(3))
+    open_still = np.diag(np.tile([4e-8, 4e-8, 9e-6], 5))
     estimate = Estimate(
         names=tuple(names),
-        values=np.full(10, 3e-3),
-        covariance=4e-8 * np.eye(10) + 1e-4 * common,
+        values=np.full(15, 3e-3),
+        covariance=open_still + 1e-4 * common,
         condition_number=1.0,
-        weak_directions=np.eye(10),
-        weak_strengths=np.ones(10),
+        weak_directions=np.eye(15),
+        weak_strengths=np.ones(15),
     )
     owners, moments = [0, 1, 1, 1, 1, 1], [0.2] * 6
-    assert trim_shares(estimate, owners, moments) == {1: pytest.approx(1e-3)}
+    found = scatters(estimate, owners, moments)
+    assert list(found) == [1]
+    assert (found[1].moved, found[1].air) == (pytest.approx(1e-3), pytest.approx(3e-3))
     alike = replace(estimate, covariance=1e-4 * common)
-    assert trim_shares(alike, owners, moments) == {1: 5e-4}  # and no less
+    assert scatters(alike, owners, moments) == {1: Scatter(moved=5e-4, air=2e-3)}  # and no less
 
 
 def test_intervals_of_flights_of_different_trim_hold_and_are_narrow(five):

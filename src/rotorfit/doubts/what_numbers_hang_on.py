@@ -6,7 +6,7 @@ Thrown off by a factor all numbers stay consistent, so that they are said beside
 import numpy as np
 
 from rotorfit.fit.flights import Flown
-from rotorfit.many_flights.trims import flights_of
+from rotorfit.many_flights.trims import ENOUGH_FLIGHTS, flights_of
 from rotorfit.results.parameter_tables import Tables
 
 RPM = 60.0 / (2.0 * np.pi)
@@ -32,7 +32,7 @@ def what_numbers_hang_on(tables: Tables, flown: Flown) -> tuple[str, ...]:
         parts += [
             _shared(c.name, len(flights))
             for c in tables.factors.configurations
-            if len(flights := flights_of(c.factors)) > 1
+            if len(flights := flights_of(c.factors)) >= ENOUGH_FLIGHTS
         ]
     return tuple(parts)
 

@@ -42,6 +42,7 @@ from rotorfit.many_flights.trims import (
     with_trims,
 )
 from rotorfit.model.parameters import DRAG_MOMENTS, TURN_DAMPING
+from rotorfit.model.vehicle import Vehicle
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
@@ -87,6 +88,9 @@ weight in a climb of 1 m/s."""
 LIFT_STD = 0.05
 """Known of the thrust that sideways velocity brings: over mass and squared velocity [1/m], a tenth
 of the weight at 4 m/s."""
+PUSHED_STD = 1.0
+"""Known of how far an acceleration from without, over the arm, turns a vehicle: of a body whose
+radius of gyration is half its arm, pushed a quarter of an arm beside its centre of mass."""
 OFFSET_STD = 0.05
 """Known of a constant torque, as a share of the weight at the end of an arm."""
 
@@ -179,9 +183,11 @@ def joint_problem(
     ]
     layout = configurations[0].model.layout
     mapped = joint_map(configurations, terms=terms)
-    mapped = with_trims(mapped, configurations[0].model.names, owners)
+    masses = [f.mass for f in flights]
+    mapped = with_trims(mapped, configurations[0].model.names, owners, masses)
     prior = joint_prior(configurations)
-    prior |= trim_prior(mapped, [c.trim_share * c.mass * c.vehicle.arm for c in flights])
+    moments = [f.mass * f.vehicle.arm for f in flights]
+    prior |= trim_prior(mapped, [f.scatter for f in flights], moments)
     timing = configurations[0].timing
     known = {} if known_kt is None else {"kt": known_kt}
     known |= {} if timing is None else timing.prior()
@@ -196,6 +202,7 @@ def joint_problem(
         moving=() if timing is None else timing.names,
         counted=tuple(c.counted for c in configurations if c.counted is not None),
         tied=tuple(c.tied for c in configurations if c.tied is not None),
+        tied_std=tuple(tied_std(c.vehicle) for c in configurations if c.tied is not None),
         feedback=_feedback(flights),
     )
 
@@ -203,7 +210,7 @@ def joint_problem(
 def flights_apart(
     configurations: Sequence[JointConfiguration],
 ) -> tuple[list[int], list[JointConfiguration]]:
-    """Return each flight with its configuration's place; the few of one configuration as one."""
+    """Return each flight with its configuration's place."""
     owners: list[int] = []
     flights: list[JointConfiguration] = []
     for place, c in enumerate(configurations):
@@ -331,6 +338,11 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
         prior |= {f"{name}{at}": moment for name in DRAG_MOMENTS}
         prior |= {f"{name}{at}": std for name, std, _ in tolerances(configuration.payload)}
     return prior
+
+
+def tied_std(vehicle: Vehicle) -> float:
+    """Return what is known beforehand of the turn that comes with a push [(rad/s^2) / (m/s^2)]."""
+    return PUSHED_STD / vehicle.arm
 
 
 def rotor_drag_std(mass: float, speeds: float) -> float:

@@ -14,8 +14,8 @@ from rotorfit.fit.joint_equations import JointConfiguration, flights_apart, join
 from rotorfit.fit.kt_from_weight import WeighedThrust
 from rotorfit.fit.row_fits import fit_rows
 from rotorfit.fit.steering import steered, steered_slowly
-from rotorfit.many_flights.autopilot import heard_answer
-from rotorfit.many_flights.trims import flights_of, trim_shares
+from rotorfit.many_flights.autopilot import UNHEARD, Answer, heard_answer
+from rotorfit.many_flights.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatters
 
 NEAR: Final = 0.1
 """Of a parameter's deviation, at which those fits of many flights end that tell only what counts,
@@ -113,18 +113,17 @@ def _fit_from(
     joint = steered(joint, begin, commanded=commanded, **more)
     fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
     if not _apart(joint):
-        return fit, joint  # no configuration has enough flights to take them apart
-    answer, shares = heard_answer(fit), _trim_shares(fit, joint)
+        return fit, joint  # one flight each
+    answer, differ = _answer(fit, joint), _scatters(fit, joint)
     joint = [
-        replace(c, answer=answer, trim_share=shares.get(k, c.trim_share))
-        for k, c in enumerate(joint)
+        replace(c, answer=answer, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
     ]
     return joint_estimate(joint, [], begin=fit.estimate.by_name, **more), joint
 
 
-def _apart(joint: Sequence[JointConfiguration]) -> bool:
-    """Return whether any configuration has enough flights to take them apart."""
-    return any(len(flights_of(c.factors)) > 1 for c in joint)
+def _apart(joint: Sequence[JointConfiguration], least: int = 2) -> bool:
+    """Return whether any configuration has so many flights."""
+    return any(len(flights_of(c.factors)) >= least for c in joint)
 
 
 def _close(joint: Sequence[JointConfiguration]) -> float:
@@ -132,6 +131,10 @@ def _close(joint: Sequence[JointConfiguration]) -> float:
     return NEAR if _apart(joint) else SMALLEST_STEP
 
 
-def _trim_shares(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, float]:
+def _answer(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> Answer:
+    return heard_answer(fit) if _apart(joint, ENOUGH_FLIGHTS) else UNHEARD
+
+
+def _scatters(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, Scatter]:
     owners, flights = flights_apart(joint)
-    return trim_shares(fit.estimate, owners, [c.mass * c.vehicle.arm for c in flights])
+    return scatters(fit.estimate, owners, [c.mass * c.vehicle.arm for c in flights])

@@ -16,7 +16,7 @@ from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.many_flights.autopilot import UNHEARD, Answer
-from rotorfit.many_flights.trims import TRIM_SHARE
+from rotorfit.many_flights.trims import UNSEEN, Scatter
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR, TURN_DAMPING
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
@@ -34,8 +34,8 @@ class JointConfiguration:
     no first moments and inertia of its own to estimate. `counted` and `answered` are those of
     `steering.py`: which errors of each block count, and which of those of the turns the autopilot
     answers; `answer` how far; `tied` (also from there) how much of the errors of the turns comes
-    with those of the forces. `timing` is what a fit may move of the motors' timing. `trim_share`:
-    by how much of the arm the centre of mass of many flights scatters.
+    with those of the forces. `timing` is what a fit may move of the motors' timing. `scatter`:
+    by how much its flights differ.
     """
 
     name: str
@@ -50,7 +50,7 @@ class JointConfiguration:
     tied: Float[np.ndarray, "6 6"] | None = None
     timing: FreeTiming | None = None
     answer: Answer = UNHEARD
-    trim_share: float = TRIM_SHARE
+    scatter: Scatter = UNSEEN
 
 
 def joint_map(

@@ -1,9 +1,10 @@
 """From the joint estimate to physical numbers with intervals.
 
-Half-width^2 = (t times the larger of formal and scatter)^2 + answer^2 + tolerances^2. Formal: the
-covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Answer: how far the
-estimate hangs on what is assumed of the autopilot, which answers disturbances
-(`banded.answer_shifts`). What a change of settings shifts is added by the recipe.
+Half-width^2 = (t times the larger of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
+Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Answer:
+how far the estimate hangs on what is assumed of the autopilot, which answers disturbances
+(`banded.answer_shifts`). Push: what is open of where gusts and drag push (`tie_shifts`). What a
+change of settings shifts is added by the recipe.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,6 +26,7 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
+from rotorfit.estimation.tied_errors import tie_shifts
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.excitation import (
     HEIGHTS,
@@ -119,7 +121,8 @@ def joint_numbers(
         correlation=correlation_of(formal + shared),
         excitation=excitation(fit, configurations),
     )
-    shifts = np.vstack([np.abs(answers).sum(axis=0), 1.96 * late])
+    pushed = tie_shifts(fit) @ jacobian.T
+    shifts = np.vstack([np.abs(answers).sum(axis=0), 1.96 * late, 1.96 * pushed])
     told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
     told = _with_systematic(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
     told = hanging_on_roll_and_pitch(told, configurations)
@@ -319,7 +322,7 @@ def _with_systematic(
     `shifts`: of what is assumed of autopilot and motors.
     """
     by_name = {c.name: c for c in configurations}
-    many = any(len(flights_of(c.factors)) > 1 for c in configurations)
+    many = any(len(flights_of(c.factors)) >= ENOUGH_FLIGHTS for c in configurations)
     extra = np.zeros(len(numbers.names))
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")

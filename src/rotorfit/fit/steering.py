@@ -32,6 +32,7 @@ from rotorfit.fit.joint_equations import (
     JointConfiguration,
     at_values,
     joint_problem,
+    tied_std,
 )
 
 THRUST: Final = NOISY.index("az")
@@ -41,9 +42,6 @@ REWEIGHTED: Final = 4
 """Passes of a regression whose variances are those of what it leaves."""
 FEWEST_ROWS: Final = 30
 """Of fewer nothing is regressed."""
-BY_CHANCE: Final = 16.0
-"""What three coefficients explain by chance in one flight of a thousand, in variances of what is
-left."""
 _TINY: Final = float(np.finfo(float).tiny)
 
 
@@ -118,33 +116,37 @@ def _tied(
 ) -> Float[np.ndarray, "6 6"]:
     """Return how much of the errors of the turns comes with those of the forces.
 
-    By regression over the blocks that count, each with the variance of what is left, and shrunk as
-    far as chance explains as much (James and Stein, 4th Berkeley Symposium, 1961).
+    By regression over the blocks that count, each with the variance of what is left. Known before
+    the flight: pushes are within the vehicle (`joint_equations.PUSHED_STD`).
     """
     counted, factors = configuration.counted, configuration.factors
     assert counted is not None
-    tied = np.zeros((len(NOISY), len(NOISY)))
+    tied, std = np.zeros((len(NOISY), len(NOISY))), tied_std(configuration.vehicle)
     for turn in TURNS:
         own = counted[:, turn] & (factors.band[:, 0] > 0.0)
         if factors.rows[own].sum() > FEWEST_ROWS:
             pushes, turned = error[own][:, :, list(FORCES)], error[own][:, :, turn]
-            tied[turn, list(FORCES)] = _regression(pushes, turned, factors.rows[own])
+            tied[turn, list(FORCES)] = _regression(pushes, turned, factors.rows[own], std)
     return tied
 
 
 def _regression(
-    X: Float[np.ndarray, "b m p"], y: Float[np.ndarray, "b m"], rows: Int[np.ndarray, " b"]
+    X: Float[np.ndarray, "b m p"],
+    y: Float[np.ndarray, "b m"],
+    rows: Int[np.ndarray, " b"],
+    std: float,
 ) -> Float[np.ndarray, " p"]:
-    """Return the coefficients of y by X, with a variance of its errors in each block."""
+    """Return the coefficients of y by X, with a variance of its errors in each block.
+
+    `std`: deviation of a coefficient about zero beforehand.
+    """
     XX: Float[np.ndarray, "b p p"] = X.transpose(0, 2, 1) @ X
     Xy: Float[np.ndarray, "b p"] = (X * y[:, :, None]).sum(axis=1)
     power: Float[np.ndarray, " b"] = (y * y).sum(axis=1)
-    C, explained = np.zeros(X.shape[2]), 0.0
+    C = np.zeros(X.shape[2])
     for _ in range(REWEIGHTED):
         left: Float[np.ndarray, " b"] = power - (2.0 * Xy - XX @ C) @ C
         weight = rows / np.maximum(left, _TINY)
-        asked: Float[np.ndarray, " p"] = weight @ Xy
         information: Float[np.ndarray, "p p"] = np.tensordot(weight, XX, axes=1)
-        C = np.asarray(np.linalg.lstsq(information, asked)[0])
-        explained = float(asked @ C)
-    return C * max(1.0 - BY_CHANCE / max(explained, BY_CHANCE), 0.0)
+        C = np.asarray(np.linalg.solve(information + np.eye(len(C)) / std**2, weight @ Xy))
+    return C

@@ -1,12 +1,14 @@
-"""What changes from flight to flight of one configuration: where the battery sits.
+"""What changes from flight to flight of one configuration: where the battery sits, and the air.
 
 A centre of mass that is half a millimetre elsewhere turns thrust into a torque that looks like a
-gust, and a joint fit of flights that share one knows less of all the rest. From five flights on
-each has a centre of mass of its own about that of the configuration.
+gust, and a joint fit of flights that share one knows less of all the rest. Air that is 3 degrees
+warmer costs a hundredth of k_t and k_d. So each of several flights has a centre of mass and a
+density of the air of its own, about those of the configuration; the inertia about the centre of
+mass they share.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,31 +16,59 @@ from jaxtyping import Bool, Float
 
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors
-from rotorfit.estimation.parameter_map import ParameterMap
+from rotorfit.estimation.parameter_map import ParameterMap, Product
+from rotorfit.model.parameters import INERTIA, inertia_about
 
 ENOUGH_FLIGHTS: Final = 5
 """Of one configuration, from which their scatter tells its own size."""
 TRIM: Final = "trim_"
 MOVED: Final = ("msx", "msy")
 """First moments that a flight has for itself: the height of the CoM hardly makes a torque."""
-TRIM_SHARE: Final = 0.01
-"""Of the arm: deviation of a flight's centre of mass about that of all, before the flights."""
-LEAST_SHARE: Final = 5e-4
+AIR: Final = ("kt", "kd")
+"""Coefficients in proportion to the density of the air."""
+OWN: Final = (*MOVED, "air")
+"""What a flight has for itself."""
+LEAST_MOVED: Final = 5e-4
 """Of the arm, which is not measured better: flights that scatter less are taken to do so much."""
+LEAST_AIR: Final = 2e-3
+"""Of the density: half a degree."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scatter:
+    """By how much the flights of a configuration differ: deviations about what they share.
+
+    Attributes
+    ----------
+    moved
+        Of the centre of mass, as a share of the arm.
+    air
+        Of the density of the air, as a share of it.
+    """
+
+    moved: float = 0.01
+    air: float = 0.01
+
+
+UNSEEN: Final = Scatter()
+"""Before the flights."""
 
 
 def flights_of(factors: Factors) -> list[Bool[np.ndarray, " b"]]:
-    """Return which blocks are of each flight; of fewer than five all together."""
+    """Return which blocks are of each flight."""
     numbers = np.unique(factors.recording)
-    if len(numbers) < ENOUGH_FLIGHTS:
+    if len(numbers) < 2:
         return [np.ones(len(factors), dtype=bool)]
     return [factors.recording == number for number in numbers]
 
 
 def with_trims(
-    mapped: ParameterMap, theta_names: Sequence[str], owners: Sequence[int]
+    mapped: ParameterMap,
+    theta_names: Sequence[str],
+    owners: Sequence[int],
+    masses: Sequence[float],
 ) -> ParameterMap:
-    """Return the map to theta of every flight, with a trim for each that is not alone.
+    """Return the map to theta of every flight, with trims for each that is not alone.
 
     Parameters
     ----------
@@ -48,64 +78,128 @@ def with_trims(
         Parameters of the model.
     owners
         Whose flight each is, in order; a configuration that is there once has no trims.
+    masses
+        Of each flight [kg].
     """
     if len(set(owners)) == len(owners):
         return mapped
     own = list(owners)
     split = [k for k, c in enumerate(own) if own.count(c) > 1]
-    columns = np.zeros((len(own), len(theta_names), len(split) * len(MOVED)))
+    shared, place = len(mapped.names), list(theta_names).index
+    constant, before = mapped.constant[own], mapped.matrix[own]
+    columns = np.zeros((len(own), len(theta_names), len(split) * len(OWN)))
+    products = [
+        replace(term, configuration=k)
+        for k, c in enumerate(own)
+        for term in mapped.products
+        if term.configuration == c
+    ]
     for i, k in enumerate(split):
+        first = len(OWN) * i
         for j, moment in enumerate(MOVED):
-            columns[k, theta_names.index(moment), len(MOVED) * i + j] = 1.0
+            columns[k, place(moment), first + j] = 1.0
+        for j, entry, of, factor in _scaled(theta_names, masses[k]):
+            columns[k, entry, first + j] += factor * constant[k, of]
+            products += [
+                Product(
+                    configuration=k,
+                    entry=entry,
+                    first=shared + first + j,
+                    second=int(f),
+                    factor=factor * float(before[k, of, f]),
+                )
+                for f in np.flatnonzero(before[k, of])
+            ]
     return ParameterMap(
-        names=(*mapped.names, *(f"{TRIM}{moment}@{k}" for k in split for moment in MOVED)),
-        constant=mapped.constant[own],
-        matrix=np.concatenate([mapped.matrix[own], columns], axis=2),
-        products=tuple(
-            replace(term, configuration=k)
-            for k, c in enumerate(own)
-            for term in mapped.products
-            if term.configuration == c
-        ),
+        names=(*mapped.names, *(f"{TRIM}{own}@{k}" for k in split for own in OWN)),
+        constant=constant,
+        matrix=np.concatenate([before, columns], axis=2),
+        products=tuple(products),
     )
 
 
-def trim_prior(mapped: ParameterMap, scatter: Sequence[float]) -> dict[str, float]:
-    """Return the deviations of the trims, `scatter` being that of each flight [kg m]."""
-    names = [name for name in mapped.names if name.startswith(TRIM)]
-    return {name: scatter[int(name.partition("@")[2])] for name in names}
+def _scaled(theta_names: Sequence[str], mass: float) -> list[tuple[int, int, int, float]]:
+    """Return (trim, entry, other entry, factor): what a trim adds to an entry, times the other.
+
+    A body that is moved as it is has more inertia about the origin (Steiner), by the product of
+    the trim and where it was; the trim's own square, some ten micrometres squared, is left out.
+    """
+    place = list(theta_names).index
+    air = [(OWN.index("air"), place(name), place(name), 1.0) for name in AIR]
+    steiner: list[tuple[int, int, int, float]] = []
+    for j, moved in enumerate(np.eye(3)[: len(MOVED)]):
+        for name, other in zip(("msx", "msy", "msz"), np.eye(3), strict=True):
+            both = _steiner(moved + other) - _steiner(moved) - _steiner(other)
+            steiner += [
+                (j, place(element), place(name), float(factor) / mass)
+                for element, factor in zip(INERTIA, both, strict=True)
+                if factor
+            ]
+    return [*air, *steiner]
 
 
-def trim_shares(
+def _steiner(com: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 6"]:
+    return inertia_about(np.zeros(6), 1.0, com)
+
+
+def trim_prior(
+    mapped: ParameterMap, scatter: Sequence[Scatter], moments: Sequence[float]
+) -> dict[str, float]:
+    """Return the deviations of the trims before the flights.
+
+    Parameters
+    ----------
+    mapped
+        With the trims.
+    scatter
+        Of the flights of the configuration that each flight is of.
+    moments
+        Mass times arm of each flight [kg m].
+    """
+
+    def std(name: str) -> float:
+        own, _, k = name.removeprefix(TRIM).partition("@")
+        at = scatter[int(k)]
+        return at.air if own == "air" else at.moved * moments[int(k)]
+
+    return {name: std(name) for name in mapped.names if name.startswith(TRIM)}
+
+
+def scatters(
     estimate: Estimate, owners: Sequence[int], moments: Sequence[float]
-) -> dict[int, float]:
-    """Return how far the flights of each configuration scatter, as a share of the arm.
+) -> dict[int, Scatter]:
+    """Return by how much the flights of each configuration differ.
 
-    A prior wider than that would leave the centre of mass of all flights more open than they do.
-    One step of expectation maximisation (Dempster, Laird and Rubin, J. Royal Statistical Society B
-    39, 1977), from what the trims differ by and what is open of that.
+    A prior wider than that would leave what all flights share more open than they do. One step of
+    expectation maximisation (Dempster, Laird and Rubin, J. Royal Statistical Society B 39, 1977),
+    from what the trims differ by and what is open of that.
 
     Parameters
     ----------
     estimate
-        With a trim for each flight that is not alone.
+        With trims for each flight that is not alone.
     owners
         Whose flight each is, in order.
     moments
         Mass times arm of each flight [kg m].
     """
-    shares: dict[int, float] = {}
+    found: dict[int, Scatter] = {}
     for c in set(owners):
         own = [k for k, owner in enumerate(owners) if owner == c]
         if len(own) > 1:
-            square = np.mean([_scatter(estimate, [f"{TRIM}{m}@{k}" for k in own]) for m in MOVED])
-            shares[c] = max(float(np.sqrt(square)) / moments[own[0]], LEAST_SHARE)
-    return shares
+            moved, air = (
+                float(np.sqrt(np.mean([_variance(estimate, o, own) for o in names])))
+                for names in (MOVED, OWN[len(MOVED) :])
+            )
+            found[c] = Scatter(
+                moved=max(moved / moments[own[0]], LEAST_MOVED), air=max(air, LEAST_AIR)
+            )
+    return found
 
 
-def _scatter(estimate: Estimate, trims: Sequence[str]) -> float:
-    """Return the expected variance of trims about their mean."""
-    at = [estimate.names.index(name) for name in trims]
+def _variance(estimate: Estimate, own: str, flights: Sequence[int]) -> float:
+    """Return the expected variance of a trim of several flights about their mean."""
+    at = [estimate.names.index(f"{TRIM}{own}@{k}") for k in flights]
     open_still = estimate.covariance[np.ix_(at, at)]
     about = float(np.trace(open_still) - open_still.mean() * len(at))
     return float(estimate.values[at].var(ddof=1)) + about / (len(at) - 1.0)
