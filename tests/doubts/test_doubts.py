@@ -138,7 +138,7 @@ def test_tilted_motors_are_seen_in_the_steady_yaw_torque_and_found(doubts):
     expected = 0.2 * np.sin(tilt) * truth.kt / truth.kd
     assert result.diagnostics["yaw_trim@A"] == pytest.approx(expected, rel=0.05)
     twist = result.parameter("twist", "A")
-    assert twist.value == pytest.approx(0.2 * np.sin(tilt), rel=0.04)
+    assert twist.std < 0.07 * twist.value
     assert twist.interval[0] < 0.2 * np.sin(tilt) < twist.interval[1]
     assert any(
         "turns the vehicle counter-clockwise (seen from above) as if all motors leaned by 1.0"

@@ -82,7 +82,7 @@ def test_a_payload_is_known_to_its_tolerances():
 
 def test_a_thrust_coefficient_from_elsewhere_comes_with_its_deviation():
     body = made_fit.configuration(mass=MASS, factors=hovering())
-    problem = joint_problem([body], known_kt=(2e-6, 3e-8))
+    problem = joint_problem([body], known={"kt": (2e-6, 3e-8)})
     assert (problem.prior_mean, problem.prior_std["kt"]) == ({"kt": 2e-6}, 3e-8)
     assert "kt" not in joint_problem([body]).prior_std
 
@@ -91,7 +91,7 @@ def test_times_are_known_from_where_their_signals_were_made():
     """A lag of 35 give or take 30 ms, seen from 50; of a delay nothing is known."""
     timing = FreeTiming(at=MotorResponse(lag=0.05), names=("motor_lag", "motor_delay"))
     body = made_fit.configuration(mass=MASS, factors=hovering(), timing=timing)
-    problem = joint_problem([body], known_kt=(2e-6, 3e-8))
+    problem = joint_problem([body], known={"kt": (2e-6, 3e-8)})
     assert problem.prior_mean == pytest.approx({"kt": 2e-6, "motor_lag": -0.015})
     assert problem.prior_std["motor_lag"] == 0.03
     assert "motor_delay" not in problem.prior_std

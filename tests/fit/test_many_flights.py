@@ -1,4 +1,4 @@
-"""What flights tell together: trim and air of each, and from five how far their autopilot answers."""
+"""What flights tell together: trim and air of each; from five on how far the autopilot answers."""
 
 from dataclasses import replace
 
@@ -148,7 +148,7 @@ def test_flights_that_scatter_leave_it_open():
 
 @pytest.fixture(scope="module")
 def five(tmp_path_factory):
-    """Return what five flights give, each with its battery elsewhere and its own air, and the truth."""
+    """Return what five flights give, each with its own battery place and air, and the truth."""
     folder = tmp_path_factory.mktemp("five")
     (truth, vehicle), sensors = variant(layout_vehicle("quad-x"), "noisy")
     scenario = Scenario(seconds=10.0, ground_seconds=1.0, sensors=sensors, physics_rate=200.0)
@@ -186,7 +186,8 @@ def test_flights_are_assumed_to_differ_as_they_do(five):
     (body,) = five[0].factors.configurations
     moved = np.sqrt(PLACES.var(axis=0, ddof=1).mean()) / body.vehicle.arm
     assert body.scatter.moved == pytest.approx(moved, rel=0.1)
-    assert body.scatter.air == pytest.approx(np.std(AIR, ddof=1), rel=0.2)
+    known = np.sqrt((0.01**2 + 4.0 * np.var(AIR, ddof=1)) / 5.0)
+    assert body.scatter.air == pytest.approx(known, rel=0.15)
 
 
 def test_how_flights_differ_counts_what_is_open_of_each_not_of_all():
@@ -204,9 +205,23 @@ def test_how_flights_differ_counts_what_is_open_of_each_not_of_all():
     owners, moments = [0, 1, 1, 1, 1, 1], [0.2] * 6
     found = scatters(estimate, owners, moments)
     assert list(found) == [1]
-    assert (found[1].moved, found[1].air) == (pytest.approx(1e-3), pytest.approx(3e-3))
-    alike = replace(estimate, covariance=1e-4 * common)
-    assert scatters(alike, owners, moments) == {1: Scatter(moved=5e-4, air=2e-3)}  # and no less
+    known = np.sqrt((0.01**2 + 4.0 * 3e-3**2) / 5.0)
+    assert (found[1].moved, found[1].air) == (pytest.approx(1e-3), pytest.approx(known))
+    alike = scatters(replace(estimate, covariance=1e-4 * common), owners, moments)[1]
+    assert alike.moved == 5e-4  # and no less
+    assert alike.air == pytest.approx(0.01 / 5**0.5)
+
+
+def test_two_flights_of_one_day_tell_little_of_the_air_of_another():
+    estimate = Estimate(
+        names=tuple(f"trim_{own}@{k}" for k in range(2) for own in TRIMS),
+        values=np.zeros(6),
+        covariance=np.zeros((6, 6)),
+        condition_number=1.0,
+        weak_directions=np.eye(6),
+        weak_strengths=np.ones(6),
+    )
+    assert scatters(estimate, [0, 0], [0.2] * 2)[0].air == pytest.approx(0.01 / 2**0.5)
 
 
 def test_intervals_of_flights_of_different_trim_hold_and_are_narrow(five):

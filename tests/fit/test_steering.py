@@ -62,14 +62,16 @@ def rng():
     return np.random.default_rng(5)
 
 
-def pushed(rng, share, *, push=1.0):
+def pushed(rng, share, *, push=1.0, answered=None):
     """What is tied of the errors of 12 blocks in which yaw has a share of the push along y."""
     size = np.array([push, 2.0 * push, push, 0.1, 0.1, 0.1])
     error = rng.normal(size=(12, 40, 6)) * size
     error[:, :, YAW] += share * error[:, :, 1]
     counted = np.ones((12, 6), dtype=bool)
+    answered = np.ones((12, 3), dtype=bool) if answered is None else answered
     factors = made_fit.blocks([(1.0, 2.0)] * 12, rows=40)
-    return _tied(made_fit.configuration(factors=factors, counted=counted), error)
+    body = made_fit.configuration(factors=factors, counted=counted, answered=answered)
+    return _tied(body, error)
 
 
 def test_what_comes_with_a_push_is_found(rng):
@@ -88,11 +90,21 @@ def test_pushes_too_weak_to_tell_tie_nothing(rng):
     assert np.abs(pushed(rng, 0.0, push=1e-5)).max() < 0.5
 
 
+def test_an_axis_that_is_flown_nowhere_stays_as_it_is(rng):
+    roll_alone = np.zeros((12, 3), dtype=bool)
+    roll_alone[3, 0] = True
+    tied = pushed(rng, -0.3, answered=roll_alone)
+    assert tied[ROLL].any()
+    assert not tied[[PITCH, YAW]].any()
+
+
 def test_bands_that_do_not_count_tie_nothing(rng):
     error = rng.normal(size=(12, 40, 6))
     error[:, :, YAW] = error[:, :, 1]
     body = made_fit.configuration(
-        factors=made_fit.blocks([(1.0, 2.0)] * 12, rows=40), counted=np.zeros((12, 6), dtype=bool)
+        factors=made_fit.blocks([(1.0, 2.0)] * 12, rows=40),
+        counted=np.zeros((12, 6), dtype=bool),
+        answered=np.ones((12, 3), dtype=bool),
     )
     assert not _tied(body, error).any()
 

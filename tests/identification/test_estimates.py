@@ -48,8 +48,8 @@ def test_a_weighed_thrust_coefficient_is_held_to_a_ten_thousandth(monkeypatch):
     class Held(Exception):  # noqa: N818
         pass
 
-    def steered(joint, begin, *, commanded, known_kt, terms):
-        held.append(known_kt)
+    def steered(joint, begin, *, commanded, known, terms):
+        held.append(known)
         raise Held
 
     monkeypatch.setattr("rotorfit.fit.joint_fit.steered", steered)
@@ -57,4 +57,4 @@ def test_a_weighed_thrust_coefficient_is_held_to_a_ten_thousandth(monkeypatch):
     flown = replace(made_fit.flown(made_fit.prepared()))
     with pytest.raises(Held):
         joint_fit(flown, weighed=WeighedThrust(kt=2e-6, std=1e-7), begin={"kt": 2e-6})
-    assert held[0] == pytest.approx((2e-6, 2e-10))
+    assert held[0]["kt"] == pytest.approx((2e-6, 2e-10))

@@ -99,7 +99,7 @@ def joint_estimate(
     configurations: Sequence[JointConfiguration],
     starts: Sequence[RowFits],
     *,
-    known_kt: tuple[float, float] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
     terms: Collection[Term] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
     close: float = SMALLEST_STEP,
@@ -113,8 +113,8 @@ def joint_estimate(
     starts
         The row fits of each, from which the iteration begins, or from those of the liveliest
         flight for each row where that is likelier; empty if `begin` has all values.
-    known_kt
-        Mean and standard deviation of k_t from elsewhere.
+    known
+        Mean and standard deviation of free parameters from elsewhere, by name.
     terms
         Optional terms of the model.
     begin
@@ -122,7 +122,7 @@ def joint_estimate(
     close
         The iteration ends when no parameter moves by more than this share of its deviation.
     """
-    problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
+    problem = joint_problem(configurations, known=known, terms=terms)
     start = np.zeros(len(problem.map.names))
     if starts:
         start = _likeliest_start(problem, configurations, starts)
@@ -172,10 +172,14 @@ def liveliest_rows(configuration: JointConfiguration, rows: RowFits) -> RowFits:
 def joint_problem(
     configurations: Sequence[JointConfiguration],
     *,
-    known_kt: tuple[float, float] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
     terms: Collection[Term] = DEFAULT_TERMS,
+    of_many: bool = False,
 ) -> BandedProblem:
-    """Return the problem that `joint_estimate` solves: a theta for each of `flights_apart`."""
+    """Return the problem that `joint_estimate` solves: a theta for each of `flights_apart`.
+
+    `of_many`: a flight that is alone here is one of many elsewhere, from which it differs.
+    """
     owners, flights = flights_apart(configurations)
     counts = [
         [len(f.factors) for o, f in zip(owners, flights, strict=True) if o == c]
@@ -184,13 +188,13 @@ def joint_problem(
     layout = configurations[0].model.layout
     mapped = joint_map(configurations, terms=terms)
     masses = [f.mass for f in flights]
-    mapped = with_trims(mapped, configurations[0].model.names, owners, masses)
+    names = configurations[0].model.names
+    mapped = with_trims(mapped, names, owners, masses, of_many=of_many)
     prior = joint_prior(configurations)
     moments = [f.mass * f.vehicle.arm for f in flights]
     prior |= trim_prior(mapped, [f.scatter for f in flights], moments)
     timing = configurations[0].timing
-    known = {} if known_kt is None else {"kt": known_kt}
-    known |= {} if timing is None else timing.prior()
+    known = {**(known or {}), **({} if timing is None else timing.prior())}
     return BandedProblem(
         factors=tuple(c.factors for c in configurations),
         tensors=tuple(c.model.tensor for c in configurations),

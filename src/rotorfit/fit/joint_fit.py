@@ -49,6 +49,7 @@ def joint_fit(
     terms: Sequence[Term] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
     guess: Mapping[str, float] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit of all flights, and its configurations with what counts.
 
@@ -67,6 +68,8 @@ def joint_fit(
         first fit ends, of the turns in the pilot's band alone or, if that does not settle, of all.
     guess
         Where that one begins; None: at the row fits.
+    known
+        Mean and standard deviation of free parameters from elsewhere, by name.
     """
     joint = [
         JointConfiguration(
@@ -82,8 +85,8 @@ def joint_fit(
         for factors, configured in zip(flown.timed_bands, flown.configurations, strict=True)
     ]
     # Held there: what the flights say of it otherwise is in the interval.
-    known = None if weighed is None else (weighed.kt, 1e-4 * weighed.kt)
-    more: dict[str, Any] = {"known_kt": known, "terms": terms}
+    held = {} if weighed is None else {"kt": (weighed.kt, 1e-4 * weighed.kt)}
+    more: dict[str, Any] = {"known": {**(known or {}), **held}, "terms": terms}
     commanded = flown.motors.speed == "commanded"
     if begin is not None:
         return _fit_from(joint, begin, commanded=commanded, more=more)

@@ -57,7 +57,7 @@ def steered(
     values: Mapping[str, float],
     *,
     commanded: bool,
-    known_kt: tuple[float, float] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
     terms: Collection[Term] = DEFAULT_TERMS,
 ) -> list[JointConfiguration]:
     """Return the configurations with what counts and what is answered.
@@ -70,10 +70,10 @@ def steered(
         Free parameters by name, near enough to tell the pilot's motion from disturbances.
     commanded
         Whether the rotor speeds are commands.
-    known_kt, terms
+    known, terms
         As for `joint_estimate`.
     """
-    problem = joint_problem(configurations, known_kt=known_kt, terms=terms)
+    problem = joint_problem(configurations, known=known, terms=terms)
     phi = at_values(problem, values, np.zeros(len(problem.map.names)))
     every = evaluated(problem, phi).residual
     signal, residual, errors = (
@@ -117,14 +117,16 @@ def _tied(
     """Return how much of the errors of the turns comes with those of the forces.
 
     By regression over the blocks that count, each with the variance of what is left. Known before
-    the flight: pushes are within the vehicle (`joint_equations.PUSHED_STD`).
+    the flight: pushes are within the vehicle (`joint_equations.PUSHED_STD`). An axis that is flown
+    in no band stays as it is: it tells nothing, and would tell k_t that by its ties.
     """
     counted, factors = configuration.counted, configuration.factors
-    assert counted is not None
+    answered = configuration.answered
+    assert counted is not None and answered is not None
     tied, std = np.zeros((len(NOISY), len(NOISY))), tied_std(configuration.vehicle)
-    for turn in TURNS:
+    for axis, turn in enumerate(TURNS):
         own = counted[:, turn] & (factors.band[:, 0] > 0.0)
-        if factors.rows[own].sum() > FEWEST_ROWS:
+        if answered[:, axis].any() and factors.rows[own].sum() > FEWEST_ROWS:
             pushes, turned = error[own][:, :, list(FORCES)], error[own][:, :, turn]
             tied[turn, list(FORCES)] = _regression(pushes, turned, factors.rows[own], std)
     return tied

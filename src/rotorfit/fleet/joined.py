@@ -3,9 +3,11 @@
 Every flight is looked at by itself, at the same numbers: its likelihood is linearised by the code
 that a single identification fits with (`estimation/banded_equations.py`), and what it asks for is
 added up. So one flight's factors are in memory at a time, however many there are. A few passes lead
-to the joint maximum, as `rotorfit identify` finds it from all flights at once, but for three things
+to the joint maximum, as `rotorfit identify` finds it from all flights at once, but for four things
 that were settled flight by flight: the motors' timing, which every flight keeps for itself; which
-bands count, and which optional terms the model has.
+bands count, which optional terms the model has, and how much of the turns' errors comes with those
+of the forces. Each flight has a trim and air of its own,
+which are eliminated where it is looked at.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,18 +15,21 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import resting_inverse
 from rotorfit.estimation.banded_equations import corrected_equations, evaluated
 from rotorfit.estimation.banded_problem import BandedProblem
+from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.joint_equations import JointConfiguration, joint_problem
 from rotorfit.fit.joint_fit import FittedFactors
 from rotorfit.fit.joint_numbers import physical
+from rotorfit.many_flights.trims import OWN, TRIM, UNSEEN, Scatter, scatters
 
 MOST_PASSES: Final = 20
 SMALLEST_STEP: Final = 1e-2
@@ -73,6 +78,15 @@ class _Asked:
 
     information: Float[np.ndarray, "f f"]
     score: Float[np.ndarray, " f"]
+    trims: "_Trims"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Trims:
+    """What a flight has for itself (`many_flights/trims.py`), at the vehicle's numbers."""
+
+    values: Float[np.ndarray, " t"]
+    covariance: Float[np.ndarray, "t t"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,17 +117,21 @@ def joined(flights: Sequence[Load]) -> Joined:
         If the passes do not settle.
     """
     vehicle = _vehicle(flights)
-    phi = _first(vehicle, flights)
+    phi, differ = _first(vehicle, flights), UNSEEN
     for passes in range(1, MOST_PASSES + 1):
         H, scores = np.diag(vehicle.precision), np.zeros((len(flights), len(phi)))
+        trims: list[_Trims] = []
         for i, load in enumerate(flights):
-            asked = _asked(vehicle, load(), phi)
+            asked = _asked(vehicle, load(), phi, differ)
             H, scores[i] = H + asked.information, asked.score
+            trims.append(asked.trims)
         covariance = resting_inverse(H)
         step = covariance @ (scores.sum(axis=0) + vehicle.precision * (vehicle.mean - phi))
         phi = phi + step
         if (np.abs(step) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))).all():
-            return _finished(vehicle, phi, covariance, scores, passes)
+            if differ is not UNSEEN or len(flights) == 1:
+                return _finished(vehicle, phi, covariance, scores, passes)
+            differ = _scatter(vehicle, trims)
     raise EstimationError(
         f"the joint fit of {len(flights)} flights did not settle in {MOST_PASSES} passes"
     )
@@ -133,11 +151,27 @@ def _vehicle(flights: Sequence[Load]) -> _Vehicle:
     return _Vehicle(map=problem.map, configuration=first, mean=mean, precision=std**-2.0)
 
 
-def _problem(fitted: FittedFactors) -> BandedProblem:
-    """Return the problem of one flight, with what is known of its own times alone."""
-    problem = joint_problem(fitted.configurations, terms=fitted.terms)
-    own = {name: problem.prior_std[name] for name in problem.moving if name in problem.prior_std}
+def _problem(fitted: FittedFactors, differ: Scatter) -> BandedProblem:
+    """Return the problem of one flight, with what is known of its own times and trims alone."""
+    one = [replace(c, scatter=differ) for c in fitted.configurations]
+    problem = joint_problem(one, terms=fitted.terms, of_many=True)
+    own = {n: s for n, s in problem.prior_std.items() if n in problem.moving or n.startswith(TRIM)}
     return replace(problem, prior_std=own)
+
+
+def _scatter(vehicle: _Vehicle, trims: Sequence[_Trims]) -> Scatter:
+    """Return by how much the flights differ, by their trims at the vehicle's numbers."""
+    estimate = Estimate(
+        names=tuple(f"{TRIM}{own}@{k}" for k in range(len(trims)) for own in OWN),
+        values=np.concatenate([one.values for one in trims]),
+        covariance=np.asarray(scipy.linalg.block_diag(*(one.covariance for one in trims))),
+        condition_number=1.0,
+        weak_directions=np.zeros((0, len(OWN) * len(trims))),
+        weak_strengths=np.zeros(0),
+    )
+    c = vehicle.configuration
+    moment = c.mass * c.vehicle.arm
+    return scatters(estimate, [0] * len(trims), [moment] * len(trims))[0]
 
 
 def _first(vehicle: _Vehicle, flights: Sequence[Load]) -> Float[np.ndarray, " f"]:
@@ -146,19 +180,21 @@ def _first(vehicle: _Vehicle, flights: Sequence[Load]) -> Float[np.ndarray, " f"
     for load in flights:
         fitted = load()
         own = np.array([fitted.values.get(name, 0.0) for name in vehicle.names])
-        asked = _asked(vehicle, fitted, own)
+        asked = _asked(vehicle, fitted, own, UNSEEN)
         H = H + asked.information
         target = target + asked.information @ own + asked.score
     return resting_inverse(H) @ target
 
 
-def _asked(vehicle: _Vehicle, fitted: FittedFactors, phi: Float[np.ndarray, " f"]) -> _Asked:
-    """Return what one flight asks for at the vehicle's `phi`, where its own times fit best."""
-    problem = _problem(fitted)
+def _asked(
+    vehicle: _Vehicle, fitted: FittedFactors, phi: Float[np.ndarray, " f"], differ: Scatter
+) -> _Asked:
+    """Return what one flight asks for at the vehicle's `phi`, where its own numbers fit best."""
+    problem = _problem(fitted, differ)
     names = problem.map.names
     known = dict(zip(vehicle.names, phi.tolist(), strict=True))
     at = np.array([known.get(n, fitted.values.get(n, 0.0)) for n in names])
-    # Its times, and what only its signals have: drag over a velocity that others log.
+    # Its times and trims, and what only its signals have: drag over a velocity that others log.
     own = [i for i, name in enumerate(names) if name not in known]
     shared = [i for i in range(len(names)) if i not in own]
     for _ in range(OWN_STEPS if own else 0):
@@ -167,14 +203,22 @@ def _asked(vehicle: _Vehicle, fitted: FittedFactors, phi: Float[np.ndarray, " f"
         at[own] += resting_inverse(H[np.ix_(own, own)]) @ asked.score[own]
     asked = corrected_equations(problem, evaluated(problem, at))
     H = asked.plain - asked.taken
-    across = H[np.ix_(shared, own)] @ resting_inverse(H[np.ix_(own, own)])
+    open_still = resting_inverse(H[np.ix_(own, own)])
+    across = H[np.ix_(shared, own)] @ open_still
     information, score = np.zeros((len(phi), len(phi))), np.zeros(len(phi))
     places = [vehicle.names.index(names[i]) for i in shared]
     information[np.ix_(places, places)] = (
         H[np.ix_(shared, shared)] - across @ H[np.ix_(own, shared)]
     )
     score[places] = asked.score[shared] - across @ asked.score[own]
-    return _Asked(information=information, score=score)
+    trims = [own.index(names.index(f"{TRIM}{name}@0")) for name in OWN]
+    return _Asked(
+        information=information,
+        score=score,
+        trims=_Trims(
+            values=at[[own[i] for i in trims]], covariance=open_still[np.ix_(trims, trims)]
+        ),
+    )
 
 
 def _finished(

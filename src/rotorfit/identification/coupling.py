@@ -39,6 +39,10 @@ more than that, or do not tell I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy
 LEAST_GAIN_SIMULATED: Final = -3.0
 """The same of a program whose own frames have none: with I_xx = I_yy a body with I_zz the same is
 as likely."""
+LEFT_SCALE: Final = (0.05, 0.01)
+"""k_d and its deviation, as shares of what it is with coupling. Without it nothing fixes the scale
+of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pitch, as it does in
+such a program, and the ratios stay what they are."""
 WORDS: Final = (
     "this flight does not move like a rigid body: where roll, pitch and yaw are flown together, "
     "none affects another (log-likelihood {gain:+.0f} without w x I w): a simulator without "
@@ -87,8 +91,14 @@ def uncoupled_fit(
         return None
     simulated = any(f.log.simulator == SITL for c in flown.configurations for f in c.flights)
     other = dataclasses.replace(flown, model=without_coupling(flown.model))
+    kd = fit.estimate.by_name["kd"]
     try:
-        trial, joint = joint_fit(other, terms=terms, begin=fit.estimate.by_name)
+        trial, joint = joint_fit(
+            other,
+            terms=terms,
+            begin=fit.estimate.by_name,
+            known={"kd": (LEFT_SCALE[0] * kd, LEFT_SCALE[1] * abs(kd))},
+        )
     except EstimationError:
         return None
     gain = trial.log_likelihood - fit.log_likelihood

@@ -30,8 +30,6 @@ OWN: Final = (*MOVED, "air")
 """What a flight has for itself."""
 LEAST_MOVED: Final = 5e-4
 """Of the arm, which is not measured better: flights that scatter less are taken to do so much."""
-LEAST_AIR: Final = 2e-3
-"""Of the density: half a degree."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +65,8 @@ def with_trims(
     theta_names: Sequence[str],
     owners: Sequence[int],
     masses: Sequence[float],
+    *,
+    of_many: bool = False,
 ) -> ParameterMap:
     """Return the map to theta of every flight, with trims for each that is not alone.
 
@@ -80,11 +80,13 @@ def with_trims(
         Whose flight each is, in order; a configuration that is there once has no trims.
     masses
         Of each flight [kg].
+    of_many
+        Whether flights that are alone here are of many elsewhere, and have trims, too.
     """
-    if len(set(owners)) == len(owners):
-        return mapped
     own = list(owners)
-    split = [k for k, c in enumerate(own) if own.count(c) > 1]
+    split = [k for k, c in enumerate(own) if of_many or own.count(c) > 1]
+    if not split:
+        return mapped
     shared, place = len(mapped.names), list(theta_names).index
     constant, before = mapped.constant[own], mapped.matrix[own]
     columns = np.zeros((len(own), len(theta_names), len(split) * len(OWN)))
@@ -187,12 +189,12 @@ def scatters(
     for c in set(owners):
         own = [k for k, owner in enumerate(owners) if owner == c]
         if len(own) > 1:
-            moved, air = (
-                float(np.sqrt(np.mean([_variance(estimate, o, own) for o in names])))
-                for names in (MOVED, OWN[len(MOVED) :])
-            )
+            variance = float(np.mean([_variance(estimate, moment, own) for moment in MOVED]))
+            moved = float(np.sqrt(variance)) / moments[own[0]]
+            # Two flights of one day tell nothing of other days: one degree of freedom from before.
+            squares = UNSEEN.air**2 + (len(own) - 1) * _variance(estimate, "air", own)
             found[c] = Scatter(
-                moved=max(moved / moments[own[0]], LEAST_MOVED), air=max(air, LEAST_AIR)
+                moved=max(moved, LEAST_MOVED), air=float(np.sqrt(squares / len(own)))
             )
     return found
 
