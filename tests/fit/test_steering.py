@@ -16,7 +16,7 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.joint_equations import ANSWERED, NOISY
 from rotorfit.fit.joint_fit import joint_fit
-from rotorfit.fit.steering import _tied, _with_counted, steered_slowly
+from rotorfit.fit.steering import _with_counted, pushes, steered_slowly, tied
 from rotorfit.identification.identify import _flown
 from rotorfit.simulation import Stick, Sticks, write_flight_table
 
@@ -71,14 +71,14 @@ def pushed(rng, share, *, push=1.0, answered=None):
     answered = np.ones((12, 3), dtype=bool) if answered is None else answered
     factors = made_fit.blocks([(1.0, 2.0)] * 12, rows=40)
     body = made_fit.configuration(factors=factors, counted=counted, answered=answered)
-    return _tied(body, error)
+    return tied([pushes(body, error)], body.vehicle)
 
 
 def test_what_comes_with_a_push_is_found(rng):
-    tied = pushed(rng, -0.3)
-    assert tied[YAW, 1] == pytest.approx(-0.3, abs=0.01)
-    tied[YAW, 1] = 0.0
-    assert np.abs(tied).max() < 0.02
+    found = pushed(rng, -0.3)
+    assert found[YAW, 1] == pytest.approx(-0.3, abs=0.01)
+    found[YAW, 1] = 0.0
+    assert np.abs(found).max() < 0.02
 
 
 def test_errors_by_themselves_are_hardly_tied(rng):
@@ -93,9 +93,9 @@ def test_pushes_too_weak_to_tell_tie_nothing(rng):
 def test_an_axis_that_is_flown_nowhere_stays_as_it_is(rng):
     roll_alone = np.zeros((12, 3), dtype=bool)
     roll_alone[3, 0] = True
-    tied = pushed(rng, -0.3, answered=roll_alone)
-    assert tied[ROLL].any()
-    assert not tied[[PITCH, YAW]].any()
+    found = pushed(rng, -0.3, answered=roll_alone)
+    assert found[ROLL].any()
+    assert not found[[PITCH, YAW]].any()
 
 
 def test_bands_that_do_not_count_tie_nothing(rng):
@@ -106,7 +106,7 @@ def test_bands_that_do_not_count_tie_nothing(rng):
         counted=np.zeros((12, 6), dtype=bool),
         answered=np.ones((12, 3), dtype=bool),
     )
-    assert not _tied(body, error).any()
+    assert not tied([pushes(body, error)], body.vehicle).any()
 
 
 def test_what_counts():

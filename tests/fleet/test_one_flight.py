@@ -1,8 +1,6 @@
 """A row of the fleet is what `rotorfit identify` says of the log alone."""
 
 import warnings
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -95,21 +93,11 @@ def steps(together, whole):
 
 
 def test_flights_joined_from_their_factors_are_those_identified_together(two):
-    """Timing, what counts and the terms are settled flight by flight, and where gusts push."""
+    """Timing, what counts, and the terms are settled flight by flight: that is the difference."""
     whole, loads = two
     away, std = steps(joined(loads), whole)
-    assert np.abs(away).max() < 0.6
+    assert np.abs(away).max() < 0.2
     assert 0.3 < std.min() < std.max() < 1.2
-
-    (body,) = whole.factors.configurations
-
-    def pushed_alike(load):
-        fitted = load()
-        (one,) = fitted.configurations
-        return replace(fitted, configurations=(replace(one, tied=body.tied),))
-
-    away, _ = steps(joined([partial(pushed_alike, load) for load in loads]), whole)
-    assert np.abs(away).max() < 0.1
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ errors of the turns comes with those of the forces is therefore known, and is ta
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -34,6 +34,7 @@ from rotorfit.fit.joint_equations import (
     joint_problem,
     tied_std,
 )
+from rotorfit.model.vehicle import Vehicle
 
 THRUST: Final = NOISY.index("az")
 FORCES: Final = tuple(NOISY.index(name) for name in ("ax", "ay", "az"))
@@ -84,7 +85,10 @@ def steered(
         _with_counted(*part, commanded=commanded)
         for part in zip(configurations, signal, residual, strict=True)
     ]
-    return [replace(c, tied=_tied(c, e)) for c, e in zip(counted, errors, strict=True)]
+    return [
+        replace(c, tied=tied([pushes(c, e)], c.vehicle))
+        for c, e in zip(counted, errors, strict=True)
+    ]
 
 
 def _with_counted(
@@ -111,44 +115,79 @@ def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:
     return followed_bands(factors, factors.R[:, :, index("az")], made)
 
 
-def _tied(
-    configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"]
-) -> Float[np.ndarray, "6 6"]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pushes:
+    """What a regression of the errors of one turn by those of the forces needs, block by block.
+
+    Attributes
+    ----------
+    squares
+        Of the forces' errors with one another.
+    shared
+        Of theirs with the turn's.
+    power
+        Sum of squares of the turn's.
+    rows
+        Number of rows.
+    """
+
+    squares: Float[np.ndarray, "b p p"]
+    shared: Float[np.ndarray, "b p"]
+    power: Float[np.ndarray, " b"]
+    rows: Int[np.ndarray, " b"]
+
+
+def pushes(configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"]) -> list[Pushes]:
+    """Return the pushes on roll, pitch and yaw, of the blocks that count.
+
+    Of an axis that is flown in no band none: it tells nothing, and would tell k_t that by its ties.
+    """
+    counted, answered = configuration.counted, configuration.answered
+    assert counted is not None and answered is not None
+    found: list[Pushes] = []
+    for axis, turn in enumerate(TURNS):
+        own = counted[:, turn] & (configuration.factors.band[:, 0] > 0.0)
+        own &= bool(answered[:, axis].any())
+        X, y = error[own][:, :, list(FORCES)], error[own][:, :, turn]
+        found.append(
+            Pushes(
+                squares=X.transpose(0, 2, 1) @ X,
+                shared=(X * y[:, :, None]).sum(axis=1),
+                power=(y * y).sum(axis=1),
+                rows=configuration.factors.rows[own],
+            )
+        )
+    return found
+
+
+def tied(flights: Sequence[list[Pushes]], vehicle: Vehicle) -> Float[np.ndarray, "6 6"]:
     """Return how much of the errors of the turns comes with those of the forces.
 
-    By regression over the blocks that count, each with the variance of what is left. Known before
-    the flight: pushes are within the vehicle (`joint_equations.PUSHED_STD`). An axis that is flown
-    in no band stays as it is: it tells nothing, and would tell k_t that by its ties.
+    By regression, each block with the variance of what is left. Known before the flight: pushes are
+    within the vehicle (`joint_equations.PUSHED_STD`).
+
+    Parameters
+    ----------
+    flights
+        Their pushes.
+    vehicle
+        For its size.
     """
-    counted, factors = configuration.counted, configuration.factors
-    answered = configuration.answered
-    assert counted is not None and answered is not None
-    tied, std = np.zeros((len(NOISY), len(NOISY))), tied_std(configuration.vehicle)
-    for axis, turn in enumerate(TURNS):
-        own = counted[:, turn] & (factors.band[:, 0] > 0.0)
-        if answered[:, axis].any() and factors.rows[own].sum() > FEWEST_ROWS:
-            pushes, turned = error[own][:, :, list(FORCES)], error[own][:, :, turn]
-            tied[turn, list(FORCES)] = _regression(pushes, turned, factors.rows[own], std)
-    return tied
-
-
-def _regression(
-    X: Float[np.ndarray, "b m p"],
-    y: Float[np.ndarray, "b m"],
-    rows: Int[np.ndarray, " b"],
-    std: float,
-) -> Float[np.ndarray, " p"]:
-    """Return the coefficients of y by X, with a variance of its errors in each block.
-
-    `std`: deviation of a coefficient about zero beforehand.
-    """
-    XX: Float[np.ndarray, "b p p"] = X.transpose(0, 2, 1) @ X
-    Xy: Float[np.ndarray, "b p"] = (X * y[:, :, None]).sum(axis=1)
-    power: Float[np.ndarray, " b"] = (y * y).sum(axis=1)
-    C = np.zeros(X.shape[2])
-    for _ in range(REWEIGHTED):
-        left: Float[np.ndarray, " b"] = power - (2.0 * Xy - XX @ C) @ C
-        weight = rows / np.maximum(left, _TINY)
-        information: Float[np.ndarray, "p p"] = np.tensordot(weight, XX, axes=1)
-        C = np.asarray(np.linalg.solve(information + np.eye(len(C)) / std**2, weight @ Xy))
-    return C
+    shares, std = np.zeros((len(NOISY), len(NOISY))), tied_std(vehicle)
+    for turn, parts in zip(TURNS, zip(*flights, strict=True), strict=True):
+        rows = np.concatenate([part.rows for part in parts])
+        if rows.sum() <= FEWEST_ROWS:
+            continue
+        squares = np.concatenate([part.squares for part in parts])
+        shared = np.concatenate([part.shared for part in parts])
+        power = np.concatenate([part.power for part in parts])
+        own: Float[np.ndarray, " p"] = np.zeros(len(FORCES))
+        for _ in range(REWEIGHTED):
+            left = power - np.einsum("bp,p->b", 2.0 * shared - squares @ own, own)
+            weight = rows / np.maximum(left, _TINY)
+            known: Float[np.ndarray, "p p"] = np.eye(len(FORCES)) / std**2
+            information: Float[np.ndarray, "p p"] = np.tensordot(weight, squares, axes=1) + known
+            asked: Float[np.ndarray, " p"] = weight @ shared
+            own = np.asarray(np.linalg.solve(information, asked))
+        shares[turn, list(FORCES)] = own
+    return shares

@@ -3,15 +3,15 @@
 Every flight is looked at by itself, at the same numbers: its likelihood is linearised by the code
 that a single identification fits with (`estimation/banded_equations.py`), and what it asks for is
 added up. So one flight's factors are in memory at a time, however many there are. A few passes lead
-to the joint maximum, as `rotorfit identify` finds it from all flights at once, but for four things
+to the joint maximum, as `rotorfit identify` finds it from all flights at once, but for three things
 that were settled flight by flight: the motors' timing, which every flight keeps for itself; which
-bands count, which optional terms the model has, and how much of the turns' errors comes with those
-of the forces. Each flight has a trim and air of its own,
+bands count, and which optional terms the model has. Each flight has a trim and air of its own,
 which are eliminated where it is looked at.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -29,6 +29,7 @@ from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.joint_equations import JointConfiguration, joint_problem
 from rotorfit.fit.joint_fit import FittedFactors
 from rotorfit.fit.joint_numbers import physical
+from rotorfit.fit.steering import Pushes, pushes, tied
 from rotorfit.many_flights.trims import OWN, TRIM, UNSEEN, Scatter, scatters
 
 MOST_PASSES: Final = 20
@@ -118,6 +119,7 @@ def joined(flights: Sequence[Load]) -> Joined:
     """
     vehicle = _vehicle(flights)
     phi, differ = _first(vehicle, flights), UNSEEN
+    flights = _pushed_alike(vehicle, flights, phi)
     for passes in range(1, MOST_PASSES + 1):
         H, scores = np.diag(vehicle.precision), np.zeros((len(flights), len(phi)))
         trims: list[_Trims] = []
@@ -149,6 +151,34 @@ def _vehicle(flights: Sequence[Load]) -> _Vehicle:
     problem = joint_problem([first], terms=tuple(terms))
     mean, std = problem.prior
     return _Vehicle(map=problem.map, configuration=first, mean=mean, precision=std**-2.0)
+
+
+def _pushed_alike(
+    vehicle: _Vehicle, flights: Sequence[Load], phi: Float[np.ndarray, " f"]
+) -> list[Load]:
+    """Return the flights with one common place where gusts and drag push, by all of them."""
+    found: list[list[Pushes]] = []
+    for load in flights:
+        fitted = load()
+        problem = replace(_problem(fitted, UNSEEN), tied=())
+        error = evaluated(problem, _own_first(vehicle, fitted, problem, phi)).residual
+        found.append(pushes(fitted.configurations[0], error))
+    shares = tied(found, vehicle.configuration.vehicle)
+
+    def alike(load: Load) -> FittedFactors:
+        fitted = load()
+        one = [replace(c, tied=shares) for c in fitted.configurations]
+        return replace(fitted, configurations=tuple(one))
+
+    return [partial(alike, load) for load in flights]
+
+
+def _own_first(
+    vehicle: _Vehicle, fitted: FittedFactors, problem: BandedProblem, phi: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " g"]:
+    """Return a flight's free parameters: the vehicle's `phi`, its own as it found them alone."""
+    known = dict(zip(vehicle.names, phi.tolist(), strict=True))
+    return np.array([known.get(n, fitted.values.get(n, 0.0)) for n in problem.map.names])
 
 
 def _problem(fitted: FittedFactors, differ: Scatter) -> BandedProblem:
@@ -192,10 +222,9 @@ def _asked(
     """Return what one flight asks for at the vehicle's `phi`, where its own numbers fit best."""
     problem = _problem(fitted, differ)
     names = problem.map.names
-    known = dict(zip(vehicle.names, phi.tolist(), strict=True))
-    at = np.array([known.get(n, fitted.values.get(n, 0.0)) for n in names])
+    at = _own_first(vehicle, fitted, problem, phi)
     # Its times and trims, and what only its signals have: drag over a velocity that others log.
-    own = [i for i, name in enumerate(names) if name not in known]
+    own = [i for i, name in enumerate(names) if name not in vehicle.names]
     shared = [i for i in range(len(names)) if i not in own]
     for _ in range(OWN_STEPS if own else 0):
         asked = corrected_equations(problem, evaluated(problem, at))
