@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flown
+import made_fit
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.excitation import SCALE_PULL, product_allowance, scale_stretch
 from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_numbers import hanging_on_roll_and_pitch
+from rotorfit.fit.joint_numbers import hanging_on_inertia, hanging_on_roll_and_pitch
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.identification.identify import identify
 from rotorfit.model.regressor import regressor
@@ -186,3 +187,24 @@ def test_what_yaw_leaves_open_of_a_product_is_a_share_of_it(rho, size):
     allowed = product_allowance(size, rho)
     assert abs(size) * SCALE_PULL / (rho + SCALE_PULL) == pytest.approx(allowed)
     assert allowed <= abs(size)
+
+
+@pytest.mark.parametrize("rho", [2.5, 6.0])
+def test_a_pitch_inertia_that_gusts_pull_pulls_the_scale_of_yaw_as_far_as_they_go_together(rho):
+    body = made_fit.configuration()
+    names = ("kt", "kd", "Ixx_com@A", "Iyy_com@A", "Izz_com@A", "kd_over_Izz@A")
+    correlation = np.eye(6)
+    for other in (0, 1, 4, 5):
+        correlation[3, other] = correlation[other, 3] = 0.8
+    numbers = Numbers(
+        names=names,
+        values=np.array([1.0, 1.0, 1.5, 2.0, 3.0, 0.3]),
+        half_width=np.array([0.1, 0.3, 0.2, 0.2, 1.2, 0.01]),
+        correlation=correlation,
+        excitation={"roll@A": 50.0, "pitch@A": rho, "yaw@A": 50.0},
+    )
+    std = np.array([0.05, 0.05, 0.1, 0.1, 0.2, 0.005])
+    found = hanging_on_inertia(numbers, [body], std).half_width
+    # Half of I_yy at a rho of 2.5, times .4 and 1.6.
+    expected = [0.1, 0.5, 0.2, 0.2, 2.0, 0.01] if rho < 5.0 else numbers.half_width
+    np.testing.assert_allclose(found, expected)

@@ -73,12 +73,14 @@ def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool)
         return ANSWERED_PULL / (rho + ANSWERED_PULL) * abs(size)
     too_small = RATIO_PULL / (rho - RATIO_PULL)
     if AXIS_OF[name] != "yaw":
-        share = INERTIA_PULL / (rho + INERTIA_PULL)
-    elif name in YAW_RATIOS:
-        share = too_small
-    else:
-        share = max(SCALE_PULL / (rho + SCALE_PULL), too_small)
-    return share * abs(size)
+        return inertia_pull(size, rho)
+    scale = 0.0 if name in YAW_RATIOS else SCALE_PULL / (rho + SCALE_PULL)
+    return max(scale, too_small) * abs(size)
+
+
+def inertia_pull(size: float, rho: float) -> float:
+    """Return by how much gusts may pull a roll or pitch inertia of a size, at a rho of its axis."""
+    return INERTIA_PULL / (max(float(rho), 0.0) + INERTIA_PULL) * abs(size)
 
 
 def common_share(name: str) -> float:

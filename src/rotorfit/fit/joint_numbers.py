@@ -35,6 +35,7 @@ from rotorfit.fit.excitation import (
     YAW_PRODUCTS,
     attenuation_allowance,
     common_share,
+    inertia_pull,
     link_allowance,
     product_allowance,
     scale_stretch,
@@ -125,6 +126,7 @@ def joint_numbers(
     shifts = np.vstack([np.abs(answers).sum(axis=0), 1.96 * late, 1.96 * pushed])
     told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
     told = _with_systematic(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
+    told = hanging_on_inertia(told, configurations, np.sqrt(np.diagonal(formal + shared)))
     told = hanging_on_roll_and_pitch(told, configurations)
     return replace(told, excitation=numbers.excitation)
 
@@ -341,6 +343,35 @@ def _with_systematic(
             parts.append(1.96 * relative * value)
         extra[i] = quadrature(parts)
     return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
+
+
+def hanging_on_inertia(
+    numbers: Numbers,
+    configurations: Sequence[JointConfiguration],
+    std: Float[np.ndarray, " q"],
+) -> Numbers:
+    """Return the numbers on the scale of yaw with what an inertia that is not told does to them.
+
+    What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an I_yy that
+    gusts pull pulls I_zz with it, as far as the two go together in the fit.
+
+    Parameters
+    ----------
+    std
+        Deviations of the fit, of every number.
+    """
+    squares = np.zeros(len(std))
+    scaled = [i for i, n in enumerate(numbers.names) if n.partition("@")[0] in SCALED]
+    for configuration in configurations:
+        for name in ("Ixx_com", "Iyy_com"):
+            own = numbers.index(f"{name}@{configuration.name}")
+            rho = numbers.rho(numbers.names[own])
+            if rho is None or rho > LEAST_EXCITATION or not std[own] > 0.0:
+                continue
+            pull = inertia_pull(float(numbers.values[own]), rho)
+            slopes = numbers.correlation[own, scaled] * std[scaled] / std[own]
+            squares[scaled] += (slopes * pull) ** 2
+    return replace(numbers, half_width=np.sqrt(numbers.half_width**2 + squares))
 
 
 def hanging_on_roll_and_pitch(
