@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedProblem, banded, weighted_by_chance
+from rotorfit.estimation.banded import BandedProblem, banded, square_root, weighted_by_chance
 from rotorfit.estimation.banded_equations import (
     State,
     corrected_equations,
@@ -232,6 +232,27 @@ def test_what_a_prior_tells_is_no_chance():
     )
     fit = banded(known, np.zeros(2))
     np.testing.assert_allclose(weighted_by_chance(fit), fit.estimate.covariance, atol=1e-12)
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 10**6), size=st.integers(1, 8), spread=st.floats(0.0, 12.0))
+def test_a_root_of_any_units_squares_to_what_it_is_of(seed, size, spread):
+    rng = np.random.default_rng(seed)
+    units = 10.0 ** rng.uniform(-spread, spread, size)
+    root = units[:, None] * rng.normal(size=(size, size + 2))
+    again = square_root(root @ root.T)
+    np.testing.assert_allclose(again @ again.T / np.outer(units, units), root @ root.T
+                               / np.outer(units, units), atol=1e-12)  # fmt: skip
+
+
+def test_what_variances_add_is_never_below_zero():
+    """Of slope and offset only one combination is known: rounding is larger than what is added."""
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        x = 1.0 + 1e-8 * rng.normal(size=400)
+        fit = banded(line_problem(x, x + rng.normal(size=400)), np.zeros(2))
+        added = np.diagonal(weighted_by_chance(fit)) - np.diagonal(fit.estimate.covariance)
+        assert (added >= 0.0).all()
 
 
 def test_few_rows_scatter_as_said():

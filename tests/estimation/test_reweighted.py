@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from plain_problem import plain_problem
 
+from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import (
     Factors,
@@ -85,6 +86,12 @@ def test_exact_equations_have_next_to_no_variance():
     x = np.random.default_rng(2).normal(size=200)
     fit = reweighted(separated(plain_problem(x[:, None], 2.0 * x, block_rows=100)))
     np.testing.assert_allclose(fit.variance, 1e-20 * 4.0 * (x**2).mean(), rtol=1e-9)
+
+
+def test_a_signal_that_is_zero_throughout_is_refused():
+    x = np.random.default_rng(3).normal(size=200)
+    with pytest.raises(EstimationError, match="no turn at all"):
+        reweighted(plain_problem(x[:, None], np.zeros(200), block_rows=100))
 
 
 def three_blocks(rows, segment=(0, 0, 0)):

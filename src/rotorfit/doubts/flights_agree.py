@@ -19,6 +19,7 @@ from rotorfit.fit.joint_fit import NEAR
 from rotorfit.fit.joint_numbers import joint_numbers
 from rotorfit.fit.number_intervals import Numbers
 from rotorfit.many_flights.autopilot import UNHEARD
+from rotorfit.many_flights.trims import TRIM
 
 LOOKED_AT: Final = ("kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt", "kd_over_Izz", "Jr_over_Izz")
 LEAST_SHARE: Final = 0.05
@@ -26,6 +27,9 @@ LEAST_SHARE: Final = 0.05
 SURE: Final = 3.9
 """Deviations by which it must: once in ten thousand by chance. Sound real flights make up to 1.1,
 two vehicles 9 and more."""
+
+EQUATIONS_EACH: Final = 2.0
+"""Per free parameter, of a flight that tells anything by itself."""
 
 
 def odd_flight(
@@ -66,9 +70,10 @@ def _alone(
 ) -> Iterator[tuple[int, Numbers]]:
     """Yield the numbers of each flight by itself, where it tells any."""
     begin = fit.estimate.by_name
+    free = sum(_is_of(name, c.name) for name in begin)
     for k in range(flights):
         own = c.factors.recording == k
-        if not own.any():
+        if own.sum() * len(fit.problem.noisy) < EQUATIONS_EACH * free:
             continue
         one = only(replace(c, answer=UNHEARD), own)
         try:
@@ -76,6 +81,12 @@ def _alone(
             yield k, joint_numbers(alone, [one], {c.name: 0.0})
         except EstimationError:
             continue  # too short or too still a flight to tell anything by itself
+
+
+def _is_of(name: str, configuration: str) -> bool:
+    """Return whether a flight of a configuration has that parameter when it is fitted alone."""
+    owner = name.partition("@")[2]
+    return not name.startswith(TRIM) and owner in ("", configuration)
 
 
 def _apart(

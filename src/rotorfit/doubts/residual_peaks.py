@@ -9,13 +9,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Float
 from scipy import signal, stats
 
 from rotorfit.bands.flight_bands import retimed
 from rotorfit.bands.frequency_bands import EDGES, STRETCH
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_equations import JointConfiguration, theta_of
 from rotorfit.flight.prepare import PreparedFlight
@@ -62,10 +62,9 @@ def residual_peaks(
 ) -> list[Peak]:
     """Return the highest peak of every configuration whose flights are long enough."""
     every = theta_of(fit.problem.map, fit.estimate.values, joint)
+    each = solved(flown.model.tensor, every, fit.problem.noisy)[0]
     peaks: list[Peak] = []
-    for configured, theta in zip(flown.configurations, every, strict=True):
-        B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, flown.model.tensor)
-        G: Float[np.ndarray, "k z"] = scipy.linalg.solve(B[:, list(fit.problem.noisy)], B)
+    for configured, G in zip(flown.configurations, each, strict=True):
         prepared = [flight.prepared for flight in configured.flights]
         power, lines = _binned(_errors(flown, prepared, G))
         peak = _highest(power, lines, configured.entry.name)

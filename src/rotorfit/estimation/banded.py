@@ -346,8 +346,18 @@ def weighted_by_chance(fit: BandedEstimate) -> Float[np.ndarray, "f f"]:
     every = [np.ones(len(rows), dtype=bool)]
     added = part_information(fit.problem, doubtful, every, corrected=False)[0]
     covariance = fit.estimate.covariance
-    widened: Float[np.ndarray, "f f"] = covariance + 2.0 * covariance @ added @ covariance
+    # By a root, which keeps what hardly anything is known of from falling below zero by rounding.
+    moved = covariance @ square_root(added)
+    widened: Float[np.ndarray, "f f"] = covariance + 2.0 * moved @ moved.T
     return widened
+
+
+def square_root(squares: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
+    """Return A with A A^T an information or a covariance, of parameters of any units."""
+    size = parameter_scale(squares)
+    strength, V = np.linalg.eigh(squares / np.outer(size, size))
+    root: Float[np.ndarray, "f f"] = size[:, None] * V * np.sqrt(np.maximum(strength, 0.0))
+    return root
 
 
 def answer_shifts(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:

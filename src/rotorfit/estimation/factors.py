@@ -152,6 +152,22 @@ class Factors:
         return self.R if self.slopes is None else self.columns @ self.lift(by)
 
 
+def of_even_rows(parts: Sequence[Factors]) -> tuple[Factors, ...]:
+    """Return factors whose blocks all have the same number of rows, zeros below where need be.
+
+    Slopes of few samples need fewer rows than others.
+    """
+    most = max((0 if f.slopes is None else f.slopes.shape[2] for f in parts), default=0)
+
+    def even(factors: Factors) -> Factors:
+        if factors.slopes is None or factors.slopes.shape[2] == most:
+            return factors
+        below = ((0, 0), (0, 0), (0, most - factors.slopes.shape[2]), (0, 0))
+        return replace(factors, slopes=np.pad(factors.slopes, below))
+
+    return tuple(even(factors) for factors in parts)
+
+
 def stack_factors(parts: Sequence[Factors]) -> Factors:
     """Return all blocks of several factors, their segments numbered on."""
     if not parts:

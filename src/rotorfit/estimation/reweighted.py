@@ -66,12 +66,17 @@ def reweighted(
     Raises
     ------
     EstimationError
-        If the flight does not move a parameter at all.
+        If the flight does not move a parameter, or the known signal, at all.
     """
     J, y, rows = _block_equations(problem)
     names = problem.map.names
     information = _prior_information(names, prior_std or {})
     known = np.einsum("bm,bm->b", y, y)
+    if not known.sum() > 0.0:
+        raise EstimationError(
+            "about one axis the gyro shows no turn at all: in these seconds the vehicle stands "
+            "still, or the log lacks that axis; give seconds in which it flies"
+        )
     floor = RELATIVE_FLOOR * float(known.sum() / rows.sum()) + np.finfo(float).tiny
     variance = np.full(len(rows), float(known.sum() / rows.sum()))
     phi = np.zeros(len(names))

@@ -21,6 +21,7 @@ from rotorfit.estimation.banded import (
     banded,
     log_likelihood,
 )
+from rotorfit.estimation.factors import of_even_rows
 from rotorfit.estimation.feedback import Answers, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
@@ -196,7 +197,7 @@ def joint_problem(
     timing = configurations[0].timing
     known = {**(known or {}), **({} if timing is None else timing.prior())}
     return BandedProblem(
-        factors=tuple(c.factors for c in configurations),
+        factors=of_even_rows([c.factors for c in configurations]),
         tensors=tuple(c.model.tensor for c in configurations),
         parts=tuple(tuple(own) for own in counts),
         map=mapped,

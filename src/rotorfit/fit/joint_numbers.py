@@ -19,6 +19,7 @@ from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.banded import (
     BandedEstimate,
     answer_shifts,
+    square_root,
     steps_without,
     weighted_by_chance,
 )
@@ -98,12 +99,7 @@ def joint_numbers(
         estimate.values,
         estimate.std,
     )
-    formal = jacobian @ weighted_by_chance(fit) @ jacobian.T
-    # A block holds an equation for each noisy signal: that many parameters cost one block.
-    blocks = len(fit.influence)
-    free = max(blocks - len(estimate.names) / fit.variance.shape[1], 1.0)
-    scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T
-    random = chance_half_width(formal, scatter, free) * np.sqrt(blocks / free)
+    formal = formal_covariance(fit, jacobian)
     answers = answer_shifts(fit) @ jacobian.T
     timings = np.reshape(_timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
     late = timings @ jacobian.T
@@ -112,13 +108,7 @@ def joint_numbers(
     numbers = Numbers(
         names=names,
         values=values,
-        half_width=np.maximum.reduce(
-            [
-                random,
-                _between_phases(fit, jacobian),
-                _between_flights(fit, jacobian, configurations),
-            ]
-        ),
+        half_width=by_chance(fit, jacobian, formal),
         correlation=correlation_of(formal + shared),
         excitation=excitation(fit, configurations),
     )
@@ -131,10 +121,43 @@ def joint_numbers(
     return replace(told, excitation=numbers.excitation)
 
 
+def formal_covariance(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, "q q"]:
+    """Return the covariance that the fit states, of numbers with these slopes by its parameters."""
+    spread = jacobian @ square_root(weighted_by_chance(fit))
+    formal: Float[np.ndarray, "q q"] = spread @ spread.T
+    return formal
+
+
+def by_chance(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width by chance: what the fit states, or blocks, phases and flights show.
+
+    Parameters
+    ----------
+    fit
+        Of all flights.
+    jacobian
+        Of the numbers by the free parameters.
+    formal
+        `formal_covariance` of the numbers.
+    """
+    # A block holds an equation for each noisy signal: that many parameters cost one block.
+    blocks = len(fit.influence)
+    free = max(blocks - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
+    scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T
+    shown = (
+        chance_half_width(formal, scatter, free) * np.sqrt(blocks / free),
+        _between_phases(fit, jacobian),
+        _between_flights(fit, jacobian),
+    )
+    return np.maximum.reduce(shown)
+
+
 def _between_flights(
-    fit: BandedEstimate,
-    jacobian: Float[np.ndarray, "q f"],
-    configurations: Sequence[JointConfiguration],
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width that the pull of each flight as a whole shows; zeros for one or two.
 
@@ -143,8 +166,8 @@ def _between_flights(
     """
     variance, degrees = np.zeros(len(jacobian)), np.inf
     first = 0
-    for configuration in configurations:
-        source = configuration.factors.recording
+    for factors in fit.problem.factors:
+        source = factors.recording
         own = fit.influence[first : first + len(source)]
         first += len(source)
         pulls = np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T

@@ -27,10 +27,10 @@ from rotorfit.bands.motor_timing import (
 )
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, answer_shifts
-from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_fit import joint_fit
+from rotorfit.fit.joint_numbers import by_chance, formal_covariance
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
 
@@ -267,10 +267,9 @@ def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> Mot
 
 def _std(fit: BandedEstimate, row: Float[np.ndarray, " f"]) -> float:
     """Return the deviation of a combination of parameters."""
-    formal = row @ fit.estimate.covariance @ row
-    scatter = row @ scatter_covariance(fit.influence) @ row
-    answered = float(np.abs(answer_shifts(fit) @ row).sum()) / 1.96
-    return _norm(float(np.sqrt(max(formal, scatter))), answered)
+    chance = by_chance(fit, row[None], formal_covariance(fit, row[None]))
+    answered = np.abs(answer_shifts(fit) @ row).sum()
+    return _norm(*chance, answered) / 1.96
 
 
 def _hold_fault(flown: Flown) -> float:
