@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.simulation import STILL, Scenario, paper_vehicle, simulate_flight, variant
+from rotorfit.doubts import flights_agree
+from rotorfit.simulation import (
+    STILL,
+    Scenario,
+    paper_vehicle,
+    simulate_flight,
+    variant,
+    write_flight_table,
+)
 from rotorfit.simulation.manoeuvres import MANOEUVRES
 
 KNOWN_DELAY = "[motors]\ndelay = 0.0\n"
@@ -64,3 +72,27 @@ def test_one_axis_at_a_time_gives_inertia_and_yaw_as_a_ratio(tmp_path, fly):
         assert (found.verdict, found.partner, found.value) == ("ratio-only", partner, None)
         assert "yaw while rolling" in found.advice
     assert any("known only as a ratio" in words for words in result.warnings)
+
+
+def test_half_a_second_beside_a_flight_is_not_compared_with_it(tmp_path, fly, monkeypatch):
+    """Its few equations have an end at any numbers at all."""
+    compared = []
+    judged = flights_agree.joint_estimate
+
+    def counting(joint, *more, **known):
+        compared.append(len(joint[0].factors))
+        return judged(joint, *more, **known)
+
+    monkeypatch.setattr(flights_agree, "joint_estimate", counting)
+    flights = [fly(1), fly(2)]
+    for number, flight in enumerate(flights):
+        write_flight_table(flight, tmp_path / f"flight{number}.csv")
+    windows = '{ file = "flight0.csv" }, { file = "flight1.csv", start = 6.0, end = 6.6 }'
+    text = (
+        f"{flown.airframe_table(flights[0].vehicle)}\n{KNOWN_DELAY}\n[[configuration]]\n"
+        f"mass = {flights[0].truth.mass}\nflights = [{windows}]\n"
+    )
+    (tmp_path / "experiment.toml").write_text(text)
+    flown.quietly_identified(tmp_path / "experiment.toml")
+    assert len(compared) == 1
+    assert compared[0] > 10

@@ -11,8 +11,15 @@ from scipy import signal
 import made_fit
 from rotorfit.bands.flight_bands import prepared_bands
 from rotorfit.bands.motor_timing import FreeTiming, MotorTiming
-from rotorfit.estimation.factors import Factors, stack_factors, triangular_factors
+from rotorfit.estimation.banded_equations import evaluated
+from rotorfit.estimation.factors import (
+    Factors,
+    of_even_rows,
+    stack_factors,
+    triangular_factors,
+)
 from rotorfit.fit.flights import Flown
+from rotorfit.fit.joint_equations import joint_problem
 from rotorfit.fit.other_settings import longer_arms
 from rotorfit.flight.data import Segment
 from rotorfit.flight.motors import MotorResponse
@@ -187,3 +194,34 @@ def test_slopes_go_with_their_blocks():
     kept = both.select(np.array([False, True, False, False, True]))
     np.testing.assert_array_equal(kept.slopes, both.slopes[[1, 4]])
     assert stack_factors([one, replace(other, slopes=None)]).slopes is None
+
+
+def test_configurations_of_fewer_rows_are_filled_up(rows=5):
+    """Of a log at 10 Hz a block has few lines, and its slopes need no more rows than those."""
+    rng = np.random.default_rng(0)
+    whole = with_slopes(rng, 3)[0]
+    short = replace(whole, slopes=np.ascontiguousarray(whole.slopes[:, :, :rows]))
+    even = of_even_rows([whole, short])
+    assert even[0] is whole
+    assert even[1].slopes.shape == whole.slopes.shape
+    np.testing.assert_array_equal(even[1].gram, short.gram)
+    plain = replace(whole, slopes=None)
+    assert of_even_rows([plain, short])[0] is plain
+
+
+def test_a_joint_problem_of_configurations_of_fewer_rows_is_evaluated():
+    width = len(regressor(made_fit.QUAD).layout)
+    free = FreeTiming(at=AT, names=("motor_delay",))
+
+    def body(name, rows):
+        slopes = np.zeros((12, 1, rows, width))
+        slopes[:, 0, width - 1, 4] = 1.0
+        factors = replace(made_fit.blocks([(1.0, 2.0)] * 12), slopes=slopes)
+        return made_fit.configuration(name, factors=factors, timing=free)
+
+    bodies = [body("A", width + 3), body("B", width)]
+    problem = joint_problem(bodies)
+    phi = np.array([made_fit.BODY.get(n.partition("@")[0], 0.0) for n in problem.map.names])
+    error = evaluated(problem, phi).residual
+    assert error.shape[:2] == (24, width + 3)
+    np.testing.assert_array_equal(error[12:], error[:12])

@@ -1,5 +1,7 @@
 """Standing in a window that the user gives: found, cut, said; and nothing else taken for it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,11 +16,15 @@ from rotorfit.simulation import write_flight_table
 RATE = 100.0
 
 
-def motion(*, thrust=1.0, still=1.0, carried=1.0, turning=0.0):
-    """Return 20 s: the first 8 s with so much thrust, rates, force and turning; then a flight."""
+def motion(*, thrust=1.0, still=1.0, carried=1.0, turning=0.0, noise=0.0):
+    """Return 20 s: the first 8 s with so much thrust, rates, force and turning; then a flight.
+
+    The rates change every tenth of a second, but for the gyro's noise.
+    """
     rng = np.random.default_rng(0)
     rates = 0.5 * rng.normal(size=(2000, 3))
-    rates[:800] = turning + 0.02 * still * rng.normal(size=(800, 3))
+    rates[:800] = turning + 0.02 * still * np.repeat(rng.normal(size=(80, 3)), 10, axis=0)
+    rates[:800] += noise * rng.normal(size=(800, 3))
     force = np.tile([0.0, 0.0, GRAVITY], (2000, 1))
     force[:800] *= carried
     speed = np.full((2000, 4), 500.0)
@@ -47,6 +53,18 @@ def test_calm_at_little_thrust_and_carried_is_the_ground():
 )
 def test_flight_at_little_thrust_is_not(change):
     assert ground_contact(motion(**{"thrust": 0.2, **change}), WHOLE) == []
+
+
+def test_a_gyros_noise_is_no_motion():
+    assert ground_contact(motion(thrust=0.2, noise=0.07), WHOLE) == [(0, 800)]
+
+
+@pytest.mark.parametrize(("thrust", "found"), [(0.2, [(0, 800)]), (0.5, [])])
+def test_a_window_of_nothing_but_the_ground_is_seen_by_the_flight_beside_it(thrust, found):
+    """By what the rotors lift in the rest of the log; idling, they are all the window has."""
+    log = motion(thrust=thrust)
+    assert ground_contact(log, [(0, 800)], stretches=log.stretches) == found
+    assert ground_contact(replace(log, stretches=((0, 800),)), [(0, 800)]) == []
 
 
 def test_half_a_second_is_not_enough():

@@ -1,15 +1,24 @@
 """Where two models disagree the intervals hold both; by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.errors import UnsettledError
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_numbers import Numbers
 from rotorfit.fit.kt_from_weight import WeighedThrust
-from rotorfit.identification.estimates import _holding_both, _kt_of, _reaching, joint_fit
+from rotorfit.identification import estimates
+from rotorfit.identification.estimates import (
+    _as_sure_as_weight,
+    _holding_both,
+    _kt_of,
+    _reaching,
+    joint_fit,
+)
 
 
 def numbers(values, half_width):
@@ -58,3 +67,26 @@ def test_a_weighed_thrust_coefficient_is_held_to_a_ten_thousandth(monkeypatch):
     with pytest.raises(Held):
         joint_fit(flown, weighed=WeighedThrust(kt=2e-6, std=1e-7), begin={"kt": 2e-6})
     assert held[0]["kt"] == pytest.approx((2e-6, 2e-10))
+
+
+@pytest.mark.parametrize("settles", [True, False])
+def test_what_is_open_of_the_weight_is_in_every_interval(monkeypatch, settles):
+    """Another fit a deviation further: kt by .2 and kd by -1.1, 1.96 times of which is open."""
+    tried = []
+
+    def joint_fit(flown, *, weighed, terms, begin):
+        tried.append((weighed.kt, begin))
+        if not settles:
+            raise UnsettledError("no end", reached={"moved": 1.0})
+        return SimpleNamespace(estimate=SimpleNamespace(by_name={"moved": 1.0})), []
+
+    monkeypatch.setattr(estimates, "joint_fit", joint_fit)
+    monkeypatch.setattr(
+        estimates, "_numbers_at", lambda reached, *_: np.array([10.2, 2.9]) * reached["moved"]
+    )
+    fit = SimpleNamespace(estimate=SimpleNamespace(by_name={"kt": 10.0, "kd": 4.0}))
+    weighed = WeighedThrust(kt=10.0, std=0.2)
+    surer = _as_sure_as_weight(None, fit, ONE, [], weighed=weighed, terms=())
+    assert tried == [(10.2, {"kt": 10.2, "kd": 4.0})]
+    assert surer.values.tolist() == [10.0, 4.0]
+    assert surer.half_width == pytest.approx(np.hypot([0.5, 3.0], [1.96 * 0.2, 1.96 * 1.1]))

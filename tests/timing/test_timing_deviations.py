@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 import made_fit
 from rotorfit.bands.motor_timing import FreeTiming, MotorTiming, skew_of, told
 from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit import joint_numbers
 from rotorfit.fit.flights import Flown
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing import timing_fit, timing_search
@@ -52,6 +54,21 @@ def fit_at(free, *, moved, covariance=None, influence=None):
     return replace(fit, estimate=replace(fit.estimate, values=values, covariance=spread))
 
 
+@pytest.fixture(autouse=True)
+def variances_are_known(monkeypatch):
+    """What blocks' estimated variances add is tested elsewhere; these fits have no equations."""
+    monkeypatch.setattr(joint_numbers, "weighted_by_chance", lambda fit: fit.estimate.covariance)
+
+
+def chance(times):
+    """Of 12 blocks of 6 equations, those are left that 12 parameters and the times do not cost.
+
+    Student's t of those over 1.96, and more by the root of how many were lost.
+    """
+    left = 12 - (12 + times) / 6
+    return stats.t.ppf(0.975, left) / 1.96 * np.sqrt(12 / left)
+
+
 COVARIANCE = [[16.0, -6.0], [-6.0, 9.0]]
 """Of lag and delay: 4 and 3 ms, and 13 ms^2 of their sum."""
 
@@ -71,9 +88,11 @@ def deviations(monkeypatch, *, names=BOTH, hold=0.0, shifts=None, motors=COMMAND
 def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults(monkeypatch):
     """.1 ms of the sum and .3 ms of the split that no curvature shows."""
     found = deviations(monkeypatch, hold=1.5)
-    assert found.lag_std == pytest.approx(norm(4, 0.3), rel=1e-6)
-    assert found.delay_std == pytest.approx(norm(3, 0.3, 1.5), rel=1e-6)
-    assert found.total_std == pytest.approx(norm(13**0.5, 0.1, 1.5), rel=1e-6)
+    c = chance(2)
+    assert c == pytest.approx(1.27, abs=0.01)
+    assert found.lag_std == pytest.approx(norm(4 * c, 0.3), rel=1e-6)
+    assert found.delay_std == pytest.approx(norm(3 * c, 0.3, 1.5), rel=1e-6)
+    assert found.total_std == pytest.approx(norm(13**0.5 * c, 0.1, 1.5), rel=1e-6)
     assert (found.response.lag, found.response.delay) == pytest.approx((0.0405, 0.0105))
     assert found.free == BOTH
 
@@ -81,31 +100,36 @@ def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults(monkeypat
 def test_what_is_assumed_of_the_autopilot_is_in_the_deviations(monkeypatch):
     """Its answers' shifts over 1.96: of each time their sum, of lag plus delay that of both."""
     found = deviations(monkeypatch, shifts=[[1.96, 3.92], [-1.96, 0.98]])
-    assert found.lag_std == pytest.approx(norm(4, 2, 0.3), rel=1e-6)
-    assert found.delay_std == pytest.approx(norm(3, 2.5, 0.3), rel=1e-6)
-    assert found.total_std == pytest.approx(norm(13**0.5, 3.5, 0.1), rel=1e-6)
+    c = chance(2)
+    assert found.lag_std == pytest.approx(norm(4 * c, 2, 0.3), rel=1e-6)
+    assert found.delay_std == pytest.approx(norm(3 * c, 2.5, 0.3), rel=1e-6)
+    assert found.total_std == pytest.approx(norm(13**0.5 * c, 3.5, 0.1), rel=1e-6)
 
 
 def test_blocks_that_scatter_more_than_the_covariance_says_count_instead(monkeypatch):
     """12 blocks that pull by 2 ms either way: a deviation of sqrt(12 * 12/11) * 2 ms."""
     pulls = {"motor_delay": 2.0 * MS * np.tile([1.0, -1.0], 6)}
     found = deviations(monkeypatch, influence=pulls)
-    scatter = 2.0 * np.sqrt(144 / 11)
+    scatter = 2.0 * np.sqrt(144 / 11) * chance(2)
     assert found.delay_std == pytest.approx(norm(scatter, 0.3), rel=1e-6)
-    assert found.lag_std == pytest.approx(norm(4, 0.3), rel=1e-6)
+    assert found.lag_std == pytest.approx(norm(4 * chance(2), 0.3), rel=1e-6)
     assert found.total_std == pytest.approx(norm(scatter, 0.1), rel=1e-6)
 
 
 def test_a_lag_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
     """With the delay given, what a command held longer than logged is taken for lag."""
     found = deviations(monkeypatch, names=("motor_lag",), hold=1.5)
-    assert found.lag_std == found.total_std == pytest.approx(norm(4, 0.1, 1.5), rel=1e-6)
+    assert (
+        found.lag_std == found.total_std == pytest.approx(norm(4 * chance(1), 0.1, 1.5), rel=1e-6)
+    )
     assert found.delay_std is None
 
 
 def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
     found = deviations(monkeypatch, names=("motor_delay",), hold=1.5, motors=MotorsEntry())
-    assert found.delay_std == found.total_std == pytest.approx(norm(3, 0.1, 1.5), rel=1e-6)
+    assert (
+        found.delay_std == found.total_std == pytest.approx(norm(3 * chance(1), 0.1, 1.5), rel=1e-6)
+    )
     assert found.lag_std is None
 
 
@@ -113,7 +137,7 @@ def test_no_lag_is_less_sure_than_it_was_beforehand(monkeypatch):
     bench = MotorsEntry(speed="commanded", lag=0.04, lag_std=0.002)
     found = deviations(monkeypatch, motors=bench)
     assert found.lag_std == 0.002
-    assert found.delay_std == pytest.approx(norm(3, 0.3))
+    assert found.delay_std == pytest.approx(norm(3 * chance(2), 0.3))
 
 
 def test_how_long_a_command_held_is_unknown_by_a_quarter_of_the_slowest_logs_sample():

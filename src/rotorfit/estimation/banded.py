@@ -43,7 +43,7 @@ from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import borrowed_rows
 
-MOST_ITERATIONS = 100
+MOST_ITERATIONS = 400
 SMALLEST_STEP = 1e-3
 """Of a parameter's deviation, at which the iteration ends."""
 LEAST_WIN = 0.02

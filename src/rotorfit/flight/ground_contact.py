@@ -5,13 +5,14 @@ thrust. A fit of both would give too small a thrust beside a bias of metres per 
 these parts of a window are cut out and said.
 """
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.airborne import GRAVITY, SHORTEST_FLIGHT, Motion
+from rotorfit.flight.airborne import GRAVITY, SHORTEST_FLIGHT, Motion, thrust_to_force
 from rotorfit.flight.signals import true_runs, whole_samples
 
 STILL: Final = 0.06
@@ -28,6 +29,8 @@ CARRIED: Final = 0.2
 little thrust reads less."""
 PIECE: Final = 0.5
 """Looked at in pieces of this length [s]."""
+SHORT: Final = 0.1
+"""Over which the rates are averaged [s]."""
 LEAST_PIECES: Final = 2
 """In a row: in half a second of falling nobody stands still, but may seem to."""
 ON_THE_GROUND: Final = "stands on the ground"
@@ -35,10 +38,14 @@ ON_THE_GROUND: Final = "stands on the ground"
 Rows = tuple[int, int]
 
 
-def ground_contact(motion: Motion, flights: list[Rows]) -> list[Rows]:
+def ground_contact(
+    motion: Motion, flights: list[Rows], *, stretches: tuple[Rows, ...] | None = None
+) -> list[Rows]:
     """Return from which row to which (exclusive) a vehicle stands on the ground.
 
-    Calm for a second at little thrust, and yet carried.
+    Calm for a second at little thrust, and yet carried. Little is what that is beside the thrust of
+    the flights or, of flights that hold nothing but the ground, beside the weight, by what the
+    rotors lift in the rest of the log.
 
     Parameters
     ----------
@@ -46,18 +53,22 @@ def ground_contact(motion: Motion, flights: list[Rows]) -> list[Rows]:
         Forces, rates and rotor speeds, in body axes.
     flights
         The rows that are looked at.
+    stretches
+        All rows with data, of a log that has more of them.
     """
-    piece = whole_samples(PIECE * motion.sample_rate)
-    squares = (motion.rotor_speed**2).sum(axis=1)
+    piece, short = (whole_samples(t * motion.sample_rate) for t in (PIECE, SHORT))
+    squares = motion.thrust
     rows = np.concatenate([np.arange(a, b) for a, b in flights])
-    little = LITTLE * float(np.percentile(squares[rows], FLYING_PERCENTILE))
+    flown = float(np.percentile(squares[rows], FLYING_PERCENTILE))
+    lift = thrust_to_force(replace(motion, stretches=stretches or motion.stretches), squares)
+    little = LITTLE * max(flown, GRAVITY / lift if lift > 0.0 else 0.0)
     found: list[Rows] = []
     for first, stop in flights:
         starts = np.arange(first, stop - piece + 1, piece)
         stands = np.array(
             [
                 squares[at : at + piece].mean() < little
-                and _is_calm(motion.angular_velocity[at : at + piece])
+                and _is_calm(motion.angular_velocity[at : at + piece], short)
                 and _is_carried(motion.specific_force[at : at + piece])
                 for at in starts
             ],
@@ -71,8 +82,11 @@ def ground_contact(motion: Motion, flights: list[Rows]) -> list[Rows]:
     return found
 
 
-def _is_calm(rates: Float[np.ndarray, "n 3"]) -> bool:
-    return bool(rates.std(axis=0).max() < STILL and np.abs(rates.mean(axis=0)).max() < SLOW)
+def _is_calm(rates: Float[np.ndarray, "n 3"], short: int) -> bool:
+    # Means of a moment each: a gyro's noise, and what motors shake, is no motion.
+    whole = len(rates) // short * short
+    means = rates[:whole].reshape(-1, short, 3).mean(axis=1)
+    return bool(means.std(axis=0).max() < STILL and np.abs(means.mean(axis=0)).max() < SLOW)
 
 
 def _is_carried(force: Float[np.ndarray, "n 3"]) -> bool:

@@ -197,7 +197,7 @@ def prepared_from(
         with slow_motors_said(uniform.rates["motor"]):
             flights = airborne_rows(with_likely_lag(motion, motors))
     else:
-        standing = ground_contact(motion, flights)
+        standing = ground_contact(motion, flights, stretches=uniform.stretches)
         flights = aloft(motion, flights, standing)
     measured = motors.speed == "measured"
     found = still_rotors(

@@ -149,6 +149,7 @@ def _by_weight(
     fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
     anchored = _joint_numbers(flown, fit, joint)
     anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
+    anchored = _as_sure_as_weight(flown, fit, anchored, joint, weighed=weighed, terms=terms)
     if contradicts:
         words = contradiction(weighed, found[0], flown.motors, flown.source)
         return fit, joint, _holding_both(anchored, numbers), (words,)
@@ -212,6 +213,27 @@ def _kt_of(numbers: Numbers) -> tuple[float, float]:
     """Return value and standard deviation of k_t."""
     value, half = numbers.number("kt")
     return value, half / 1.96
+
+
+def _as_sure_as_weight(
+    flown: Flown,
+    fit: BandedEstimate,
+    numbers: Numbers,
+    joint: Sequence[JointConfiguration],
+    *,
+    weighed: WeighedThrust,
+    terms: Sequence[Term],
+) -> Numbers:
+    """Return the numbers of a fit held at the weight's k_t with what is open of that."""
+    off = replace(weighed, kt=weighed.kt + weighed.std)
+    begin = {**fit.estimate.by_name, "kt": off.kt}
+    try:
+        other = joint_fit(flown, weighed=off, terms=terms, begin=begin)
+        moved = _numbers_at(other[0].estimate.by_name, *other)
+    except UnsettledError as error:
+        moved = _numbers_at(error.reached, fit, joint)
+    half = np.hypot(numbers.half_width, 1.96 * (moved - numbers.values))
+    return replace(numbers, half_width=half)
 
 
 def _holding_both(numbers: Numbers, other: Numbers) -> Numbers:
