@@ -16,6 +16,7 @@ from rotorfit.fit import joint_numbers
 from rotorfit.fit.flights import Flown
 from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing import timing_fit, timing_search
+from rotorfit.timing.onboard_filter import shape_fault
 from rotorfit.timing.timing_fit import (
     _begun,
     _fitted,
@@ -131,6 +132,31 @@ def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
         found.delay_std == found.total_std == pytest.approx(norm(3 * chance(1), 0.1, 1.5), rel=1e-6)
     )
     assert found.lag_std is None
+
+
+@pytest.mark.parametrize(("cutoffs", "fault"), [((None, 20.0), 1.125), ((40.0, None), 0.563)])
+def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, fault):
+    """A tenth of its delay, sqrt(2) / (2 pi f), of each and of both; measured speeds have none."""
+    monkeypatch.setattr(timing_fit, "_hold_fault", lambda _: 0.0)
+
+    def filtered(motors):
+        whole = flown(motors=motors)
+        (one,) = whole.configurations
+        flights = [
+            replace(f, log=replace(f.log, gyro_lowpass=cutoff))
+            for cutoff in cutoffs
+            for f in one.flights
+        ]
+        return replace(whole, configurations=(replace(one, flights=flights),))
+
+    free = FreeTiming(at=AT, names=BOTH)
+    fit = fit_at(free, moved=[0.5, 0.5], covariance=COVARIANCE)
+    found = _with_deviations(filtered(COMMANDED), free, fit)
+    c = chance(2)
+    assert found.lag_std == pytest.approx(norm(4 * c, 0.3, fault), rel=1e-3)
+    assert found.delay_std == pytest.approx(norm(3 * c, 0.3, fault), rel=1e-3)
+    assert found.total_std == pytest.approx(norm(13**0.5 * c, 0.1, fault), rel=1e-3)
+    assert shape_fault(filtered(MotorsEntry())) == 0.0
 
 
 def test_no_lag_is_less_sure_than_it_was_beforehand(monkeypatch):

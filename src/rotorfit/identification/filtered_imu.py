@@ -11,6 +11,7 @@ import numpy as np
 
 from rotorfit.fit.flights import Flown
 from rotorfit.fit.number_intervals import Numbers
+from rotorfit.timing.onboard_filter import filter_delay, lowpass_of
 
 FLOWN_AT: Final = 3.0
 """About where quick rolls and nods are [Hz]."""
@@ -18,17 +19,6 @@ LENGTH: Final = 2e-4
 """What the wrong shape moves a centre by [m], .2 mm in ArduPilot's simulator at 20 Hz."""
 MOMENTS: Final = ("Ixx", "Iyy", "Izz")
 PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
-
-
-def lowpass_of(flown: Flown) -> float | None:
-    """Return the lowest cut-off of the gyros' low-pass on board [Hz]; None where there is none."""
-    found = [f.log.gyro_lowpass for c in flown.configurations for f in c.flights]
-    return min((cutoff for cutoff in found if cutoff), default=None)
-
-
-def filter_delay(cutoff: float) -> float:
-    """Return by how much a low-pass of second order (Butterworth) delays slow motion [s]."""
-    return float(np.sqrt(2.0) / (2.0 * np.pi * cutoff))
 
 
 def lowpass_sentence(flown: Flown) -> str | None:

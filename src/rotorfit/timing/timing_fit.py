@@ -32,6 +32,7 @@ from rotorfit.fit.flights import Flown
 from rotorfit.fit.joint_fit import joint_fit
 from rotorfit.fit.joint_numbers import by_chance, formal_covariance
 from rotorfit.flight.motors import MotorResponse
+from rotorfit.timing.onboard_filter import shape_fault
 from rotorfit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
 
 MOST_ROUNDS: Final = 10
@@ -255,11 +256,12 @@ def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> Mot
     prior = flown.lag_prior[1]
     # With a delay that is given, what a command held too long or too short is taken for lag.
     held = hold if delay is None else 0.0
+    shape = shape_fault(flown)
     return MotorTiming(
         response=_moved(free, fit),
-        lag_std=None if lag is None else min(_norm(_std(fit, lag), split, held), prior),
-        delay_std=None if delay is None else _norm(_std(fit, delay), split, hold),
-        total_std=_norm(total, SUM_FAULT, hold),
+        lag_std=None if lag is None else min(_norm(_std(fit, lag), split, held, shape), prior),
+        delay_std=None if delay is None else _norm(_std(fit, delay), split, hold, shape),
+        total_std=_norm(total, SUM_FAULT, hold, shape),
         free=free.names,
         reached=free.others(fit.estimate.by_name),
     )
