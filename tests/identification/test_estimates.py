@@ -84,9 +84,10 @@ def test_what_is_open_of_the_weight_is_in_every_interval(monkeypatch, settles):
     monkeypatch.setattr(
         estimates, "_numbers_at", lambda reached, *_: np.array([10.2, 2.9]) * reached["moved"]
     )
-    fit = SimpleNamespace(estimate=SimpleNamespace(by_name={"kt": 10.0, "kd": 4.0}))
-    weighed = WeighedThrust(kt=10.0, std=0.2)
-    surer = _as_sure_as_weight(None, fit, ONE, [], weighed=weighed, terms=())
-    assert tried == [(10.2, {"kt": 10.2, "kd": 4.0})]
+    body = made_fit.configuration()
+    fit = made_fit.fit_of([body], std={})
+    flown, weighed = made_fit.flown(made_fit.prepared()), WeighedThrust(kt=10.0, std=0.2)
+    surer = _as_sure_as_weight(flown, fit, ONE, [body], weighed=weighed, terms=())
+    assert tried == [(10.2, {**fit.estimate.by_name, "kt": 10.2})]
     assert surer.values.tolist() == [10.0, 4.0]
     assert surer.half_width == pytest.approx(np.hypot([0.5, 3.0], [1.96 * 0.2, 1.96 * 1.1]))
