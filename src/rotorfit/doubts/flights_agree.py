@@ -27,7 +27,6 @@ LEAST_SHARE: Final = 0.05
 SURE: Final = 3.9
 """Deviations by which it must: once in ten thousand by chance. Sound real flights make up to 1.1,
 two vehicles 9 and more."""
-
 EQUATIONS_EACH: Final = 2.0
 """Per free parameter, of a flight that tells anything by itself."""
 

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
@@ -227,13 +227,8 @@ def _as_sure_as_weight(
     """Return the numbers of a fit held at the weight's k_t with what is open of that."""
     off = replace(weighed, kt=weighed.kt + weighed.std)
     begin = {**fit.estimate.by_name, "kt": off.kt}
-    try:
-        other = joint_fit(flown, weighed=off, terms=terms, begin=begin)
-        moved = _numbers_at(other[0].estimate.by_name, *other)
-    except UnsettledError as error:
-        moved = _numbers_at(error.reached, fit, joint)
-    half = np.hypot(numbers.half_width, 1.96 * (moved - numbers.values))
-    return replace(numbers, half_width=half)
+    moved = _shift(flown, fit, numbers, joint, weighed=off, terms=terms, begin=begin)
+    return replace(numbers, half_width=np.hypot(numbers.half_width, 1.96 * moved))
 
 
 def _holding_both(numbers: Numbers, other: Numbers) -> Numbers:
@@ -279,17 +274,30 @@ def _joint_widened(
     """Return the intervals widened by what settings shift that could as well be others."""
 
     def shift(other: Flown, top: float) -> Float[np.ndarray, " q"]:
-        begin = fit.estimate.by_name
-        try:
-            fitted = joint_fit(other, weighed=weighed, top=top, terms=terms, begin=begin)
-        except UnsettledError as error:
-            # It wanders off from the numbers: by so much at least they are open.
-            return _numbers_at(error.reached, fit, joint) - numbers.values
-        return _numbers_at(fitted[0].estimate.by_name, *fitted) - numbers.values
+        return _shift(other, fit, numbers, joint, weighed=weighed, terms=terms, top=top)
 
     timed = flown.free_timing is not None
     half = widened(numbers.half_width, flown, shift, timed=timed)
     return dataclasses.replace(numbers, half_width=half)
+
+
+def _shift(
+    other: Flown,
+    fit: BandedEstimate,
+    numbers: Numbers,
+    joint: Sequence[JointConfiguration],
+    *,
+    begin: Mapping[str, float] | None = None,
+    **settings: Any,
+) -> Float[np.ndarray, " q"]:
+    """Return how far another fit, begun where one ended unless told, is from its numbers."""
+    begin = fit.estimate.by_name if begin is None else begin
+    try:
+        fitted = joint_fit(other, begin=begin, **settings)
+    except UnsettledError as error:
+        # It wanders off from the numbers: by so much at least they are open.
+        return _numbers_at(error.reached, fit, joint) - numbers.values
+    return _numbers_at(fitted[0].estimate.by_name, *fitted) - numbers.values
 
 
 def row_result(experiment: Experiment, flown: Flown) -> Tables:

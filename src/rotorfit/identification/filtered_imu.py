@@ -24,7 +24,7 @@ PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 def lowpass_sentence(flown: Flown) -> str | None:
     """Return that the motors' times hold the filter's; None where there is none, or no lag."""
     cutoff = lowpass_of(flown)
-    if cutoff is None or flown.motors.speed == "measured":
+    if cutoff is None:
         return None
     return (
         f"the gyro is low-passed on board at {cutoff:g} Hz: {1e3 * filter_delay(cutoff):.0f} ms of "
@@ -36,7 +36,7 @@ def lowpass_sentence(flown: Flown) -> str | None:
 def with_filter_faults(numbers: Numbers, flown: Flown) -> Numbers:
     """Return the numbers, inertia and places with the fault of taking a low-pass for a lag."""
     cutoff, timing = lowpass_of(flown), flown.timing
-    if cutoff is None or timing is None or flown.motors.speed == "measured":
+    if cutoff is None or timing is None:
         return numbers
     passed = 1.0 / np.sqrt(1.0 + (FLOWN_AT / cutoff) ** 4)
     taken = 1.0 / np.sqrt(1.0 + (2.0 * np.pi * FLOWN_AT * timing.mean_lag) ** 2)

@@ -12,7 +12,12 @@ in ArduPilot's simulator (11 ms at 20 Hz, motors without lag) give a lag of 5.1 
 
 
 def lowpass_of(flown: Flown) -> float | None:
-    """Return the lowest cut-off of the gyros' low-pass on board [Hz]; None where there is none."""
+    """Return the lowest cut-off of the gyros' low-pass on board, which commanded motors stand for.
+
+    In Hz; None where there is none, or where speeds are measured.
+    """
+    if flown.motors.speed == "measured":
+        return None
     found = [f.log.gyro_lowpass for c in flown.configurations for f in c.flights]
     return min((cutoff for cutoff in found if cutoff), default=None)
 
@@ -25,6 +30,4 @@ def filter_delay(cutoff: float) -> float:
 def shape_fault(flown: Flown) -> float:
     """Return the deviation of the times of motors that stand for a filter as well [s]."""
     cutoff = lowpass_of(flown)
-    if cutoff is None or flown.motors.speed == "measured":
-        return 0.0
-    return SHAPE * filter_delay(cutoff)
+    return 0.0 if cutoff is None else SHAPE * filter_delay(cutoff)

@@ -35,6 +35,8 @@ from rotorfit.flight.motors import MotorResponse
 from rotorfit.timing.onboard_filter import shape_fault
 from rotorfit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
 
+SUMMED: Final = ("motor_lag", "motor_delay")
+"""Whose sum is told best."""
 MOST_ROUNDS: Final = 10
 """Of fitting, and of making the signals anew where the fit has moved to."""
 LONGEST_MOVE: Final = 0.02
@@ -248,30 +250,31 @@ def _untold(flown: Flown, *, delay_free: bool) -> MotorTiming:
 def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> MotorTiming:
     """Return the timing with its deviations: of chance, of the autopilot's answer and of faults."""
     names = fit.estimate.names
-    rows = {name: np.eye(len(names))[names.index(name)] for name in free.names}
-    hold = _hold_fault(flown)
-    lag, delay = rows.get("motor_lag"), rows.get("motor_delay")
-    total = _std(fit, np.sum([row for row in (lag, delay) if row is not None], axis=0))
+    each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
+    std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
+    lag, delay = (std.get(name) for name in SUMMED)
+    hold, shape, prior = _hold_fault(flown), shape_fault(flown), flown.lag_prior[1]
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
-    prior = flown.lag_prior[1]
     # With a delay that is given, what a command held too long or too short is taken for lag.
     held = hold if delay is None else 0.0
-    shape = shape_fault(flown)
     return MotorTiming(
         response=_moved(free, fit),
-        lag_std=None if lag is None else min(_norm(_std(fit, lag), split, held, shape), prior),
-        delay_std=None if delay is None else _norm(_std(fit, delay), split, hold, shape),
-        total_std=_norm(total, SUM_FAULT, hold, shape),
+        lag_std=None if lag is None else min(_norm(lag, split, held, shape), prior),
+        delay_std=None if delay is None else _norm(delay, split, hold, shape),
+        total_std=_norm(std["total"], SUM_FAULT, hold, shape),
         free=free.names,
         reached=free.others(fit.estimate.by_name),
     )
 
 
-def _std(fit: BandedEstimate, row: Float[np.ndarray, " f"]) -> float:
-    """Return the deviation of a combination of parameters."""
-    chance = by_chance(fit, row[None], formal_covariance(fit, row[None]))
-    answered = np.abs(answer_shifts(fit) @ row).sum()
-    return _norm(*chance, answered) / 1.96
+def _stds(
+    fit: BandedEstimate, combinations: Mapping[str, Float[np.ndarray, " f"]]
+) -> dict[str, float]:
+    """Return the deviations of combinations of parameters."""
+    rows = np.array(list(combinations.values()))
+    chance = by_chance(fit, rows, formal_covariance(fit, rows))
+    answered = np.abs(answer_shifts(fit) @ rows.T).sum(axis=0)
+    return dict(zip(combinations, (np.hypot(chance, answered) / 1.96).tolist(), strict=True))
 
 
 def _hold_fault(flown: Flown) -> float:
