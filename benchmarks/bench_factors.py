@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from rotorfit.estimation.total import total
-from rotorfit.model.reduce import time_factors
 from rotorfit.model.regressor import regressor
+from rotorfit.reduction.reduce import time_factors
 
 
 @pytest.fixture(scope="module")

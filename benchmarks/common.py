@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightWarning, RotorfitError
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.flight.log import FlightLog
 from rotorfit.identification.identify import identify
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import (
     SimulatedFlight,

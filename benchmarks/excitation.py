@@ -34,7 +34,7 @@ import numpy as np
 
 from rotorfit.errors import FlightWarning, RotorfitError
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.identification import estimates
 from rotorfit.identification.identify import identify
 from rotorfit.results.result import IdentificationResult

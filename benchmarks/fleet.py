@@ -29,8 +29,8 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
+from rotorfit.dataset.dataset import load_flight
 from rotorfit.errors import RotorfitWarning
-from rotorfit.fit.flights import load_flight
 from rotorfit.fleet.entries import read_entry
 from rotorfit.fleet.joined import joined
 from rotorfit.fleet.kept_factors import fitted_factors

@@ -292,7 +292,7 @@ def wrong_words(words: str) -> str | None:
 def wrong_with(found: object) -> str | None:
     """Return what is wrong with what a reader gave."""
     from rotorfit.experiment.experiment import Experiment
-    from rotorfit.flight.log import CHANNELS, FlightLog
+    from rotorfit.logs.flight_log import CHANNELS, FlightLog
 
     if isinstance(found, Experiment):
         return None

@@ -219,7 +219,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         changed=(("max(rows - n_t, 1)", "rows"),),
     ),
-    "fit/excitation.py": Room(
+    "fit/intervals/excitation.py": Room(
         tests=(
             "tests/fit/test_excitation.py",
             "tests/fit/test_joint_intervals.py",
@@ -250,7 +250,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("1.0 / (1.0 - relative**2)", "1.0"),
         ),
     ),
-    "bands/frequency_bands.py": Room(
+    "reduction/frequency_bands.py": Room(
         tests=(
             "tests/fit/test_excitation.py",
             "tests/fit/test_joint_intervals.py",
@@ -263,7 +263,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
         changed=(("> (1.0 + LEAST_RATIO) *", "> LEAST_RATIO *"),),
     ),
-    "fit/joint_equations.py": Room(
+    "fit/joint/joint_problem.py": Room(
         tests=("tests/fit/test_known_beforehand.py", "tests/fit/test_answers.py"),
         scaled=(
             "\nROTOR_SPREAD_STD = <<0.04>>",
@@ -307,7 +307,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("vehicle.axes)[:, :2].T\n    mixer", "vehicle.axes)[:, 1::-1].T\n    mixer"),
         ),
     ),
-    "fit/number_intervals.py": Room(
+    "fit/intervals/numbers.py": Room(
         tests=(
             "tests/fit/test_joint_intervals.py",
             "tests/fit/test_row_intervals.py",
@@ -337,7 +337,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("return max(value for key", "return min(value for key"),
         ),
     ),
-    "fit/joint_numbers.py": Room(
+    "fit/intervals/joint_numbers.py": Room(
         tests=(
             "tests/fit/test_joint_intervals.py",
             "tests/fit/test_excitation.py",
@@ -397,7 +397,7 @@ ROOMS: Final[dict[str, Room]] = {
             ('f"Izz_com@{owner}" if owner else "kd"', "name"),
         ),
     ),
-    "fit/kt_from_weight.py": Room(
+    "fit/intervals/kt_from_weight.py": Room(
         tests=("tests/fit/test_kt_from_weight.py",),
         scaled=(
             "INFLOW_STD = <<0.02>>",
@@ -415,7 +415,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("if timed else 0.0", "if True else 0.0"),
         ),
     ),
-    "bands/motor_timing.py": Room(
+    "reduction/motor_timing.py": Room(
         tests=("tests/timing/test_timing_deviations.py",),
         scaled=(
             "LAG_PRIOR: Final = (<<0.035>>, 0.03)",
@@ -427,7 +427,7 @@ ROOMS: Final[dict[str, Room]] = {
             "return <<1.96 * std>> <=",
         ),
     ),
-    "fit/other_settings.py": Room(
+    "fit/intervals/other_settings.py": Room(
         tests=("tests/fit/test_widened.py", "tests/fit/test_other_settings.py"),
         scaled=(
             "np.sqrt(half_width**2 + <<4.0>> * np.sum",
@@ -453,7 +453,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))", "half_width + np.sqrt(4.0 * np.sum(squares, axis=0))"),
         ),
     ),
-    "fit/row_fits.py": Room(
+    "fit/rows/row_fits.py": Room(
         tests=("tests/fit/test_known_beforehand.py", "tests/fit/test_row_intervals.py"),
         scaled=(
             "\nACCEL_BIAS_STD = <<0.2>>",
@@ -476,7 +476,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("residual = float(fit.residual_power[inside].sum())", "residual = float(fit.residual_power.sum())"),
         ),
     ),
-    "fit/row_parameters.py": Room(
+    "fit/rows/row_parameters.py": Room(
         tests=("tests/fit/test_row_intervals.py",),
         scaled=(
             "weighed = <<1.96 * mass_std / mass>>",
@@ -495,7 +495,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("rho, answered=False)", "rho, answered=True)"),
         ),
     ),
-    "fit/steering.py": Room(
+    "fit/joint/informative_bands.py": Room(
         tests=("tests/fit/test_steering.py",),
         changed=(
             ("answered = flown[:, [NOISY.index(name) for name in ANSWERED]]", "answered = np.ones_like(flown[:, turns])"),
@@ -503,7 +503,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("flown[:, THRUST] = _followed(configuration)", "pass"),
         ),
     ),
-    "fit/term_choice.py": Room(
+    "fit/joint/term_choice.py": Room(
         tests=("tests/fit/test_expected_gain.py",),
         scaled=(
             "LEAST_GAIN = <<50.0>>",
@@ -514,7 +514,7 @@ ROOMS: Final[dict[str, Room]] = {
             "if gains[name] < <<0.5 * least>>:",
         ),
     ),
-    "timing/timing_fit.py": Room(
+    "fit/timing/timing_fit.py": Room(
         tests=("tests/timing/test_timing_deviations.py",),
         scaled=(
             "MOST_ROUNDS: Final = <<10>>",
@@ -557,7 +557,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT", "SPLIT_FAULT"),
         ),
     ),
-    "timing/timing_search.py": Room(
+    "fit/timing/timing_search.py": Room(
         tests=("tests/timing/test_timing_deviations.py",),
         scaled=(
             "LEAST_GAIN: Final = <<10.0>>",
@@ -577,7 +577,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("* (1.0 if best else -1.0)", ""),
         ),
     ),
-    "fit/weight_balance.py": Room(
+    "dataset/weight_balance.py": Room(
         tests=("tests/fit/test_kt_from_weight.py",),
         scaled=(
             "LONGEST_WINDOW = <<10.0>>",
@@ -605,7 +605,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("apart + other.half_width", "np.hypot(apart, other.half_width)"),
         ),
     ),
-    "model/reduce.py": Room(
+    "reduction/reduce.py": Room(
         tests=("tests/model/test_rotor_noise.py",),
         scaled=(
             "half = <<0.5>> * flight.rotor_speed_std**2",

@@ -4,18 +4,18 @@ from pathlib import Path
 
 import numpy as np
 
+from rotorfit.dataset.dataset import Configured, Flown, UsedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
-from rotorfit.fit.flights import Configured, Flown, UsedFlight
-from rotorfit.fit.joint_equations import JointConfiguration, joint_problem
-from rotorfit.flight.data import FlightData, Segment
-from rotorfit.flight.decimate import as_recorded
-from rotorfit.flight.log import FlightLog
-from rotorfit.flight.prepare import PreparedFlight
+from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.preprocessing.decimate import as_recorded
+from rotorfit.preprocessing.flight_data import FlightData, Segment
+from rotorfit.preprocessing.prepare import PreparedFlight
 
 ARM = 0.25
 SQUARE = (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)

@@ -18,16 +18,16 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy.signal import windows
 
-from rotorfit.bands.motor_timing import LAG_PRIOR
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
-from rotorfit.fit.joint_equations import NOISY, JointConfiguration, joint_prior, rotor_drag_std
-from rotorfit.fit.joint_map import joint_map
-from rotorfit.fit.joint_numbers import physical
+from rotorfit.fit.intervals.joint_numbers import physical
+from rotorfit.fit.joint.joint_map import joint_map
+from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior, rotor_drag_std
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.simulation import SimulatedFlight, sampled_flight_data
 
 TOP = 30.0

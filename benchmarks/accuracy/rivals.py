@@ -17,11 +17,11 @@ from rotorfit.estimation.estimate import Estimate, LinearProblem
 from rotorfit.estimation.ordinary import block_covariance, ordinary
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.total import component_weights, total
-from rotorfit.flight.data import FlightData
-from rotorfit.flight.signals import central_difference
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
-from rotorfit.model.reduce import LowPass, time_factors
 from rotorfit.model.regressor import regressor
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.signals import central_difference
+from rotorfit.reduction.reduce import LowPass, time_factors
 from rotorfit.simulation import SimulatedFlight, sampled_flight_data
 
 PAPER_FILTER = LowPass(cutoff=3.0, samples_per_period=8.0)

@@ -9,7 +9,7 @@ from typing import Any, Final
 from benchmarks import common
 from benchmarks.common import Declared
 
-from rotorfit.flight.log import FlightLog
+from rotorfit.logs.flight_log import FlightLog
 
 Spoil = Callable[[FlightLog], FlightLog]
 

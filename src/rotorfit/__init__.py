@@ -28,15 +28,10 @@ if TYPE_CHECKING:
         single_flight_experiment as single_flight_experiment,
     )
     from rotorfit.export.write import write_export as write_export
-    from rotorfit.flight.data import FlightData as FlightData
-    from rotorfit.flight.data import Segment as Segment
-    from rotorfit.flight.log import Channel as Channel
-    from rotorfit.flight.log import FlightLog as FlightLog
-    from rotorfit.flight.motor_columns import MotorModel as MotorModel
-    from rotorfit.flight.prepare import PreparedFlight as PreparedFlight
-    from rotorfit.flight.prepare import prepare as prepare
     from rotorfit.identification.identify import identify as identify
     from rotorfit.logs.columns import ColumnSpec as ColumnSpec
+    from rotorfit.logs.flight_log import Channel as Channel
+    from rotorfit.logs.flight_log import FlightLog as FlightLog
     from rotorfit.logs.read import ReadOptions as ReadOptions
     from rotorfit.logs.read import read_log as read_log
     from rotorfit.model.layouts import layout_rotors as layout_rotors
@@ -47,6 +42,11 @@ if TYPE_CHECKING:
     from rotorfit.planning.plan import plan as plan
     from rotorfit.planning.wanted import Wanted as Wanted
     from rotorfit.planning.wanted import wanted_accuracy as wanted_accuracy
+    from rotorfit.preprocessing.flight_data import FlightData as FlightData
+    from rotorfit.preprocessing.flight_data import Segment as Segment
+    from rotorfit.preprocessing.motors.motor_columns import MotorModel as MotorModel
+    from rotorfit.preprocessing.prepare import PreparedFlight as PreparedFlight
+    from rotorfit.preprocessing.prepare import prepare as prepare
     from rotorfit.report.figures import figure_texts as figure_texts
     from rotorfit.report.html import write_report as write_report
     from rotorfit.report.latex import latex_table as latex_table
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from rotorfit.results.result import FlightRecord as FlightRecord
     from rotorfit.results.result import IdentificationResult as IdentificationResult
     from rotorfit.results.result import Parameter as Parameter
-    from rotorfit.sampling.samples import Samples as Samples
+    from rotorfit.results.samples import Samples as Samples
     from rotorfit.simulation.folder import simulate as simulate
     from rotorfit.validation.validate import fitted_comparisons as fitted_comparisons
     from rotorfit.validation.validate import validate_file as validate_file
@@ -85,10 +85,10 @@ else:
             "RotorfitWarning",
         ),
         "rotorfit.export.write": ("write_export",),
-        "rotorfit.flight.data": ("FlightData", "Segment"),
-        "rotorfit.flight.log": ("Channel", "FlightLog"),
-        "rotorfit.flight.motor_columns": ("MotorModel",),
-        "rotorfit.flight.prepare": ("PreparedFlight", "prepare"),
+        "rotorfit.preprocessing.flight_data": ("FlightData", "Segment"),
+        "rotorfit.logs.flight_log": ("Channel", "FlightLog"),
+        "rotorfit.preprocessing.motors.motor_columns": ("MotorModel",),
+        "rotorfit.preprocessing.prepare": ("PreparedFlight", "prepare"),
         "rotorfit.results.command_law": ("CommandLaw", "LawNumber", "LawPoint"),
         "rotorfit.results.compare": ("Comparison", "compare_results"),
         "rotorfit.validation.wrench_comparison": ("WrenchComparison",),
@@ -123,7 +123,7 @@ else:
         "rotorfit.report.plan_card": ("write_card",),
         "rotorfit.report.plan_text": ("plan_text",),
         "rotorfit.report.text": ("result_text",),
-        "rotorfit.sampling.samples": ("Samples",),
+        "rotorfit.results.samples": ("Samples",),
         "rotorfit.simulation.folder": ("simulate",),
     }
     _MODULES = ("plot",)

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from rotorfit.display.digits import finite_interval, known
 from rotorfit.errors import OutputError
 from rotorfit.export.vehicle_model import owner_of
+from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.report.correlations import correlation
 from rotorfit.report.number_words import unit_words
 from rotorfit.report.series import series_of

@@ -18,8 +18,8 @@ from urllib.parse import urlsplit
 import pytest
 
 from real_browser import opened_browser
-from rotorfit.display.digits import number_of
 from rotorfit.errors import LogError
+from rotorfit.formatting.digits import number_of
 from rotorfit.logs import read_log
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Vehicle

@@ -12,8 +12,8 @@ from rotorfit.errors import ExperimentError, FlightWarning
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
-from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_map import joint_map
+from rotorfit.fit.joint.joint_map import joint_map
+from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.identification.identify import identify
 from rotorfit.model.regressor import regressor
 from rotorfit.simulation import paper_vehicle, with_payload, write_flight_table

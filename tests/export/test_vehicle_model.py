@@ -38,9 +38,9 @@ from rotorfit.export.result_numbers import numbers_of
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
 from rotorfit.export.vehicle_model import vehicle_model
-from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
-from rotorfit.flight.thrust_curve import thrust_curve
+from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import INERTIA
+from rotorfit.preprocessing.motors.thrust_curve import thrust_curve
 from rotorfit.results.about_com import body_verdict
 from rotorfit.results.command_units import effective_unit
 

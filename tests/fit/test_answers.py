@@ -8,18 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import made_fit
-from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.factors import Factors, triangular_factors
-from rotorfit.fit.joint_equations import (
+from rotorfit.fit.joint.joint_problem import (
     NOISY,
     _answers,
     _lateness,
     joint_problem,
     usual_answer,
 )
-from rotorfit.flight.motors import MotorResponse
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import FreeTiming
 
 ROLL, PITCH, YAW = (NOISY.index(name) for name in ("dwx", "dwy", "dwz"))
 BANDS = [(0.0, 0.3), (1.0, 2.0), (3.0, 4.0)]

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import rotorfit.fit.flights
+import rotorfit.dataset.dataset
+from rotorfit.dataset.dataset import load_flight
 from rotorfit.experiment.experiment import single_flight_experiment
-from rotorfit.fit.flights import load_flight
 from rotorfit.identification.identify import identify
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation.tables import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
@@ -46,7 +46,7 @@ def experiments(tmp_path_factory):
 def test_fewer_samples_give_the_same_numbers(experiments, speed, monkeypatch):
     found = identify(experiments[speed])
     monkeypatch.setattr(
-        rotorfit.fit.flights, "decimated", lambda prepared, motors, *, top: prepared
+        rotorfit.dataset.dataset, "decimated", lambda prepared, motors, *, top: prepared
     )
     wanted = identify(experiments[speed])
     assert found.flights == wanted.flights

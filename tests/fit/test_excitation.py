@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rotorfit.bands.frequency_bands import PILOT_BAND
-from rotorfit.fit.excitation import (
+from rotorfit.fit.intervals.excitation import (
     ANSWERED_PULL,
     AXIS_OF,
     INERTIA_PULL,
@@ -19,6 +18,7 @@ from rotorfit.fit.excitation import (
     link_allowance,
     product_allowance,
 )
+from rotorfit.reduction.frequency_bands import PILOT_BAND
 
 PULLS = {"Ixx_com": INERTIA_PULL, "Iyy": INERTIA_PULL, "Izz": SCALE_PULL, "kd": SCALE_PULL}
 

@@ -10,9 +10,9 @@ from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import banded
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.experiment.model_terms import DEFAULT_TERMS
-from rotorfit.fit import term_choice
-from rotorfit.fit.joint_equations import joint_problem
-from rotorfit.fit.term_choice import _matters, chosen, expected_gain
+from rotorfit.fit.joint import term_choice
+from rotorfit.fit.joint.joint_problem import joint_problem
+from rotorfit.fit.joint.term_choice import _matters, chosen, expected_gain
 from rotorfit.model.regressor import regressor
 
 G, MASS, ARM = 9.80665, 1.4, 0.25

@@ -11,10 +11,10 @@ import flown
 import made_fit
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.excitation import SCALE_PULL, product_allowance, scale_stretch
-from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_numbers import hanging_on_inertia, hanging_on_roll_and_pitch
-from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.intervals.excitation import SCALE_PULL, product_allowance, scale_stretch
+from rotorfit.fit.intervals.joint_numbers import hanging_on_inertia, hanging_on_roll_and_pitch
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.identification.identify import identify
 from rotorfit.model.regressor import regressor
 from rotorfit.simulation import (

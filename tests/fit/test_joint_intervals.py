@@ -7,14 +7,12 @@ import pytest
 from scipy import stats
 
 import made_fit
-from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.banded import BandedProblem, answer_shifts, banded
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.experiment.payload import PointMass
 from rotorfit.fit import joint_numbers as module
-from rotorfit.fit.joint_equations import joint_problem
-from rotorfit.fit.joint_numbers import (
+from rotorfit.fit.intervals.joint_numbers import (
     Numbers,
     _between_phases,
     _timing_shifts,
@@ -25,7 +23,9 @@ from rotorfit.fit.joint_numbers import (
     number_scale,
     weighed_excitation,
 )
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.fit.joint.joint_problem import joint_problem
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import FreeTiming
 
 FREE = 12
 """Parameters of `made_fit.fit_of` with one configuration: two blocks' worth, at six signals."""

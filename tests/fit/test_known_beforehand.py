@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.bands.motor_timing import FreeTiming
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.experiment.payload import PointMass
-from rotorfit.fit import row_fits
-from rotorfit.fit.joint_equations import joint_prior, joint_problem, rotor_speeds
-from rotorfit.fit.row_fits import fit_rows
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.fit.joint.joint_problem import joint_prior, joint_problem, rotor_speeds
+from rotorfit.fit.rows import row_fits
+from rotorfit.fit.rows.row_fits import fit_rows
 from rotorfit.model.regressor import regressor
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import FreeTiming
 
 MASS, G = 1.4, 9.80665
 SPEEDS = np.array([400.0, 500.0, 500.0, 600.0])

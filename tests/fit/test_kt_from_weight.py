@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
-from rotorfit.fit.number_intervals import Numbers
-from rotorfit.fit.weight_balance import Held, held_up, pooled, turning
-from rotorfit.flight.data import Segment
+from rotorfit.dataset.weight_balance import Held, held_up, pooled, turning
+from rotorfit.fit.intervals.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.preprocessing.flight_data import Segment
 
 G = 9.80665
 MASS = 1.4

@@ -10,10 +10,10 @@ import made_fit
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.experiment.payload import PointMass
-from rotorfit.fit.joint_equations import joint_problem, theta_of
+from rotorfit.fit.joint.closed_loop import LEAST_OPEN, heard
+from rotorfit.fit.joint.joint_problem import joint_problem, theta_of
+from rotorfit.fit.joint.trims import Scatter, scatters
 from rotorfit.identification.identify import identify_flights
-from rotorfit.many_flights.autopilot import LEAST_OPEN, heard
-from rotorfit.many_flights.trims import Scatter, scatters
 from rotorfit.model.parameters import INERTIA, inertia_about
 from rotorfit.simulation import Scenario, layout_vehicle, simulate_flight, variant
 from rotorfit.simulation.tables import write_flight_table

@@ -8,10 +8,10 @@ import pytest
 import made_fit
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.reweighted import BandedFit
-from rotorfit.fit import row_fits
-from rotorfit.fit.number_intervals import Numbers
-from rotorfit.fit.row_fits import ROWS, RowFits, _excitation, turn_ratios
-from rotorfit.fit.row_parameters import number_scale, row_numbers
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.rows import row_fits
+from rotorfit.fit.rows.row_fits import ROWS, RowFits, _excitation, turn_ratios
+from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
 from rotorfit.model.regressor import regressor
 
 MASS, KT = 1.4, 2e-6

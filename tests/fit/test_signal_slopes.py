@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 import made_fit
-from rotorfit.bands.flight_bands import prepared_bands
-from rotorfit.bands.motor_timing import FreeTiming, MotorTiming
+from rotorfit.dataset.dataset import Flown
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.factors import (
     Factors,
@@ -18,13 +17,14 @@ from rotorfit.estimation.factors import (
     stack_factors,
     triangular_factors,
 )
-from rotorfit.fit.flights import Flown
-from rotorfit.fit.joint_equations import joint_problem
-from rotorfit.fit.other_settings import longer_arms
-from rotorfit.flight.data import Segment
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.fit.intervals.other_settings import longer_arms
+from rotorfit.fit.joint.joint_problem import joint_problem
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import rotor_columns
+from rotorfit.preprocessing.flight_data import Segment
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.flight_bands import prepared_bands
+from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming
 
 RATE = 200.0
 AT = MotorResponse(lag=0.04, delay=0.01)

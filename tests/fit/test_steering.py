@@ -5,19 +5,19 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.bands.frequency_bands import (
+from rotorfit.estimation.factors import Factors
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.fit.joint.informative_bands import _with_counted, pushes, steered_slowly, tied
+from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY
+from rotorfit.identification.identify import _flown
+from rotorfit.reduction.frequency_bands import (
     EDGES,
     LEAST_RATIO,
     PILOT_BAND,
     counted_bands,
     flown_bands,
 )
-from rotorfit.estimation.factors import Factors
-from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.joint_equations import ANSWERED, NOISY
-from rotorfit.fit.joint_fit import joint_fit
-from rotorfit.fit.steering import _with_counted, pushes, steered_slowly, tied
-from rotorfit.identification.identify import _flown
 from rotorfit.simulation import Stick, Sticks, write_flight_table
 
 ROLL, PITCH, YAW = (NOISY.index(name) for name in ("dwx", "dwy", "dwz"))

@@ -10,7 +10,7 @@ import flown
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.model_terms import ADDED_TERMS
 from rotorfit.export.vehicle_model import terms_left_out
-from rotorfit.fit.term_choice import LEAST_GAIN
+from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.tables import IMU_AND_SPEED

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit.other_settings import longer_arms, moved_imu, other_geometries, widened
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.fit.intervals.other_settings import longer_arms, moved_imu, other_geometries, widened
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import MotorTiming
 
 RATE = 100.0
 AT = MotorResponse(lag=0.04, delay=0.01)

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.experiment.model_terms import Term
-from rotorfit.fit.joint_fit import joint_fit
-from rotorfit.fit.joint_numbers import joint_numbers
-from rotorfit.flight.data import FlightData
-from rotorfit.identification.coupling import (
+from rotorfit.diagnostics.coupling import (
     ADVICE,
     REASON,
     uncoupled_fit,
     without_coupling,
     without_yaw_scale,
 )
+from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.experiment.model_terms import Term
+from rotorfit.fit.intervals.joint_numbers import joint_numbers
+from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.model.parameters import inertia_matrix
 from rotorfit.model.regressor import regressor
+from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.result import Derived, Parameter
 

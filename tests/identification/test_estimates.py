@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.dataset.dataset import Flown
 from rotorfit.errors import UnsettledError
-from rotorfit.fit.flights import Flown
-from rotorfit.fit.joint_numbers import Numbers
-from rotorfit.fit.kt_from_weight import WeighedThrust
+from rotorfit.fit.intervals.joint_numbers import Numbers
+from rotorfit.fit.intervals.kt_from_weight import WeighedThrust
 from rotorfit.identification import estimates
 from rotorfit.identification.estimates import (
     _as_sure_as_weight,
@@ -61,7 +61,7 @@ def test_a_weighed_thrust_coefficient_is_held_to_a_ten_thousandth(monkeypatch):
         held.append(known)
         raise Held
 
-    monkeypatch.setattr("rotorfit.fit.joint_fit.steered", steered)
+    monkeypatch.setattr("rotorfit.fit.joint.joint_fit.steered", steered)
     monkeypatch.setattr(Flown, "timed_bands", (made_fit.blocks([(1.0, 2.0)]),))
     flown = replace(made_fit.flown(made_fit.prepared()))
     with pytest.raises(Held):

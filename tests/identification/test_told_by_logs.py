@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.dataset.dataset import completed_motors
+from rotorfit.diagnostics.estimated_velocity import with_velocity_errors
+from rotorfit.diagnostics.filtered_imu import with_filter_faults
+from rotorfit.diagnostics.log_metadata import agreed_motors, told_by_logs
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.experiment.law_table import LawEntry, SqrtEntry, law_entry_of
-from rotorfit.fit.flights import completed_motors
-from rotorfit.fit.number_intervals import Numbers
-from rotorfit.flight.log import Channel, FlightLog, LoggedMotors
-from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
-from rotorfit.identification.estimated_velocity import with_velocity_errors
-from rotorfit.identification.filtered_imu import with_filter_faults
-from rotorfit.identification.told_by_logs import agreed_motors, told_by_logs
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.logs.flight_log import Channel, FlightLog, LoggedMotors
+from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 LAW = SpeedLaw(curve=SquareRootLaw(1.0, 0.65, 0.15, 0.95), voltage=VoltageFactor(12.8, 1.0))
 TOLD = LoggedMotors(law=LAW, words="MOT_THST_EXPO", lag_on="thrust")

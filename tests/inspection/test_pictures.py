@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.inspection.filters import filters_of
 from rotorfit.inspection.pictures import log_pictures
 from rotorfit.inspection.recording import channel_report
 from rotorfit.inspection.spectra import rotor_bands, spectrum
 from rotorfit.inspection.time_picture import COLUMNS, time_picture
+from rotorfit.logs.flight_log import Channel, FlightLog
 
 ROTOR = 187.0
 """Of a planted vibration [Hz]."""

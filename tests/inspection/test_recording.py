@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hand_made_logs import channel, hover_thrust, motion_log
-from rotorfit.flight.prepare import prepare
 from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.recording import (
     channel_report,
@@ -15,6 +14,7 @@ from rotorfit.inspection.recording import (
     share_at_limit,
     vibration,
 )
+from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import PERFECT, Scenario, paper_vehicle, simulate_flight, to_flight_log
 
 RNG = np.random.default_rng(7)

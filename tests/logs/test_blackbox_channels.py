@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs, read_blackbox
+from rotorfit.logs.flight_log import CHANNELS, FlightLog
 
 
 def log_of(tmp_path, fields: dict[str, list[int]], **entries: str | None) -> FlightLog:

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import FlightLog
 from rotorfit.logs.blackbox import decode, list_blackbox_logs, predict, read_blackbox, scan
+from rotorfit.logs.flight_log import FlightLog
 
 INT32 = st.integers(-(1 << 31), (1 << 31) - 1)
 

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.logs.crazyflie import is_crazyflie, read_crazyflie
 from rotorfit.logs.crazyflie_records import (
@@ -21,6 +20,7 @@ from rotorfit.logs.crazyflie_records import (
     find_records,
     record_times,
 )
+from rotorfit.logs.flight_log import CHANNELS, FlightLog
 
 FLIGHT = Event(
     FIXED,

@@ -35,9 +35,9 @@ from hypothesis import strategies as st
 
 from plain_loops import plain_loops
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs.dataflash import read_dataflash
 from rotorfit.logs.dataflash.formats import LETTERS
+from rotorfit.logs.flight_log import CHANNELS, FlightLog
 
 MEMORY = 60e6
 """A block of 4 MB, its heads, and what they become [bytes]."""

@@ -12,8 +12,8 @@ from refusals import error_of
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
+from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight
 
 WRITERS = {

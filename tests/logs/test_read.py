@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
+from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.read import FORMATS, kind_of
 
 READS = "; rotorfit reads " + ", ".join(known.title for known in FORMATS)

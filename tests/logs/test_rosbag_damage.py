@@ -14,8 +14,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import StoragePlugin
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import read_log
+from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.rosbag.decode import Decoder
 from rotorfit.logs.rosbag.definitions import Definitions, parsed
 from rotorfit.logs.rosbag.stream import Topic

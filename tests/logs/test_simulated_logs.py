@@ -5,10 +5,10 @@ import pytest
 from dataflash_encoder import BAT, KINDS, QUAD_X, imu, log, message, parameters, rcou
 from ulog_encoder import Parts, actuator_motors, encode, sensor_combined
 
-from rotorfit.flight.log import LoggedMotors
-from rotorfit.flight.simulators import LEAVES_OUT
-from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.logs import read_log
+from rotorfit.logs.flight_log import LoggedMotors
+from rotorfit.logs.simulators import LEAVES_OUT
+from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 
 TIME = 100.0 + 0.004 * np.arange(200)
 STILL = sensor_combined(TIME, np.zeros((200, 3)), np.tile([0.0, 0.0, 9.8], (200, 1)))

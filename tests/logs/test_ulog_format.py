@@ -24,8 +24,8 @@ from ulog_encoder import (
 
 from plain_loops import plain_loops
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, FlightLog
 from rotorfit.logs import read_log
+from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.ulog import messages
 from rotorfit.logs.ulog.formats import LARGEST_ROW, parse_format, row_of
 from rotorfit.logs.ulog.messages import MOST_PLACES

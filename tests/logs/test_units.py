@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS
 from rotorfit.logs.columns import GROUPS, QUATERNION, ROTORS
+from rotorfit.logs.flight_log import CHANNELS
 from rotorfit.logs.units import UNITS, conversion, si_unit
 
 

@@ -16,10 +16,10 @@ from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.ordinary import ordinary
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.total import total, weighted_total
-from rotorfit.model.reduce import LowPass, time_factors
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.reduction.reduce import LowPass, time_factors
 
 SEEDS = st.integers(0, 2**32 - 1)
 PAPER = ("kt", "kd", *ne.CHI)

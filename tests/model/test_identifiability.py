@@ -9,8 +9,8 @@ from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.identifiability import free_directions
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.model.reduce import time_factors
 from rotorfit.model.regressor import regressor
+from rotorfit.reduction.reduce import time_factors
 from rotorfit.simulation import (
     Scenario,
     Stick,

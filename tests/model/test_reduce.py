@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from rotorfit.errors import EstimationError, FlightError
-from rotorfit.flight.data import Segment
-from rotorfit.model import reduce
-from rotorfit.model.reduce import (
+from rotorfit.model.regressor import regressor
+from rotorfit.model.signals import signal_matrix
+from rotorfit.preprocessing.flight_data import Segment
+from rotorfit.reduction import reduce
+from rotorfit.reduction.reduce import (
     BandPlan,
     LowPass,
     band_factors,
@@ -23,8 +25,6 @@ from rotorfit.model.reduce import (
     split_segment,
     time_factors,
 )
-from rotorfit.model.regressor import regressor
-from rotorfit.model.signals import signal_matrix
 
 VEHICLE = ne.paper_vehicle()
 EDGES = (0.0, 0.3, 0.6, 0.9, 1.2, 1.6, 2.0, 2.5, 3.0, 3.7, 4.5, 5.5, 6.5, 8.0, 10.0, 12.5)

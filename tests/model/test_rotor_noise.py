@@ -8,10 +8,10 @@ import pytest
 from scipy import signal
 
 import made_fit
-from rotorfit.flight.data import Segment
-from rotorfit.model.reduce import BandPlan, _line_rows, band_factors
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Rotor
+from rotorfit.preprocessing.flight_data import Segment
+from rotorfit.reduction.reduce import BandPlan, _line_rows, band_factors
 
 EDGES = (1.0, 5.0, 15.0, 30.0, 45.0)
 STD, SPEED, RATE = 3.0, 400.0, 100.0

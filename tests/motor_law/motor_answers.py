@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import signal
 
-from rotorfit.flight.answered_commands import Answer
+from rotorfit.preprocessing.motors.command_response import Answer
 
 OFFSET, EXPONENT, FULL = 0.055, 0.75, 4450.0
 FACTORS = np.array([1.010, 0.985, 0.998, 1.007])

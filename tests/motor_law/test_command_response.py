@@ -5,9 +5,9 @@ import pytest
 from motor_answers import motor_answers
 from scipy.integrate import solve_ivp
 
-from rotorfit.flight.answered_commands import Answer
 from rotorfit.motor_law.command_response import Timing, answered_speed, recording_of
 from rotorfit.motor_law.law_model import Layout, predicted
+from rotorfit.preprocessing.motors.command_response import Answer
 
 NONE = np.zeros((40, 0))
 

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.bands.frequency_bands import EDGES, STRETCH
 from rotorfit.errors import ExperimentError
-from rotorfit.fit.joint_equations import ROTOR_SPREAD_STD, JointConfiguration, joint_estimate
-from rotorfit.fit.row_fits import fit_rows
+from rotorfit.fit.joint.joint_problem import ROTOR_SPREAD_STD, JointConfiguration, joint_estimate
+from rotorfit.fit.rows.row_fits import fit_rows
 from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.planning.after import values_of
@@ -28,6 +26,8 @@ from rotorfit.planning.noise import Assumptions, assumptions_for, disturbance_st
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.vehicle import payload_pair, rough_vehicle
 from rotorfit.planning.wanted import wanted_accuracy
+from rotorfit.reduction.frequency_bands import EDGES, STRETCH
+from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.results.about_com import twin_of
 from rotorfit.simulation import (
     Scenario,

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import LogError
-from rotorfit.flight.motor_columns import MotorModel
-from rotorfit.flight.prepare import prepare
 from rotorfit.logs import read_log
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.motors.motor_columns import MotorModel
+from rotorfit.preprocessing.prepare import prepare
 
 CRAZYFLIE = Vehicle(rotors=layout_rotors("quad-x", arm=0.046, order="crazyflie"))
 LOGS = {

@@ -16,8 +16,8 @@ from scipy.signal import windows
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.fit.joint_equations import NOISY
-from rotorfit.fit.joint_map import joint_map
+from rotorfit.fit.joint.joint_map import joint_map
+from rotorfit.fit.joint.joint_problem import NOISY
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
 from rotorfit.simulation import sampled_flight_data

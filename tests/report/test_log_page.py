@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.inspection.filters import Filter
 from rotorfit.inspection.inspect_log import LogReport, inspect_log
+from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.report.log_page import log_report_html
 
 RATE, SECONDS = 500.0, 20.0

@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_material import ROTORS, a_comparison, a_result
 
-from rotorfit.display.digits import number_of
-from rotorfit.display.series import Series, column_starts, extremes, thinned
 from rotorfit.errors import OutputError
+from rotorfit.formatting.digits import number_of
+from rotorfit.formatting.series import Series, column_starts, extremes, thinned
 from rotorfit.report import figures
 from rotorfit.report.number_words import percent_words
 from rotorfit.report.scene import scene_of

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from rotorfit.display.digits import with_interval
+from rotorfit.formatting.digits import with_interval
 from rotorfit.report.text import result_text
 from rotorfit.results.result import (
     Derived,

@@ -2,9 +2,9 @@
 
 import pytest
 
-from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import MotorTiming
 from rotorfit.results.parameter_tables import motor_parameters
 
 

@@ -8,7 +8,7 @@ import pytest
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
-from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.physical_inertia import (

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.estimation.estimate import Estimate, LinearProblem
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.estimation.total import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
-from rotorfit.fit.number_intervals import Numbers
-from rotorfit.fit.paper_fit import PaperSettings
-from rotorfit.fit.row_fits import ROWS, RowFits
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.rows.paper_fit import PaperSettings
+from rotorfit.fit.rows.row_fits import ROWS, RowFits
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import MotorTiming
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables, given_parameter, with_timing_total

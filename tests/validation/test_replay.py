@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import ExperimentError, FlightError
-from rotorfit.flight.data import Segment
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.flight_data import Segment
 from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
 from rotorfit.validation.replay import (
     HOLD,

@@ -9,8 +9,8 @@ from typing import Any
 
 from rotorfit.app.files import Progress, in_its_name, in_their_names
 from rotorfit.app.form import experiment_of, text_of
-from rotorfit.display.digits import finite_interval, known
 from rotorfit.errors import RotorfitWarning
+from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.identification.identify import identify
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.progress import watched

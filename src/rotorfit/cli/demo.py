@@ -10,8 +10,8 @@ from rotorfit.cli.outputs import refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.simulate import simulate_into
 from rotorfit.cli.terminal import say, show
-from rotorfit.display.digits import with_interval
 from rotorfit.experiment.experiment import Experiment, load_experiment
+from rotorfit.formatting.digits import with_interval
 from rotorfit.report.html import write_report
 from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.simulation.experiment_files import EXPERIMENT_FILE, configuration_truth, file_names

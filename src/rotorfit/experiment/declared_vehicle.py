@@ -8,9 +8,9 @@ from rotorfit.experiment.experiment import ConfigurationEntry, Experiment, Motor
 from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.strict_tables import Vector
-from rotorfit.flight.motor_columns import MotorModel
-from rotorfit.flight.mounting import ImuTilt
 from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.preprocessing.imu_tilt import ImuTilt
+from rotorfit.preprocessing.motors.motor_columns import MotorModel
 
 
 def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:

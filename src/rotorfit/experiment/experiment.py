@@ -29,8 +29,8 @@ from rotorfit.experiment.toml_files import (
     read_toml,
     with_known_motors,
 )
-from rotorfit.flight.log import LagOn
-from rotorfit.flight.thrust_curve import full_speed_of
+from rotorfit.logs.flight_log import LagOn
+from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
 
 Model = TypeVar("Model", bound=BaseModel)
 Source = Literal["imu", "mocap"]

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from rotorfit.experiment.strict_tables import Finite, Positive, Strict
-from rotorfit.flight.speed_law import (
+from rotorfit.logs.speed_law import (
     Curve,
     PolynomialLaw,
     PowerLaw,

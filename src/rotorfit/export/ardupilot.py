@@ -13,7 +13,7 @@ from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.px4 import hover_thrust
 from rotorfit.export.units import text
 from rotorfit.export.vehicle import ROTORS, SPEED, VehicleModel
-from rotorfit.flight.thrust_curve import command_range, thrust_curve
+from rotorfit.preprocessing.motors.thrust_curve import command_range, thrust_curve
 
 NEEDS: Final = ("mass", *ROTORS, *SPEED)
 HOVER_RANGE: Final = (0.125, 0.6875)

@@ -19,9 +19,9 @@ from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.px4 import hover_thrust
 from rotorfit.export.units import frd, listed, text
 from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
-from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.flight.thrust_curve import ThrustCurve, command_range, thrust_curve
+from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.layouts import layout_rotors
+from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve, command_range, thrust_curve
 
 NEEDS = (*BODY, *ROTORS)
 YAW_SCALE = 0.05

@@ -11,8 +11,8 @@ from typing import Final
 from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.vehicle import SPEED, VehicleModel
-from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.flight.thrust_curve import betaflight_linear
+from rotorfit.logs.speed_law import SpeedLaw
+from rotorfit.preprocessing.motors.thrust_curve import betaflight_linear
 
 NEEDS: Final = SPEED
 

@@ -17,10 +17,10 @@ from rotorfit.errors import OutputError
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.units import frd, text
 from rotorfit.export.vehicle import ROTORS, VehicleModel
-from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw
-from rotorfit.flight.thrust_curve import ThrustCurve, speeds, thrust_curve
+from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.model.parameters import COM
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve, speeds, thrust_curve
 
 NEEDS = ("mass", *COM, *ROTORS)
 MOST_ROTORS = 12

@@ -9,8 +9,7 @@ from jaxtyping import Float
 
 from rotorfit.errors import OutputError
 from rotorfit.export.result_numbers import Number
-from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.speed_law import SpeedLaw
+from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import (
     COM,
     INERTIA_COM,
@@ -18,6 +17,7 @@ from rotorfit.model.parameters import (
     inertia_about,
     inertia_matrix,
 )
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
 
 BODY: Final = ("mass", *COM, *INERTIA_COM)
 ROTORS: Final = ("kt", "kd", "Izz_com")

@@ -24,10 +24,10 @@ from rotorfit.export.result_numbers import (
     numbers_of,
 )
 from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleModel
-from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.flight.thrust_curve import full_speed_of
+from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult, configuration_names, meant_configuration
 from rotorfit.results.sound_result import refuse_unsound

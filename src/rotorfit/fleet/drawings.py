@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.fleet.compared import IN_METRES
+from rotorfit.fleet.population.changes import NORMAL_95
 from rotorfit.fleet.statistics import NumberStatistics
-from rotorfit.population.changes import NORMAL_95
 from rotorfit.report.svg import decimal, drawing, label, tag, text, tick_label, ticks
 
 MOST_POINTS: Final = 60

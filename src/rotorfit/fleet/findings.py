@@ -12,10 +12,10 @@ from typing import Final, Literal
 import numpy as np
 
 from rotorfit.fleet.compared import IN_METRES, ROTORS, THRUST
+from rotorfit.fleet.population.changes import NORMAL_95, Change
 from rotorfit.fleet.records import KT_WEIGHT, TRIM, FlightRecord
 from rotorfit.fleet.statistics import FleetStatistics, LoadingDifference, NumberStatistics
 from rotorfit.logs.files import file_name
-from rotorfit.population.changes import NORMAL_95, Change
 from rotorfit.report.number_words import TITLES, title_of
 
 Sort = Literal["change", "apart", "loading"]

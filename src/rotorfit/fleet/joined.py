@@ -26,11 +26,11 @@ from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.model_terms import Term
-from rotorfit.fit.joint_equations import JointConfiguration, joint_problem
-from rotorfit.fit.joint_fit import FittedFactors
-from rotorfit.fit.joint_numbers import physical
-from rotorfit.fit.steering import Pushes, pushes, tied
-from rotorfit.many_flights.trims import OWN, TRIM, UNSEEN, Scatter, scatters
+from rotorfit.fit.intervals.joint_numbers import physical
+from rotorfit.fit.joint.informative_bands import Pushes, pushes, tied
+from rotorfit.fit.joint.joint_fit import FittedFactors
+from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
+from rotorfit.fit.joint.trims import OWN, TRIM, UNSEEN, Scatter, scatters
 
 MOST_PASSES: Final = 20
 SMALLEST_STEP: Final = 1e-2
@@ -84,7 +84,7 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Trims:
-    """What a flight has for itself (`many_flights/trims.py`), at the vehicle's numbers."""
+    """What a flight has for itself (`fit/joint/trims.py`), at the vehicle's numbers."""
 
     values: Float[np.ndarray, " t"]
     covariance: Float[np.ndarray, "t t"]

@@ -6,16 +6,16 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from rotorfit.bands.motor_timing import FreeTiming
+from rotorfit.dataset.dataset import Flown
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import Term
-from rotorfit.fit.flights import Flown
-from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_fit import FittedFactors
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.fit.joint.joint_fit import FittedFactors
+from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.model.regressor import regressor
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import FreeTiming
 
 _FACTORS: Final = ("R", "rows", "segment", "band", "noise", "slopes")
 

@@ -15,15 +15,15 @@ from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment, single_flight_experiment
 from rotorfit.experiment.read_options import read_options_of
-from rotorfit.fit.kt_from_weight import kt_from_weight
-from rotorfit.fit.number_intervals import correlation_of
+from rotorfit.fit.intervals.kt_from_weight import kt_from_weight
+from rotorfit.fit.intervals.numbers import correlation_of
 from rotorfit.fleet.entries import Entry
 from rotorfit.fleet.kept_factors import factor_arrays
 from rotorfit.fleet.listing import FlightTask, Mass
 from rotorfit.fleet.records import COMPARED, KT_WEIGHT, TRIM, FlightFailure, FlightRecord
-from rotorfit.flight.log import FlightLog
 from rotorfit.identification.identify import Identified, identify_flights
 from rotorfit.logs.files import sha256_of
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.read import read_log
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, INERTIA_COM, inertia_about
 from rotorfit.model.vehicle import Vehicle

@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.display.digits import number_of
 from rotorfit.fleet.compared import IN_METRES, THRUST, unit_of
 from rotorfit.fleet.drawings import large_svg, scale_of, small_svg, strip_svg
 from rotorfit.fleet.findings import (
@@ -19,11 +18,12 @@ from rotorfit.fleet.findings import (
     number_words,
     own_records,
 )
+from rotorfit.fleet.population.changes import NORMAL_95
+from rotorfit.fleet.population.random_effects import LEAST_GROUPS
 from rotorfit.fleet.records import FlightFailure, FlightRecord
 from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics
+from rotorfit.formatting.digits import number_of
 from rotorfit.logs.files import file_name
-from rotorfit.population.changes import NORMAL_95
-from rotorfit.population.random_effects import LEAST_GROUPS
 from rotorfit.report.number_words import unit_words
 from rotorfit.report.page_templates import fingerprint, page_style, page_template, template_text
 from rotorfit.report.svg import clean

@@ -13,17 +13,17 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.fleet.compared import BY_SCATTER, Table, Weather, tables
-from rotorfit.fleet.records import FlightRecord
-from rotorfit.population.changes import (
+from rotorfit.fleet.population.changes import (
     LEAST_SERIES,
     Change,
     find_changes,
     overstated,
     robust_scatter,
 )
-from rotorfit.population.contrasts import contrasts
-from rotorfit.population.outlying import apart, discovered
-from rotorfit.population.random_effects import RandomEffects, Repeated, random_effects
+from rotorfit.fleet.population.contrasts import contrasts
+from rotorfit.fleet.population.outlying import apart, discovered
+from rotorfit.fleet.population.random_effects import RandomEffects, Repeated, random_effects
+from rotorfit.fleet.records import FlightRecord
 
 ALARM: Final = 0.05
 """Chance of one false change or more in the whole fleet."""

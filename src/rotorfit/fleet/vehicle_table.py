@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.errors import EstimationError
 from rotorfit.experiment.experiment import Experiment
-from rotorfit.fit.joint_fit import FittedFactors
+from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.fleet.entries import read_entry
 from rotorfit.fleet.joined import Joined, joined
 from rotorfit.fleet.kept_factors import fitted_factors

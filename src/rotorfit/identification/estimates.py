@@ -8,34 +8,34 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.doubts.every_doubt import with_doubts
-from rotorfit.doubts.second_opinions import hover_thrusts, thrust_against_weight
-from rotorfit.doubts.weight import contradiction, missed, swallowed, vagueness
+from rotorfit.dataset.dataset import Flown
+from rotorfit.diagnostics.consistency_checks import hover_thrusts, thrust_against_weight
+from rotorfit.diagnostics.coupling import uncoupled_fit, without_yaw_scale
+from rotorfit.diagnostics.diagnose import with_doubts
+from rotorfit.diagnostics.estimated_velocity import velocity_estimated, with_velocity_errors
+from rotorfit.diagnostics.filtered_imu import with_filter_faults
+from rotorfit.diagnostics.instruments.reference_test import with_pilot
+from rotorfit.diagnostics.weight import contradiction, missed, swallowed, vagueness
 from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
-from rotorfit.fit.flights import Flown
-from rotorfit.fit.joint_equations import JointConfiguration, at_values, joint_estimate
-from rotorfit.fit.joint_fit import FittedFactors, joint_fit
-from rotorfit.fit.joint_numbers import joint_numbers, physical
-from rotorfit.fit.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
-from rotorfit.fit.number_intervals import Numbers
-from rotorfit.fit.other_settings import widened
-from rotorfit.fit.paper_fit import PaperSettings, paper_estimate
-from rotorfit.fit.row_fits import RowFits, fit_rows
-from rotorfit.fit.row_parameters import row_numbers
-from rotorfit.fit.term_choice import chosen
-from rotorfit.identification.coupling import uncoupled_fit, without_yaw_scale
-from rotorfit.identification.estimated_velocity import velocity_estimated, with_velocity_errors
-from rotorfit.identification.filtered_imu import with_filter_faults
-from rotorfit.many_flights.autopilot import UNHEARD
+from rotorfit.fit.intervals.joint_numbers import joint_numbers, physical
+from rotorfit.fit.intervals.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.intervals.other_settings import widened
+from rotorfit.fit.joint.closed_loop import UNHEARD
+from rotorfit.fit.joint.joint_fit import FittedFactors, joint_fit
+from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values, joint_estimate
+from rotorfit.fit.joint.term_choice import chosen
+from rotorfit.fit.rows.paper_fit import PaperSettings, paper_estimate
+from rotorfit.fit.rows.row_fits import RowFits, fit_rows
+from rotorfit.fit.rows.row_parameters import row_numbers
+from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.results.joint_tables import joint_tables
 from rotorfit.results.paper_tables import paper_tables
 from rotorfit.results.parameter_tables import Tables, with_timing_total
 from rotorfit.results.row_tables import row_tables
-from rotorfit.timing.timing_fit import timed_again
-from rotorfit.witness.pilot import with_pilot
 
 FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
     (),

@@ -14,40 +14,40 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from rotorfit import version
-from rotorfit.checks.declared_rotors import check_flights
-from rotorfit.checks.plausible_units import (
+from rotorfit.dataset.checks.declared_rotors import check_flights
+from rotorfit.dataset.checks.plausible_units import (
     refuse_gyro_in_degrees,
     refuse_rotors_too_fast,
     slow_rotor_doubts,
 )
-from rotorfit.checks.recorded_motors import refuse_wrong_speeds
-from rotorfit.doubts.imu_mounting import lean_sentence, mounting_sentence
-from rotorfit.doubts.what_numbers_hang_on import what_numbers_hang_on
-from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
-from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of, with_imu_tilt
-from rotorfit.experiment.experiment import Experiment, MotorsEntry
-from rotorfit.experiment.model_terms import DEFAULT_TERMS
-from rotorfit.fit.flights import (
+from rotorfit.dataset.checks.recorded_motors import refuse_wrong_speeds
+from rotorfit.dataset.dataset import (
     Configured,
     Flown,
     UsedFlight,
     levelled_flights,
     load_flight,
 )
-from rotorfit.fit.joint_fit import FittedFactors, joint_fit
-from rotorfit.fit.term_choice import velocity_wanted
-from rotorfit.flight.data import Velocity
+from rotorfit.diagnostics.assumptions import what_numbers_hang_on
+from rotorfit.diagnostics.imu_tilt import found_tilt
+from rotorfit.diagnostics.imu_tilt_words import lean_sentence, mounting_sentence
+from rotorfit.diagnostics.log_metadata import agreed_motors, told_by_logs
+from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
+from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of, with_imu_tilt
+from rotorfit.experiment.experiment import Experiment, MotorsEntry
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
+from rotorfit.fit.joint.joint_fit import FittedFactors, joint_fit
+from rotorfit.fit.joint.term_choice import velocity_wanted
+from rotorfit.fit.timing.timing_fit import find_timing
 from rotorfit.identification.estimates import ESTIMATES, resolved_method
-from rotorfit.identification.mounting import found_tilt
-from rotorfit.identification.told_by_logs import agreed_motors, told_by_logs
 from rotorfit.model.regressor import regressor
 from rotorfit.motor_law.fit_law import bounded_recording, fit_law
+from rotorfit.preprocessing.flight_data import Velocity
 from rotorfit.results.command_law import CommandLaw
 from rotorfit.results.command_units import of_commanded_speed
 from rotorfit.results.law_tables import law_tables, with_law
 from rotorfit.results.parameter_tables import ORIGIN_IS_IMU, Tables
 from rotorfit.results.result import FlightRecord, IdentificationResult
-from rotorfit.timing.timing_fit import find_timing
 from rotorfit.validation.validate import validation_comparisons, validation_rows
 
 Progress = Callable[[str], None]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from rotorfit.flight.log import FlightLog
+from rotorfit.logs.flight_log import FlightLog
 
 FilterKind = Literal["low-pass", "notch"]
 SENSORS: Final = {"gyro": "the gyro", "accel": "the accelerometer"}

@@ -14,10 +14,10 @@ import scipy.linalg
 from jaxtyping import Float
 from scipy import signal
 
-from rotorfit.bands.frequency_bands import PILOT_BAND
-from rotorfit.flight.data import FlightData
-from rotorfit.flight.signals import whole_samples
 from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.signals import whole_samples
+from rotorfit.reduction.frequency_bands import PILOT_BAND
 
 SPREAD: Final = 0.15
 """Deviation of the rotors' places on each axis; any will do [m]."""

@@ -4,17 +4,10 @@ import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rotorfit.bands.motor_timing import LAG_PRIOR
-from rotorfit.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
-from rotorfit.checks.plausible_units import gyro_in_degrees
+from rotorfit.dataset.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
+from rotorfit.dataset.checks.plausible_units import gyro_in_degrees
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
-from rotorfit.flight.camera import camera_clock
-from rotorfit.flight.log import CHANNELS, FlightLog
-from rotorfit.flight.motor_columns import MotorModel
-from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.prepare import PreparedFlight, prepare
-from rotorfit.flight.rotor_telemetry import Telemetry, telemetry
 from rotorfit.identification.identify import identify
 from rotorfit.inspection.filters import Filter
 from rotorfit.inspection.frequency_sweep import Sweep, frequency_sweeps
@@ -29,6 +22,13 @@ from rotorfit.inspection.recording import (
     vibration,
 )
 from rotorfit.inspection.settings import Setting, settings_for
+from rotorfit.logs.flight_log import CHANNELS, FlightLog
+from rotorfit.preprocessing.mocap.camera import camera_clock
+from rotorfit.preprocessing.motors.motor_columns import MotorModel
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry, telemetry
+from rotorfit.preprocessing.prepare import PreparedFlight, prepare
+from rotorfit.reduction.motor_timing import LAG_PRIOR
 
 GUESSED_ARM = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""

@@ -6,9 +6,9 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float
 
-from rotorfit.flight.data import FlightData
-from rotorfit.flight.signals import central_difference, smooth, whole_samples
-from rotorfit.timing.timing_search import DELAYS_TRIED
+from rotorfit.fit.timing.timing_search import DELAYS_TRIED
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.signals import central_difference, smooth, whole_samples
 
 LATEST: Final = 0.1
 SEARCHED: Final = DELAYS_TRIED["imu"][1]

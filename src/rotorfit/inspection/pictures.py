@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.log import FlightLog
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.inspection.filters import Filter, filters_of
 from rotorfit.inspection.recording import ChannelReport
 from rotorfit.inspection.spectra import RotorBand, Spectrum, rotor_bands, spectrum
 from rotorfit.inspection.time_picture import TimePicture, time_picture
+from rotorfit.logs.flight_log import FlightLog
+from rotorfit.preprocessing.prepare import PreparedFlight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,26 +7,26 @@ from typing import Final, Literal
 import numpy as np
 from scipy import stats
 
-from rotorfit.bands.flight_bands import retimed
-from rotorfit.bands.frequency_bands import EDGES, STRETCH, slow_bands
-from rotorfit.bands.motor_timing import LAG_PRIOR
-from rotorfit.checks.declared_rotors import Response, response
+from rotorfit.dataset.checks.declared_rotors import Response, response
+from rotorfit.dataset.weight_balance import held_up, turning
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
-from rotorfit.fit.excitation import NO_EXCITATION, attenuation_allowance
-from rotorfit.fit.kt_from_weight import INFLOW_STD, WeighedThrust
-from rotorfit.fit.row_fits import RowFits, angular_log_likelihood, fit_rows
-from rotorfit.fit.weight_balance import held_up, turning
-from rotorfit.flight.data import FlightData
-from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.prepare import PreparedFlight
-from rotorfit.flight.signals import smooth
+from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance
+from rotorfit.fit.intervals.kt_from_weight import INFLOW_STD, WeighedThrust
+from rotorfit.fit.rows.row_fits import RowFits, angular_log_likelihood, fit_rows
 from rotorfit.inspection.guessed_rotors import guessed_vehicles
 from rotorfit.inspection.motor_lateness import LOOK
 from rotorfit.model.layouts import layout_rotors
-from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.preprocessing.prepare import PreparedFlight
+from rotorfit.preprocessing.signals import smooth
+from rotorfit.reduction.flight_bands import retimed
+from rotorfit.reduction.frequency_bands import EDGES, STRETCH, slow_bands
+from rotorfit.reduction.motor_timing import LAG_PRIOR
+from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.results.result import Verdict
 from rotorfit.results.verdicts import judge
 

@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import signal
 
-from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE
-from rotorfit.flight.data import FlightData
-from rotorfit.flight.log import CHANNELS, Channel
-from rotorfit.flight.sensor_limits import LEAST_LIMIT, share_at_limit
-from rotorfit.flight.signals import true_runs
+from rotorfit.logs.flight_log import CHANNELS, Channel
+from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.sensor_limits import LEAST_LIMIT, share_at_limit
+from rotorfit.preprocessing.signals import true_runs
 
 Lack = Literal[
     "no gyro",

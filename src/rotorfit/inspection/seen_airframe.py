@@ -4,8 +4,8 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from rotorfit.flight.log import FlightLog
 from rotorfit.inspection.inspect_log import LogReport
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.layouts import LAYOUTS
 
 OWN_ORDER: Final = {

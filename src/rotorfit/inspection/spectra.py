@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float
 from scipy import signal
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.clocks import UniformChannels, uniform_channels, usable_samples
-from rotorfit.flight.log import CHANNELS, COMPONENTS, Channel
+from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel
+from rotorfit.preprocessing.clocks import UniformChannels, uniform_channels, usable_samples
 
 WINDOW_SECONDS: Final = 1.0
 SHORTEST_WINDOW: Final = 128

@@ -8,13 +8,13 @@ from typing import Final, Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.display.series import Series, thinned
 from rotorfit.errors import FlightError
-from rotorfit.flight.clocks import GAP_STEPS, LARGEST_VALUE, usable_samples
-from rotorfit.flight.log import CHANNELS, COMPONENTS, Channel, FlightLog
-from rotorfit.flight.prepare import Cut
-from rotorfit.flight.sensor_limits import LEAST_LIMIT, at_limit
-from rotorfit.flight.signals import true_runs
+from rotorfit.formatting.series import Series, thinned
+from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel, FlightLog
+from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE, usable_samples
+from rotorfit.preprocessing.prepare import Cut
+from rotorfit.preprocessing.sensor_limits import LEAST_LIMIT, at_limit
+from rotorfit.preprocessing.signals import true_runs
 
 DRAWN: Final = ("gyro", "accel", "rotor_speed", "command")
 NAMES: Final = {

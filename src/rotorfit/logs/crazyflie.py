@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import Channel, Circumstances, FlightLog, in_air
 from rotorfit.logs.axes import attitude_from_euler
 from rotorfit.logs.crazyflie_records import (
     MAGIC,
@@ -22,6 +21,7 @@ from rotorfit.logs.crazyflie_records import (
     variables_at,
 )
 from rotorfit.logs.files import Content, open_mapped, sha256_of
+from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog, in_air
 from rotorfit.logs.units import STANDARD_GRAVITY
 
 FIXED_FREQUENCY: Final = "fixedFrequency"

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from rotorfit.errors import LogError
-from rotorfit.flight.signals import pieces
 from rotorfit.logs.files import Content, let_go
+from rotorfit.logs.flight_log import pieces
 from rotorfit.logs.progress import tell
 
 MAGIC: Final = 0xBC

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import FlightLog
 from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.files import read_head
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.kinds import own_kind
 from rotorfit.logs.progress import Progress, read_for
 

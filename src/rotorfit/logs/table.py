@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError, OutputError
-from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.logs.axes import Axes, attitude_from_euler, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.columns import (
     EULER,
@@ -28,6 +27,7 @@ from rotorfit.logs.files import (
     sha256_of,
     write_whole,
 )
+from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.parquet import MAGIC as PARQUET_MAGIC
 from rotorfit.logs.parquet import ParquetTable, open_parquet
 from rotorfit.logs.units import UNITS, Conversion, conversion

@@ -111,6 +111,10 @@ EFFECTIVE_UNITS: Final[dict[str, str]] = {
 }
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
 
+ACCEL_BIAS_STD: Final = 0.2
+"""What is known of a calibrated accelerometer before the flight [m/s^2]: 20 mg."""
+MOUNTING_STD: Final = 0.5
+"""The same sideways, where 3 degrees between IMU and rotor plane look like a bias [m/s^2]."""
 MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
 SHARED = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR, *MOTOR_TIMES, "command_delay", "max_speed")
 """Of the propulsion: every configuration has the same."""

@@ -38,10 +38,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.flight.data import Velocity
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.model.signals import SignalLayout, signal_layout
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.flight_data import Velocity
 
 Block = Float[np.ndarray, "6 z"]
 FX, FY, FZ, MX, MY, MZ = range(6)

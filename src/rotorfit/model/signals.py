@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.data import FlightData, Velocity
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.flight_data import FlightData, Velocity
 
 BODY_SIGNALS = (
     *("ax", "ay", "az"),

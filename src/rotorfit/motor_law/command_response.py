@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import lapack
 
-from rotorfit.flight.answered_commands import Answer
+from rotorfit.preprocessing.motors.command_response import Answer
 
 SETTLING: Final = 0.5
 """After the beginning of a stretch, where the speed before it is not known, nothing counts [s]."""

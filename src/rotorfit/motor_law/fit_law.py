@@ -16,7 +16,6 @@ import scipy.optimize
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.flight.answered_commands import Answer, spans_of, within
 from rotorfit.motor_law.block_jackknife import (
     FEWEST_BLOCKS,
     Jackknife,
@@ -27,6 +26,7 @@ from rotorfit.motor_law.block_jackknife import (
 from rotorfit.motor_law.command_response import Recording, Timing, answered_speed, recording_of
 from rotorfit.motor_law.law_forms import FORMS, FormName
 from rotorfit.motor_law.law_model import Layout, predicted, timing_of
+from rotorfit.preprocessing.motors.command_response import Answer, spans_of, within
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""

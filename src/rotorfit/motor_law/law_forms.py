@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.flight.speed_law import Curve, PowerLaw, SquareRootLaw
+from rotorfit.logs.speed_law import Curve, PowerLaw, SquareRootLaw
 
 FormName = Literal["linear", "power", "offset power", "sqrt"]
 Vector = Float[np.ndarray, " _"]

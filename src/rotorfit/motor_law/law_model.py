@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.flight.speed_law import SpeedLaw, VoltageFactor
+from rotorfit.logs.speed_law import SpeedLaw, VoltageFactor
 from rotorfit.motor_law.command_response import Recording, Timing, answered_speed
 from rotorfit.motor_law.law_forms import FORMS, FormName
 

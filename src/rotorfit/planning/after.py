@@ -11,8 +11,8 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.payload import MOMENTS
-from rotorfit.fit.joint_numbers import number_scale
-from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.intervals.joint_numbers import number_scale
+from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import COM, INERTIA_COM
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted

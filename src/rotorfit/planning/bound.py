@@ -14,26 +14,23 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.bands.frequency_bands import EDGES, PILOT_BAND, STRETCH
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.bound import Linearised, information, linearised, pull
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.payload import MOMENTS, PointMass, tolerances
-from rotorfit.fit.excitation import attenuation_allowance
-from rotorfit.fit.joint_equations import NOISY, JointConfiguration, joint_prior, rotor_drag_std
-from rotorfit.fit.joint_map import joint_map
-from rotorfit.fit.joint_numbers import (
+from rotorfit.fit.intervals.excitation import attenuation_allowance
+from rotorfit.fit.intervals.joint_numbers import (
     AXES,
     hanging_on_roll_and_pitch,
     number_scale,
     physical,
 )
-from rotorfit.fit.number_intervals import Numbers
-from rotorfit.flight.data import FlightData
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.joint.joint_map import joint_map
+from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior, rotor_drag_std
 from rotorfit.model.parameters import DERIVED, PARAMETERS
-from rotorfit.model.reduce import BandPlan, band_factors
 from rotorfit.model.regressor import regressor
 from rotorfit.planning.noise import (
     REFERENCE_RATE,
@@ -43,6 +40,9 @@ from rotorfit.planning.noise import (
     row_variances,
 )
 from rotorfit.planning.vehicle import RoughVehicle, loaded
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.reduction.frequency_bands import EDGES, PILOT_BAND, STRETCH
+from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
 from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre
 

@@ -12,13 +12,12 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from rotorfit.display.frame import DataFrame, frame
-from rotorfit.display.sheet import Sheet, sheet_html, sheet_text
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.payload import PointMass
-from rotorfit.fit.joint_numbers import number_scale
-from rotorfit.fit.number_intervals import Numbers
-from rotorfit.flight.data import FlightData
+from rotorfit.fit.intervals.joint_numbers import number_scale
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.formatting.frame import DataFrame, frame
+from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.after import (
     Knowledge,
@@ -57,6 +56,7 @@ from rotorfit.planning.vehicle import (
     rough_vehicle,
 )
 from rotorfit.planning.wanted import WANTABLE, Wanted
+from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.verdicts import judge
 from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.display.series import Series
+from rotorfit.formatting.series import Series
 from rotorfit.report.series import encoded, encoded_time, path_of
 from rotorfit.report.svg import drawing, label, nice_step, tag, text, tick_label, ticks
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.display.series import Series
+from rotorfit.formatting.series import Series
 from rotorfit.report.chart import (
     Axis,
     Chart,

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from rotorfit.display.digits import Number, number_of
+from rotorfit.formatting.digits import Number, number_of
 from rotorfit.report.number_words import TITLES
 from rotorfit.report.parameters import COM_FIRST
 from rotorfit.results.result import (

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.display.series import Series
+from rotorfit.formatting.series import Series
 from rotorfit.inspection.filters import Filter
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.pictures import LogPictures

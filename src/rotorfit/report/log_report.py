@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any, Final
 
-from rotorfit.checks.gravity import GravitySeen
-from rotorfit.fit.excitation import LEAST_EXCITATION
-from rotorfit.flight.rotor_telemetry import Telemetry
+from rotorfit.dataset.checks.gravity import GravitySeen
+from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.inspection.frequency_sweep import AXES, Sweep
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
@@ -15,6 +14,7 @@ from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
 from rotorfit.inspection.recording import ChannelReport
 from rotorfit.inspection.settings import settings_file
 from rotorfit.inspection.spectra import Spectrum
+from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
 
 MOST_SPANS: Final = 6
 SLOWED: Final = 0.8

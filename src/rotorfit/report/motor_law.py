@@ -7,12 +7,12 @@ from typing import Final, cast
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.display.digits import Number, number_of
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.law_table import speed_law_of
-from rotorfit.flight.speed_law import SpeedLaw
-from rotorfit.flight.thrust_curve import speeds
+from rotorfit.formatting.digits import Number, number_of
+from rotorfit.logs.speed_law import SpeedLaw
+from rotorfit.preprocessing.motors.thrust_curve import speeds
 from rotorfit.report.number_words import unit_words
 from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint

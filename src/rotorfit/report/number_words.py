@@ -1,6 +1,6 @@
 """Parameters in words, verdicts in words, numbers with their intervals."""
 
-from rotorfit.display.digits import finite_interval, known
+from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.results.result import Derived, Parameter
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from rotorfit.display.digits import known
+from rotorfit.formatting.digits import known
 from rotorfit.logs.files import file_name
 from rotorfit.report.number_words import title_of, unit_words
 from rotorfit.report.paper_numbers import (

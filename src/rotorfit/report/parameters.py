@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rotorfit.display.digits import Number, known, number_of
+from rotorfit.formatting.digits import Number, known, number_of
 from rotorfit.model.parameters import COM, INERTIA_COM
 from rotorfit.report.intervals import axis_of, axis_range, interval_bar
 from rotorfit.report.number_words import title_of, unit_words

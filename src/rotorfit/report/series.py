@@ -6,7 +6,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.display.series import Series, column_starts, extremes, middles
+from rotorfit.formatting.series import Series, column_starts, extremes, middles
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 

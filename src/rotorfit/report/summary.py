@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rotorfit.display.digits import known, number_of
+from rotorfit.formatting.digits import known, number_of
 from rotorfit.report.number_words import (
     VERDICT_MEANING,
     half_width,

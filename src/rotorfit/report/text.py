@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
-from rotorfit.display.digits import known, with_interval
+from rotorfit.formatting.digits import known, with_interval
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rotorfit.display.series import Series, thinned
+from rotorfit.formatting.series import Series, thinned
 from rotorfit.logs.files import file_name
 from rotorfit.report.chart import Axis, Chart, Curve, Legend, Panel, chart_data, chart_svg
 from rotorfit.report.series import is_predicted, series_of

@@ -8,7 +8,7 @@ the centre of mass itself, and where there is no interval, the parameter at the 
 from collections.abc import Mapping
 from math import isfinite
 
-from rotorfit.fit.number_intervals import moments_beside, product_scale
+from rotorfit.fit.intervals.numbers import moments_beside, product_scale
 from rotorfit.model.parameters import INERTIA_COM
 from rotorfit.results.numbers import Derived, Parameter, Verdict
 from rotorfit.results.verdicts import WEAK

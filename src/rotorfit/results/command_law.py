@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from rotorfit.flight.speed_law import (
+from rotorfit.logs.speed_law import (
     Curve,
     PowerLaw,
     SpeedLaw,

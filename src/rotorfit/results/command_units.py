@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Final
 
-from rotorfit.fit.flights import Flown
+from rotorfit.dataset.dataset import Flown
 from rotorfit.model.parameters import EFFECTIVE_UNITS
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.result import IdentificationResult

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from rotorfit.bands.frequency_bands import STRETCH
-from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.fit.excitation import HEIGHTS, LEAST_EXCITATION
-from rotorfit.fit.joint_equations import BIAS_STD, ROTOR_SPREAD_STD, JointConfiguration
-from rotorfit.fit.joint_numbers import SHARED_NUMBERS, number_scale
-from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.intervals.excitation import HEIGHTS, LEAST_EXCITATION
+from rotorfit.fit.intervals.joint_numbers import SHARED_NUMBERS, number_scale
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.joint.joint_problem import BIAS_STD, ROTOR_SPREAD_STD, JointConfiguration
 from rotorfit.model.parameters import DERIVED, PARAMETERS
+from rotorfit.reduction.frequency_bands import STRETCH
+from rotorfit.reduction.motor_timing import MotorTiming
 from rotorfit.results.parameter_tables import (
     RATIOS,
     ROW_ORDER,

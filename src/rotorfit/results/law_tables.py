@@ -7,13 +7,18 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.bands.motor_timing import told
-from rotorfit.flight.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
-from rotorfit.flight.thrust_curve import ThrustCurve, betaflight_linear, speeds, thrust_curve
+from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.motor_law.command_response import Recording, answered_speed
 from rotorfit.motor_law.fit_law import FittedLaw, LawFit
 from rotorfit.motor_law.law_model import law_of, scales_of, timing_of
+from rotorfit.preprocessing.motors.thrust_curve import (
+    ThrustCurve,
+    betaflight_linear,
+    speeds,
+    thrust_curve,
+)
+from rotorfit.reduction.motor_timing import told
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.results.parameter_tables import ROW_ORDER, Tables, found_time
 from rotorfit.results.result import Parameter

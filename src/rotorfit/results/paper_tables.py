@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+from rotorfit.dataset.dataset import Flown
 from rotorfit.estimation.total import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry
-from rotorfit.fit.flights import Flown
-from rotorfit.fit.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings
+from rotorfit.fit.rows.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings
 from rotorfit.model.parameters import PARAMETERS, full_name
 from rotorfit.results.parameter_tables import (
     Tables,

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.bands.motor_timing import MotorTiming, told
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.fit.excitation import LEAST_EXCITATION
-from rotorfit.fit.joint_fit import FittedFactors
-from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.model.parameters import (
     AIR,
     DERIVED,
@@ -20,6 +19,7 @@ from rotorfit.model.parameters import (
     ParameterInfo,
 )
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.reduction.motor_timing import MotorTiming, told
 from rotorfit.results.result import Derived, Parameter
 from rotorfit.results.verdicts import ADVICE, WEAK, Judgement, judge, motion_for
 

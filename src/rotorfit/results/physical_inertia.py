@@ -19,8 +19,8 @@ from jaxtyping import Float
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
-from rotorfit.fit.excitation import SCALED
-from rotorfit.fit.number_intervals import Numbers
+from rotorfit.fit.intervals.excitation import SCALED
+from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_matrix
 from rotorfit.results.parameter_tables import RATIOS, Tables
 from rotorfit.results.result import Derived, IdentificationResult, Parameter

@@ -11,10 +11,10 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.display.digits import with_interval
-from rotorfit.display.frame import DataFrame, frame
-from rotorfit.display.sheet import Sheet, sheet_html, sheet_text
 from rotorfit.errors import EstimationError, OutputError
+from rotorfit.formatting.digits import with_interval
+from rotorfit.formatting.frame import DataFrame, frame
+from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
@@ -23,7 +23,7 @@ from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plai
 from rotorfit.results.numbers import Derived as Derived
 from rotorfit.results.numbers import Parameter as Parameter
 from rotorfit.results.numbers import Verdict as Verdict
-from rotorfit.sampling.samples import Estimated, Samples, draw_vehicles
+from rotorfit.results.samples import Estimated, Samples, draw_vehicles
 
 SCHEMA = 1
 RESULT_FILE = "a result of rotorfit identify"

@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.fit.joint_equations import JointConfiguration
-from rotorfit.fit.joint_map import spread_names
+from rotorfit.fit.joint.joint_map import spread_names
+from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.results.verdicts import Judgement
 
 MOSTLY_ASSUMED = 0.5

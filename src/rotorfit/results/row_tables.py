@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 
-from rotorfit.bands.motor_timing import MotorTiming
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
-from rotorfit.fit.number_intervals import Numbers
-from rotorfit.fit.row_fits import ROWS, RowFits
-from rotorfit.fit.row_parameters import number_scale
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.rows.row_fits import ROWS, RowFits
+from rotorfit.fit.rows.row_parameters import number_scale
 from rotorfit.model.parameters import DERIVED, PARAMETERS, SHARED, full_name
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.reduction.motor_timing import MotorTiming
 from rotorfit.results.parameter_tables import (
     RATIOS,
     ROW_ORDER,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rotorfit.fit.excitation import AXIS_OF, LEAST_EXCITATION
+from rotorfit.fit.intervals.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR
 from rotorfit.results.numbers import Verdict
 from rotorfit.simulation.manoeuvres import Manoeuvre

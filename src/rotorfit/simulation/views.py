@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError
-from rotorfit.flight.data import FlightData, Segment
-from rotorfit.flight.log import Channel, FlightLog
+from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.simulation.record import SimulatedFlight
 from rotorfit.simulation.sensors import at_place
 

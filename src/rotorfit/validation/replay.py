@@ -25,8 +25,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rotorfit.errors import FlightError
-from rotorfit.flight.data import FlightData
-from rotorfit.flight.signals import smooth
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.signals import smooth
 from rotorfit.validation.replay_vehicle import ReplayVehicle
 
 WINDOW: Final = 0.5

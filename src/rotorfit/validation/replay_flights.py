@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rotorfit.bands.flight_bands import retimed
+from rotorfit.dataset.dataset import UsedFlight, load_flight
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.experiment.experiment import (
     Experiment,
@@ -12,8 +12,8 @@ from rotorfit.experiment.experiment import (
     experiment_of_settings,
     named_flight,
 )
-from rotorfit.fit.flights import UsedFlight, load_flight
-from rotorfit.flight.motors import MotorResponse
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.flight_bands import retimed
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.fitted_flights import fitted_flights
 from rotorfit.validation.replay import WINDOW, Entrant, Replay, replay

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.bands.flight_bands import retimed
-from rotorfit.bands.motor_timing import LAG_PRIOR
+from rotorfit.dataset.dataset import UsedFlight, load_flight, velocity_known
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import (
@@ -18,13 +17,14 @@ from rotorfit.experiment.experiment import (
     experiment_of_settings,
     named_flight,
 )
-from rotorfit.fit.flights import UsedFlight, load_flight, velocity_known
-from rotorfit.flight.data import Velocity
-from rotorfit.flight.motors import MotorResponse
-from rotorfit.flight.prepare import PreparedFlight
 from rotorfit.model.parameters import AIR, FIRST_MOMENTS, INERTIA, TURN_DAMPING
-from rotorfit.model.reduce import LowPass, filtered_signals
 from rotorfit.model.regressor import Regressor, regressor
+from rotorfit.preprocessing.flight_data import Velocity
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.preprocessing.prepare import PreparedFlight
+from rotorfit.reduction.flight_bands import retimed
+from rotorfit.reduction.motor_timing import LAG_PRIOR
+from rotorfit.reduction.reduce import LowPass, filtered_signals
 from rotorfit.results.result import (
     IdentificationResult,
     Parameter,

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import signal
 
-from rotorfit.flight.signals import whole_samples
+from rotorfit.preprocessing.signals import whole_samples
 from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
 
 WINDOW_SECONDS: Final = 4.0

@@ -17,7 +17,7 @@ from rotorfit.export.control.effectiveness import effectiveness, spread
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.units import RPM
 from rotorfit.export.vehicle import BODY, ROTORS, SPEED, VehicleModel
-from rotorfit.flight.thrust_curve import thrust_curve
+from rotorfit.preprocessing.motors.thrust_curve import thrust_curve
 
 NEEDS: Final = (*BODY, *ROTORS, *SPEED)
 _FORCE, _TURN = "m/s^2 at full thrust", "rad/s^2 at full thrust"

@@ -19,7 +19,7 @@ from rotorfit.export.control.effectiveness import effectiveness, spread
 from rotorfit.export.header import noted, xml_comment
 from rotorfit.export.units import text
 from rotorfit.export.vehicle import BODY, ROTORS, SPEED, VehicleModel
-from rotorfit.flight.thrust_curve import speeds
+from rotorfit.preprocessing.motors.thrust_curve import speeds
 
 NEEDS: Final = (*BODY, *ROTORS, *SPEED)
 FULL: Final = 9600.0

@@ -19,9 +19,9 @@ from rotorfit.export.header import noted
 from rotorfit.export.px4 import has_coefficients
 from rotorfit.export.units import frd
 from rotorfit.export.vehicle import ROTORS, SPEED, VehicleModel
-from rotorfit.flight.airborne import GRAVITY
-from rotorfit.flight.thrust_curve import thrust_curve
 from rotorfit.model.parameters import COM
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.motors.thrust_curve import thrust_curve
 
 NEEDS: Final = ("mass", *COM, *ROTORS, *SPEED)
 ROLL, PITCH, YAW, FORWARD, RIGHT, DOWN = range(6)

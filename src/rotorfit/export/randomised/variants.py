@@ -13,7 +13,7 @@ from rotorfit.export.result_numbers import Number
 from rotorfit.export.vehicle import VehicleModel
 from rotorfit.model.parameters import COM, INERTIA_COM, inertia_matrix
 from rotorfit.results.result import IdentificationResult
-from rotorfit.sampling.samples import Samples
+from rotorfit.results.samples import Samples
 
 DRAWN: Final = ("identified", "weak")
 """Origins of numbers that a draw replaces; given, assumed and computed ones stand."""

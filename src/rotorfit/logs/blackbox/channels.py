@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.flight.log import Channel
 from rotorfit.logs.blackbox.decode import BlackboxLog
 from rotorfit.logs.blackbox.header import Header
+from rotorfit.logs.flight_log import Channel
 
 STANDARD_GRAVITY: Final = 9.80665
 """What acc_1G stands for [m/s^2]."""
@@ -56,7 +56,7 @@ def read_channels(log: BlackboxLog) -> tuple[dict[str, Channel], list[str]]:
     Returns
     -------
     channels
-        By the names of `rotorfit.flight.log.CHANNELS`.
+        By the names of `rotorfit.logs.flight_log.CHANNELS`.
     notes
         One sentence for each channel that could not be had.
     """

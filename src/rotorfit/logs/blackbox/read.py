@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import Circumstances, FlightLog
 from rotorfit.logs.blackbox.channels import FIELDS, read_channels, seconds
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
 from rotorfit.logs.blackbox.header import LOG_START, find_logs, read_header
 from rotorfit.logs.files import read_bytes
+from rotorfit.logs.flight_log import Circumstances, FlightLog
 
 _LISTED: Final = 8
 """Most logs that an error message lists."""

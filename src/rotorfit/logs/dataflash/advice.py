@@ -5,11 +5,11 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.flight.log import Channel
 from rotorfit.logs.bitmask import bits_set
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.motors import Wiring
 from rotorfit.logs.dataflash.parameters import Parameters
+from rotorfit.logs.flight_log import Channel
 
 BATTERY: Final = {9: "battery"}
 FAST: Final = {0: "fast attitude", 10: "RC output", 18: "fast IMU"}

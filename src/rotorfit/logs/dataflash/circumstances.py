@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.flight.log import Circumstances, in_air
 from rotorfit.logs.dataflash.columns import timed, vector
 from rotorfit.logs.dataflash.messages import Messages
+from rotorfit.logs.flight_log import Circumstances, in_air
 
 NAMES: Final = ("BARO", "GPS")
 KELVIN: Final = 273.15

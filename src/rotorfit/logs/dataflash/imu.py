@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.flight.log import Channel
 from rotorfit.logs.axes import vectors_to_flu
 from rotorfit.logs.dataflash.columns import columns, has_fields, in_order, timed, vector
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.parameters import Parameters
+from rotorfit.logs.flight_log import Channel
 
 GYRO: Final = ("GyrX", "GyrY", "GyrZ")
 ACCEL: Final = ("AccX", "AccY", "AccZ")

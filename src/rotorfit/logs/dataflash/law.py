@@ -1,10 +1,10 @@
 """What ArduPilot's parameters say of the motors, and whether its simulator flew."""
 
-from rotorfit.flight.log import LoggedMotors
-from rotorfit.flight.simulators import SITL
-from rotorfit.flight.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.dataflash.remix import thrust_curve
+from rotorfit.logs.flight_log import LoggedMotors
+from rotorfit.logs.simulators import SITL
+from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
 
 
 def simulator_of(parameters: Parameters) -> str:

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.flight.log import Channel
 from rotorfit.logs.dataflash.columns import (
     columns,
     first_label,
@@ -19,6 +18,7 @@ from rotorfit.logs.dataflash.columns import (
 from rotorfit.logs.dataflash.frames import Frame
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.parameters import Parameters
+from rotorfit.logs.flight_log import Channel
 
 MOTOR_FUNCTIONS: Final = {
     **{33 + i: 1 + i for i in range(8)},

@@ -5,10 +5,10 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.flight.log import Channel
 from rotorfit.logs.axes import attitude_from_euler, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.dataflash.columns import first_label, format_named, has_fields, timed, vector
 from rotorfit.logs.dataflash.messages import Messages
+from rotorfit.logs.flight_log import Channel
 
 NAMES: Final = ("BAT", "CURR", "VISP", "ATT", "XKF1", "NKF1", "EKF1", "RATE")
 _ESTIMATES: Final = ("XKF1", "NKF1", "EKF1")

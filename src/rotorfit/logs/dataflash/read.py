@@ -10,8 +10,6 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, Channel, Circumstances, FlightLog, LoggedMotors
-from rotorfit.flight.simulators import simulated_sentence
 from rotorfit.logs.dataflash import circumstances, imu, law, motors, parameters, pose, remix
 from rotorfit.logs.dataflash.advice import advice, too_slow
 from rotorfit.logs.dataflash.columns import in_order, time_of
@@ -21,7 +19,9 @@ from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
 from rotorfit.logs.dataflash.units import unit_doubts
 from rotorfit.logs.files import read_head
+from rotorfit.logs.flight_log import CHANNELS, Channel, Circumstances, FlightLog, LoggedMotors
 from rotorfit.logs.progress import tell
+from rotorfit.logs.simulators import simulated_sentence
 
 BLOCK: Final = 4 << 20
 CHOICE: Final = Wanted(

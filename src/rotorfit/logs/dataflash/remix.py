@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.flight.log import Channel
 from rotorfit.logs.dataflash.columns import timed, vector
 from rotorfit.logs.dataflash.frames import Frame
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.parameters import Parameters
+from rotorfit.logs.flight_log import Channel
 
 NAMES: Final = ("RATE",)
 MIXER_INPUTS: Final = ("ROut", "POut", "YOut", "AOut")

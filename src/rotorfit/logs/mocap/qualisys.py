@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import FlightLog
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import Body, Take, begins, finite, log_of_file, numbers
 
 _BEGINS: Final = (b"NO_OF_FRAMES\t", b"FILE_VERSION\t")

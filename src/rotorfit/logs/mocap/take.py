@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import Channel, FlightLog
 from rotorfit.logs.delimited import DelimitedText, with_line_feeds
 from rotorfit.logs.files import read_bytes
+from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.table import resolution_of
 
 LENGTHS: Final[Mapping[str, float]] = {

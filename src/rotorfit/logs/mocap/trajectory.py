@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import FlightLog
 from rotorfit.logs.axes import Axes, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.delimited import with_line_feeds
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import (
     Body,
     Take,

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import FlightLog
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import (
     Body,
     Take,

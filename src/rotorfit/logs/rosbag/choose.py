@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import Channel
 from rotorfit.logs.axes import Axes, attitude_to_flu, vectors_to_flu
+from rotorfit.logs.flight_log import Channel
 from rotorfit.logs.rosbag.clocks import Timing
 from rotorfit.logs.rosbag.messages import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
 from rotorfit.logs.rosbag.stream import Recorded

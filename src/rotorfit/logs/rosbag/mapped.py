@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import Channel
 from rotorfit.logs.axes import Axes, attitude_from_euler, attitude_to_flu, vectors_to_flu
 from rotorfit.logs.columns import EULER, ColumnSpec, Group, complete_groups, quantity_of, unit_of
+from rotorfit.logs.flight_log import Channel
 from rotorfit.logs.rosbag.clocks import Timing
 from rotorfit.logs.rosbag.stream import Recorded
 from rotorfit.logs.units import conversion

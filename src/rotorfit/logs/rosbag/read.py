@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import CHANNELS, Channel, FlightLog
 from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
+from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog
 from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim
 from rotorfit.logs.rosbag.clocks import Timing, timings
 from rotorfit.logs.rosbag.container import files_of

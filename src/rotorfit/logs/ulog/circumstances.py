@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.flight.log import Circumstances, in_air
+from rotorfit.logs.flight_log import Circumstances, in_air
 from rotorfit.logs.ulog.scan import Scan
 
 _GPS: Final = ("vehicle_gps_position", "sensor_gps")

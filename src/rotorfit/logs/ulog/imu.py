@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.flight.log import Channel
 from rotorfit.logs.axes import vectors_to_flu
+from rotorfit.logs.flight_log import Channel
 from rotorfit.logs.ulog.scan import Scan
 from rotorfit.logs.ulog.topic import Topic
 

@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.flight.log import Channel
-from rotorfit.flight.signals import pieces
 from rotorfit.logs.axes import attitude_to_flu, vectors_to_flu
+from rotorfit.logs.flight_log import Channel, pieces
 from rotorfit.logs.ulog.scan import Scan
 from rotorfit.logs.ulog.topic import Topic
 

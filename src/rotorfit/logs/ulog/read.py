@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
-from rotorfit.flight.log import Channel, FlightLog
-from rotorfit.flight.simulators import SIH, simulated_sentence
+from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.logs.simulators import SIH, simulated_sentence
 from rotorfit.logs.ulog import circumstances, imu, motors, pose, simulated, vehicle
 from rotorfit.logs.ulog.messages import MAGIC
 from rotorfit.logs.ulog.scan import Scan, scan_file

@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from rotorfit.flight.log import LoggedMotors
-from rotorfit.flight.simulators import GAZEBO, PX4_OTHER, SIH
-from rotorfit.flight.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
+from rotorfit.logs.flight_log import LoggedMotors
+from rotorfit.logs.simulators import GAZEBO, PX4_OTHER, SIH
+from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.logs.ulog.motors import output_speeds, thrust_curve
 from rotorfit.logs.ulog.scan import Scan
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.flight.signals import pieces
+from rotorfit.logs.flight_log import pieces
 
 LARGEST_VALUE: Final = 1e100
 """Beyond it a number of double precision is damage, and its square no number."""

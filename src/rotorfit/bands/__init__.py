@@ -1,1 +1,0 @@
-"""Flights cut into frequency bands, and their factors at any timing of the motors."""

@@ -1,0 +1,1 @@
+"""The flights of an experiment, read, prepared and screened."""

@@ -1,0 +1,239 @@
+r"""Whether the sizes of gyro, arms and rotor speeds can be: units told from the flight itself.
+
+Two witnesses. Over some seconds of flight the specific force, turned by the gyro into axes that do
+not rotate, has the mean of gravity (see `weight_balance`); with a gyro in deg/s that is taken for
+rad/s it averages out. And the angular acceleration that a difference of thrusts makes gives the
+radius of gyration over the arm, whatever the mass: with the thrust of a rotor :math:`k_t O^2`,
+:math:`a_z = c \sum O_i^2` with :math:`c = k_t / m`, and the roll acceleration is :math:`s \sum y_i
+O_i^2` with :math:`s = k_t / I_{xx}`, so that :math:`I_{xx} / m = c / s`. Bodies are not ten times
+larger or smaller than their arms.
+
+The speed of hovering rotors has bounds, too: their radius is a quarter of the arm at the least and
+nine tenths at the most, and the tips of what hovers make 40 to 130 m/s.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.dataset.weight_balance import held_up, turning
+from rotorfit.errors import FlightError, FrameError
+from rotorfit.estimation.factors import Factors
+from rotorfit.logs.flight_log import AS_A_TABLE
+from rotorfit.model.signals import signal_layout
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.flight_checks import UNIT_OF_GYRO
+from rotorfit.preprocessing.flight_data import FlightData
+
+DEGREE: Final = float(np.pi / 180.0)
+LOST_GRAVITY: Final = 0.6
+"""A gyro in wrong units averages the specific force to a fifth of gravity; a right one to all."""
+NEAR_GRAVITY: Final = 0.15
+SLIMMEST: Final = 0.15
+STOUTEST: Final = 1.6
+"""Radii of gyration over the arm beyond which something is wrong. Flat frames have 0.2 to 0.6,
+payloads on the arms up to 1; the gyro's unit makes a factor of 7.6, an arm in cm one of 10."""
+EXPLAINED: Final = 0.6
+"""Share of an angular acceleration that the rotors must explain before its size counts."""
+
+FASTEST_HOVER: Final = 8000.0
+"""The smallest rotors that are flown, of 31 mm, hover below 5000 rad/s [rad/s]."""
+SMALLEST_ROTOR: Final = 0.25
+LARGEST_ROTOR: Final = 0.9
+"""Radii of rotors over the arm."""
+FASTEST_TIP: Final = 200.0
+"""In a hover there is as much to come as was used: beyond, full throttle is faster than sound
+[m/s]."""
+SLOWEST_TIP: Final = 30.0
+"""Slower tips hold up hardly anything [m/s]."""
+
+
+def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
+    """Return the radius of gyration over the arm, in roll or pitch, whichever is clearer.
+
+    None where the rotors explain too little of the motion.
+
+    Parameters
+    ----------
+    factors
+        Of the signals of a flight in the band that the vehicle answers in.
+    vehicle
+        Its rotors.
+    """
+    R, layout = factors.total, signal_layout(vehicle)
+    squares = R[:, [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]]
+    thrust = squares @ vehicle.axes[:, 2]
+    torques = squares @ np.cross(vehicle.positions, vehicle.axes)
+    if not thrust.any():
+        return None
+    per_square, _ = _slope(R[:, layout.index("az")], thrust)
+    answers = [
+        _slope(_apart(R[:, layout.index(name)], thrust), _apart(torques[:, k], thrust))
+        for k, name in enumerate(("dwx", "dwy"))
+    ]
+    slope, share = max(answers, key=lambda answer: answer[1])
+    if share < EXPLAINED or slope <= 0.0 or per_square <= 0.0:
+        return None
+    return float(np.sqrt(per_square / slope)) / vehicle.arm
+
+
+def _slope(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> tuple[float, float]:
+    """Return y over x, and the share of y that x explains."""
+    size, total = float(x @ x), float(y @ y)
+    if size == 0.0 or total == 0.0:
+        return 0.0, 0.0
+    slope = float(x @ y) / size
+    return slope, slope**2 * size / total
+
+
+def _apart(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
+    """Return what of y does not go with x: thrust turns a vehicle whose CoM is off the centre."""
+    return y - x * (float(x @ y) / float(x @ x))
+
+
+def refuse_gyro_in_degrees(
+    flights: Mapping[str, FlightData], *, takes_columns: bool = True
+) -> None:
+    """Raise where the specific force only has the mean of gravity if a gyro is in deg/s.
+
+    Parameters
+    ----------
+    flights
+        By the name of their file.
+    takes_columns
+        Whether units of these logs can be declared.
+
+    Raises
+    ------
+    FlightError
+        Also of a flight so gentle that no single reading is impossible.
+    """
+    for name, data in flights.items():
+        words = gyro_in_degrees(data, takes_columns=takes_columns)
+        if words is not None:
+            raise FlightError(f"{name}: {words}")
+
+
+def gyro_in_degrees(data: FlightData, *, takes_columns: bool = True) -> str | None:
+    """Return what contradicts a gyro in rad/s, None where nothing does."""
+    as_said = held_up(turning(data), data.specific_force)
+    if as_said is None or as_said.ratio > LOST_GRAVITY:
+        return None
+    scaled = dataclasses.replace(data, angular_velocity=data.angular_velocity * DEGREE)
+    in_degrees = held_up(turning(scaled), data.specific_force)
+    if in_degrees is None or abs(in_degrees.ratio - 1.0) > NEAR_GRAVITY:
+        return None
+    return (
+        f"turned by the gyro, the specific force averages to {as_said.ratio * GRAVITY:.1f} m/s^2 "
+        f"over a flight where gravity, {GRAVITY:.1f}, is expected; with rates 57 times smaller it "
+        f"is {in_degrees.ratio * GRAVITY:.1f}: the gyro is in deg/s but taken for rad/s; "
+        f"{UNIT_OF_GYRO if takes_columns else AS_A_TABLE}"
+    )
+
+
+def refuse_implausible_size(factors: Factors, vehicle: Vehicle) -> None:
+    """Raise where no body with these arms can answer its rotors as the gyro says.
+
+    Raises
+    ------
+    FrameError
+        With what would explain it: the gyro's unit, or that of the rotors' positions.
+    """
+    words = implausible_size(gyration(factors, vehicle), vehicle.arm)
+    if words is not None:
+        raise FrameError(words)
+
+
+def implausible_size(found: float | None, arm: float) -> str | None:
+    """Return what contradicts a radius of gyration over the arm [m], None where nothing does."""
+    if found is None or SLIMMEST <= found <= STOUTEST:
+        return None
+    expected = f"{SLIMMEST:g} to {STOUTEST:g} was expected, most have 0.2 to 0.6"
+    if found < SLIMMEST:
+        causes = (
+            f"the rotors' positions are too large (the arm is {arm:g} m: centimetres given as "
+            "metres?), or the gyro reads too much (deg/s taken for rad/s?)"
+        )
+    else:
+        causes = (
+            "the gyro reads too little (rad/s declared as deg/s?), or the rotors' positions are "
+            f"too small (the arm is {arm:g} m)"
+        )
+    return (
+        f"the vehicle answers its rotors like a body whose radius of gyration is "
+        f"{found:.3g} times its arm ({expected}): {causes}; correct the unit"
+    )
+
+
+def hover_speed(data: FlightData) -> float:
+    """Return the root mean square of the rotors' speeds, its median over the flight [rad/s]."""
+    speeds = [data.rotor_speed[s.start : s.stop] for s in data.segments]  # views: flights are long
+    squares = np.concatenate([np.einsum("nr,nr->n", O, O) for O in speeds])
+    return float(np.sqrt(np.median(squares) / data.rotor_speed.shape[1]))
+
+
+def refuse_rotors_too_fast(
+    flights: Mapping[str, FlightData], arm: float, *, law: bool, takes_columns: bool = True
+) -> None:
+    """Raise where no rotor hovers at such a speed, as where rpm are taken for rad/s.
+
+    Parameters
+    ----------
+    flights
+        By the name of their file, with rotor speeds in rad/s.
+    arm
+        Of the vehicle [m].
+    law
+        Whether the speeds come from commands by a law.
+    takes_columns
+        Whether units of these logs can be declared.
+
+    Raises
+    ------
+    FlightError
+        With the unit that would explain it.
+    """
+    for name, data in flights.items():
+        speed = hover_speed(data)
+        tip = speed * SMALLEST_ROTOR * arm
+        if speed <= FASTEST_HOVER and tip <= FASTEST_TIP:
+            continue
+        remedy = (
+            "the law of [motors] gives rad/s: divide its numbers by 9.549"
+            if law
+            else 'set unit = "rpm" (or "erpm", with poles) in columns, or correct poles'
+            if takes_columns
+            else "correct poles under [motors]"
+        )
+        raise FlightError(
+            f"{name}: the rotors hover at {speed:.0f} rad/s (expected below {FASTEST_HOVER:.0f}), "
+            f"and even rotors with a quarter of the arm ({arm:g} m) as radius would have tips at "
+            f"{tip:.0f} m/s (expected up to {FASTEST_TIP:.0f}): rotor speeds look like rpm "
+            f"read as rad/s: {remedy}; or correct the rotors' positions"
+        )
+
+
+def slow_rotor_doubts(
+    data: FlightData, arm: float, *, law: bool, takes_columns: bool = True
+) -> tuple[str, ...]:
+    """Return a doubt where rotors of these arms hover too slowly, as where rad/s are taken for rpm.
+
+    Parameters are those of `refuse_rotors_too_fast`. A doubt only: a light vehicle with large
+    rotors comes near.
+    """
+    speed = hover_speed(data)
+    tip = speed * LARGEST_ROTOR * arm
+    if tip >= SLOWEST_TIP:
+        return ()
+    unit = "correct their unit in columns, or poles" if takes_columns else "correct their poles"
+    remedy = "correct the law of [motors]" if law else unit
+    return (
+        f"the rotors hover at {speed:.0f} rad/s: even rotors with 0.9 of the arm ({arm:g} m) as "
+        f"radius would have tips at {tip:.0f} m/s, too slow to lift most vehicles (expected over "
+        f"{SLOWEST_TIP:.0f}): "
+        f"rotor speeds look like rad/s read as rpm; {remedy}, or the rotors' positions",
+    )

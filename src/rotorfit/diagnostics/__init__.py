@@ -1,0 +1,1 @@
+"""Consistency checks of a fit and its flights: what contradicts the result."""

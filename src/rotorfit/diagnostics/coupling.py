@@ -1,0 +1,136 @@
+"""The gyroscopic coupling of a rigid body: whether a flight shows it.
+
+A body that turns about two axes at once turns about the third: w x I w. Nothing else tells the
+scale of the yaw equation, and with it I_zz, k_d and J_r. A simulator that turns its vehicle by
+torque over inertia, axis by axis, has no such term; a fit that expects it finds the only body in
+which it vanishes, with I_zz near I_xx and I_yy, and all of yaw too small.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rotorfit.dataset.dataset import Flown
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.experiment.model_terms import Term
+from rotorfit.fit.intervals.excitation import SCALED
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.logs.simulators import SITL
+from rotorfit.model.parameters import INERTIA
+from rotorfit.model.regressor import Regressor
+from rotorfit.results.parameter_tables import Tables
+from rotorfit.results.physical_inertia import taken_back
+
+LARGEST_IZZ: Final = 1.05
+"""Times the larger of I_xx and I_yy up to which the coupling is looked at: a multirotor, whose
+motors stand at the ends of its arms, has 1.2 and more; a body without coupling seems to have less
+than 1."""
+KNOWN_IZZ: Final = 0.5
+"""Half-width of I_zz, as a share, from which on the flights do not tell it by any coupling."""
+LEAST_GAIN: Final = 10.0
+"""Of the log-likelihood, by which flights must be likelier without coupling: sound real logs lose
+more than that, or do not tell I_zz; ArduPilot's simulator gains 17 (I_xx = I_yy) to 900."""
+LEAST_GAIN_SIMULATED: Final = -3.0
+"""The same of a program whose own frames have none: with I_xx = I_yy a body with I_zz the same is
+as likely."""
+LEFT_SCALE: Final = (0.05, 0.01)
+"""k_d and its deviation, as shares of what it is with coupling. Without it nothing fixes the scale
+of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pitch, as it does in
+such a program, and the ratios stay what they are."""
+WORDS: Final = (
+    "this flight does not move like a rigid body: where roll, pitch and yaw are flown together, "
+    "none affects another (log-likelihood {gain:+.0f} without w x I w): a simulator without "
+    "gyroscopic terms? "
+    "They alone give the scale of yaw, so that Izz, kd and Jr are not given, only their ratios; on "
+    "a real vehicle the gyro's axes, scale or clock would be wrong"
+)
+REASON: Final = "the flight shows no gyroscopic coupling, which alone gives the scale of yaw"
+ADVICE: Final = (
+    "take Izz or kd from elsewhere (a pendulum, a bench), or fly in a simulator with gyroscopic "
+    "terms (PX4's SIH, Gazebo, MuJoCo)"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uncoupled:
+    """A fit without gyroscopic terms, which the flights like as well or better.
+
+    Attributes
+    ----------
+    flown, fit, joint
+        With the model without them.
+    gain
+        Of the log-likelihood, over the fit with them.
+    """
+
+    flown: Flown
+    fit: BandedEstimate
+    joint: list[JointConfiguration]
+    gain: float
+
+
+def uncoupled_fit(
+    flown: Flown, fit: BandedEstimate, numbers: Numbers, *, terms: Sequence[Term]
+) -> Uncoupled | None:
+    """Return the fit without gyroscopic terms, where the flights show none; else None.
+
+    Parameters
+    ----------
+    flown, fit, numbers
+        With them.
+    terms
+        Of the model.
+    """
+    if not any(_suspicious(numbers, c.entry.name) for c in flown.configurations):
+        return None
+    simulated = any(f.log.simulator == SITL for c in flown.configurations for f in c.flights)
+    other = dataclasses.replace(flown, model=without_coupling(flown.model))
+    kd = fit.estimate.by_name["kd"]
+    try:
+        trial, joint = joint_fit(
+            other,
+            terms=terms,
+            begin=fit.estimate.by_name,
+            known={"kd": (LEFT_SCALE[0] * kd, LEFT_SCALE[1] * abs(kd))},
+        )
+    except EstimationError:
+        return None
+    gain = trial.log_likelihood - fit.log_likelihood
+    if gain < (LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN):
+        return None
+    return Uncoupled(flown=other, fit=trial, joint=joint, gain=gain)
+
+
+def _suspicious(numbers: Numbers, configuration: str) -> bool:
+    """Return whether I_zz is told, and is that of no multirotor."""
+    moments = [numbers.number(f"{name}_com@{configuration}") for name in ("Ixx", "Iyy", "Izz")]
+    (Ixx, _), (Iyy, _), (Izz, half) = moments
+    return half < KNOWN_IZZ * abs(Izz) and Izz < LARGEST_IZZ * max(Ixx, Iyy)
+
+
+def without_coupling(model: Regressor) -> Regressor:
+    """Return a model whose body turns by torque over inertia, without w x I w."""
+    products = [i for i, n in enumerate(model.layout.names) if n in _PRODUCTS]
+    inertia = [model.names.index(name) for name in INERTIA]
+    tensor = model.tensor.copy()
+    tensor[np.ix_(inertia, range(tensor.shape[1]), products)] = 0.0
+    return dataclasses.replace(model, tensor=tensor)
+
+
+_PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
+
+
+def without_yaw_scale(tables: Tables, gain: float) -> Tables:
+    """Return the tables without the numbers that hang on the scale of yaw, and why."""
+    scaleless = taken_back(tables, lambda name, _: name in SCALED, (REASON, ADVICE))
+    return dataclasses.replace(
+        scaleless,
+        warnings=(WORDS.format(gain=gain), *tables.warnings),
+        diagnostics={**tables.diagnostics, "gain_without_coupling": gain},
+    )

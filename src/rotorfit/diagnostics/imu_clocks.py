@@ -1,0 +1,149 @@
+"""Do accelerometer and gyro tell of the same moment? Both answer the same rotors.
+
+The thrust of all rotors together shows in the accelerometer, their differences in the gyro, both
+at once. Where one comes later than the other, its samples are stamped late or stand behind a
+low-pass filter; one delay of the motors cannot serve both.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.dataset.dataset import Flown, UsedFlight
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.signals import smooth, whole_samples
+from rotorfit.reduction.flight_bands import retimed
+
+APART: Final = 0.008
+"""Between accelerometer and gyro from which it is said [s]. Sound real logs have up to 1 ms, an
+accelerometer stamped 30 ms late 28, a gyro behind a low-pass of 5 Hz 50, one of 20 Hz 12."""
+UNEXPLAINED: Final = 0.1
+"""Or from this times the share of a turn that the rotors do not explain [s]: what the autopilot
+answers to gusts and noise moves the turn's time by so much at most (simulated flights: 17 to 28 ms
+where they explain .8 to .65)."""
+FILTERED: Final = 0.2
+"""Delay of a low-pass filter times its cutoff: .16 of the first order, .23 of the second."""
+EXPLAINED_FORCE: Final = 0.4
+EXPLAINED_TURN: Final = 0.85
+"""Share of the upward force and of a turn that the rotors must explain in the band."""
+REACH: Final = 0.1
+"""How far the two are looked for [s]."""
+SLOW, FAST = 2.0, 12.0
+"""Band in which they are compared [Hz]: below, the air answers climb and sink with a phase of its
+own (16 ms at 0.5 Hz and up), above is vibration."""
+SHORTEST: Final = 5.0
+"""Flight that is looked at [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lateness:
+    """By how much a signal comes after what the rotors do [s], and the share they explain of it."""
+
+    seconds: float
+    share: float
+
+
+def accelerometer_apart(flown: Flown) -> str | None:
+    """Return that accelerometer and gyro are apart in time in one of the flights, in words."""
+    if flown.source != "imu":
+        return None
+    for configured in flown.configurations:
+        for flight in configured.flights:
+            apart = _apart(flight, flown)
+            if apart is not None:
+                return _words(Path(flight.entry.file).name, apart)
+    return None
+
+
+def _words(name: str, apart: float) -> str:
+    late, early = ("accelerometer", "gyro") if apart > 0 else ("gyro", "accelerometer")
+    return (
+        f"{name}: the {late} follows the rotors {1e3 * abs(apart):.0f} ms later than the {early}, "
+        f"though both respond at once: the {late} is stamped late, or passes a low-pass filter "
+        f"of about {FILTERED / abs(apart):.0f} Hz that the {early} does not; log both unfiltered "
+        "with one clock. Until then do not trust kt and inertia"
+    )
+
+
+def _apart(flight: UsedFlight, flown: Flown) -> float | None:
+    """Return how much later than the gyro the accelerometer answers [s]; None where not surely."""
+    data = retimed(flight.prepared, flown.timing)
+    if data.seconds_used < SHORTEST:
+        return None
+    force, *turns = latenesses(data, flown.vehicle)
+    turn = max(turns, key=lambda found: found.share)
+    if force.share < EXPLAINED_FORCE or turn.share < EXPLAINED_TURN:
+        return None
+    apart = force.seconds - turn.seconds
+    return apart if abs(apart) > max(APART, UNEXPLAINED * (1.0 - turn.share)) else None
+
+
+def latenesses(data: FlightData, vehicle: Vehicle) -> list[Lateness]:
+    """Return how late the upward force, roll and pitch come after the rotors' speeds."""
+    reach = whole_samples(REACH * data.sample_rate)
+    made = np.column_stack([vehicle.axes[:, 2], np.cross(vehicle.positions, vehicle.axes)[:, :2]])
+    pairs: list[tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]] = []
+    for s in data.segments:
+        if len(s) < 8 * reach or len(s) < 2.0 * data.sample_rate / SLOW:
+            continue
+        rows = slice(s.start, s.stop)
+        answer = np.column_stack(
+            [data.specific_force[rows, 2], data.angular_acceleration[rows, :2]]
+        )
+        push = data.rotor_speed[rows] ** 2 @ made
+        pairs.append((_band(answer, data.sample_rate), _band(push, data.sample_rate)))
+    if not pairs:
+        return [Lateness(seconds=0.0, share=0.0)] * 3
+    return [_lateness([(y[:, k], x[:, k]) for y, x in pairs], reach, data) for k in range(3)]
+
+
+def _band(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarray, "n k"]:
+    return smooth(values, rate, FAST) - smooth(values, rate, SLOW)
+
+
+def _lateness(
+    pairs: Sequence[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]],
+    reach: int,
+    data: FlightData,
+) -> Lateness:
+    """Return the shift at which a push explains most of an answer, between samples by a parabola.
+
+    Parameters
+    ----------
+    pairs
+        Answer and push of each stretch.
+    reach
+        How many samples to either side are tried.
+    data
+        Whose rate it is.
+    """
+    shares = np.array([_share(pairs, shift, reach) for shift in range(-reach, reach + 1)])
+    best = int(np.argmax(shares))
+    if best in (0, len(shares) - 1):
+        return Lateness(seconds=0.0, share=0.0)
+    left, top, right = shares[best - 1 : best + 2].tolist()
+    bend = left - 2.0 * top + right
+    between = 0.0 if bend == 0.0 else 0.5 * (left - right) / bend
+    return Lateness(seconds=(best - reach + between) / data.sample_rate, share=top)
+
+
+def _share(
+    pairs: Sequence[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]],
+    shift: int,
+    reach: int,
+) -> float:
+    """Return the share of an answer that a push explains which came `shift` samples earlier."""
+    cross = size = total = 0.0
+    for y, x in pairs:
+        own, moved = y[reach : len(y) - reach], x[reach - shift : len(x) - reach - shift]
+        cross += float(own @ moved)
+        size += float(moved @ moved)
+        total += float(own @ own)
+    if size == 0.0 or total == 0.0 or cross <= 0.0:
+        return 0.0
+    return cross**2 / (size * total)

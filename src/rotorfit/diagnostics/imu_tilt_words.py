@@ -1,0 +1,32 @@
+"""How the IMU sits in the vehicle, in words."""
+
+import numpy as np
+
+from rotorfit.dataset.dataset import Flown
+from rotorfit.preprocessing.imu_tilt import LEAST_LEAN, ImuTilt, lean, lean_words
+
+
+def mounting_sentence(tilt: ImuTilt) -> str:
+    """Return that the IMU is mounted turned, and what was done about it."""
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    return (
+        f"the IMU is mounted {lean_words(tilt)} relative to the plane of the rotors: in flight the "
+        "thrust is tilted by that angle in the IMU's axes, and the flight fits far better with it. "
+        "The readings are turned back; measure the mounting, and declare it under [airframe] "
+        f"(imu_tilt_deg = [{roll:.1f}, {pitch:.1f}])"
+    )
+
+
+def lean_sentence(flown: Flown) -> tuple[str, ...]:
+    """Return that the thrust leans in the IMU's axes and nothing tells why, in words."""
+    tilt = lean([f.prepared.data for c in flown.configurations for f in c.flights])
+    if flown.source != "imu" or tilt.angle < LEAST_LEAN:
+        return ()
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    return (
+        f"in flight the thrust is tilted as if the IMU were mounted {lean_words(tilt)} (good logs: "
+        "up to 4.5 degrees); the flight does not show whether it is, or whether a biased "
+        "accelerometer or drag in fast flight is the cause: measure the mounting and declare it "
+        f"under [airframe] (imu_tilt_deg = [{roll:.1f}, {pitch:.1f}]); until then do not trust "
+        "kd, Jr and the inertia about z",
+    )

@@ -1,0 +1,108 @@
+"""Spectral lines of a flight that an instrument needs: what was asked for, made and missed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+
+from rotorfit.dataset.dataset import Configured, Flown
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.banded_problem import solved
+from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY, JointConfiguration, theta_of
+from rotorfit.model.signals import signal_matrix
+from rotorfit.preprocessing.flight_data import FlightData, Velocity
+from rotorfit.reduction.flight_bands import banded_data
+from rotorfit.reduction.reduce import banded_lines
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceLines:
+    """Lines about x, y and z, those of all bands that a fit has, one after the other.
+
+    Attributes
+    ----------
+    reference
+        Time derivative of the angular velocity that was asked for [rad/s^2].
+    predicted
+        What the rotors make of it by the fit [rad/s^2].
+    error
+        What was measured, less all that the fit has [rad/s^2].
+    block
+        Of a stretch and a frequency band.
+    flown
+        In which blocks a pilot moves the axis.
+    """
+
+    reference: Complex[np.ndarray, "l 3"]
+    predicted: Complex[np.ndarray, "l 3"]
+    error: Complex[np.ndarray, "l 3"]
+    block: Int[np.ndarray, " l"]
+    flown: Bool[np.ndarray, "l 3"]
+
+
+def reference_lines(
+    flown: Flown, fit: BandedEstimate, joint: Sequence[JointConfiguration]
+) -> Iterator[tuple[str, ReferenceLines | None]]:
+    """Yield the lines of each configuration, None where no log says what was asked for.
+
+    Parameters
+    ----------
+    flown
+        The flights.
+    fit, joint
+        Their fit, and its configurations.
+    """
+    theta = theta_of(fit.problem.map, fit.estimate.values, joint)
+    for k, (configured, c) in enumerate(zip(flown.configurations, joint, strict=True)):
+        G, _ = solved(c.model.tensor, theta[k], fit.problem.noisy)
+        yield c.name, _lines(configured, c, flown, G[[NOISY.index(name) for name in ANSWERED]])
+
+
+def _lines(
+    configured: Configured, c: JointConfiguration, flown: Flown, G: Float[np.ndarray, "3 z"]
+) -> ReferenceLines | None:
+    """Return the lines of one configuration, `G` making errors of its signals."""
+    if c.answered is None or all(f.prepared.data.reference is None for f in configured.flights):
+        return None
+    rows: list[Complex[np.ndarray, "l 9"]] = []
+    blocks: list[Int[np.ndarray, " l"]] = []
+    first = 0
+    for flight in configured.flights:
+        data, plan = banded_data(flight.prepared, flown.timing)
+
+        def columns(start: int, stop: int, data: FlightData = data) -> Float[np.ndarray, "n 9"]:
+            return _columns(data, c, G, (start, stop), velocity=flown.velocity)
+
+        for lines, bands, frequency in banded_lines(data, columns, plan=plan):
+            lines[:, :3] *= 2j * np.pi * frequency[:, None]
+            for k, (a, b) in enumerate(bands, start=first):
+                rows.append(lines[a:b])
+                blocks.append(np.full(b - a, k))
+            first += len(bands)
+    every, block = np.concatenate(rows), np.concatenate(blocks)
+    moving = c.factors.band[:, 0] > 0.0
+    return ReferenceLines(
+        reference=every[:, :3],
+        predicted=every[:, 3:6],
+        error=every[:, 6:],
+        block=block,
+        flown=(c.answered & moving[:, None])[block],
+    )
+
+
+def _columns(
+    data: FlightData,
+    c: JointConfiguration,
+    G: Float[np.ndarray, "3 z"],
+    rows: tuple[int, int],
+    *,
+    velocity: Velocity,
+) -> Float[np.ndarray, "n 9"]:
+    """Return what was asked for, made and missed in some rows; where nothing was asked, nothing."""
+    Z = signal_matrix(data, c.vehicle, *rows, velocity=velocity)
+    made = np.array([name.startswith(("O2_", "dH")) for name in c.model.layout.names])
+    asked = np.zeros((len(Z), 3))
+    if data.reference is not None and np.isfinite(data.reference[slice(*rows)]).all():
+        asked = data.reference[slice(*rows)]
+    return np.concatenate([asked, -Z[:, made] @ G[:, made].T, Z @ G.T], axis=1)

@@ -1,0 +1,154 @@
+"""Are the rotors as far apart front to back, over left to right, as declared? The flight tells.
+
+Longer arms all over look like a heavier body; longer ones along x alone do not: turns about two
+axes at once, and the centre of mass beside the accelerometer, tie roll and pitch together. So the
+likelihood of a flight has a best ratio of the two lever arms, and a rectangular frame declared as a
+square one, or with x and y swapped, loses by it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from rotorfit.dataset.dataset import Flown
+from rotorfit.errors import EstimationError, FrameError
+from rotorfit.estimation.banded import BandedEstimate, banded
+from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.model.regressor import regressor
+from rotorfit.model.vehicle import Vehicle
+
+SAID: Final = 30.0
+REFUSED: Final = 50.0
+"""Of the log-likelihood, per flight, that the declared ratio loses against the best one. Sound real
+logs lost up to 8, simulated flights nothing; a rectangle of 91 by 127 mm declared as a square 53,
+with x and y swapped 108."""
+CLOSE: Final = 0.1
+"""Of a parameter's deviation, at which a trial ends: its likelihood is known to a tenth or two."""
+STEP: Final = 0.15
+"""Of the logarithm of the ratio, in which it is tried to either side."""
+FURTHEST: Final = 0.9
+"""Of the same."""
+ALIKE: Final = 0.12
+"""Of the same, within which a ratio is that of swapped axes, or of a square."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeverRatio:
+    """Which ratio of lever arms, front to back over left to right, is likeliest.
+
+    Attributes
+    ----------
+    declared, best
+        The ratios of the rotors' distances.
+    lost
+        Of the log-likelihood, by the declared one against the best.
+    """
+
+    declared: float
+    best: float
+    lost: float
+
+
+def lever_ratio(flown: Flown, fit: BandedEstimate) -> LeverRatio | None:
+    """Return which ratio of lever arms the flights like best; None where it cannot be tried.
+
+    Parameters
+    ----------
+    flown
+        With upright rotors in two dimensions.
+    fit
+        At the declared rotors. What counts of each band is held.
+    """
+    x, y = np.ptp(flown.vehicle.positions[:, :2], axis=0).tolist()
+    if min(x, y) < 0.05 * max(x, y):
+        return None
+    try:
+        tried = _climbed({0.0: fit}, flown)
+    except EstimationError:
+        return None
+    heights = {place: one.log_likelihood for place, one in tried.items()}
+    best = max(heights, key=lambda place: heights[place])
+    return LeverRatio(
+        declared=x / y,
+        best=x / y * float(np.exp(best)),
+        lost=heights[best] - fit.log_likelihood,
+    )
+
+
+def _climbed(tried: dict[float, BandedEstimate], flown: Flown) -> dict[float, BandedEstimate]:
+    """Return the fits at steps to either side, uphill as far as the likelihood rises."""
+    tried = dict(tried)
+    for step in (STEP, -STEP):
+        place = 0.0
+        while abs(place) < FURTHEST:
+            further = round((place + step) / STEP) * STEP
+            tried[further] = _at(further, place, flown, tried[place])
+            if tried[further].log_likelihood <= tried[place].log_likelihood:
+                break
+            place = further
+    return tried
+
+
+def stretched(vehicle: Vehicle, log_ratio: float) -> Vehicle:
+    """Return rotors further apart along x and nearer along y, of another ratio of the two."""
+    factor = float(np.exp(0.5 * log_ratio))
+    return replace(
+        vehicle,
+        rotors=tuple(
+            replace(r, position=(r.position[0] * factor, r.position[1] / factor, r.position[2]))
+            for r in vehicle.rotors
+        ),
+    )
+
+
+def _at(place: float, begun: float, flown: Flown, fit: BandedEstimate) -> BandedEstimate:
+    """Return the fit with other lever arms, begun where that at `begun` ended."""
+    tensor = regressor(stretched(flown.vehicle, place), velocity=flown.velocity).tensor
+    problem = replace(fit.problem, tensors=tuple(tensor for _ in fit.problem.tensors))
+    factor = float(np.exp(0.5 * (place - begun)))
+    scale = {"Ixx": 1.0 / factor, "Iyy": factor}
+    start = [
+        value * scale.get(name.partition("@")[0], 1.0)
+        for name, value in fit.estimate.by_name.items()
+    ]
+    return banded(problem, np.array(start), close=CLOSE)
+
+
+def lever_doubt(
+    flown: Flown, fit: BandedEstimate, numbers: Numbers
+) -> tuple[str | None, dict[str, float]]:
+    """Return that the flights contradict the declared ratio of lever arms, and the numbers.
+
+    Raises
+    ------
+    FrameError
+        Where they do so beyond doubt.
+    """
+    turned = [rho for name, rho in numbers.excitation.items() if not name.startswith("yaw")]
+    if min(turned) < LEAST_EXCITATION:
+        return None, {}  # gusts and drag would choose the ratio
+    found = lever_ratio(flown, fit)
+    if found is None:
+        return None, {}
+    flights = sum(len(c.flights) for c in flown.configurations)
+    diagnostics = {"lever_ratio_loss": found.lost, "lever_ratio": found.best}
+    if found.lost / flights > REFUSED:
+        raise FrameError(f"{_words(found)}; measure both from motor to motor and correct them")
+    if found.lost / flights > SAID:
+        return f"{_words(found)}; measure both from motor to motor", diagnostics
+    return None, diagnostics
+
+
+def _words(found: LeverRatio) -> str:
+    cause = "the rotors' positions are wrong along one axis"
+    if abs(np.log(found.best * found.declared)) < ALIKE:
+        cause = "x and y of the rotors' positions are swapped"
+    elif abs(np.log(found.declared)) < ALIKE:
+        cause = "a rectangular frame is declared as a square one"
+    return (
+        f"the rotors' distances front to back over left to right are {found.declared:.2f} as "
+        f"declared, but the flight fits far better with {found.best:.2f} (log-likelihood "
+        f"+{found.lost:.0f}): {cause}"
+    )

@@ -1,0 +1,1 @@
+"""From estimates to numbers with 95 % intervals."""

@@ -1,0 +1,453 @@
+"""From the joint estimate to physical numbers with intervals.
+
+Half-width^2 = (t times the larger of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
+Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Answer:
+how far the estimate hangs on what is assumed of the autopilot, which answers disturbances
+(`banded.answer_shifts`). Push: what is open of where gusts and drag push (`tie_shifts`). What a
+change of settings shifts is added by the recipe.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy import stats
+
+from rotorfit.estimation.banded import (
+    BandedEstimate,
+    answer_shifts,
+    square_root,
+    steps_without,
+    weighted_by_chance,
+)
+from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.parameter_map import ParameterMap
+from rotorfit.estimation.propagate import numerical_jacobian
+from rotorfit.estimation.reweighted import scatter_covariance
+from rotorfit.estimation.tied_errors import tie_shifts
+from rotorfit.experiment.payload import MOMENTS
+from rotorfit.fit.intervals.excitation import (
+    HEIGHTS,
+    LEAST_EXCITATION,
+    SCALED,
+    YAW_PRODUCTS,
+    attenuation_allowance,
+    common_share,
+    inertia_pull,
+    link_allowance,
+    product_allowance,
+    scale_stretch,
+)
+from rotorfit.fit.intervals.numbers import (
+    PRODUCTS,
+    Numbers,
+    chance_half_width,
+    correlation_of,
+    hover_speed,
+    moments_beside,
+    plain_scale,
+    product_scale,
+    quadrature,
+)
+from rotorfit.fit.joint.joint_map import spread_names
+from rotorfit.fit.joint.joint_problem import JointConfiguration, rotor_drag_std, theta_of
+from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
+from rotorfit.model.parameters import (
+    DERIVED,
+    DRAG,
+    DRAG_MOMENTS,
+    INERTIA,
+    PARAMETERS,
+    ROTORS_AIR,
+    TURN_DAMPING,
+    inertia_about,
+)
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.reduction.frequency_bands import PILOT_BAND
+from rotorfit.reduction.motor_timing import FreeTiming
+
+AXES = ("roll", "pitch", "yaw")
+FEWEST_PHASES = 3
+"""Whose scatter tells anything."""
+MOST_LEVERAGE = 4.0
+"""Of a phase that has three quarters of the information."""
+FEWEST_FLIGHTS = 3
+"""Of one configuration, from which their scatter tells anything: its own size from
+`ENOUGH_FLIGHTS` on, of fewer it can only be a lower limit."""
+OWN_NUMBERS = (
+    *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
+    *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS, *TURN_DAMPING),
+    *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
+)
+SHARED_FREE = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR)
+SHARED_NUMBERS = (*SHARED_FREE, "kd_over_kt", "motor_lag_total")
+
+
+def joint_numbers(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    mass_std: Mapping[str, float],
+) -> Numbers:
+    """Return the physical numbers of a joint estimate."""
+    estimate = fit.estimate
+    mapped = fit.problem.map
+    at_estimate = physical(estimate.values, mapped, configurations)
+    names, values = tuple(at_estimate), np.array(list(at_estimate.values()))
+    jacobian = numerical_jacobian(
+        lambda phi: np.array(list(physical(phi, mapped, configurations).values())),
+        estimate.values,
+        estimate.std,
+    )
+    formal = formal_covariance(fit, jacobian)
+    answers = answer_shifts(fit) @ jacobian.T
+    timings = np.reshape(_timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
+    late = timings @ jacobian.T
+    # What shifts all numbers at once makes them go together, as chance does.
+    shared = answers.T @ answers / 1.96**2 + late.T @ late
+    numbers = Numbers(
+        names=names,
+        values=values,
+        half_width=by_chance(fit, jacobian, formal),
+        correlation=correlation_of(formal + shared),
+        excitation=excitation(fit, configurations),
+    )
+    pushed = tie_shifts(fit) @ jacobian.T
+    shifts = np.vstack([np.abs(answers).sum(axis=0), 1.96 * late, 1.96 * pushed])
+    told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
+    told = _with_systematic(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
+    told = hanging_on_inertia(told, configurations, np.sqrt(np.diagonal(formal + shared)))
+    told = hanging_on_roll_and_pitch(told, configurations)
+    return replace(told, excitation=numbers.excitation)
+
+
+def formal_covariance(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, "q q"]:
+    """Return the covariance that the fit states, of numbers with these slopes by its parameters."""
+    spread = jacobian @ square_root(weighted_by_chance(fit))
+    formal: Float[np.ndarray, "q q"] = spread @ spread.T
+    return formal
+
+
+def by_chance(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width by chance: what the fit states, or blocks, phases and flights show.
+
+    Parameters
+    ----------
+    fit
+        Of all flights.
+    jacobian
+        Of the numbers by the free parameters.
+    formal
+        `formal_covariance` of the numbers.
+    """
+    # A block holds an equation for each noisy signal: that many parameters cost one block.
+    blocks = len(fit.influence)
+    free = max(blocks - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
+    scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T
+    shown = (
+        chance_half_width(formal, scatter, free) * np.sqrt(blocks / free),
+        _between_phases(fit, jacobian),
+        _between_flights(fit, jacobian),
+    )
+    return np.maximum.reduce(shown)
+
+
+def _between_flights(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width that the pull of each flight as a whole shows; zeros for one or two.
+
+    Real flights differ by more than any one of them can know. As the jackknife over blocks, with a
+    flight for a block (the cluster-robust variance, and its few degrees of freedom).
+    """
+    variance, degrees = np.zeros(len(jacobian)), np.inf
+    first = 0
+    for factors in fit.problem.factors:
+        source = factors.recording
+        own = fit.influence[first : first + len(source)]
+        first += len(source)
+        pulls = np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T
+        m = len(pulls)
+        if m < FEWEST_FLIGHTS:
+            continue
+        variance += m / (m - 1.0) * ((pulls - pulls.mean(axis=0)) ** 2).sum(axis=0)
+        if m >= ENOUGH_FLIGHTS:
+            degrees = min(degrees, m - 1)
+    return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
+
+
+def _timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[np.ndarray, " f"]]:
+    """Return how far the parameters move where the motors' times are off by their faults."""
+    if timing is None:
+        return []
+    names, covariance = fit.estimate.names, fit.estimate.covariance
+    shifts: list[Float[np.ndarray, " f"]] = []
+    for fault in timing.faults():
+        at = [names.index(name) for name in fault]
+        held = np.linalg.solve(covariance[np.ix_(at, at)], np.array(list(fault.values())))
+        shifts.append(covariance[:, at] @ held)
+    return shifts
+
+
+def _between_phases(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width that the phases of the flights show, all bands of one together.
+
+    What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
+    their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
+    moves by d; p is too small where a phase has most of the information, and d too large: the
+    variance is the sum of p d (the jackknife's and the sandwich's geometric mean, HC2), d being no
+    more than a few times p: without the one phase that tells anything, nothing is told at all.
+    """
+    parts = _phases(fit)
+    if len(parts) < FEWEST_PHASES:
+        return np.zeros(len(jacobian))
+    pulls = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
+    moves = steps_without(fit, parts) @ jacobian.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leverage = np.clip(np.nan_to_num(np.abs(moves / pulls), nan=1.0), 1.0, MOST_LEVERAGE)
+    return 1.96 * np.sqrt((leverage * pulls**2).sum(axis=0))
+
+
+def _phases(fit: BandedEstimate) -> list[Bool[np.ndarray, " b"]]:
+    """Return which blocks are of each phase of each configuration's flights."""
+    factors = fit.problem.factors
+    configuration = np.repeat(np.arange(len(factors)), [len(f) for f in factors])
+    labels = np.column_stack([configuration, np.concatenate([f.segment for f in factors])])
+    return [(labels == label).all(axis=1) for label in np.unique(labels, axis=0)]
+
+
+def physical(
+    phi: Float[np.ndarray, " f"],
+    mapped: ParameterMap,
+    configurations: Sequence[JointConfiguration],
+) -> dict[str, float]:
+    """Return every physical number at the free parameters `phi`."""
+    p = dict(zip(mapped.names, phi.tolist(), strict=True))
+    out = {name: p[name] for name in SHARED_FREE if name in p}
+    out["kd_over_kt"] = p["kd"] / p["kt"]
+    theta = theta_of(mapped, phi, configurations)
+    index = configurations[0].model.names.index
+    spread = spread_names(configurations[0].vehicle)
+    for i in range(len(spread) if set(spread) <= set(p) else 0):
+        out[f"kt_{i + 1}"] = p["kt"] + float(theta[0, index(f"kt_{i + 1}")])
+    for c, configuration in enumerate(configurations):
+        own = {
+            name.removesuffix(f"@{configuration.name}"): value
+            for name, value in p.items()
+            if name.endswith(f"@{configuration.name}")
+        }
+        # From theta, not phi: a body with a known payload has no free moments of its own.
+        place = configuration.model.names.index
+        own |= {name: float(theta[c, place(name)]) for name in MOMENTS}
+        numbers = _own_numbers({**own, **out}, configuration)
+        out |= {f"{name}@{configuration.name}": value for name, value in numbers.items()}
+    return out
+
+
+def _own_numbers(p: Mapping[str, float], configuration: JointConfiguration) -> dict[str, float]:
+    """Return the numbers of one configuration: its own parameters and what follows from them."""
+    mass = configuration.mass
+    com = np.array([p["msx"], p["msy"], p["msz"]]) / mass
+    elements = np.array([p[name] for name in INERTIA])
+    about_com = inertia_about(elements, -mass, com)
+    out = {name: p[name] for name in OWN_NUMBERS if name in p}
+    out |= {f"com_{axis}": float(c) for axis, c in zip("xyz", com, strict=True)}
+    out |= {f"{name}_com": float(v) for name, v in zip(INERTIA, about_com, strict=True)}
+    for name, v in zip(("Ixx", "Iyy", "Izz"), about_com[:3], strict=True):
+        out[f"{name}_over_kt"] = float(v) / p["kt"]
+    out["kd_over_Izz"] = p["kd"] / float(about_com[2])
+    if "Jr" in p:
+        out["Jr_over_Izz"] = p["Jr"] / float(about_com[2])
+    out["hover_speed"] = hover_speed(p["kt"], mass=mass, vehicle=configuration.vehicle)
+    return out
+
+
+def excitation(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, float]:
+    """Return explained over residual power of the angular accelerations, where a pilot flies.
+
+    Of several flights the mean, each for as long as it is: the fit gives every flight the weight
+    of its own noise, so that a calm one beside a lively one does no harm.
+    """
+    return _ratios(fit, configurations, lambda factors: factors.recording)
+
+
+def weighed_excitation(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, float]:
+    """Return the same, the mean over single blocks, each with the weight it has in the fit.
+
+    A short lively phase of a long calm flight is what tells of the vehicle.
+    """
+    return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
+
+
+def _telling(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
+    """Return the excitation by weight where that is enough, else over the whole flights."""
+    plain = numbers.excitation
+    return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
+
+
+def _ratios(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    parts: Callable[[Factors], Int[np.ndarray, " b"]],
+) -> dict[str, float]:
+    rho: dict[str, float] = {}
+    first = 0
+    for configuration in configurations:
+        count = len(configuration.factors)
+        signal = fit.signal_power[first : first + count, 3:]
+        residual = fit.residual_power[first : first + count, 3:]
+        first += count
+        factors = configuration.factors
+        means = _mean_ratios(factors, signal, residual, parts(factors))
+        rho |= {
+            f"{axis}@{configuration.name}": float(mean)
+            for axis, mean in zip(AXES, means, strict=True)
+        }
+    return rho
+
+
+def _mean_ratios(
+    factors: Factors,
+    signal: Float[np.ndarray, "b 3"],
+    residual: Float[np.ndarray, "b 3"],
+    parts: Int[np.ndarray, " b"],
+) -> Float[np.ndarray, " 3"]:
+    """Return the mean over parts of explained over residual power in the pilot's band."""
+    low, high = PILOT_BAND
+    inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
+    total, weight = np.zeros(3), 0.0
+    for number in np.unique(parts):
+        own = inside & (parts == number)
+        left = residual[own].sum(axis=0)
+        explained = np.maximum(signal[own].sum(axis=0) - left, 0.0)
+        rows = float(factors.rows[own].sum())
+        total += rows * explained / np.maximum(left, np.finfo(float).tiny)
+        weight += rows
+    return total / max(weight, 1.0)
+
+
+def _with_systematic(
+    numbers: Numbers,
+    configurations: Sequence[JointConfiguration],
+    mass_std: Mapping[str, float],
+    shifts: Float[np.ndarray, " q"],
+) -> Numbers:
+    """Return the numbers with the half-width of what no scatter within the flights shows.
+
+    `shifts`: of what is assumed of autopilot and motors.
+    """
+    by_name = {c.name: c for c in configurations}
+    many = any(len(flights_of(c.factors)) >= ENOUGH_FLIGHTS for c in configurations)
+    extra = np.zeros(len(numbers.names))
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        value = abs(float(numbers.values[i]))
+        parts = [float(shifts[i]), common_share(base) * value * many]
+        rho = numbers.rho(name)
+        if rho is not None and not rho > LEAST_EXCITATION:
+            c = by_name[owner] if owner else configurations[0]
+            size = max(value, number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle))
+            parts.append(attenuation_allowance(base, size, rho, answered=False))
+        if base in YAW_PRODUCTS:
+            parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
+        if (PARAMETERS | DERIVED)[base].mass_power:
+            owners = [by_name[owner]] if owner else list(configurations)
+            relative = max(mass_std[c.name] / c.mass for c in owners)
+            parts.append(1.96 * relative * value)
+        extra[i] = quadrature(parts)
+    return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
+
+
+def hanging_on_inertia(
+    numbers: Numbers,
+    configurations: Sequence[JointConfiguration],
+    std: Float[np.ndarray, " q"],
+) -> Numbers:
+    """Return the numbers on the scale of yaw with what an inertia that is not told does to them.
+
+    What yaw does to roll is in proportion to I_zz less I_yy: where nobody pitches, an I_yy that
+    gusts pull pulls I_zz with it, as far as the two go together in the fit.
+
+    Parameters
+    ----------
+    std
+        Deviations of the fit, of every number.
+    """
+    squares = np.zeros(len(std))
+    scaled = [i for i, n in enumerate(numbers.names) if n.partition("@")[0] in SCALED]
+    for configuration in configurations:
+        for name in ("Ixx_com", "Iyy_com"):
+            own = numbers.index(f"{name}@{configuration.name}")
+            rho = numbers.rho(numbers.names[own])
+            if rho is None or rho > LEAST_EXCITATION or not std[own] > 0.0:
+                continue
+            pull = inertia_pull(float(numbers.values[own]), rho)
+            slopes = numbers.correlation[own, scaled] * std[scaled] / std[own]
+            squares[scaled] += (slopes * pull) ** 2
+    return replace(numbers, half_width=np.sqrt(numbers.half_width**2 + squares))
+
+
+def hanging_on_roll_and_pitch(
+    numbers: Numbers, configurations: Sequence[JointConfiguration]
+) -> Numbers:
+    """Return the numbers with what too little roll and pitch leaves open.
+
+    The height of the centre of mass, and the scale of the yaw equation, which a known payload gives
+    as well.
+    """
+    weighed = any(c.payload_of is not None for c in configurations)
+    half = numbers.half_width.copy()
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        link = numbers.link(owner if base in HEIGHTS and not weighed else None)
+        hangs = base in HEIGHTS or (base in SCALED and not weighed)
+        if hangs and not link > LEAST_EXCITATION:
+            half[i] = np.hypot(half[i], link_allowance(float(numbers.values[i]), link))
+    return replace(numbers, half_width=half * _stretches(numbers, half))
+
+
+def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndarray, " q"]:
+    """Return the factor of each half-width for the inverse of the scale, as `half` gives it."""
+    stretch = np.ones(len(half))
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        if base not in SCALED:
+            continue
+        # J_r and the rotors' drag may be near zero; their scale is that of k_d.
+        at = numbers.index(f"Izz_com@{owner}" if owner else "kd")
+        stretch[i] = scale_stretch(float(numbers.values[at]), float(half[at]))
+    return stretch
+
+
+def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) -> float:
+    """Return the size of a number below which its relative error does not matter."""
+    base, _, owner = name.partition("@")
+    base = base.removesuffix("_com")
+    if base in ("rotor_drag", "inflow"):
+        hover = next(n for n in numbers.names if n.startswith("hover_speed"))
+        speeds = len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])
+        return rotor_drag_std(mass, speeds)
+    if base == "Jr":
+        return abs(_moment(numbers, "Izz", owner)) / 1000.0
+    if base == "Jr_over_Izz":
+        return 1e-3
+    if base in PRODUCTS:
+        one, other = (_moment(numbers, moment, owner) for moment in moments_beside(base))
+        return product_scale(one, other)
+    return plain_scale(base, mass=mass, arm=vehicle.arm)
+
+
+def _moment(numbers: Numbers, name: str, owner: str) -> float:
+    """Return a moment of inertia of a configuration about its CoM (of any, for shared numbers)."""
+    own = owner or next(name for name in numbers.names if "@" in name).partition("@")[2]
+    return float(numbers.values[numbers.index(f"{name}_com@{own}")])

@@ -1,0 +1,163 @@
+"""Physical numbers with their intervals, whichever way they were estimated.
+
+And the sizes below which a relative error of them does not matter.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from rotorfit.fit.intervals.excitation import AXIS_OF
+from rotorfit.model.parameters import (
+    DRAG,
+    DRAG_MOMENTS,
+    FIRST_MOMENTS,
+    INERTIA,
+    TURN_DAMPING,
+)
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+
+PRODUCTS: Final = INERTIA[3:]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Numbers:
+    """Physical numbers of all configurations, with their intervals.
+
+    Attributes
+    ----------
+    names
+        ``kt`` for what is shared, ``Ixx_com@A`` for what belongs to a configuration; estimated row
+        by row there is one, and it is not named.
+    values, half_width
+        SI, per kilogram where the mass is unknown; half of the 95 % interval.
+    correlation
+        Between them, from the covariance of the fit.
+    excitation
+        rho of each configuration and axis, by ``roll@A`` (row by row: ``roll``).
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " q"]
+    half_width: Float[np.ndarray, " q"]
+    correlation: Float[np.ndarray, "q q"]
+    excitation: Mapping[str, float]
+
+    def index(self, name: str) -> int:
+        """Return the place of one number."""
+        return self.names.index(name)
+
+    def number(self, name: str) -> tuple[float, float]:
+        """Return a number, and half of its interval."""
+        i = self.index(name)
+        return float(self.values[i]), float(self.half_width[i])
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the ends of a number's interval; infinite where nothing bounds it."""
+        if name not in self.names:
+            return -np.inf, np.inf
+        value, half = self.number(name)
+        return (value - half, value + half) if np.isfinite(half) else (-np.inf, np.inf)
+
+    def covariance(self, names: Sequence[str]) -> Float[np.ndarray, "p p"]:
+        """Return the covariance of some numbers, with the deviations of their intervals."""
+        index = [self.index(name) for name in names]
+        std = self.half_width[index] / 1.96
+        return self.correlation[np.ix_(index, index)] * np.outer(std, std)
+
+    def rho(self, name: str) -> float | None:
+        """Return the excitation that a number depends on; None where it needs none."""
+        base, _, configuration = name.partition("@")
+        axis = AXIS_OF.get(base)
+        if axis is None:
+            return None
+        if configuration:
+            return self.excitation[f"{axis}@{configuration}"]
+        return max(value for key, value in self.excitation.items() if key.startswith(axis))
+
+    def link(self, configuration: str | None = None) -> float:
+        """Return the larger rho of roll and pitch, of one configuration or of any."""
+        return max(
+            value
+            for key, value in self.excitation.items()
+            if not key.startswith("yaw") and (configuration or "") in ("", key.partition("@")[2])
+        )
+
+
+def chance_half_width(
+    formal: Float[np.ndarray, "q q"], scatter: Float[np.ndarray, "q q"], degrees: float
+) -> Float[np.ndarray, " q"]:
+    """Return half of the 95 % interval by chance: t times the larger of formal and scatter.
+
+    Parameters
+    ----------
+    formal, scatter
+        Covariances: by the variances of the fit, and by the scatter between its blocks.
+    degrees
+        Of freedom of the scatter.
+    """
+    t = float(stats.t.ppf(0.975, degrees))
+    return t * np.sqrt(np.maximum(np.diagonal(formal), np.diagonal(scatter)))
+
+
+def correlation_of(covariance: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
+    """Return the correlation of a covariance; zero of what does not vary."""
+    std = np.sqrt(np.diagonal(covariance))
+    safe = np.where(std > 0, std, 1.0)
+    return covariance / np.outer(safe, safe)
+
+
+def hover_speed(kt: float, *, mass: float, vehicle: Vehicle) -> float:
+    """Return the rotor speed, equal for all, whose thrust along z is the weight [rad/s]."""
+    lift = float(vehicle.axes[:, 2].sum())
+    return float(np.sqrt(mass * GRAVITY / (lift * max(kt, 1e-300))))
+
+
+def quadrature(parts: Iterable[float]) -> float:
+    """Return the half-width of independent parts together."""
+    return float(np.sqrt(sum(part**2 for part in parts)))
+
+
+def plain_scale(name: str, *, mass: float, arm: float) -> float:
+    """Return the size of a number below which its relative error does not matter, by mass and arm.
+
+    Parameters
+    ----------
+    name
+        Without its configuration. Zero for what is measured by its own size alone, and for what is
+        measured by other numbers.
+    mass, arm
+        Of the vehicle [kg], [m].
+    """
+    if name in FIRST_MOMENTS:
+        return mass * arm / 50.0
+    if name.startswith(("com_", "rotor_center_")) or name == "twist":
+        return arm / 50.0  # of a twist, a degree
+    if name in DRAG_MOMENTS:
+        return 0.3 * mass * arm / 5.0  # at 3 m/s as of a CoM that is arm / 150 off
+    if name in DRAG:
+        return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
+    if name in TURN_DAMPING:
+        return 0.3 * mass * arm**2
+    if name == "translational_lift":
+        return 0.1 * mass  # a tenth of the weight at 3 m/s
+    if name.startswith("torque_offset_"):
+        return mass * GRAVITY * arm / 50.0
+    if name.startswith("accel_bias_"):
+        return 0.2
+    return 0.0
+
+
+def moments_beside(product: str) -> tuple[str, str]:
+    """Return the two moments of inertia about the axes of a product: Ixx and Izz of Ixz."""
+    return f"I{product[1] * 2}", f"I{product[2] * 2}"
+
+
+def product_scale(one: float, other: float) -> float:
+    """Return the size of a product of inertia that matters, by the moments about its two axes."""
+    return float(np.sqrt(abs(one) * abs(other))) / 20.0

@@ -1,0 +1,1 @@
+"""All equations of all configurations in one likelihood."""

@@ -1,0 +1,193 @@
+"""Which errors tell of the vehicle, which come together, and in which the autopilot answers.
+
+Bands in which no pilot moves an axis do not count for it (`frequency_bands.py`). In the others the
+autopilot still answers disturbances, and by how much is known well enough: wholly, up to the
+frequencies that a pilot uses (`rotorfit.estimation.feedback`). Where rotor speeds are commands,
+bands in which the thrust does not follow them do not count for it: motors are no first-order lag
+further up, and many quiet lines of no thrust at all would outvote those that tell of k_t.
+
+Gusts and drag push at one place and turn the vehicle about another, its centre of mass. What of the
+errors of the turns comes with those of the forces is therefore known, and is taken off them.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rotorfit.estimation.banded_equations import evaluated
+from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.fit.joint.joint_problem import (
+    ANSWERED,
+    NOISY,
+    JointConfiguration,
+    at_values,
+    joint_problem,
+    tied_std,
+)
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.reduction.frequency_bands import (
+    counted_bands,
+    flown_bands,
+    followed_bands,
+    slow_bands,
+)
+
+THRUST: Final = NOISY.index("az")
+FORCES: Final = tuple(NOISY.index(name) for name in ("ax", "ay", "az"))
+TURNS: Final = tuple(NOISY.index(name) for name in ("dwx", "dwy", "dwz"))
+REWEIGHTED: Final = 4
+"""Passes of a regression whose variances are those of what it leaves."""
+FEWEST_ROWS: Final = 30
+"""Of fewer nothing is regressed."""
+_TINY: Final = float(np.finfo(float).tiny)
+
+
+def steered_slowly(configuration: JointConfiguration) -> JointConfiguration:
+    """Return the configuration with turns that count in the pilot's band alone."""
+    counted = np.ones((len(configuration.factors), len(NOISY)), dtype=bool)
+    counted[:, list(TURNS)] = slow_bands(configuration.factors)
+    return replace(configuration, counted=counted)
+
+
+def steered(
+    configurations: Sequence[JointConfiguration],
+    values: Mapping[str, float],
+    *,
+    commanded: bool,
+    known: Mapping[str, tuple[float, float]] | None = None,
+    terms: Collection[Term] = DEFAULT_TERMS,
+) -> list[JointConfiguration]:
+    """Return the configurations with what counts and what is answered.
+
+    Parameters
+    ----------
+    configurations
+        With their factors per stretch and band.
+    values
+        Free parameters by name, near enough to tell the pilot's motion from disturbances.
+    commanded
+        Whether the rotor speeds are commands.
+    known, terms
+        As for `joint_estimate`.
+    """
+    problem = joint_problem(configurations, known=known, terms=terms)
+    phi = at_values(problem, values, np.zeros(len(problem.map.names)))
+    every = evaluated(problem, phi).residual
+    signal, residual, errors = (
+        split_blocks(blocks, [c.factors for c in configurations])
+        for blocks in (signal_power(problem), power_of(every), every)
+    )
+    counted = [
+        _with_counted(*part, commanded=commanded)
+        for part in zip(configurations, signal, residual, strict=True)
+    ]
+    return [
+        replace(c, tied=tied([pushes(c, e)], c.vehicle))
+        for c, e in zip(counted, errors, strict=True)
+    ]
+
+
+def _with_counted(
+    configuration: JointConfiguration,
+    signal: Float[np.ndarray, "b 6"],
+    residual: Float[np.ndarray, "b 6"],
+    *,
+    commanded: bool,
+) -> JointConfiguration:
+    factors, turns = configuration.factors, list(TURNS)
+    flown = np.zeros_like(signal, dtype=bool)
+    if commanded:
+        flown[:, THRUST] = _followed(configuration)
+    flown[:, turns] = flown_bands(factors, signal[:, turns], residual[:, turns])
+    answered = flown[:, [NOISY.index(name) for name in ANSWERED]]
+    return replace(configuration, counted=counted_bands(factors, flown), answered=answered)
+
+
+def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:
+    """Return in which blocks the vehicle accelerates upwards as its rotors' squared speeds do."""
+    factors, index = configuration.factors, configuration.model.layout.index
+    squares = [index(f"O2_{i}") for i in range(1, len(configuration.vehicle.rotors) + 1)]
+    made = factors.R[:, :, squares] @ configuration.vehicle.axes[:, 2]
+    return followed_bands(factors, factors.R[:, :, index("az")], made)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pushes:
+    """What a regression of the errors of one turn by those of the forces needs, block by block.
+
+    Attributes
+    ----------
+    squares
+        Of the forces' errors with one another.
+    shared
+        Of theirs with the turn's.
+    power
+        Sum of squares of the turn's.
+    rows
+        Number of rows.
+    """
+
+    squares: Float[np.ndarray, "b p p"]
+    shared: Float[np.ndarray, "b p"]
+    power: Float[np.ndarray, " b"]
+    rows: Int[np.ndarray, " b"]
+
+
+def pushes(configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"]) -> list[Pushes]:
+    """Return the pushes on roll, pitch and yaw, of the blocks that count.
+
+    Of an axis that is flown in no band none: it tells nothing, and would tell k_t that by its ties.
+    """
+    counted, answered = configuration.counted, configuration.answered
+    assert counted is not None and answered is not None
+    found: list[Pushes] = []
+    for axis, turn in enumerate(TURNS):
+        own = counted[:, turn] & (configuration.factors.band[:, 0] > 0.0)
+        own &= bool(answered[:, axis].any())
+        X, y = error[own][:, :, list(FORCES)], error[own][:, :, turn]
+        found.append(
+            Pushes(
+                squares=X.transpose(0, 2, 1) @ X,
+                shared=(X * y[:, :, None]).sum(axis=1),
+                power=(y * y).sum(axis=1),
+                rows=configuration.factors.rows[own],
+            )
+        )
+    return found
+
+
+def tied(flights: Sequence[list[Pushes]], vehicle: Vehicle) -> Float[np.ndarray, "6 6"]:
+    """Return how much of the errors of the turns comes with those of the forces.
+
+    By regression, each block with the variance of what is left. Known before the flight: pushes are
+    within the vehicle (`joint_equations.PUSHED_STD`).
+
+    Parameters
+    ----------
+    flights
+        Their pushes.
+    vehicle
+        For its size.
+    """
+    shares, std = np.zeros((len(NOISY), len(NOISY))), tied_std(vehicle)
+    for turn, parts in zip(TURNS, zip(*flights, strict=True), strict=True):
+        rows = np.concatenate([part.rows for part in parts])
+        if rows.sum() <= FEWEST_ROWS:
+            continue
+        squares = np.concatenate([part.squares for part in parts])
+        shared = np.concatenate([part.shared for part in parts])
+        power = np.concatenate([part.power for part in parts])
+        own: Float[np.ndarray, " p"] = np.zeros(len(FORCES))
+        for _ in range(REWEIGHTED):
+            left = power - np.einsum("bp,p->b", 2.0 * shared - squares @ own, own)
+            weight = rows / np.maximum(left, _TINY)
+            known: Float[np.ndarray, "p p"] = np.eye(len(FORCES)) / std**2
+            information: Float[np.ndarray, "p p"] = np.tensordot(weight, squares, axes=1) + known
+            asked: Float[np.ndarray, " p"] = weight @ shared
+            own = np.asarray(np.linalg.solve(information, asked))
+        shares[turn, list(FORCES)] = own
+    return shares

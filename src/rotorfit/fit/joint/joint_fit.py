@@ -1,0 +1,143 @@
+"""The joint fit of what was flown: flights to bands, a start, what counts, and the estimate."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from rotorfit.dataset.dataset import Flown
+from rotorfit.errors import UnsettledError
+from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.fit.intervals.kt_from_weight import WeighedThrust
+from rotorfit.fit.joint.closed_loop import UNHEARD, Answer, heard_answer
+from rotorfit.fit.joint.informative_bands import steered, steered_slowly
+from rotorfit.fit.joint.joint_problem import JointConfiguration, flights_apart, joint_estimate
+from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatters
+from rotorfit.fit.rows.row_fits import fit_rows
+
+NEAR: Final = 0.1
+"""Of a parameter's deviation, at which those fits of many flights end that tell only what counts,
+and what the flights differ by."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedFactors:
+    """All that a fit needs to be made again, or beside other flights; no samples are among it.
+
+    Attributes
+    ----------
+    configurations
+        Factors at the timing that was found, with what counts of them.
+    terms
+        Optional terms of the model.
+    values
+        Free parameters of the fit by name, to begin with.
+    """
+
+    configurations: tuple[JointConfiguration, ...]
+    terms: tuple[Term, ...]
+    values: Mapping[str, float]
+
+
+def joint_fit(
+    flown: Flown,
+    *,
+    weighed: WeighedThrust | None = None,
+    top: float = np.inf,
+    terms: Sequence[Term] = DEFAULT_TERMS,
+    begin: Mapping[str, float] | None = None,
+    guess: Mapping[str, float] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[BandedEstimate, list[JointConfiguration]]:
+    """Return the fit of all flights, and its configurations with what counts.
+
+    Parameters
+    ----------
+    flown
+        With the timing of the motors, and what the fit may move of it.
+    weighed
+        k_t from the weight, at which it is held.
+    top
+        Only bands that begin under this edge are fitted [Hz].
+    terms
+        Optional terms of the model.
+    begin
+        Where to begin, near enough to tell the pilot's motion from disturbances; None: where a
+        first fit ends, of the turns in the pilot's band alone or, if that does not settle, of all.
+    guess
+        Where that one begins; None: at the row fits.
+    known
+        Mean and standard deviation of free parameters from elsewhere, by name.
+    """
+    joint = [
+        JointConfiguration(
+            name=configured.entry.name,
+            mass=configured.mass,
+            factors=factors.select(factors.band[:, 0] < top),
+            model=flown.model,
+            vehicle=flown.vehicle,
+            payload=configured.payload,
+            payload_of=configured.entry.payload_of,
+            timing=flown.free_timing,
+        )
+        for factors, configured in zip(flown.timed_bands, flown.configurations, strict=True)
+    ]
+    # Held there: what the flights say of it otherwise is in the interval.
+    held = {} if weighed is None else {"kt": (weighed.kt, 1e-4 * weighed.kt)}
+    more: dict[str, Any] = {"known": {**(known or {}), **held}, "terms": terms}
+    commanded = flown.motors.speed == "commanded"
+    if begin is not None:
+        return _fit_from(joint, begin, commanded=commanded, more=more)
+    starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if guess is None else []
+
+    def first(looked_at: list[JointConfiguration]) -> Mapping[str, float]:
+        close = _close(looked_at)
+        return joint_estimate(looked_at, starts, begin=guess, close=close, **more).estimate.by_name
+
+    # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
+    # autopilot's answer to the noise of its gyro may well be all there is.
+    try:
+        slow = first([steered_slowly(c) for c in joint])
+        return _fit_from(joint, slow, commanded=commanded, more=more)
+    except UnsettledError:
+        return _fit_from(joint, first(joint), commanded=commanded, more=more)
+
+
+def _fit_from(
+    joint: list[JointConfiguration],
+    begin: Mapping[str, float],
+    *,
+    commanded: bool,
+    more: dict[str, Any],
+) -> tuple[BandedEstimate, list[JointConfiguration]]:
+    """Return the fit of what counts, from where that can be told, and its configurations."""
+    joint = steered(joint, begin, commanded=commanded, **more)
+    fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
+    if not _apart(joint):
+        return fit, joint  # one flight each
+    answer, differ = _answer(fit, joint), _scatters(fit, joint)
+    joint = [
+        replace(c, answer=answer, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
+    ]
+    return joint_estimate(joint, [], begin=fit.estimate.by_name, **more), joint
+
+
+def _apart(joint: Sequence[JointConfiguration], least: int = 2) -> bool:
+    """Return whether any configuration has so many flights."""
+    return any(len(flights_of(c.factors)) >= least for c in joint)
+
+
+def _close(joint: Sequence[JointConfiguration]) -> float:
+    """Return how near its end a fit is brought before the last."""
+    return NEAR if _apart(joint) else SMALLEST_STEP
+
+
+def _answer(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> Answer:
+    return heard_answer(fit) if _apart(joint, ENOUGH_FLIGHTS) else UNHEARD
+
+
+def _scatters(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, Scatter]:
+    owners, flights = flights_apart(joint)
+    return scatters(fit.estimate, owners, [c.mass * c.vehicle.arm for c in flights])

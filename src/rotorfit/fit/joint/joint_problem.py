@@ -1,0 +1,394 @@
+"""All equations of all configurations at once: the parameter map of the default estimator.
+
+Free parameters: kt, kd, Jr, one spread per rotor or group of rotors (all shared); and per
+configuration the first moments, the inertia at the origin, the accelerometer's bias, the twist of
+the motors, drag and a constant torque where those terms are asked for, and, where the IMU's place
+is unknown and so is the origin itself, the centre of the rotors. The names of a configuration's
+parameters end in ``@`` and its name.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+from rotorfit.errors import EstimationError
+from rotorfit.estimation.banded import (
+    SMALLEST_STEP,
+    BandedEstimate,
+    BandedProblem,
+    banded,
+    log_likelihood,
+)
+from rotorfit.estimation.factors import of_even_rows
+from rotorfit.estimation.feedback import Answers, Feedback
+from rotorfit.estimation.parameter_map import ParameterMap
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.experiment.payload import tolerances
+from rotorfit.fit.joint.joint_map import JointConfiguration as JointConfiguration
+from rotorfit.fit.joint.joint_map import joint_map
+from rotorfit.fit.joint.trims import (
+    configuration_theta,
+    flights_of,
+    trim_prior,
+    with_trims,
+)
+from rotorfit.fit.rows.row_fits import (
+    RowFits,
+    fit_rows,
+)
+from rotorfit.model.parameters import ACCEL_BIAS_STD, DRAG_MOMENTS, MOUNTING_STD, TURN_DAMPING
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+
+NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
+"""The signals that carry the noise: what accelerometer and gyro measure."""
+ANSWERED = ("dwx", "dwy", "dwz")
+"""The errors that an autopilot answers."""
+BANDWIDTH = 25.0
+"""[rad/s] up to which an autopilot answers roll and pitch errors: that of the simulated one's rate
+loops, and of usual ones."""
+ATTITUDE = 6.0
+"""Rate per angle that an attitude loop asks for [1/s]: 6.5 in PX4 and 4.5 in ArduPilot by default.
+Such a loop delays the answer; not every pilot flies with one."""
+YAW_BANDWIDTH = 3.0
+"""[rad/s] up to which one answers yaw errors: PX4 and ArduCopter by default, others are quicker."""
+SLOW_YAW = 0.3
+"""[Hz] up to which that is taken for granted: each autopilot answers there. What it does further up
+hangs on its gains, on filters and on the rotors' reaction."""
+BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
+"""Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
+IMU and rotor plane look the same."""
+ROTOR_SPREAD_STD = 0.04
+"""Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
+2 %, one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
+GROUP_SPREAD_STD = 0.1
+"""Thrust coefficients of groups that the user tells apart differ by about this share: lower rotors
+in the wake of upper ones, other propellers."""
+TWIST_STD = np.radians(2.0)
+"""Known of the motors' mean tilt about their arms before the flight [rad]."""
+ROTOR_DRAG_STD = 0.3
+"""The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
+0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
+CLIMB_DRAG_STD = 0.5
+"""Known of what the air does against a climb before the flight, over mass and velocity [1/s]: drag
+of the frame and thrust that the rotors lose."""
+DRAG_STD = 0.3
+"""Known of the torque of drag before the flight: that of drag of this size over mass and velocity
+[1/s] at the end of an arm."""
+DAMPING_STD = 0.3
+"""Known of the damping of a turn before the flight: that of drag of this size over mass and
+velocity [1/s] at the end of an arm, over its rate."""
+INFLOW_STD = 1.0
+"""Known of the thrust that a climb costs: of this size over mass and velocity [1/s], a tenth of the
+weight in a climb of 1 m/s."""
+LIFT_STD = 0.05
+"""Known of the thrust that sideways velocity brings: over mass and squared velocity [1/m], a tenth
+of the weight at 4 m/s."""
+PUSHED_STD = 1.0
+"""Known of how far an acceleration from without, over the arm, turns a vehicle: of a body whose
+radius of gyration is half its arm, pushed a quarter of an arm beside its centre of mass."""
+OFFSET_STD = 0.05
+"""Known of a constant torque, as a share of the weight at the end of an arm."""
+
+
+def joint_estimate(
+    configurations: Sequence[JointConfiguration],
+    starts: Sequence[RowFits],
+    *,
+    known: Mapping[str, tuple[float, float]] | None = None,
+    terms: Collection[Term] = DEFAULT_TERMS,
+    begin: Mapping[str, float] | None = None,
+    close: float = SMALLEST_STEP,
+) -> BandedEstimate:
+    """Return the estimate of all configurations together.
+
+    Parameters
+    ----------
+    configurations
+        Their factors per stretch and frequency band.
+    starts
+        The row fits of each, from which the iteration begins, or from those of the liveliest
+        flight for each row where that is likelier; empty if `begin` has all values.
+    known
+        Mean and standard deviation of free parameters from elsewhere, by name.
+    terms
+        Optional terms of the model.
+    begin
+        Better values to begin with, of free parameters that have them.
+    close
+        The iteration ends when no parameter moves by more than this share of its deviation.
+    """
+    problem = joint_problem(configurations, known=known, terms=terms)
+    start = np.zeros(len(problem.map.names))
+    if starts:
+        start = _likeliest_start(problem, configurations, starts)
+    return banded(problem, at_values(problem, begin or {}, start), close=close)
+
+
+def at_values(
+    problem: BandedProblem, known: Mapping[str, float], rest: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " f"]:
+    """Return the free parameters, known ones by their names and the rest as given."""
+    names = problem.map.names
+    return np.array([known.get(n, s) for n, s in zip(names, rest.tolist(), strict=True)])
+
+
+def _likeliest_start(
+    problem: BandedProblem, configurations: Sequence[JointConfiguration], starts: Sequence[RowFits]
+) -> Float[np.ndarray, " f"]:
+    """Return the better of two starts: every row from all flights, or from its liveliest one.
+
+    Flights in which an axis is calm pull its row fit towards no response at all, and an iteration
+    that begins there may end there.
+    """
+    lively = [liveliest_rows(c, rows) for c, rows in zip(configurations, starts, strict=True)]
+    options = [joint_start(problem.map, configurations, rows) for rows in (starts, lively)]
+    return max(options, key=lambda start: log_likelihood(problem, start))
+
+
+def liveliest_rows(configuration: JointConfiguration, rows: RowFits) -> RowFits:
+    """Return the row fits, each of roll, pitch and yaw from the flight that moves it most."""
+    factors, source = configuration.factors, configuration.factors.source
+    if source is None or len(np.unique(source)) < 2:
+        return rows
+    best, fits = dict(rows.excitation), dict(rows.fits)
+    for number in np.unique(source):
+        try:
+            one = fit_rows(
+                factors.select(source == number), configuration.model, mass=configuration.mass
+            )
+        except EstimationError:
+            continue  # too short or too still a flight to tell anything by itself
+        for row in best:
+            if one.excitation[row] > best[row]:
+                best[row], fits[row] = one.excitation[row], one.fits[row]
+    return replace(rows, fits=fits)
+
+
+def joint_problem(
+    configurations: Sequence[JointConfiguration],
+    *,
+    known: Mapping[str, tuple[float, float]] | None = None,
+    terms: Collection[Term] = DEFAULT_TERMS,
+    of_many: bool = False,
+) -> BandedProblem:
+    """Return the problem that `joint_estimate` solves: a theta for each of `flights_apart`.
+
+    `of_many`: a flight that is alone here is one of many elsewhere, from which it differs.
+    """
+    owners, flights = flights_apart(configurations)
+    counts = [
+        [len(f.factors) for o, f in zip(owners, flights, strict=True) if o == c]
+        for c in range(len(configurations))
+    ]
+    layout = configurations[0].model.layout
+    mapped = joint_map(configurations, terms=terms)
+    masses = [f.mass for f in flights]
+    names = configurations[0].model.names
+    mapped = with_trims(mapped, names, owners, masses, of_many=of_many)
+    prior = joint_prior(configurations)
+    moments = [f.mass * f.vehicle.arm for f in flights]
+    prior |= trim_prior(mapped, [f.scatter for f in flights], moments)
+    timing = configurations[0].timing
+    known = {**(known or {}), **({} if timing is None else timing.prior())}
+    return BandedProblem(
+        factors=of_even_rows([c.factors for c in configurations]),
+        tensors=tuple(c.model.tensor for c in configurations),
+        parts=tuple(tuple(own) for own in counts),
+        map=mapped,
+        noisy=tuple(layout.index(name) for name in NOISY),
+        prior_mean={name: mean for name, (mean, _) in known.items()},
+        prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
+        moving=() if timing is None else timing.names,
+        counted=tuple(c.counted for c in configurations if c.counted is not None),
+        tied=tuple(c.tied for c in configurations if c.tied is not None),
+        tied_std=tuple(tied_std(c.vehicle) for c in configurations if c.tied is not None),
+        feedback=_feedback(flights),
+    )
+
+
+def flights_apart(
+    configurations: Sequence[JointConfiguration],
+) -> tuple[list[int], list[JointConfiguration]]:
+    """Return each flight with its configuration's place."""
+    owners: list[int] = []
+    flights: list[JointConfiguration] = []
+    for place, c in enumerate(configurations):
+        parts = flights_of(c.factors)
+        owners += [place] * len(parts)
+        flights += [c] if len(parts) == 1 else [only(c, own) for own in parts]
+    return owners, flights
+
+
+def only(configuration: JointConfiguration, blocks: Bool[np.ndarray, " b"]) -> JointConfiguration:
+    """Return some blocks of a configuration."""
+    counted, answered = configuration.counted, configuration.answered
+    return replace(
+        configuration,
+        factors=configuration.factors.select(blocks),
+        counted=None if counted is None else counted[blocks],
+        answered=None if answered is None else answered[blocks],
+    )
+
+
+def theta_of(
+    fit_map: ParameterMap,
+    phi: Float[np.ndarray, " f"],
+    configurations: Sequence[JointConfiguration],
+) -> Float[np.ndarray, "c p"]:
+    """Return theta of every configuration, of a map to that of its flights."""
+    counts = [len(flights_of(c.factors)) for c in configurations]
+    return configuration_theta(fit_map, phi, counts)
+
+
+def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
+    """Return where the autopilot answers by the rotors; None where that was not looked at."""
+    if any(c.answered is None for c in configurations):
+        return None
+    layout = configurations[0].model.layout
+    inputs = [i for i, name in enumerate(layout.names) if name.startswith("O2_")]
+    inputs.append(layout.index("dHz"))
+    return Feedback(
+        errors=tuple(NOISY.index(name) for name in ANSWERED),
+        inputs=tuple(inputs),
+        answers=tuple(_answers(c) for c in configurations),
+    )
+
+
+def _answers(configuration: JointConfiguration) -> Answers:
+    """Return what the autopilot does about roll, pitch and yaw errors in every block."""
+    factors, counted = configuration.factors, configuration.counted
+    answered = configuration.answered
+    assert answered is not None and counted is not None
+    turn = 2.0 * np.pi * factors.band.mean(axis=1)
+    steered = counted[:, [NOISY.index(name) for name in ANSWERED]]
+    moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
+    answer = usual_answer(turn)
+    slow = turn < 2.0 * np.pi * SLOW_YAW
+    taken = np.stack([answer, answer, slow * YAW_BANDWIDTH / (1j * turn + YAW_BANDWIDTH)], axis=1)
+    beyond = answer[:, None] * np.array(configuration.answer.beyond)
+    timing = configuration.timing
+    late = [] if timing is None else [_lateness(name, turn, timing.at) for name in timing.names]
+    return Answers(
+        rows=moving[:, None] * steered,
+        moves=_mixed(configuration, turn),
+        share=taken * answered + beyond,
+        doubt=answer[:, None] * np.array(configuration.answer.open),
+        late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
+    )
+
+
+def usual_answer(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
+    """Return T of a rate loop inside an attitude loop: L / (1 + L), L = w / s (1 + w_a / s)."""
+    s = 1j * turn
+    through = BANDWIDTH * (s + ATTITUDE)
+    return through / (s**2 + through)
+
+
+def _lateness(
+    name: str, turn: Float[np.ndarray, " b"], at: MotorResponse
+) -> Complex[np.ndarray, " b"]:
+    """Return the derivative of the logarithm of the motors' response by one of their times."""
+    if name == "motor_delay":
+        return -1j * turn
+    if name == "motor_lag":
+        return -1j * turn / (1.0 + 1j * turn * at.mean_lag)
+    return np.zeros(len(turn), dtype=complex)
+
+
+def _mixed(
+    configuration: JointConfiguration, turn: Float[np.ndarray, " b"]
+) -> Complex[np.ndarray, "b e u"]:
+    """Return how an autopilot moves the rotors to roll, pitch and yaw: as the arms and spins.
+
+    By a unit of squared speed, and the spin-up (of axes along z) that goes with it.
+    """
+    vehicle = configuration.vehicle
+    torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
+    mixer = np.vstack([torque - torque.mean(axis=1, keepdims=True), vehicle.spins])
+    squares = np.repeat(mixer[None].astype(complex), len(turn), axis=0)
+    speed = (mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)
+    spin_up = 1j * turn[:, None] * speed * ("dHx" not in configuration.model.layout)
+    return np.concatenate([squares, spin_up[:, :, None]], axis=2)
+
+
+def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
+    """Return the deviations of free parameters that are known before the flight, about zero."""
+    prior = {
+        f"spread_{i}": ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
+        for i, rotor in enumerate(configurations[0].vehicle.rotors, start=1)
+    }
+    first = configurations[0]
+    if len(first.factors):
+        speeds = float(rotor_speeds(first).sum())
+        prior["rotor_drag"] = rotor_drag_std(first.mass, speeds)
+        prior["inflow"] = INFLOW_STD * first.mass / speeds
+        prior["translational_lift"] = LIFT_STD * first.mass
+    for configuration in configurations:
+        at, arm = f"@{configuration.name}", configuration.vehicle.arm
+        prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
+        prior[f"climb_drag{at}"] = CLIMB_DRAG_STD * configuration.mass
+        prior[f"twist{at}"] = TWIST_STD * arm
+        offset = OFFSET_STD * configuration.mass * GRAVITY * arm
+        prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
+        damping = DAMPING_STD * configuration.mass * arm**2
+        prior |= {f"{name}{at}": damping for name in TURN_DAMPING}
+        # A velocity that hardly changes looks like a CoM elsewhere: this much, and no more.
+        moment = DRAG_STD * configuration.mass * arm
+        prior |= {f"{name}{at}": moment for name in DRAG_MOMENTS}
+        prior |= {f"{name}{at}": std for name, std, _ in tolerances(configuration.payload)}
+    return prior
+
+
+def tied_std(vehicle: Vehicle) -> float:
+    """Return what is known beforehand of the turn that comes with a push [(rad/s^2) / (m/s^2)]."""
+    return PUSHED_STD / vehicle.arm
+
+
+def rotor_drag_std(mass: float, speeds: float) -> float:
+    """Return what is known of the rotors' drag before the flight [N s^2/(m rad)].
+
+    Parameters
+    ----------
+    mass
+        [kg]
+    speeds
+        Of all rotors together [rad/s].
+    """
+    return ROTOR_DRAG_STD * mass / speeds
+
+
+def rotor_speeds(configuration: JointConfiguration) -> Float[np.ndarray, " N"]:
+    """Return about how fast each rotor turns: the root of its mean squared speed."""
+    factors, layout = configuration.factors, configuration.model.layout
+    lowest = factors.R[factors.band[:, 0] == factors.band[:, 0].min()]
+    squares = [layout.index(f"O2_{i + 1}") for i in range(len(configuration.vehicle.rotors))]
+    one = np.linalg.norm(lowest[:, :, layout.index("one")])
+    size: Float[np.ndarray, " N"] = np.linalg.norm(lowest[:, :, squares], axis=(0, 1)) / one
+    return np.sqrt(size)
+
+
+def joint_start(
+    mapped: ParameterMap,
+    configurations: Sequence[JointConfiguration],
+    starts: Sequence[RowFits],
+) -> Float[np.ndarray, " f"]:
+    """Return where the iteration begins: the row fits, yaw inertia as of a flat body."""
+    kt = float(np.mean([s.fits["force"].estimate.value("kt") for s in starts]))
+    values: dict[str, float] = {"kt": kt}
+    for configuration, rows in zip(configurations, starts, strict=True):
+        if configuration.payload_of is not None:
+            continue
+        at = f"@{configuration.name}"
+        Ixx = kt / rows.fits["roll"].estimate.value("kt")
+        Iyy = kt / rows.fits["pitch"].estimate.value("kt")
+        yaw = rows.fits["yaw"].estimate
+        values |= {f"Ixx{at}": Ixx, f"Iyy{at}": Iyy, f"Izz{at}": Ixx + Iyy}
+        values["kd"] = (Ixx + Iyy) * yaw.value("kd")
+        values["Jr"] = (Ixx + Iyy) * yaw.value("Jr")
+        if "kt_twist" in yaw.names:
+            values[f"twist{at}"] = (Ixx + Iyy) * yaw.value("kt_twist") / kt
+    return np.array([values.get(name, 0.0) for name in mapped.names])

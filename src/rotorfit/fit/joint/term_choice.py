@@ -1,0 +1,227 @@
+"""Which optional terms are in the model: what the user says, else what the flights ask for.
+
+A term that most vehicles have little of (drag, a constant torque) enters where the log-likelihood
+rises by more than `LEAST_GAIN` with it. Whether a fit with it is worth its time is seen beforehand
+from the slope of the likelihood at the fit without (Rao's score test).
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.dataset.dataset import Configured, velocity_known
+from rotorfit.errors import ExperimentError, UnsettledError
+from rotorfit.estimation.banded import BandedEstimate, normal_equations
+from rotorfit.estimation.estimate import Estimate
+from rotorfit.experiment.model_terms import (
+    ADDED_TERMS,
+    DEFAULT_TERMS,
+    OF_VELOCITY,
+    TERM_WORDS,
+    Term,
+)
+from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem, rotor_speeds
+from rotorfit.model.parameters import DRAG, TURN_DAMPING
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+
+LEAST_GAIN = 50.0
+"""Of the log-likelihood, per configuration, for which a term enters. Of chance alone the three
+parameters of a torque gain 1.5 on average, and 8 once in a thousand, the nine of drag 4.5 and 14;
+gusts, which the autopilot answers, make up to 23 on simulated flights without the term, and throws
+and pulses up to 40 on real ones, where flights of the same vehicle contradict one another. Drag
+that spoils anything gains over 100."""
+SURE = 4.0
+"""Deviations by which drag to a side must be more than none: a height controller that answers gusts
+looks like drag along z."""
+LIKELY = 2.0
+"""Deviations by which drag along the thrust may be less than none by chance."""
+LEAST_SHARE = 1e-3
+"""Of the weight, that a term must make, at 1 m/s or at the end of an arm: flights without noise
+show what is of no account."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """The terms of the model, and why.
+
+    Attributes
+    ----------
+    terms
+        In the model.
+    gains
+        Of the log-likelihood, by each further term that was looked at.
+    least_gain
+        For which they were added; None where the user chose.
+    """
+
+    terms: tuple[Term, ...]
+    gains: dict[Term, float] = dataclasses.field(default_factory=dict[Term, float])
+    least_gain: float | None = None
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """What a result says of it."""
+        said: dict[str, object] = {"terms": list(self.terms)}
+        if self.least_gain is None:
+            return {**said, "terms_chosen": "by the experiment file"}
+        gains = {name: round(gain, 1) for name, gain in self.gains.items()}
+        return {
+            **said,
+            "terms_chosen": "by log-likelihood",
+            "terms_gain": gains,
+            "terms_least_gain": self.least_gain,
+        }
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Say of each term that was added, why."""
+        return tuple(
+            f"the model includes {TERM_WORDS[name]} ({name}): it raises the log-likelihood by "
+            f"{gain:.0f} ({self.least_gain:.0f} needed)"
+            for name, gain in self.gains.items()
+            if name in self.terms
+        )
+
+
+Refit = Callable[[Sequence[Term], BandedEstimate], BandedEstimate]
+"""The fit with other terms, begun at a fit."""
+
+
+def velocity_wanted(terms: Sequence[Term] | None, configurations: Sequence[Configured]) -> bool:
+    """Return whether the model needs the velocity: chosen, or known and not decided yet.
+
+    Raises
+    ------
+    ExperimentError
+        If a term of the velocity is asked for and a flight does not have its velocity throughout.
+    """
+    asked = [name for name in OF_VELOCITY if terms is not None and name in terms]
+    unknown = [f for c in configurations for f in c.flights if not velocity_known([f])]
+    if not unknown or not asked:
+        return not unknown and (terms is None or bool(asked))
+    names = ", ".join(Path(flight.entry.file).name for flight in unknown)
+    raise ExperimentError(
+        f'terms has "{asked[0]}", but {names} has no velocity of the body throughout the flight: '
+        "log it (columns vel_x, vel_y, vel_z in body axes, or position and attitude of motion "
+        f'capture), or take "{asked[0]}" out'
+    )
+
+
+def chosen(
+    terms: Sequence[Term] | None,
+    fit: BandedEstimate,
+    joint: Sequence[JointConfiguration],
+    *,
+    refit: Refit,
+    present: tuple[Term, ...] = DEFAULT_TERMS,
+) -> tuple[Choice, BandedEstimate]:
+    """Return the terms of the model and the fit with them.
+
+    Parameters
+    ----------
+    terms
+        As the user chose; None for what the flights ask for.
+    fit
+        With the user's terms, or the default ones.
+    joint
+        What was fitted.
+    refit
+        Fits again.
+    present
+        The terms of the fit, where the user chose none.
+    """
+    if terms is not None:
+        return Choice(terms=tuple(terms)), fit
+    if _pushes(fit, joint):
+        with suppress(UnsettledError):
+            without: tuple[Term, ...] = tuple(t for t in present if t != "climb_drag")
+            present, fit = without, refit(without, fit)
+    gains: dict[Term, float] = {}
+    least = LEAST_GAIN * len(joint)
+    known = "vx" in joint[0].model.layout
+    open_terms: list[Term] = [name for name in ADDED_TERMS if known or name not in OF_VELOCITY]
+    while open_terms:
+        # The one first that explains most: what is left for another is then its own.
+        for one in open_terms:
+            gains[one] = expected_gain(fit, joint, (*present, one))
+        name: Term = max(open_terms, key=gains.__getitem__)
+        if gains[name] < 0.5 * least:
+            break
+        open_terms.remove(name)
+        wider = (*present, name)
+        try:
+            trial = refit(wider, fit)
+        except UnsettledError:
+            continue  # the flights cannot tell it from the other terms
+        gains[name] = trial.log_likelihood - fit.log_likelihood
+        if gains[name] >= least and _matters(name, trial, joint):
+            present, fit = wider, trial
+    return Choice(terms=present, gains=gains, least_gain=least), fit
+
+
+def _pushes(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
+    """Return whether what should brake a climb surely drives it: then it is not the air."""
+    names = [f"climb_drag@{c.name}" for c in joint]
+    if not set(names) <= set(fit.estimate.names):
+        return False
+    at = [fit.estimate.names.index(name) for name in names]
+    return bool((fit.estimate.values[at] < -LIKELY * fit.estimate.std[at]).all())
+
+
+def _matters(name: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
+    """Return whether a term is more than a trace in some configuration, and of the air a brake."""
+    at = {n: i for i, n in enumerate(fit.estimate.names)}
+
+    def of(*names: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        places = [at[n] for n in names]
+        return fit.estimate.values[places], SURE * fit.estimate.std[places]
+
+    for c in joint:
+        weight = LEAST_SHARE * c.mass * GRAVITY
+        trace, own = weight * c.vehicle.arm, f"@{c.name}"
+        match name:
+            case "drag":
+                size, sure = of(*(f"{n}{own}" for n in DRAG[:2]))
+                found = (size > np.maximum(sure, weight)).any()
+            case "turn_damping":
+                size, sure = of(*(f"{n}{own}" for n in TURN_DAMPING))
+                found = (size > np.maximum(sure, trace)).any()
+            case "inflow":
+                size, sure = of("inflow")
+                found = (size > np.maximum(sure, weight / rotor_speeds(c).sum())).all()
+            case "translational_lift":
+                size, sure = of("translational_lift")
+                found = (size > np.maximum(sure, weight)).all()
+            case _:
+                size, _ = of(*(f"{name}_{axis}{own}" for axis in "xyz"))
+                found = abs(size).max() > trace
+        if found:
+            return True
+    return False
+
+
+def expected_gain(
+    fit: BandedEstimate, joint: Sequence[JointConfiguration], terms: Sequence[Term]
+) -> float:
+    """Return by how much the log-likelihood would rise with these terms, to second order."""
+    problem = joint_problem(joint, terms=terms)
+    known = fit.estimate.by_name
+    names = problem.map.names
+    values = np.array([known.get(name, 0.0) for name in names])
+    at = Estimate(
+        names=names,
+        values=values,
+        covariance=np.zeros((len(names), len(names))),
+        condition_number=1.0,
+        weak_directions=np.zeros((0, len(names))),
+        weak_strengths=np.zeros(0),
+    )
+    wide = dataclasses.replace(fit, problem=problem, estimate=at)
+    every = np.ones(len(fit.influence), dtype=bool)
+    equations = normal_equations(wide, every)
+    return 0.5 * float(equations.scores.sum(axis=0) @ equations.step)

@@ -1,0 +1,1 @@
+"""The estimates row by row, and the paper's."""

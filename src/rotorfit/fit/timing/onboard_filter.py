@@ -1,0 +1,33 @@
+"""A low-pass of the gyro on board: what of the motors' times is its delay, and no motor's."""
+
+from typing import Final
+
+import numpy as np
+
+from rotorfit.dataset.dataset import Flown
+
+SHAPE: Final = 0.1
+"""Deviation of lag and of delay, as a share of the filter's, which is neither: pieces of one flight
+in ArduPilot's simulator (11 ms at 20 Hz, motors without lag) give a lag of 5.1 to 9.8 ms."""
+
+
+def lowpass_of(flown: Flown) -> float | None:
+    """Return the lowest cut-off of the gyros' low-pass on board, which commanded motors stand for.
+
+    In Hz; None where there is none, or where speeds are measured.
+    """
+    if flown.motors.speed == "measured":
+        return None
+    found = [f.log.gyro_lowpass for c in flown.configurations for f in c.flights]
+    return min((cutoff for cutoff in found if cutoff), default=None)
+
+
+def filter_delay(cutoff: float) -> float:
+    """Return by how much a low-pass of second order (Butterworth) delays slow motion [s]."""
+    return float(np.sqrt(2.0) / (2.0 * np.pi * cutoff))
+
+
+def shape_fault(flown: Flown) -> float:
+    """Return the deviation of the times of motors that stand for a filter as well [s]."""
+    cutoff = lowpass_of(flown)
+    return 0.0 if cutoff is None else SHAPE * filter_delay(cutoff)

@@ -1,0 +1,293 @@
+"""When the rotors do what the motor data say: lag and delay, found together with everything else.
+
+From a coarse start (`timing_search.py`) the joint fit moves the motors' times as it moves all other
+parameters: the signals' slopes by them are reduced beside the signals, and where the fit has moved
+far the signals are made anew there. So the deviations of the times, and what they leave open of the
+other numbers, are those of the fit itself. Of a first-order lag and a delay the sum is well
+determined, the split less; a prior on the lag, weak unless the user knows better, keeps it from
+running away. Rotors that rise and fall at different rates get a lag for each where the flights ask
+for it.
+"""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.dataset.dataset import Flown
+from rotorfit.errors import EstimationError, UnsettledError
+from rotorfit.estimation.banded import BandedEstimate, answer_shifts
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.fit.intervals.joint_numbers import by_chance, formal_covariance
+from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.fit.timing.onboard_filter import shape_fault
+from rotorfit.fit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.motor_timing import (
+    LARGEST_SKEW,
+    SPLIT_FAULT,
+    SUM_FAULT,
+    FreeTiming,
+    MotorTiming,
+    skew_of,
+)
+
+SUMMED: Final = ("motor_lag", "motor_delay")
+"""Whose sum is told best."""
+MOST_ROUNDS: Final = 10
+"""Of fitting, and of making the signals anew where the fit has moved to."""
+LONGEST_MOVE: Final = 0.02
+"""Of a time in one round [s], beyond which its slope is none."""
+MOST_OF_A_LAG: Final = 0.75
+"""By which it falls in one round: without any lag, its slope says nothing of longer ones."""
+NEAR: Final = 0.3
+"""Deviations by which the last round may still move a time, by the slopes of its signals: made anew
+there, they move it by a few hundredths more."""
+ENOUGH: Final[Mapping[str, float]] = {
+    "motor_delay": 0.1 * SUM_FAULT,
+    "motor_lag": 0.1 * SUM_FAULT,
+    "motor_skew": 1e-3,
+}
+"""Or so much of it [s, s, share], which no flight tells: simulators do, to microseconds."""
+LONGEST_LAG: Final = 0.2
+LONGEST_DELAY: Final = 0.16
+LEAST_GAIN: Final = 10.0
+"""Of the log-likelihood, for which rising and falling speed get a lag each."""
+LEAST_LAG: Final = 1e-3
+"""Of rotors whose rising and falling may differ [s]."""
+UNTOLD_PULL: Final = 0.03
+"""From here on [s], which is where the turns are explained less than five times over their
+residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
+instead of 39 in a hover)."""
+STARTS: Final = (1.0, 0.5, 2.0)
+"""Of the lag that the fit begins with, one after the other where it gets lost."""
+LOST: Final = 1.0
+"""A fit that moves a time further has lost the motion: its slopes hold for some 20 ms [s]."""
+HOLD_FAULT: Final = 0.25
+"""Of a sample: half of the half-sample that lies between the two ways a command may have held."""
+FEWEST_TERMS: Final[tuple[Term, ...]] = ("accel_bias",)
+
+
+def find_timing(flown: Flown, *, lag: bool = True) -> MotorTiming | None:
+    """Return the timing that fits best; None where the flights do not determine it.
+
+    Parameters
+    ----------
+    flown
+        All flights.
+    lag
+        Look for the motors' lag, too, where it is unknown; else all lateness is delay.
+    """
+    unknown = tuple(name for name in flown.unknown_times if lag or name != "lag")
+    start = coarse_timing(flown, unknown) if unknown else None
+    if start is None:
+        return None
+    names = tuple(f"motor_{name}" for name in unknown)
+    for terms in (DEFAULT_TERMS, FEWEST_TERMS):
+        with suppress(UnsettledError):
+            return _fitted(flown, start, names, terms)
+    # Neither settles: the flights do not tell the lag, and without one they would be fitted wrong.
+    return _untold(flown, delay_free="delay" in unknown) if "lag" in unknown else None
+
+
+def timed_again(flown: Flown, terms: Sequence[Term]) -> Flown:
+    """Return the flights at the timing that other terms of the model ask for.
+
+    Damping of the turns that the model lacks makes the motors look quick. Where the fit does not
+    settle with the terms, the timing stays.
+    """
+    found = flown.motor_timing
+    if found is None or not found.free:
+        return flown
+    try:
+        names = tuple(name for name in found.free if name != "motor_skew")
+        start = MotorResponse(lag=found.response.mean_lag, delay=found.response.delay)
+        again = _fitted(flown, start, names, tuple(terms))
+    except UnsettledError:
+        return flown
+    return flown if again is None else replace(flown, motor_timing=again)
+
+
+def _fitted(
+    flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+) -> MotorTiming | None:
+    begun, first = _begun(flown, start, names, terms)
+    timed, fit = _settled(begun, terms, first)
+    at = timed.timing
+    if at is not None and _beside(timed, at, names):
+        timed, fit = _with_skew(timed, fit, terms)
+    free = timed.free_timing
+    assert free is not None
+    response = _moved(free, fit)
+    if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
+        return None  # the motion does not follow these commands at all
+    pull = pull_of_gusts(timed)
+    total = response.mean_lag + response.delay
+    # Before the command no motor answers: there the autopilot answers the noise of its gyro.
+    late = response.mean_lag > LEAST_LAG and total > 0.0
+    if "motor_lag" in names and (pull > UNTOLD_PULL or not late):
+        return _untold(flown, delay_free="motor_delay" in names)
+    found = _with_deviations(flown, free, fit)
+    return replace(found, bands=timed.found_with()) if _near(free, fit) else found
+
+
+def _begun(
+    flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+) -> tuple[Flown, BandedEstimate]:
+    """Return the first fit; of many flights, near where the liveliest few of them settle."""
+    few, guess = liveliest(flown), None
+    if few is not flown:
+        with suppress(EstimationError):
+            begun, first = _begun(few, start, names, terms)
+            timed, fit = _settled(begun, terms, first, skew=False)
+            free = timed.free_timing
+            assert free is not None
+            start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
+    # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
+    beside = _beside(flown, start, names) if guess is not None else ()
+    tried: list[tuple[Flown, BandedEstimate]] = []
+    for share in STARTS if start.lag > 0.0 else STARTS[:1]:
+        begun = flown.at(replace(start, lag=share * start.lag), names, beside=beside)
+        fit, _ = joint_fit(begun, terms=terms, guess=guess)
+        if max(abs(fit.estimate.value(name)) for name in names) < LOST:
+            return begun, fit
+        tried.append((begun, fit))
+    return tried[0]
+
+
+def _settled(
+    flown: Flown,
+    terms: tuple[Term, ...],
+    fit: BandedEstimate | None = None,
+    *,
+    skew: bool = True,
+) -> tuple[Flown, BandedEstimate]:
+    """Return the fit whose signals are made where it ends, and the flights at that timing.
+
+    `fit` is the one at the timing that the flights have, where it is there already; `skew`: slopes
+    by the skew are made beside, too, where it may be asked for.
+    """
+    fit = fit or joint_fit(flown, terms=terms)[0]
+    for _ in range(MOST_ROUNDS - 1):
+        free = flown.free_timing
+        assert free is not None
+        if _near(free, fit):
+            break
+        moved = _moved(free, fit)
+        beside = _beside(flown, moved, free.names) if skew else ()
+        flown = flown.at(moved, free.names, beside=beside)
+        fit, _ = joint_fit(flown, terms=terms, begin=free.others(fit.estimate.by_name))
+    return flown, fit
+
+
+def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
+    """Return whether the fit has moved no time by more than a little of its deviation."""
+    at = [fit.estimate.names.index(name) for name in free.names]
+    enough = np.maximum(NEAR * fit.estimate.std[at], [ENOUGH[name] for name in free.names])
+    return bool((np.abs(fit.estimate.values[at]) <= enough).all())
+
+
+def _beside(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the skew where rising and falling speed may get a lag each, and have none yet."""
+    # Low-passed beside motion capture, motor data rise and fall alike.
+    lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
+    may = lagging and "motor_skew" not in names and flown.source == "imu"
+    return ("motor_skew",) if may else ()
+
+
+def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
+    """Return the timing that the fit has moved to, in its direction as far as its slopes reach."""
+    by = {name: fit.estimate.value(name) for name in free.names}
+    reach = {name: LARGEST_SKEW if name == "motor_skew" else LONGEST_MOVE for name in by}
+    if by.get("motor_lag", 0.0) < 0.0 and free.at.mean_lag > LEAST_LAG:
+        reach["motor_lag"] = min(LONGEST_MOVE, MOST_OF_A_LAG * free.at.mean_lag)
+    share = min(reach[name] / max(abs(value), reach[name]) for name, value in by.items())
+    return free.moved({name: share * value for name, value in by.items()})
+
+
+def _with_skew(
+    flown: Flown, fit: BandedEstimate, terms: tuple[Term, ...]
+) -> tuple[Flown, BandedEstimate]:
+    """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
+    free, found = flown.free_timing, flown.motor_timing
+    assert free is not None and found is not None
+    names = (*free.names, "motor_skew")
+    wide = flown.freed() if found.beside else flown.at(free.at, names)
+    try:
+        first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
+        gain = first.log_likelihood - fit.log_likelihood
+        found = _settled(wide, terms, first) if gain > LEAST_GAIN else (flown, fit)
+    except EstimationError:
+        return flown, fit
+    # Motors too quick to tell their rising from their falling lose the motion, step by step.
+    return (flown, fit) if _lost(*found) else found
+
+
+def _lost(flown: Flown, fit: BandedEstimate) -> bool:
+    """Return whether a fit that has ended would still move beyond what its slopes say, or did."""
+    free = flown.free_timing
+    assert free is not None
+    still = any(
+        abs(fit.estimate.value(name)) > LONGEST_MOVE for name in free.names if name != "motor_skew"
+    )
+    return still or free.at.mean_lag < LEAST_LAG or abs(skew_of(free.at)) >= LARGEST_SKEW
+
+
+def _untold(flown: Flown, *, delay_free: bool) -> MotorTiming:
+    """Return what is known of lag and delay without the flights."""
+    lag, std = flown.lag_prior
+    return MotorTiming(
+        response=MotorResponse(lag=lag, delay=flown.declared.delay),
+        lag_std=std,
+        delay_std=UNTOLD_PULL if delay_free else None,
+        total_std=_norm(std, UNTOLD_PULL) if delay_free else std,
+    )
+
+
+def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> MotorTiming:
+    """Return the timing with its deviations: of chance, of the autopilot's answer and of faults."""
+    names = fit.estimate.names
+    each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
+    std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
+    lag, delay = (std.get(name) for name in SUMMED)
+    hold, shape, prior = _hold_fault(flown), shape_fault(flown), flown.lag_prior[1]
+    split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
+    # With a delay that is given, what a command held too long or too short is taken for lag.
+    held = hold if delay is None else 0.0
+    return MotorTiming(
+        response=_moved(free, fit),
+        lag_std=None if lag is None else min(_norm(lag, split, held, shape), prior),
+        delay_std=None if delay is None else _norm(delay, split, hold, shape),
+        total_std=_norm(std["total"], SUM_FAULT, hold, shape),
+        free=free.names,
+        reached=free.others(fit.estimate.by_name),
+    )
+
+
+def _stds(
+    fit: BandedEstimate, combinations: Mapping[str, Float[np.ndarray, " f"]]
+) -> dict[str, float]:
+    """Return the deviations of combinations of parameters."""
+    rows = np.array(list(combinations.values()))
+    chance = by_chance(fit, rows, formal_covariance(fit, rows))
+    answered = np.abs(answer_shifts(fit) @ rows.T).sum(axis=0)
+    return dict(zip(combinations, (np.hypot(chance, answered) / 1.96).tolist(), strict=True))
+
+
+def _hold_fault(flown: Flown) -> float:
+    """Return the deviation of a delay by not knowing how long a logged command held [s].
+
+    It holds until the next one of the log or, where the log keeps only some of a faster loop's
+    commands, is over sooner: up to half a sample of the log later on the whole.
+    """
+    if flown.motors.speed == "measured":
+        return 0.0
+    rates = [f.prepared.motor_rate for c in flown.configurations for f in c.flights]
+    return HOLD_FAULT / min(rates)
+
+
+def _norm(*deviations: float) -> float:
+    return float(np.linalg.norm(deviations))

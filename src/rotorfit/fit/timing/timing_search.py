@@ -1,0 +1,170 @@
+"""Where the fit of the motors' timing begins, and whether the flights tell any of it.
+
+By the likelihood of the three angular accelerations on a coarse grid: every trial makes only the
+rotor columns anew. Only the pilot's band is looked at: elsewhere rotor speeds are the autopilot's
+answer to gusts and to the noise of its own gyro, which comes later than they do and would be taken
+for a delay (8 ms in simulation, where there was none).
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from rotorfit.dataset.dataset import Configured, Flown
+from rotorfit.fit.rows.row_fits import angular_log_likelihood, flown_turns, turn_ratios
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.frequency_bands import PILOT_BAND, slow_bands
+
+DELAYS_TRIED: Final[Mapping[str, tuple[float, float, int]]] = {
+    "imu": (-0.012, 0.012, 7),
+    "imu commanded": (-0.012, 0.06, 10),
+    "mocap": (-0.01, 0.1, 12),
+    "mocap commanded": (-0.01, 0.1, 12),
+}
+"""The search for the delay of the motion against the motor data: from, to [s], and in how many
+trials. Motion capture comes late by cameras, network and, with commands, the motors' own lag."""
+FURTHEST: Final = 0.16
+"""How far beyond that it goes on where the best delay is at its end [s]."""
+LAGS_TRIED: Final = (0.0, 0.02, 0.04, 0.07, 0.1, 0.14)
+FLIGHTS_TRIED: Final = 4
+"""Of each configuration, the liveliest: more of them find no other start."""
+LEAST_GAIN: Final = 10.0
+"""Of the log-likelihood, for which a delay further out than usual is taken."""
+CLEAR_GAIN: Final = 100.0
+"""The same in every band, for which a lag is taken that the pilot's band does not find: thousands
+in ArduPilot's simulator, whose gyro is low-passed and has no noise."""
+GUST_PULL: Final = 0.15
+"""Deviation of a delay that rests on the pilot's band alone, times explained over residual power
+[s]: the autopilot answers gusts later than they come (by 0.14 to 0.5 on simulated flights)."""
+SMALLEST_RATIO: Final = 0.1
+
+
+def coarse_timing(flown: Flown, unknown: Collection[str]) -> MotorResponse | None:
+    """Return lag and delay of the best trial; None where it is at the edge of what is looked at.
+
+    Parameters
+    ----------
+    flown
+        All flights; the first configuration decides about a lag.
+    unknown
+        ``"lag"``, ``"delay"`` or both.
+    """
+    few = liveliest(flown)
+    found = _coarse(few, unknown)
+    return _coarse(flown, unknown) if found is None and few is not flown else found
+
+
+def liveliest(flown: Flown) -> Flown:
+    """Return the few flights of each configuration that turn most; all where they are few."""
+    if all(len(c.flights) <= FLIGHTS_TRIED for c in flown.configurations):
+        return flown
+    picked = [_most_turned(c) for c in flown.configurations]
+    body = flown.body and tuple(
+        tuple(own[i] for i in few) for own, few in zip(flown.body, picked, strict=True)
+    )
+    configurations = tuple(
+        replace(c, flights=[c.flights[i] for i in few])
+        for c, few in zip(flown.configurations, picked, strict=True)
+    )
+    return replace(flown, configurations=configurations, body=body)
+
+
+def _most_turned(configured: Configured) -> list[int]:
+    """Return which flights of a configuration have most of the squared rates."""
+    turned: list[float] = []
+    for flight in configured.flights:
+        data = flight.prepared.data
+        turned.append(sum(float((data.angular_velocity[s.start : s.stop] ** 2).sum())
+                          / data.sample_rate for s in data.segments))  # fmt: skip
+    return sorted(np.argsort(turned)[-FLIGHTS_TRIED:].tolist())
+
+
+def _coarse(flown: Flown, unknown: Collection[str]) -> MotorResponse | None:
+    if "lag" not in unknown:
+        return _coarse_delay(flown)
+    body = None if flown.body is None else flown.body[:1]
+    one = replace(flown, configurations=flown.configurations[:1], body=body)
+    mean, std = flown.lag_prior
+    delay = flown.declared.delay
+    values = [
+        _cost(one, MotorResponse(lag=lag, delay=delay)) + 0.5 * ((lag - mean) / std) ** 2
+        for lag in LAGS_TRIED
+    ]
+    best = int(np.argmin(values))
+    if best == len(LAGS_TRIED) - 1:
+        # In the pilot's band damping that the model lacks may look like lag without end.
+        if not _turns(one):
+            return None
+        values = [_every_cost(one, MotorResponse(lag=lag, delay=delay)) for lag in LAGS_TRIED]
+        best = int(np.argmin(values))
+        if values[-1] - values[best] < CLEAR_GAIN:
+            return None
+    return MotorResponse(lag=max(LAGS_TRIED[best], 0.005), delay=delay)
+
+
+def _turns(flown: Flown) -> bool:
+    """Return whether any flight turns at all."""
+    flights = [flight for c in flown.configurations for flight in c.flights]
+    return any(bool(f.prepared.data.angular_acceleration.any()) for f in flights)
+
+
+def _coarse_delay(flown: Flown) -> MotorResponse | None:
+    kind = " commanded" if flown.motors.speed == "commanded" else ""
+    low, high, trials = DELAYS_TRIED[f"{flown.source}{kind}"]
+
+    def at(delay: float) -> MotorResponse:
+        return replace(flown.declared, delay=float(delay))
+
+    grid = np.linspace(low, high, trials)
+    values = [_cost(flown, at(delay)) for delay in grid]
+    best = int(np.argmin(values))
+    if best in (0, trials - 1):
+        # Speeds stamped late or early by more than usual: further out on that side.
+        stride = float(grid[1] - grid[0]) * (1.0 if best else -1.0)
+        edge, first = float(grid[best]), values[best]
+        grid = edge + stride * np.arange(round(FURTHEST / abs(stride)))
+        values = [first, *(_cost(flown, at(delay)) for delay in grid[1:])]
+        best = int(np.argmin(values))
+        if best in (0, len(grid) - 1) or first - values[best] < LEAST_GAIN:
+            return None
+    return at(grid[best])
+
+
+def _cost(flown: Flown, response: MotorResponse) -> float:
+    """Return minus the log-likelihood of the angular accelerations in the pilot's band."""
+    return -sum(
+        angular_log_likelihood(f, flown.model, mass=configured.mass, counted=slow_bands(f))
+        for f, configured in zip(
+            flown.bands(response, top=PILOT_BAND[1]), flown.configurations, strict=True
+        )
+    )
+
+
+def _every_cost(flown: Flown, response: MotorResponse) -> float:
+    """Return the same in every band."""
+    return -sum(
+        angular_log_likelihood(
+            f, flown.model, mass=configured.mass, counted=np.ones((len(f.band), 3), dtype=bool)
+        )
+        for f, configured in zip(flown.bands(response), flown.configurations, strict=True)
+    )
+
+
+def pull_of_gusts(flown: Flown) -> float:
+    """Return by how much the autopilot's answer may have moved a delay, where nobody steers [s].
+
+    Nothing where a turn is flown above the pilot's band; else by the ratio of explained to residual
+    power in it, of the turn that has most of it.
+    """
+    bands = flown.timed_bands
+    masses = [configured.mass for configured in flown.configurations]
+    for factors, mass in zip(bands, masses, strict=True):
+        if (flown_turns(factors, flown.model, mass=mass) & ~slow_bands(factors)).any():
+            return 0.0
+    ratios = [
+        turn_ratios(factors.select(slow_bands(factors)[:, 0]), flown.model, mass=mass).max()
+        for factors, mass in zip(bands, masses, strict=True)
+    ]
+    return GUST_PULL / max(float(max(ratios)), SMALLEST_RATIO)

@@ -1,1 +1,0 @@
-"""A FlightLog to one clock, SI units and body axes."""

@@ -1,0 +1,279 @@
+"""The type every log reader returns: channels on their own clocks, in SI units and FLU axes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import LogError
+from rotorfit.formatting.frame import DataFrame, frame, pandas
+from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.logs.speed_law import SpeedLaw
+
+CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
+    "gyro": (3, "rad/s"),
+    "accel": (3, "m/s^2"),
+    "rotor_speed": (None, "rad/s"),
+    "command": (None, "1"),
+    "battery": (1, "V"),
+    "velocity": (3, "m/s"),
+    "reference": (3, "rad/s"),
+    "position": (3, "m"),
+    "attitude": (4, "1"),
+}
+"""Name of each channel: number of columns (None: one per rotor) and unit.
+
+``gyro``
+    Angular velocity of the body relative to the world, body axes FLU.
+``accel``
+    Specific force (acceleration minus gravity: +9.81 along z at rest), body axes FLU.
+``rotor_speed``
+    Measured, magnitude without sign, in the log's motor order.
+``command``
+    Commanded motor output, 0 (stopped) to 1 (full), in the log's motor order.
+``velocity``
+    Of the body relative to the air or ground, body axes FLU.
+``reference``
+    Angular velocity that the pilot or the mission asked for, body axes FLU.
+``position``
+    Of the body origin, world axes with z up.
+``attitude``
+    Rotation of body (FLU) to world (z up) as a unit quaternion w, x, y, z.
+"""
+
+
+OWN_FIELDS: Final = (
+    *("blackbox", "crazyflie", "ulog", "dataflash"),
+    *("qualisys", "motive", "vicon", "trajectory"),
+)
+"""Formats that name their own fields, units and axes: no columns map of units is taken for them."""
+COMPONENTS: Final = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
+"""Of vectors and quaternions; rotors are counted from 1."""
+AS_A_TABLE: Final = (
+    "this format says its own units and axes, and a columns map is not taken for it: correct them "
+    "where the log is made, or export it as a table (docs/logs.md) and declare them there"
+)
+
+
+LONG: Final = 32_768
+"""Rows that are worked on at a time: a longer log would fill the memory with what is between."""
+
+
+def pieces(count: int, *, longest: int = LONG) -> list[slice]:
+    """Return rows 0 to `count` in pieces no longer than `longest`."""
+    return [slice(a, min(a + longest, count)) for a in range(0, count, longest)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """One recorded quantity on its own clock.
+
+    Attributes
+    ----------
+    time
+        Clock of this channel as recorded, not repaired [s].
+    values
+        One row per sample, one column per component, in the SI unit and axes of `CHANNELS`.
+        Samples the log does not have are NaN.
+    source
+        Where it came from, in the log's own words: field names, units, scale.
+    resolution
+        Smallest step the log can express, in the channel's unit; None where unknown.
+    """
+
+    time: Float[np.ndarray, " n"]
+    values: Float[np.ndarray, "n k"]
+    source: str
+    resolution: float | None = None
+
+
+LagOn = Literal["speed", "thrust"]
+"""What of a motor follows its command with a first-order lag."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoggedMotors:
+    """What the autopilot's parameters say of the motors.
+
+    Attributes
+    ----------
+    law
+        From command to speed.
+    words
+        From which parameters.
+    lag_on
+        What the lag acts on.
+    """
+
+    law: SpeedLaw
+    words: str
+    lag_on: LagOn = "speed"
+
+
+AIR_CONSTANT: Final = 287.05
+"""Gas constant of dry air [J/(kg K)]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circumstances:
+    """Whose log it is, when it began, and in what air; what the log does not say is None.
+
+    Attributes
+    ----------
+    hardware
+        The autopilot's own number; empty where the log has none.
+    started
+        When the log began, seconds since 1970 (UTC).
+    air_pressure, air_temperature
+        Medians over the log [Pa], [K], as the barometer's chip has them: in its housing it is some
+        degrees warmer than the air.
+    """
+
+    hardware: str = ""
+    started: float | None = None
+    air_pressure: float | None = None
+    air_temperature: float | None = None
+
+    @property
+    def air_density(self) -> float | None:
+        """Of dry air [kg/m^3]."""
+        if self.air_pressure is None or self.air_temperature is None:
+            return None
+        return self.air_pressure / (AIR_CONSTANT * self.air_temperature)
+
+
+def in_air(
+    pressure: Float[np.ndarray, " n"], temperature: Float[np.ndarray, " n"]
+) -> tuple[float | None, float | None]:
+    """Return the medians of pressure [Pa] and temperature [K] where they can be those of air."""
+    good = (pressure > 2e4) & (pressure < 1.2e5) & (temperature > 220.0) & (temperature < 350.0)
+    if not good.any():
+        return None, None
+    return float(np.median(pressure[good])), float(np.median(temperature[good]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightLog:
+    """One log of one flight, as a reader found it.
+
+    Attributes
+    ----------
+    path
+        The file.
+    sha256
+        Of the whole file, hexadecimal.
+    format
+        Name of the reader, such as ``"blackbox"`` or ``"table"``.
+    channels
+        By the names of `CHANNELS`; only those that the log has.
+    log_number, logs_in_file
+        Which log of the file this is (from 1), and how many there are.
+    seconds
+        Time between the first and the last sample of the log [s].
+    metadata
+        What the log says of vehicle, firmware and settings; for people to read.
+    notes
+        What the reader met and did, one sentence each (fields taken or left out).
+    warnings
+        What was damaged and passed over, one sentence each; part of every result.
+    simulator
+        Which simulator flew, of `simulators.LEAVES_OUT`; empty for a vehicle, or where unknown.
+    motors
+        What its parameters say of the motors; None where they say nothing that can be relied on.
+    gyro_lowpass
+        Cut-off of the low-pass on board that the samples of the gyro went through [Hz]; None where
+        there is none, or it is not known.
+    circumstances
+        Whose log it is, when it began, in what air.
+    """
+
+    path: Path
+    sha256: str
+    format: str
+    channels: Mapping[str, Channel]
+    log_number: int = 1
+    logs_in_file: int = 1
+    seconds: float
+    metadata: Mapping[str, str] = field(default_factory=dict[str, str])
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    simulator: str = ""
+    motors: LoggedMotors | None = None
+    gyro_lowpass: float | None = None
+    circumstances: Circumstances = Circumstances()
+
+    @property
+    def takes_columns(self) -> bool:
+        """Whether a columns map names its columns and declares their units."""
+        return self.format not in OWN_FIELDS
+
+    def to_frame(self, channel: str | None = None) -> DataFrame:
+        """Return channels as a pandas DataFrame, indexed by time [s].
+
+        Parameters
+        ----------
+        channel
+            One of `channels`; all of them if None. Each has its own clock: a row stands for every
+            instant of any of them, NaN where a channel has no sample there.
+
+        Raises
+        ------
+        LogError
+            If the log does not have the channel.
+        OutputError
+            If pandas is not installed.
+        """
+        if channel is not None and channel not in self.channels:
+            raise LogError(
+                f"no channel {channel!r} in {self.path.name}; it has {', '.join(self.channels)}"
+            )
+        wanted = self.channels if channel is None else {channel: self.channels[channel]}
+        frames = [
+            frame(dict(zip(_columns(name, c), c.values.T.tolist(), strict=True)))
+            .assign(time=c.time)
+            .groupby("time")
+            .first()
+            for name, c in wanted.items()
+        ]
+        return pandas().concat(frames, axis=1).sort_index()
+
+    def __str__(self) -> str:
+        return sheet_text(_sheet(self))
+
+    def _repr_html_(self) -> str:
+        return sheet_html(_sheet(self))
+
+
+def _columns(name: str, channel: Channel) -> list[str]:
+    """Return the names of a channel's columns, as the flight table has them."""
+    count = channel.values.shape[1]
+    if count == 1:
+        return [name]
+    ends = COMPONENTS[count] if CHANNELS[name][0] else [str(i + 1) for i in range(count)]
+    return [f"{name}_{end}" for end in ends]
+
+
+def _sheet(log: FlightLog) -> Sheet:
+    """Return what a log shows of itself: its channels and how often each was sampled."""
+    which = f", log {log.log_number} of {log.logs_in_file}" if log.logs_in_file > 1 else ""
+    return Sheet(
+        heading=f"{log.path.name}{which}: {log.format}, {log.seconds:.1f} s",
+        columns=("channel", "samples", "rate", "unit", "from"),
+        rows=[
+            (name, str(len(c.time)), _rate(c), CHANNELS[name][1].removeprefix("1"), c.source)
+            for name, c in log.channels.items()
+        ],
+        remarks=log.warnings[:5],
+        more=f"{len(log.warnings)} warnings; what this log can show:  rotorfit inspect "
+        f"{log.path.name}",
+    )
+
+
+def _rate(channel: Channel) -> str:
+    """Return the samples per second in words, from the middle step."""
+    steps = np.diff(channel.time[np.isfinite(channel.time)])
+    middle = float(np.median(steps)) if len(steps) else 0.0
+    return f"{1.0 / middle:.4g} Hz" if middle > 0 else "-"

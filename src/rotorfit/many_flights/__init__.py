@@ -1,1 +1,0 @@
-"""What several flights of one configuration show together, and one alone cannot."""

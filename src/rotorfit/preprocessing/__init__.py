@@ -1,0 +1,1 @@
+"""FlightLog to FlightData: one clock, SI units, body axes, the airborne part."""

@@ -1,0 +1,1 @@
+"""Which part of a flight is in the air."""

@@ -1,0 +1,341 @@
+"""Which part of a flight is in the air, where it rests, and where its character changes.
+
+In the air nothing but the rotors pushes: the specific force is the thrust, c sum O^2 along z, up
+to drag and the lever of the accelerometer. On the ground, in a hand or against a wall something
+else does. So the test is on the difference of the two, never on the rotor speed: a throw with
+idle rotors is flight, and its free fall and motor pulses hold the most of what can be known.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import ndimage
+
+from rotorfit.errors import FlightError
+from rotorfit.preprocessing.signals import (
+    central_difference,
+    pieces,
+    smooth,
+    true_runs,
+    whole_samples,
+)
+
+GRAVITY = 9.80665
+LOOK_CUTOFF = 8.0
+"""Low-pass for looking at forces [Hz]: slower than vibration, faster than a landing."""
+SHORTEST_FLIGHT = 0.3
+LONGEST_TOUCH = 0.15
+HARDEST_TOUCH = 5.0
+GUARD = 0.04
+"""Taken off where flight meets the ground [s]: the low-pass sees a contact only from half."""
+ACTIVITY_RATIO = 3.0
+SHORTEST_PHASE = 0.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """What the search for flight looks at, on one uniform clock.
+
+    Attributes
+    ----------
+    sample_rate
+        [Hz]
+    specific_force, angular_velocity
+        Body axes FLU [m/s^2], [rad/s].
+    rotor_speed
+        Or the commands: anything whose square is proportional to thrust.
+    arm
+        A length of the vehicle [m], for the force that rotation adds at the accelerometer.
+    stretches
+        Start and stop (exclusive) of the rows where every channel has data.
+    """
+
+    sample_rate: float
+    specific_force: Float[np.ndarray, "n 3"]
+    angular_velocity: Float[np.ndarray, "n 3"]
+    rotor_speed: Float[np.ndarray, "n N"]
+    arm: float
+    stretches: tuple[tuple[int, int], ...]
+
+    @property
+    def thrust(self) -> Float[np.ndarray, " n"]:
+        """Sum of the squared rotor speeds, proportional to thrust."""
+        return np.einsum("nr,nr->n", self.rotor_speed, self.rotor_speed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Look:
+    """A stretch as the search sees it, all low-passed.
+
+    Attributes
+    ----------
+    excess
+        Force that the rotors do not explain, over what flight allows.
+    upward
+        Its part along z [m/s^2].
+    rates
+        Angular velocity [rad/s].
+    """
+
+    excess: Float[np.ndarray, " n"]
+    upward: Float[np.ndarray, " n"]
+    rates: Float[np.ndarray, "n 3"]
+
+
+def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
+    """Return start and stop (exclusive) of every airborne stretch.
+
+    Touches shorter than 0.15 s that look like a gust or a motor step are bridged; harder and
+    longer ones are cut out. Standing with motors that already push is not flight.
+
+    Raises
+    ------
+    FlightError
+        If the vehicle never leaves the ground.
+    """
+    thrust = motion.thrust
+    c = thrust_to_force(motion, thrust)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * motion.sample_rate), 3)
+    found: list[tuple[int, int]] = []
+    for start, stop in motion.stretches:
+        if stop - start >= shortest:
+            runs = _airborne_runs(motion, c * thrust[start:stop], start)
+            found += [(start + a, start + b) for a, b in runs if b - a >= shortest]
+    if not found:
+        raise FlightError(
+            f"no airborne part found: nowhere for {SHORTEST_FLIGHT:g} s does the acceleration "
+            "follow the rotors; check the motor columns, the units and the axes, or set start "
+            "and end of the flight yourself"
+        )
+    _refuse_grounded(motion, thrust, found)
+    return found
+
+
+def _airborne_runs(
+    motion: Motion, thrust: Float[np.ndarray, " m"], start: int
+) -> list[tuple[int, int]]:
+    """Return start and stop of the airborne parts of a stretch, counted from where it begins."""
+    look = _look(motion, thrust, start)
+    runs = true_runs(_bridged(look.excess, motion.sample_rate))
+    return [_without_ground(look, run, motion.sample_rate) for run in runs]
+
+
+def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return which samples push at least half as hard as the hardest three seconds.
+
+    A short flight in a long log must not be outvoted by the motors idling before it.
+    """
+    window = max(min(whole_samples(3.0 * motion.sample_rate), len(thrust) // 4), 1)
+    inside = np.zeros(len(thrust), dtype=bool)
+    for start, stop in motion.stretches:
+        inside[start:stop] = True
+    level = ndimage.uniform_filter1d(np.where(inside, thrust, 0.0), window, mode="nearest")
+    return inside & (thrust > 0.5 * level.max())
+
+
+def thrust_to_force(motion: Motion, thrust: Float[np.ndarray, " n"]) -> float:
+    """Return c of a_z = c thrust, from the part of the log that pushes hardest."""
+    fast = fast_rows(motion, thrust)
+    if not fast.any():
+        return 0.0
+    return float(np.median(motion.specific_force[fast, 2] / thrust[fast]))
+
+
+def misfit(motion: Motion) -> float:
+    """Return by how much a_z departs from the thrust where that is large [m/s^2]."""
+    thrust = motion.thrust
+    fast = fast_rows(motion, thrust)
+    if not fast.any():
+        return np.inf
+    c = thrust_to_force(motion, thrust)
+    return float(np.abs(motion.specific_force[fast, 2] - c * thrust[fast]).mean())
+
+
+def _look(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Look:
+    """Return what the search sees of a stretch that begins at `start`; thrust in m/s^2."""
+    rate = motion.sample_rate
+    rows = slice(start, start + len(thrust))
+    force = smooth(motion.specific_force[rows], rate, LOOK_CUTOFF)
+    rates = motion.angular_velocity[rows]
+    squares: Float[np.ndarray, " m"] = np.einsum("ni,ni->n", rates, rates)
+    push, spin = smooth(np.stack([thrust, squares], axis=1), rate, LOOK_CUTOFF).T
+    excess, upward = np.empty(len(thrust)), np.empty(len(thrust))
+    for piece in pieces(len(thrust)):
+        x, y, z = force[piece].T
+        upward[piece] = z - push[piece]
+        up, side = _allowed(push[piece], np.maximum(spin[piece], 0.0), motion.arm)
+        excess[piece] = np.hypot(np.hypot(x, y) / side, upward[piece] / up)
+    del force, push, spin, squares
+    return _Look(excess=excess, upward=upward, rates=smooth(rates, rate, LOOK_CUTOFF))
+
+
+def _allowed(
+    push: Float[np.ndarray, " m"], spin: Float[np.ndarray, " m"], arm: float
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Return how far flight may depart from the thrust along z, and sideways [m/s^2].
+
+    Climb and descent change the thrust of a rotor by a third, drag pushes sideways while the
+    rotors work, and rotation adds force at an accelerometer off the centre.
+    """
+    common = 0.3 * GRAVITY + 0.5 * arm * spin
+    above, below = np.maximum(push - GRAVITY, 0.0), np.maximum(GRAVITY - push, 0.0)
+    up = common + 0.3 * above + 0.15 * below
+    side = common + 0.3 * np.clip(push, 0.0, 3.0 * GRAVITY)
+    return up, side
+
+
+def _bridged(excess: Float[np.ndarray, " n"], sample_rate: float) -> Bool[np.ndarray, " n"]:
+    """Return where the force is explained, short soft violations inside flight included."""
+    flags = excess < 1.0
+    for a, b in true_runs(~flags):
+        inside = a > 0 and b < len(flags)
+        short = b - a < LONGEST_TOUCH * sample_rate
+        if inside and short and float(excess[a:b].max()) < HARDEST_TOUCH:
+            flags[a:b] = True
+    return flags
+
+
+def _without_ground(look: _Look, run: tuple[int, int], sample_rate: float) -> tuple[int, int]:
+    """Return a run of flight without the standing, or the touch, that it begins or ends with."""
+    a, b = run
+    n, guard = len(look.excess), whole_samples(GUARD * sample_rate + 0.5)
+    if a > 0:
+        stood = _standing(look, slice(a + guard, b))
+        # Of the push-off the last is not seen, when the ground carries next to nothing.
+        a += guard + stood + (2 * guard if stood > 2 * guard else 0)
+    if b < n:
+        b -= guard + _standing(look, slice(b - guard - 1, a, -1))
+    return a, b
+
+
+def _standing(look: _Look, rows: slice) -> int:
+    """Return for how many of the rows, from the first on, the vehicle still stands.
+
+    While motors spool up on the ground, the ground carries the rest of the weight and nothing
+    turns. What follows a throw or a bump turns at once.
+    """
+    rates, upward = look.rates[rows], look.upward[rows]
+    for piece in pieces(len(rates)):
+        turned = rates[piece] - rates[0]
+        still = np.abs(turned).max(axis=1) < 0.05
+        carried = upward[piece] > 0.04 * GRAVITY
+        flying = np.flatnonzero(~(still & carried))
+        if len(flying):
+            return piece.start + int(flying[0])
+    return len(rates)
+
+
+def _refuse_grounded(
+    motion: Motion, thrust: Float[np.ndarray, " n"], found: list[tuple[int, int]]
+) -> None:
+    """Raise if what looks like flight is a vehicle on the ground or in a hand, motors running.
+
+    Whatever flies has motors that work against each other, and an acceleration that follows them.
+    """
+    rows = np.concatenate([np.arange(a, b) for a, b in found])
+    block = max(whole_samples(motion.sample_rate / LOOK_CUTOFF), 1)
+    az = _block_means(motion.specific_force[rows, 2:], block)[:, 0]
+    push = _block_means(thrust[rows, None], block)[:, 0]
+    speeds = _block_means(motion.rotor_speed[rows], block)
+    rates = _block_means(motion.angular_velocity[rows], block)
+    turning = float(rates.std(axis=0).max())
+    change = float(push.std() / push.mean())
+    steering = float((speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1e-12)).max())
+    follows, std = _following(az, thrust_to_force(motion, thrust) * push)
+    if follows > max(0.5, 6.0 * std):
+        # However still it hovers: the ground would have carried what the thrust changed by.
+        return
+    if change > 0.03:
+        why = "its acceleration does not follow the rotors" if follows < 0.2 else ""
+    else:
+        why = "it does not turn at all, and its thrust stays the same" if turning < 0.01 else ""
+    if max(change, steering) < 0.004:
+        why = "the motors run at one speed throughout, as on the ground or in a hand"
+    if why:
+        raise FlightError(
+            f"the motors turn but the vehicle never flies ({why}); give the log of a flight, or "
+            "set start and end of the flight yourself"
+        )
+
+
+def _following(
+    acceleration: Float[np.ndarray, " n"], push: Float[np.ndarray, " n"]
+) -> tuple[float, float]:
+    """Return by how much the acceleration changes with the push (1 in flight), and its deviation.
+
+    Infinite where the push never changes: then nothing is known.
+    """
+    swing = push - push.mean()
+    size = float(swing @ swing)
+    if size < (1e-6 * float(push.mean())) ** 2 * len(push):
+        return 0.0, np.inf
+    answer = acceleration - acceleration.mean()
+    follows = float(swing @ answer) / size
+    return follows, float((answer - follows * swing).std()) / size**0.5
+
+
+def _block_means(values: Float[np.ndarray, "n k"], block: int) -> Float[np.ndarray, "m k"]:
+    """Return the means of consecutive blocks; what does not fill one is left out."""
+    whole = len(values) // block
+    return values[: whole * block].reshape(whole, block, -1).mean(axis=1)
+
+
+def rest_rows(motion: Motion, airborne: list[tuple[int, int]]) -> Bool[np.ndarray, " n"]:
+    """Return which samples are at rest: outside flight, quiet gyro, steady at g, motors low."""
+    n = len(motion.rotor_speed)
+    window = max(whole_samples(0.5 * motion.sample_rate), 8)
+    thrust = motion.thrust
+    push = thrust_to_force(motion, thrust) * thrust
+    flying = np.zeros(n, dtype=bool)
+    for a, b in airborne:
+        flying[max(a - window, 0) : b + window] = True
+    rest = np.zeros(n, dtype=bool)
+    for begin, stop in motion.stretches:
+        for start in range(begin, stop - window + 1, window):
+            rows = slice(start, start + window)
+            quiet = float(motion.angular_velocity[rows].std(axis=0).max()) < 0.03
+            force = motion.specific_force[rows].mean(axis=0)
+            level = abs(float(np.linalg.norm(force)) - GRAVITY) < 0.1 * GRAVITY
+            # Outside the start and end that a user gives, a calm hover would pass for rest.
+            idle = float(push[rows].mean()) < 0.5 * GRAVITY
+            rest[rows] = quiet and level and idle and not flying[rows].any()
+    return rest
+
+
+def phase_edges(
+    angular_velocity: Float[np.ndarray, "n 3"], sample_rate: float
+) -> list[tuple[int, int]]:
+    """Return start and stop of the phases of one stretch: calm and lively parts kept apart.
+
+    A new phase begins where the angular acceleration (rms over 0.3 s) leaves its median so far
+    by more than a factor of three; none is shorter than 0.6 s. Noise differs between them, and a
+    short lively phase must not drown in a long calm one.
+    """
+    n = len(angular_velocity)
+    shortest = max(whole_samples(SHORTEST_PHASE * sample_rate), 1)
+    if n < 2 * shortest:
+        return [(0, n)]
+    rates = smooth(angular_velocity, sample_rate, 20.0)
+    acceleration: Float[np.ndarray, "n 3"] = central_difference(rates, sample_rate)
+    del rates
+    power: Float[np.ndarray, " n"] = np.einsum("ni,ni->n", acceleration, acceleration)
+    del acceleration
+    window = max(whole_samples(0.3 * sample_rate), 1)
+    mean = ndimage.uniform_filter1d(power, window, mode="nearest")
+    level = 0.5 * np.log(np.maximum(mean, np.finfo(float).tiny))
+    stride = max(window // 4, 1)
+    longest = max(whole_samples(10.0 * sample_rate), 1)
+    edges = [0]
+    row = shortest
+    while row < n - shortest:
+        # One value per stride is enough: the level is a mean over four of them.
+        recent = level[max(edges[-1], row - longest) : row : stride]
+        if abs(level[row] - np.median(recent)) > np.log(ACTIVITY_RATIO):
+            edges.append(row)
+            row += shortest
+        else:
+            row += stride
+    edges.append(n)
+    return list(pairwise(edges))

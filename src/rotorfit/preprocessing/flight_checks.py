@@ -1,0 +1,324 @@
+"""What makes a flight unusable, and what makes it doubtful: every message in one place."""
+
+import contextlib
+from collections.abc import Generator
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.errors import FlightError, FrameError, LogError
+from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY, Motion, fast_rows
+from rotorfit.preprocessing.clocks import UniformChannels
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.motors.still_rotors import StillRotor
+
+FASTEST_TURN = 40.0
+"""The gyros of multirotors end at 2000 deg/s, 35 rad/s; more is another unit [rad/s]."""
+
+LONGEST_BLOW = 3.0
+"""From first to last such turn of a crash [s]; a gyro in deg/s reads them all over the flight."""
+FEWEST_FAST = 3
+"""Samples of such a turn from which it is one, and no glitch."""
+UNIT_OF_GYRO = 'declare its unit (columns = { gyro_x = { name = "...", unit = "deg/s" } })'
+UNIT_OF_ACCEL = 'declare the unit (columns = { accel_x = { name = "...", unit = "g" } })'
+FRD_DECLARED = 'declare axes = "FRD" for this log'
+TURN_AXES = "rotate its axes in a columns map before you use the log"
+
+SLOWEST_MOTORS = 25.0
+"""Slower motor data do not show what the force follows [Hz]."""
+
+LEAST_WHOLE = 2.0
+"""Length of the longest stretch of flight without a gap, below which many gaps are refused [s]."""
+MOST_TORN = 3.0
+"""Gaps a second, beyond which a log is torn: sound logs have up to 0.01."""
+
+MOST_STILL = 0.25
+"""Share of a flight in which a motor channel may stand still, beyond which it is refused."""
+LEAST_STILL = 0.02
+"""Share from which it is said."""
+
+
+def refuse_missing_channels(log: FlightLog, motor_name: str, rotor_count: int) -> None:
+    """Raise where a channel that the model needs is not in the log, or has other rotors."""
+    has = ", ".join(log.channels) or "none"
+    for name, what in (("gyro", "rotation rates"), ("accel", "specific force")):
+        if name not in log.channels:
+            named = ", or name its columns with a columns map" if log.takes_columns else ""
+            if {"position", "attitude"} <= log.channels.keys():
+                named += ", or take the motion from the poses (--source mocap), beside motor data"
+            raise LogError(
+                f"the log has no {what} (channel {name}; it has {has}); log the raw IMU{named}"
+            )
+    refuse_missing_motors(log, motor_name, rotor_count)
+
+
+def refuse_missing_motors(log: FlightLog, motor_name: str, rotor_count: int) -> None:
+    """Raise where the log has no motor channel, or one of other rotors."""
+    if motor_name not in log.channels:
+        raise LogError(_no_motors(log, motor_name, ", ".join(log.channels) or "none"))
+    columns = log.channels[motor_name].values.shape[1]
+    if columns != rotor_count:
+        raise LogError(
+            f"the log has {columns} motors ({log.channels[motor_name].source}) but the airframe "
+            f"{rotor_count} rotors; list as many rotors as the log has motors, in its order"
+        )
+
+
+def _no_motors(log: FlightLog, motor_name: str, has: str) -> str:
+    """Return the message for a log without the motor channel that was asked for."""
+    other = "command" if motor_name == "rotor_speed" else "rotor_speed"
+    if other in log.channels:
+        use = "commanded" if other == "command" else "measured"
+        return (
+            f"the log has no {motor_name} channel but it has {other} "
+            f'({log.channels[other].source}); write speed = "{use}" under [motors]'
+        )
+    return (
+        f"the log has no motor data (neither rotor_speed nor command; it has {has}); log ESC "
+        "telemetry or motor outputs: without them only the motion is known, not what caused it"
+    )
+
+
+def refuse_missing_battery(log: FlightLog) -> None:
+    """Raise where the motors' law asks for the battery's voltage, and the log has none."""
+    if "battery" not in log.channels:
+        raise LogError(
+            "the law of the motors has a voltage factor, but the log has no battery voltage "
+            f"(channel battery; it has {', '.join(log.channels)}); log it, or give a law without "
+            "voltage"
+        )
+
+
+def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
+    """Raise where a sensor never moves or reads what no vehicle can do."""
+    for name in ("gyro", "accel"):
+        values = uniform.values[name]
+        if float(np.ptp(values, axis=0).max()) == 0.0:
+            first = ", ".join(f"{v:g}" for v in values[0])
+            raise FlightError(
+                f"the {name} channel is constant ({first}) over the whole log, which a sensor "
+                f"in flight never is; check its source: {log.channels[name].source}"
+            )
+    turns = np.abs(uniform.values["gyro"]).max(axis=1)
+    fastest = float(np.percentile(turns, 99.8))
+    if fastest > FASTEST_TURN and not _is_one_blow(turns, uniform):
+        remedy = UNIT_OF_GYRO if log.takes_columns else AS_A_TABLE
+        raise FlightError(
+            f"the gyro reads up to {fastest:.0f} rad/s, faster than any multirotor turns (below "
+            f"{FASTEST_TURN:.0f} was expected); it looks like deg/s: {remedy}"
+        )
+
+
+def _is_one_blow(turns: Float[np.ndarray, " n"], uniform: UniformChannels) -> bool:
+    """Return whether turns too fast to fly are all within a moment, as in a crash."""
+    fast = np.flatnonzero(turns > FASTEST_TURN)
+    return float(uniform.time[fast[-1]] - uniform.time[fast[0]]) < LONGEST_BLOW
+
+
+def refuse_blows(uniform: UniformChannels, flights: list[tuple[int, int]]) -> None:
+    """Raise where the flight holds a crash: turns that no multirotor flies."""
+    turns = np.abs(uniform.values["gyro"]).max(axis=1)
+    inside = np.zeros(len(turns), dtype=bool)
+    for start, stop in flights:
+        inside[start:stop] = True
+    fast = np.flatnonzero(inside & (turns > FASTEST_TURN))
+    if len(fast) < FEWEST_FAST:
+        return
+    first, last = (float(uniform.time[i] - uniform.time[0]) for i in (fast[0], fast[-1]))
+    raise FlightError(
+        f"the gyro reads up to {float(turns[fast].max()):.0f} rad/s from {first:.1f} to "
+        f"{last:.1f} s since the first sample, faster than any multirotor turns (below "
+        f"{FASTEST_TURN:.0f} was expected): a "
+        f"crash or a blow; set end = {max(first - 0.1, 0.0):.1f} before it, or start = "
+        f"{last + 0.1:.1f} after it (--start, --end)"
+    )
+
+
+def refuse_empty_window(
+    kept: tuple[tuple[int, int], ...], window: tuple[float | None, float | None], seconds: float
+) -> None:
+    """Raise if no samples lie between the start and the end that the user gives."""
+    start, end = window
+    if start is not None and end is not None and start >= end:
+        raise FlightError(
+            f"start = {start:g} s is not before end = {end:g} s: give the start of the flight "
+            "first, both in seconds since the first sample of the log"
+        )
+    if not kept:
+        first = "the first sample" if start is None else f"start = {start:g} s"
+        last = "the last sample" if end is None else f"end = {end:g} s"
+        raise FlightError(
+            f"no usable samples between {first} and {last}: the log lasts {seconds:.1f} s from "
+            "its first sample; choose a window inside it, outside its gaps"
+        )
+
+
+def refuse_torn_log(uniform: UniformChannels, flights: list[tuple[int, int]]) -> None:
+    """Raise where so many rows are missing that no stretch of the flight is long enough."""
+    seconds = float(uniform.time[-1] - uniform.time[0])
+    gaps = len({start for start, _, _ in uniform.gaps})
+    longest = max(stop - start for start, stop in flights) / uniform.sample_rate
+    if longest >= LEAST_WHOLE or gaps <= MOST_TORN * seconds:
+        return
+    names = " and ".join(sorted({name for _, _, name in uniform.gaps}))
+    raise FlightError(
+        f"rows are missing all over the log: {gaps} gaps ({names}) in {seconds:.1f} s, and the "
+        f"longest stretch of flight without one is {longest:.1f} s, where {LEAST_WHOLE:g} s and "
+        "more are needed: the recorder dropped samples; log to a faster card, fewer fields or at a "
+        "lower rate, or export the log again"
+    )
+
+
+def refuse_idle_motors(motion: Motion) -> None:
+    """Raise if no motor turns where the flight should be."""
+    if not any(motion.rotor_speed[a:b].any() for a, b in motion.stretches):
+        raise FlightError(
+            "the motors never turn in this log (rotor speed or command is zero throughout); "
+            "give the log of a flight, or the columns that hold the motors"
+        )
+
+
+def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
+    """Raise unless the thrust points along +z and is of the size of the weight.
+
+    Parameters
+    ----------
+    motion
+        Of the flight.
+    takes_columns
+        Whether axes and units of this log can be declared.
+    """
+    fast = fast_rows(motion, motion.thrust)
+    force = np.median(motion.specific_force[fast], axis=0).astype(float)
+    size = float(np.linalg.norm(force))
+    seen = (
+        f"the median specific force where the rotors push is ({force[0]:.2f}, {force[1]:.2f}, "
+        f"{force[2]:.2f}) m/s^2"
+    )
+    if force[2] < -0.7 * size:
+        raise FrameError(
+            f"{seen}, but along the thrust (z up) it must be positive; these are FRD axes: "
+            f"{FRD_DECLARED if takes_columns else AS_A_TABLE}"
+        )
+    if force[2] < 0.7 * size:
+        axis = "xyz"[int(np.argmax(np.abs(force)))]
+        raise FrameError(
+            f"{seen}, mostly along {axis} instead of z (up along the thrust); the IMU is "
+            f"mounted turned: {TURN_AXES if takes_columns else AS_A_TABLE}"
+        )
+    if size < 0.3 * GRAVITY:
+        raise FlightError(
+            f"{seen}, a tenth of gravity where about {GRAVITY:.1f} is expected: it looks like "
+            f"units of g: {UNIT_OF_ACCEL if takes_columns else AS_A_TABLE}"
+        )
+    if size > 3.0 * GRAVITY:
+        raise FlightError(
+            f"{seen}, {size / GRAVITY:.0f} times gravity where about {GRAVITY:.1f} m/s^2 is "
+            "expected; check the accelerometer's unit and scale"
+            f"{' in the columns map' if takes_columns else f': {AS_A_TABLE}'}"
+        )
+
+
+def still_doubts(
+    still: tuple[StillRotor, ...], time: Float[np.ndarray, " n"], *, measured: bool
+) -> tuple[str, ...]:
+    """Return a doubt for each motor channel that stands still for a moment; too long is refused.
+
+    Raises
+    ------
+    FlightError
+        Of the rotor whose channel stands still the longest.
+    """
+    if any(rotor.share > MOST_STILL for rotor in still):
+        worst = max(still, key=lambda rotor: rotor.share)
+        raise FlightError(_still_words(worst, time, measured=measured))
+    said = [rotor for rotor in still if rotor.share >= LEAST_STILL]
+    return tuple(_still_words(rotor, time, measured=measured) for rotor in said)
+
+
+def _still_words(rotor: StillRotor, time: Float[np.ndarray, " n"], *, measured: bool) -> str:
+    a, b = rotor.rows
+    what, unit = ("measured speed", " rad/s") if measured else ("command", "")
+    cause = "its ESC telemetry is dead or stuck" if measured else "another output drives this motor"
+    remedy = "repair it" if measured else "log or name the right column"
+    other = ' or take logged commands (speed = "commanded" under [motors])' if measured else ""
+    part = "" if rotor.share > 0.9 else "; or leave that part out with start and end"
+    return (
+        f"the {what} of rotor {rotor.rotor} stays at {rotor.value:g}{unit} for "
+        f"{100.0 * rotor.share:.0f} % of the flight while the others move (at the longest from "
+        f"{time[a] - time[0]:.1f} to {time[b - 1] - time[0]:.1f} s): {cause}; {remedy}{other}{part}"
+    )
+
+
+@contextlib.contextmanager
+def slow_motors_said(motor_rate: float) -> Generator[None, None, None]:
+    """Give slow motor data as the reason where no flight is found in them [Hz]."""
+    try:
+        yield
+    except FlightError as error:
+        if motor_rate >= SLOWEST_MOTORS:
+            raise
+        raise FlightError(
+            f"motor data come at {motor_rate:.0f} Hz, too slow to tell flight from ground and to "
+            "find inertia (100 Hz and more are good): log motors faster (PX4: bit 4 of "
+            "SDLOG_PROFILE); this log can give thrust at most, and only with start and end of "
+            "the flight (--start, --end)"
+        ) from error
+
+
+def doubts_about(
+    data: FlightData, uniform: UniformChannels, bias: tuple[float, float, float] | None
+) -> tuple[str, ...]:
+    """Return the doubts about a prepared flight, one sentence each."""
+    doubts: list[str] = []
+    if bias is None:
+        doubts.append(
+            "no 1 s at rest found; gyro bias not removed: leave the vehicle still on the ground "
+            "for two seconds before take-off"
+        )
+    elif max(map(abs, bias)) > 0.1:
+        doubts.append(
+            f"the gyro reads up to {max(map(abs, bias)):.2f} rad/s at rest (taken off); "
+            "calibrate it"
+        )
+    motor_rate, gyro_rate = uniform.rates["motor"], uniform.rates["gyro"]
+    if motor_rate < 0.4 * gyro_rate:
+        doubts.append(
+            f"motor data come at {motor_rate:.0f} Hz, the gyro at {gyro_rate:.0f} Hz: fast "
+            f"motion is used only up to {0.4 * motor_rate:.0f} Hz; log motors faster"
+        )
+    return (*doubts, *flown_doubts(data))
+
+
+def flown_doubts(data: FlightData) -> list[str]:
+    """Return the doubts about what was flown, whatever measured it."""
+    rows = data.used_rows
+    doubts = _thrust_doubts(data.rotor_speed[rows])
+    return doubts if data.velocity is None else doubts + _speed_doubts(data.velocity[rows])
+
+
+def _thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
+    """Return a doubt where thrust leaves the near-hover scope of the model."""
+    thrust: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", rotor_speed, rotor_speed)
+    hover = float(np.median(thrust))
+    far = float(((thrust > 1.8 * hover) | (thrust < 0.3 * hover)).mean())
+    if far <= 0.1:
+        return []
+    return [
+        f"thrust is outside 0.3 to 1.8 times hover for {100 * far:.0f} % of the flight: fast "
+        "climbs and falls change the airflow through the rotors, which the model leaves out"
+    ]
+
+
+def _speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
+    """Return a doubt where the vehicle flies so fast that drag counts."""
+    speed = np.sqrt((velocity * velocity).sum(axis=1))
+    known = speed[np.isfinite(speed)]
+    fast = float(np.percentile(known, 95)) if len(known) else 0.0
+    if fast <= 5.0:
+        return []
+    return [
+        f"the vehicle flies at up to {fast:.1f} m/s; over 5 m/s the air drag of the frame "
+        "matters, and the model has it only with the term drag: use a slower part of the flight"
+    ]

@@ -1,0 +1,96 @@
+r"""How the IMU is mounted: turned by small angles about x and y against the plane of the rotors.
+
+In flight the thrust carries the vehicle, so that the mean specific force lies along the rotors'
+axis whatever the attitude: where it leans in the IMU's axes, the IMU leans in the vehicle. (Drag of
+a fast flight leans it, too, and so does a bias: who looks must tell them apart.)
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from rotorfit.preprocessing.climb_velocity import felt_climb
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.prepare import PreparedFlight
+
+LEAST_LEAN: Final = float(np.radians(5.0))
+"""Below it a bias within the usual explains the lean (sound logs: up to 4.5 degrees)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuTilt:
+    """How the IMU sits in the vehicle.
+
+    Attributes
+    ----------
+    roll
+        Of the IMU, right side down [rad].
+    pitch
+        Of the IMU, nose up [rad].
+    """
+
+    roll: float = 0.0
+    pitch: float = 0.0
+
+    @property
+    def rotation_imu_to_body(self) -> Float[np.ndarray, "3 3"]:
+        """Turns vectors of the IMU (FLU) into the rotors' axes."""
+        # About y (left) a positive turn lowers the nose.
+        return Rotation.from_euler("XY", [self.roll, -self.pitch]).as_matrix()
+
+    @property
+    def angle(self) -> float:
+        """Between the IMU's z and the rotors' axis [rad]."""
+        return float(np.arccos(np.clip(self.rotation_imu_to_body[2, 2], -1.0, 1.0)))
+
+
+def lean(flights: Sequence[FlightData]) -> ImuTilt:
+    """Return how the IMU would sit if the mean specific force of the flights were along z.
+
+    Parameters
+    ----------
+    flights
+        Each counts for as long as it is.
+    """
+    total = np.zeros(3)
+    for data in flights:
+        for s in data.segments:
+            total += data.specific_force[s.start : s.stop].sum(axis=0)
+    x, y, z = total
+    return ImuTilt(roll=float(np.arctan2(y, np.hypot(x, z))), pitch=float(np.arctan2(x, z)))
+
+
+def lean_words(tilt: ImuTilt) -> str:
+    """Return a mounting such as "10.1 degrees nose down"."""
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    parts = [
+        f"{abs(angle):.1f} degrees {words[angle > 0]}"
+        for angle, words in (
+            (pitch, ("nose down", "nose up")),
+            (roll, ("left side down", "right side down")),
+        )
+        if abs(angle) >= 1.0
+    ]
+    return " and ".join(parts)
+
+
+def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
+    """Return a flight with what the IMU measured turned into the rotors' axes.
+
+    The velocity with it: it was given in the axes of the IMU.
+    """
+    R = tilt.rotation_imu_to_body
+    data = prepared.data
+    turned = dataclasses.replace(
+        data,
+        specific_force=data.specific_force @ R.T,
+        angular_velocity=data.angular_velocity @ R.T,
+        angular_acceleration=data.angular_acceleration @ R.T,
+        velocity=None if data.velocity is None else data.velocity @ R.T,
+    )
+    return dataclasses.replace(prepared, data=dataclasses.replace(turned, climb=felt_climb(turned)))

@@ -1,0 +1,1 @@
+"""Motion capture: its frames, its clock, and the motion that they show."""

@@ -1,0 +1,244 @@
+"""Frames of a motion-capture system: which are good, and when the cameras took them.
+
+What is lost (markers hidden, the last pose repeated) is cut, never bridged: a guess across a gap,
+differentiated twice, is an acceleration that nobody flew.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import ndimage
+
+from rotorfit.errors import FlightError, LogError
+from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.preprocessing.clocks import FEWEST_SAMPLES, usable_samples
+from rotorfit.preprocessing.mocap.kinematics import continuous_quaternions
+from rotorfit.preprocessing.mocap.pose_spikes import without_spikes
+
+IRREGULAR_SHARE = 0.02
+"""Of frames that may come further than a third of a period from where they belong."""
+WORST_JITTER = 0.12
+"""Of the times about a regular clock, rms in periods, that can be mended."""
+STRAY = 0.4
+"""Of a period, from which a stamp misses its frame."""
+BESIDE, FEWEST_BESIDE = 9, 3
+"""Frames on either side of a long step that say whether one was lost, and the fewest that do."""
+NOTED_JITTER = 0.05
+"""From here on mending is said, and refused unless the jitter is random from frame to frame."""
+MOST_ALIKE = 0.7
+"""Correlation of one frame's time error with the next, above which a queue delays whole groups."""
+JUMP = (100.0, 1000.0)
+"""Of a marker swap: more acceleration than flight has [m/s^2], [rad/s^2]."""
+JUMP_DEVIATIONS = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraClock:
+    """When the frames were taken, if the cameras ran regularly.
+
+    Attributes
+    ----------
+    rate
+        Frames per second [Hz].
+    time
+        Of each frame, regular within a run [s].
+    runs
+        Start and stop (exclusive) of frames that follow each other without loss.
+    jitter
+        Rms of the recorded times about `time`, in periods.
+    """
+
+    rate: float
+    time: Float[np.ndarray, " n"]
+    runs: tuple[tuple[int, int], ...]
+    jitter: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked:
+    """The frames in which the body was seen.
+
+    Attributes
+    ----------
+    pose
+        Position, then attitude w, x, y, z.
+    mended
+        Frames that jumped and returned, and were put back.
+    """
+
+    pose: Channel
+    mended: int
+
+
+def poses(log: FlightLog) -> Channel:
+    """Return the frames of `tracked`."""
+    return tracked(log).pose
+
+
+def tracked(log: FlightLog) -> Tracked:
+    """Return the frames in which the body was seen: position, then attitude w, x, y, z.
+
+    Left out are frames that only repeat the one before (a frozen pose, or a log that is faster
+    than the cameras) and frames that jump for longer than one frame; single ones are mended.
+
+    Raises
+    ------
+    LogError
+        If the log has no pose.
+    FlightError
+        If too few frames are left.
+    """
+    has = ", ".join(log.channels) or "none"
+    for name in ("position", "attitude"):
+        if name not in log.channels:
+            named = "name its columns (pos_x, ..., quat_w, ...) with a columns map, or "
+            raise LogError(
+                f"the log has no {name} from motion capture (it has {has}); "
+                f'{named if log.takes_columns else ""}use source = "imu"'
+            )
+    place = usable_samples(log.channels["position"], "position")
+    attitude = usable_samples(log.channels["attitude"], "attitude")
+    time, a, b = np.intersect1d(place.time, attitude.time, return_indices=True)
+    if len(time) < max(FEWEST_SAMPLES, len(place.time) // 2):
+        raise FlightError(
+            f"position and attitude share {len(time)} of {len(place.time)} times: they must be "
+            "of the same frames; export the pose of one rigid body with one time column"
+        )
+    values = np.concatenate([place.values[a], attitude.values[b]], axis=1)
+    fresh = np.concatenate([[True], np.any(values[1:] != values[:-1], axis=1)])
+    if fresh.sum() < FEWEST_SAMPLES:
+        raise FlightError(
+            f"the pose changes in only {int(fresh.sum())} of {len(fresh)} frames: the body was "
+            "not tracked; check the rigid body in the motion-capture software"
+        )
+    time = restamped(time[fresh])
+    values, mended = _mended(time, values[fresh])
+    good = ~_jumps(time, values)
+    source = f"{log.channels['position'].source}; {log.channels['attitude'].source}"
+    pose = Channel(time=time[good], values=values[good], source=source)
+    return Tracked(pose=pose, mended=int(mended[good].sum()))
+
+
+def _mended(
+    time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n 7"]
+) -> tuple[Float[np.ndarray, "n 7"], Bool[np.ndarray, " n"]]:
+    """Return the frames with single ones that jump in place or attitude put back, and which."""
+    place, one = without_spikes(time, values[:, :3])
+    attitude, other = without_spikes(time, continuous_quaternions(values[:, 3:]))
+    return np.concatenate([place, attitude], axis=1), one | other
+
+
+def _jumps(
+    time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n 7"]
+) -> Bool[np.ndarray, " n"]:
+    """Return which frames lie off the line of their neighbours, far beyond noise and flight.
+
+    The neighbours of a jump, seen from it, lie off too, and go with it.
+    """
+    period = float(np.median(np.diff(time)))
+    off = np.zeros((len(values), 2))
+    across = (time[2:] - time[:-2])[:, None]
+    share = (time[1:-1] - time[:-2])[:, None] / across
+    for k, x in enumerate((values[:, :3], 2.0 * continuous_quaternions(values[:, 3:]))):
+        middle = x[:-2] + share * (x[2:] - x[:-2])
+        off[1:-1, k] = 2.0 * np.abs(x[1:-1] - middle).max(axis=1)
+    noise = JUMP_DEVIATIONS * 1.4826 * np.median(off, axis=0)
+    far = (off > np.maximum(np.array(JUMP) * period**2, noise)) & (off > 0)
+    return np.any(far, axis=1)
+
+
+def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
+    """Return the regular clock behind recorded times of frames.
+
+    The mean rate is taken from all runs without loss; each run keeps its own start.
+
+    Raises
+    ------
+    FlightError
+        If the times are those of a network rather than of cameras.
+    """
+    time = restamped(time)
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    count = np.maximum(np.round(steps / period), 1.0)
+    stray = np.abs(steps / period - count) > 1.0 / 3.0
+    if float(stray.mean()) > IRREGULAR_SHARE:
+        raise FlightError(_irregular(steps))
+    edges = [0, *(np.flatnonzero(count > 1.0) + 1).tolist(), len(time)]
+    runs = [(a, b) for a, b in pairwise(edges) if b - a >= FEWEST_SAMPLES]
+    if not runs:
+        raise FlightError(
+            f"of {len(time)} frames never {FEWEST_SAMPLES} follow each other without loss; record "
+            "with more cameras or markers"
+        )
+    period = _mean_period(time, runs)
+    regular = np.array(time, dtype=float)
+    for a, b in runs:
+        centred = np.arange(b - a) - 0.5 * (b - a - 1)
+        regular[a:b] = time[a:b].mean() + period * centred
+    error = np.concatenate([(time[a:b] - regular[a:b]) / period for a, b in runs])
+    jitter = float(np.sqrt((error @ error) / len(error)))
+    alike = float(error[1:] @ error[:-1]) / max(float(error @ error), np.finfo(float).tiny)
+    if jitter > WORST_JITTER or (jitter > NOTED_JITTER and alike > MOST_ALIKE):
+        raise FlightError(_irregular(steps))
+    return CameraClock(rate=1.0 / period, time=regular, runs=tuple(runs), jitter=jitter)
+
+
+def restamped(time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the times with single stamps that miss their frame put where it belongs.
+
+    A stamp may be late by most of a period while the frame is not; where that is rare, the
+    neighbours say when it was due.
+    """
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    number = np.concatenate([[0.0], np.cumsum(1.0 + _lost(time, period))])
+    off = time - period * number
+    due = ndimage.median_filter(off, BESIDE, mode="nearest")
+    stray = np.abs(off - due) > STRAY * period
+    if not 0.0 < float(stray.mean()) <= IRREGULAR_SHARE:
+        return time
+    return np.where(stray, due + period * number, time)
+
+
+def _lost(time: Float[np.ndarray, " n"], period: float) -> Float[np.ndarray, " m"]:
+    """Return how many frames are lost in each step.
+
+    A single stamp that is late makes a long step and a short one, with nothing lost: a loss
+    shifts all that follows. So the frames before a long step and those after it each say, in
+    their median, when the one after it was due.
+    """
+    steps = np.diff(time)
+    lost = np.maximum(np.round(steps / period) - 1.0, 0.0)
+    long = np.flatnonzero(lost > 0)
+    for k, i in enumerate(long.tolist()):
+        first = max(i - BESIDE + 1, 0 if k == 0 else int(long[k - 1]) + 1)
+        stop = min(i + 1 + BESIDE, len(time) if k + 1 == len(long) else int(long[k + 1]) + 1)
+        if i + 1 - first < FEWEST_BESIDE or stop - i - 1 < FEWEST_BESIDE:
+            continue
+        before = np.median(time[first : i + 1] + period * np.arange(i + 1 - first, 0, -1))
+        after = np.median(time[i + 1 : stop] - period * np.arange(stop - i - 1))
+        lost[i] = max(round(float(after - before) / period), 0)
+    return lost
+
+
+def _mean_period(time: Float[np.ndarray, " n"], runs: list[tuple[int, int]]) -> float:
+    """Return the slope of time over frame number, common to all runs (least squares)."""
+    above = below = 0.0
+    for a, b in runs:
+        centred = np.arange(b - a) - 0.5 * (b - a - 1)
+        above += float(centred @ time[a:b])
+        below += float(centred @ centred)
+    return above / below
+
+
+def _irregular(steps: Float[np.ndarray, " n"]) -> str:
+    """Return the message for times that no camera keeps."""
+    low, middle, high = (1e3 * np.percentile(steps, [1.0, 50.0, 99.0])).tolist()
+    return (
+        f"the motion capture comes at irregular times (steps {low:.1f} to {high:.1f} ms about "
+        f"{middle:.1f} ms): these are times of receipt over a network, not those of the cameras; "
+        "export the recording with the frame numbers or times of the cameras"
+    )

@@ -1,0 +1,1 @@
+"""Motor channels: commands to rotor speed, telemetry, lag and delay."""

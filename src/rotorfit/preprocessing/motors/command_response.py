@@ -1,0 +1,210 @@
+"""Motor commands and the measured speeds that answer them, each rotor's on clocks of its own."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.preprocessing.signals import hampel, true_runs
+
+LEAD: Final = 1.0
+"""Commands before a stretch, from which the speed at its beginning is computed [s]."""
+GAP: Final = 0.2
+"""Commands further apart than this, and than five of their steps, are apart [s]."""
+MOST_SPEEDS: Final = 120_000
+"""Speeds that are looked at, of all rotors: of a longer log pieces spread over it."""
+PIECE: Final = 10.0
+"""Length of such a piece [s]."""
+FRESH: Final = 0.3
+"""Share of speeds unlike the one before, under which telemetry is slower than the log: then only
+new values count, at the moment they come."""
+LARGEST: Final = 1e9
+
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The commands of one rotor over one stretch, and the speeds measured in it.
+
+    Attributes
+    ----------
+    rotor
+        From 0, in the log's order.
+    command_time
+        Rising; each command is held until the next [s].
+    command
+        0 (stopped) to 1 (full).
+    voltage
+        Of the battery at the commands [V]; None where the log has none.
+    speed_time
+        Rising, within the commands' [s].
+    speed
+        As measured [rad/s].
+    """
+
+    rotor: int
+    command_time: Float[np.ndarray, " n"]
+    command: Float[np.ndarray, " n"]
+    voltage: Float[np.ndarray, " n"] | None
+    speed_time: Float[np.ndarray, " m"]
+    speed: Float[np.ndarray, " m"]
+
+
+def answered_commands(log: FlightLog, *, left_out: Sequence[int] = ()) -> tuple[Answer, ...]:
+    """Return commands and speeds of every rotor that has both; none where the log lacks either.
+
+    Parameters
+    ----------
+    log
+        As read.
+    left_out
+        Rotors (from 0) whose speed is not that of their command.
+    """
+    if not {"command", "rotor_speed"} <= set(log.channels):
+        return ()
+    command, speed = log.channels["command"], log.channels["rotor_speed"]
+    if command.values.shape[1] != speed.values.shape[1]:
+        return ()
+    battery = log.channels.get("battery")
+    volts = None if battery is None else _known(battery, 0)
+    volts = None if volts is None or len(volts[0]) < 2 or not (volts[1] > 0.0).all() else volts
+    pieces = _pieces(speed)
+    found: list[Answer] = []
+    for i in range(command.values.shape[1]):
+        if i not in left_out:
+            asked, told = _known(command, i), _fresh(*_known(speed, i))
+            found += [a for span in pieces for a in _answers(i, asked, told, volts, span)]
+    return tuple(found)
+
+
+def within(
+    answers: Sequence[Answer], spans: Sequence[Span], *, most: int = MOST_SPEEDS
+) -> tuple[Answer, ...]:
+    """Return the answers in some spans of time, each span on its own.
+
+    Parameters
+    ----------
+    answers
+        Of one log.
+    spans
+        Begin and end of each [s].
+    most
+        Speeds, of all rotors: where there are more, pieces of the spans that are spread over them.
+    """
+    inside = _inside(answers, spans)
+    count = sum(len(answer.speed) for answer in inside)
+    return inside if count <= most else _inside(answers, _spread(spans, most / count))
+
+
+def _inside(answers: Sequence[Answer], spans: Sequence[Span]) -> tuple[Answer, ...]:
+    cuts = (_cut(answer, *span) for answer in answers for span in spans)
+    return tuple(cut for cut in cuts if cut is not None)
+
+
+def spans_of(answers: Sequence[Answer]) -> list[Span]:
+    """Return the spans of time in which there are speeds, those of all rotors together."""
+    spans = {
+        (float(a.speed_time[0]), float(np.nextafter(a.speed_time[-1], np.inf))) for a in answers
+    }
+    joined: list[Span] = []
+    for begin, end in sorted(spans):
+        if joined and begin <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(joined[-1][1], end))
+        else:
+            joined.append((begin, end))
+    return joined
+
+
+def _cut(answer: Answer, begin: float, end: float) -> Answer | None:
+    t = answer.speed_time
+    rows = slice(*np.searchsorted(t, [begin, end]).tolist())
+    if rows.stop - rows.start < 2:
+        return None
+    asked = answer.command_time
+    # The command in force at the beginning is the last one before it.
+    first = max(int(np.searchsorted(asked, t[rows.start] - LEAD, side="right")) - 1, 0)
+    stop = int(np.searchsorted(asked, t[rows.stop - 1], side="right"))
+    held = slice(first, stop)
+    return replace(
+        answer,
+        command_time=asked[held],
+        command=answer.command[held],
+        voltage=None if answer.voltage is None else answer.voltage[held],
+        speed_time=t[rows],
+        speed=answer.speed[rows],
+    )
+
+
+def _known(
+    channel: Channel, column: int
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return times and values of a column where it has any, in the order of time."""
+    values = channel.values[:, column]
+    known = (np.abs(channel.time) < LARGEST) & (np.abs(values) < LARGEST)
+    time, first = np.unique(channel.time[known], return_index=True)
+    return time, values[known][first]
+
+
+def _fresh(
+    time: Float[np.ndarray, " n"], speed: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Return the speeds without glitches, and without what a slow telemetry repeats."""
+    if len(time) < 2:
+        return time, speed
+    new = np.concatenate([[True], np.diff(speed) != 0.0])
+    if float(new.mean()) < FRESH:
+        time, speed = time[new], speed[new]
+    values, _ = hampel(speed[:, None])
+    return time, values[:, 0]
+
+
+def _pieces(speed: Channel) -> list[Span]:
+    """Return the whole log, or spans spread over it evenly where it is long."""
+    known = speed.time[np.abs(speed.time) < LARGEST]
+    if len(known) < 2:
+        return []
+    whole = (float(known.min()), float(np.nextafter(known.max(), np.inf)))
+    share = MOST_SPEEDS / speed.values.size
+    return [whole] if share >= 1.0 else _spread([whole], share)
+
+
+def _spread(spans: Sequence[Span], share: float) -> list[Span]:
+    """Return pieces spread evenly over spans, a share of them in all."""
+    step = PIECE / share
+    return [
+        (float(t), min(float(t) + PIECE, end))
+        for begin, end in spans
+        for t in np.arange(begin, end, step)
+    ]
+
+
+def _answers(
+    rotor: int,
+    asked: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
+    told: tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]],
+    volts: tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]] | None,
+    span: Span,
+) -> Iterator[Answer]:
+    """Yield the stretches of a span in which the commands have no gap."""
+    time, command = asked
+    if len(time) < 2:
+        return
+    steps = np.diff(time)
+    together = np.append(steps <= max(GAP, 5.0 * float(np.median(steps))), False)
+    for a, b in true_runs(together):
+        rows = slice(a, b + 1)
+        whole = Answer(
+            rotor=rotor,
+            command_time=time[rows],
+            command=command[rows],
+            voltage=None if volts is None else np.interp(time[rows], *volts),
+            speed_time=told[0],
+            speed=told[1],
+        )
+        cut = _cut(whole, max(span[0], float(time[a])), min(span[1], float(time[b])))
+        if cut is not None:
+            yield cut

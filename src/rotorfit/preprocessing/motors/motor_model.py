@@ -1,0 +1,226 @@
+"""From commanded to actual rotor speed: the motor's law, its lag and its delay."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy import signal
+from scipy.linalg import lapack
+
+from rotorfit.logs.flight_log import LONG, pieces
+from rotorfit.logs.speed_law import SpeedLaw as SpeedLaw
+from rotorfit.logs.speed_law import speed_from_command as speed_from_command
+
+MOST_ROUNDS = 40
+SETTLED = 1e-9
+"""Relative distance between command and speed at which rising and falling are the same."""
+NOISE_ROWS = 256
+"""Length of the spectra in which the noise of rotor speeds is looked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorResponse:
+    """How the rotors follow the motor channel.
+
+    Attributes
+    ----------
+    lag
+        First-order time constant [s]; of rising speed where `lag_down` is given.
+    delay
+        Pure delay [s].
+    lag_down
+        Time constant of falling speed [s]; None: as `lag`.
+    """
+
+    lag: float = 0.0
+    delay: float = 0.0
+    lag_down: float | None = None
+
+    @property
+    def two_way(self) -> bool:
+        """Whether rising and falling speed differ."""
+        return self.lag_down is not None and self.lag_down != self.lag
+
+    @property
+    def mean_lag(self) -> float:
+        """Of rising and falling speed [s]."""
+        return self.lag if self.lag_down is None else 0.5 * (self.lag + self.lag_down)
+
+
+def following_speed(
+    held: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    response: MotorResponse,
+    *,
+    held_for: float | None = None,
+) -> Float[np.ndarray, "n N"]:
+    """Return the speed of rotors that follow a held command with delay and lag [rad/s].
+
+    Parameters
+    ----------
+    held
+        Speed that each command would settle at, held from its sample to the next [rad/s].
+    sample_rate
+        Of the samples [Hz].
+    response
+        How the rotors follow.
+    held_for
+        How long one command held where each sample is the mean of several, of which the first is
+        at the sample's time [s]; None: each is one. Of means, one lag that is not zero is expected.
+    """
+    early = 0.0 if held_for is None else _early(held_for, 1.0 / sample_rate, response.lag)
+    late = shift_time(held, sample_rate, response.delay - early)
+    if response.lag_down is None or not response.two_way:
+        return first_order_lag(late, sample_rate, response.lag)
+    return two_way_lag(late, sample_rate, up=response.lag, down=response.lag_down)
+
+
+def _early(one: float, several: float, lag: float) -> float:
+    r"""Return how much later than their own a mean of several commands must be taken [s].
+
+    Behind a lag :math:`\tau` what was commanded during a time T counts with :math:`e^{t/\tau}`,
+    so that its middle is :math:`T/2 \coth(T/2\tau) - \tau` later than half of T: of `several`
+    together, and of each one.
+    """
+    together, each = (0.5 * held / np.tanh(0.5 * held / lag) for held in (several, one))
+    return float(together - each)
+
+
+def first_order_lag(
+    held: Float[np.ndarray, "n N"], sample_rate: float, lag: float
+) -> Float[np.ndarray, "n N"]:
+    r"""Return the speed of motors that follow a held command with a first-order lag.
+
+    The command is held between samples (zero-order hold), for which
+    :math:`O_{k+1} = a O_k + (1 - a) u_k, a = e^{-dt/\tau}` is exact; an ordinary sampled low-pass
+    would be off by half a sample. The motors start settled.
+
+    Parameters
+    ----------
+    held
+        Speed that each command would settle at, held from its sample to the next [rad/s].
+    sample_rate
+        Of the samples [Hz].
+    lag
+        Time constant tau [s]; 0 returns the command as it is.
+    """
+    if lag <= 0:
+        return held
+    a = _kept(sample_rate, lag)
+    lagged, _ = signal.lfilter([0.0, 1.0 - a], [1.0, -a], held, axis=0, zi=held[:1])
+    return lagged
+
+
+def two_way_lag(
+    held: Float[np.ndarray, "n N"], sample_rate: float, *, up: float, down: float
+) -> Float[np.ndarray, "n N"]:
+    """Return the same with one time constant while the speed rises and another while it falls.
+
+    A driven rotor is pushed up by the motor and, without active braking, falls by its own drag.
+    The recursion is one of two linear ones at every sample. Which one is guessed, the whole
+    record solved, the guess corrected: Newton's iteration on a piecewise linear equation, which
+    ends after a few rounds.
+    """
+    if len(held) > LONG and held.shape[1] > 1:
+        # One rotor after the other: the rounds need several copies of what they act on.
+        each = np.empty(held.shape)
+        for k in range(held.shape[1]):
+            each[:, k] = two_way_lag(held[:, k : k + 1], sample_rate, up=up, down=down)[:, 0]
+        return each
+    keep_up, keep_down = _kept(sample_rate, up), _kept(sample_rate, down)
+    speed = first_order_lag(held, sample_rate, 0.5 * (up + down))
+    rising = held > speed
+    for _ in range(MOST_ROUNDS):
+        speed = _solved(held, np.where(rising, keep_up, keep_down))
+        changed = (held > speed) != rising
+        if not (changed & (np.abs(held - speed) > SETTLED * np.abs(held))).any():
+            break
+        rising ^= changed
+    return speed
+
+
+def _kept(sample_rate: float, lag: float) -> float:
+    """Return the share of the distance that is left after a sample."""
+    return float(np.exp(-1.0 / (sample_rate * lag))) if lag > 0 else 0.0
+
+
+def _solved(
+    held: Float[np.ndarray, "n N"], kept: Float[np.ndarray, "n N"]
+) -> Float[np.ndarray, "n N"]:
+    """Return O of O_0 = u_0, O_k+1 = a_k O_k + (1 - a_k) u_k."""
+    n = len(held)
+    speed = np.empty_like(held)
+    for i in range(held.shape[1]):
+        bands = np.ones((2, n))
+        bands[1, :-1] = -kept[:-1, i]
+        right = np.concatenate([held[:1, i], (1.0 - kept[:-1, i]) * held[:-1, i]])
+        # Triangular: a general banded solver takes five times as long.
+        speed[:, i] = lapack.dtbtrs(bands, right, uplo="L", diag="U", overwrite_b=1)[0]
+    return speed
+
+
+def shift_time(
+    values: Float[np.ndarray, "n N"], sample_rate: float, delay: float
+) -> Float[np.ndarray, "n N"]:
+    """Return values as they were `delay` seconds before each sample.
+
+    By the polynomial through the ten nearest samples. A straight line between two would average
+    their noise away at half a sample, and a search for the delay would take that for a good fit.
+    The first and the last value are held.
+    """
+    if delay == 0:
+        return values
+    whole = int(np.floor(delay * sample_rate))
+    part = delay * sample_rate - whole
+    nodes = np.arange(-4, 6)
+    weights = [
+        float(np.prod([(part - m) / (k - m) for m in nodes if m != k])) for k in nodes.tolist()
+    ]
+    n = len(values)
+    shifted = np.zeros(values.shape)
+    for piece in pieces(n, longest=LONG // len(nodes)):
+        first = int(piece.start) - whole - int(nodes[-1])
+        rows = np.arange(first, int(piece.stop) - whole - int(nodes[0]))
+        near = values[np.clip(rows, 0, n - 1)]
+        for weight, k in zip(weights, nodes.tolist(), strict=True):
+            begin = int(nodes[-1]) - k
+            shifted[piece] += weight * near[begin : begin + piece.stop - piece.start]
+    return shifted
+
+
+def white_noise_std(
+    values: Float[np.ndarray, "n N"], stretches: Sequence[tuple[int, int]]
+) -> float:
+    """Return the standard deviation of the white noise in measured rotor speeds [rad/s].
+
+    A rotor cannot follow the fastest changes that a log can hold: what is left of its spectrum
+    close to the Nyquist frequency is error of measurement. The median over that tenth of the
+    spectrum, so that a single line of vibration does not count.
+
+    Parameters
+    ----------
+    values
+        Measured speeds on a uniform clock.
+    stretches
+        Start and stop (exclusive) of the rows to look at.
+    """
+    levels: list[float] = []
+    for start, stop in stretches:
+        if stop - start < NOISE_ROWS:
+            continue
+        top = _spectrum(values[start:stop])[-NOISE_ROWS // 20 :]
+        levels.append(0.5 * float(np.median(top)))  # one-sided density, half a cycle a sample
+    return float(np.sqrt(np.median(levels))) if levels else 0.0
+
+
+def _spectrum(values: Float[np.ndarray, "n N"]) -> Float[np.ndarray, "f N"]:
+    """Return the mean power spectrum of windows that overlap by half, piece by piece."""
+    half = NOISE_ROWS // 2
+    windows = len(values) // half - 1
+    mean = np.zeros((half + 1, values.shape[1]))
+    for piece in pieces(windows, longest=LONG // half):
+        rows = values[piece.start * half : (piece.stop + 1) * half]
+        spectrum = signal.welch(rows, fs=1.0, nperseg=NOISE_ROWS, axis=0, detrend="constant")
+        mean += (piece.stop - piece.start) / windows * np.asarray(spectrum[1], dtype=float)
+    return mean

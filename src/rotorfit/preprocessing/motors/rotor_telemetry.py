@@ -1,0 +1,423 @@
+"""Whether the measured rotor speeds go with the motor commands: order, dead channels, ratios.
+
+The two are recorded by different devices on different wires, and each rotor has its own law from
+command to speed, so that a log contradicts itself where a plug is swapped, a wire is off or one
+controller counts other poles. Everything is looked at in the band that a pilot flies in, where a
+rotor follows its command; how late the speeds are as a whole is found first.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import scipy.optimize
+from jaxtyping import Bool, Float, Int
+
+from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.preprocessing.signals import smooth, true_runs, whole_samples
+
+FASTEST: Final = 100.0
+"""Rate of the common clock at most [Hz]."""
+BAND: Final = (0.3, 8.0)
+"""In which commands and speeds are compared [Hz]."""
+LATE: Final = (-0.1, 0.3)
+"""How much later than the commands the speeds may be [s]."""
+SLOWEST: Final = 2.0
+"""Slower telemetry shows nothing of the motion [Hz]."""
+FEWEST: Final = 20
+"""Samples of each, below which nothing is said."""
+MOST_HOLES: Final = 10.0
+"""Length of the common clock over the samples: a longer one is no clock."""
+LEAST_SECONDS: Final = 3.0
+"""Of turning motors, below which nothing is said."""
+TURNING: Final = 0.3
+"""Share of the largest command above which motors count as turning."""
+EDGE: Final = 0.5
+"""Left out after motors start and before they stop: the band-pass rings there [s]."""
+MOVES: Final = 0.01
+"""Deviation of a command below which it tells nothing of its speed."""
+CLEAR: Final = 0.5
+"""Correlation from which a command and a speed belong together."""
+CLEARER: Final = 0.7
+"""What another command leaves unexplained, over what the own one does, for a swap."""
+NOTHING: Final = 0.3
+"""Correlation below which a speed does not follow its command."""
+LONGEST_STILL: Final = 1.0
+"""A speed that stays the same for so long while its command moves is stuck [s]."""
+LEAST_STUCK: Final = 0.02
+"""Share of the time that a speed is stuck, from which it is said."""
+UNLIKE: Final = 0.1
+"""By which a rotor's speed may differ from the others' at the same command."""
+SURE: Final = 4.0
+"""Deviations of the mean by which it must."""
+
+_Columns = list[tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]]
+State = Literal["follows", "swapped", "dead", "stuck", "apart", "unlike", "unclear"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorTelemetry:
+    """How the measured speed of one rotor goes with the commands.
+
+    Attributes
+    ----------
+    rotor
+        From 1, in the log's order.
+    state
+        ``"follows"`` its command; ``"swapped"``: another speed does; ``"dead"``: the speed or the
+        command never changes; ``"stuck"`` now and then; ``"apart"``: goes with no command;
+        ``"unlike"``: its speed is another than the others' at the same command; ``"unclear"``: the
+        command hardly moves.
+    correlation
+        Of command and speed; None where one of them is dead.
+    speed_channel
+        Number of the speed that goes with this command best, where that is clear.
+    ratio
+        Speed over that of the other rotors at the same command, where it can be told.
+    stuck
+        Share of the time that the speed stays the same though the command moves.
+    """
+
+    rotor: int
+    state: State
+    correlation: float | None = None
+    speed_channel: int | None = None
+    ratio: float | None = None
+    stuck: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Telemetry:
+    """Measured rotor speeds beside the commands.
+
+    Attributes
+    ----------
+    seconds
+        Of turning motors that were looked at [s].
+    lateness
+        How much later than the commands the speeds are [s]; None where they go with none.
+    rotors
+        One for each, none where nothing could be compared.
+    doubts
+        What is wrong, one sentence each.
+    """
+
+    seconds: float
+    lateness: float | None
+    rotors: tuple[RotorTelemetry, ...]
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pair:
+    """Commands and speeds on one clock; the rows that count, and which columns are alive."""
+
+    rate: float
+    command: Float[np.ndarray, "n N"]
+    speed: Float[np.ndarray, "n N"]
+    used: Bool[np.ndarray, " n"]
+    live: Int[np.ndarray, " k"]
+
+
+def telemetry(log: FlightLog) -> Telemetry | None:
+    """Return how the measured speeds go with the commands; None where the log lacks either."""
+    if not {"command", "rotor_speed"} <= set(log.channels):
+        return None
+    command, speed = log.channels["command"], log.channels["rotor_speed"]
+    count, other = command.values.shape[1], speed.values.shape[1]
+    if count != other:
+        named = "; name as many of each in a columns map" if log.takes_columns else ""
+        doubt = (
+            f"the log has {count} motor commands ({command.source}) but {other} measured speeds "
+            f"({speed.source}): they were not compared{named}"
+        )
+        return Telemetry(seconds=0.0, lateness=None, rotors=(), doubts=(doubt,))
+    pair = _paired(command, speed)
+    seconds = 0.0 if pair is None else float(pair.used.sum()) / pair.rate
+    if pair is None or seconds < LEAST_SECONDS:
+        return Telemetry(seconds=seconds, lateness=None, rotors=(), doubts=())
+    return _compared(pair, seconds)
+
+
+def _paired(command: Channel, speed: Channel) -> _Pair | None:
+    """Return both on one clock, where they overlap; a column that ends early is held."""
+    columns = [_columns(command), _columns(speed)]
+    if not all(columns):
+        return None
+    clocks = [max((t for t, _ in one), key=len) for one in columns]
+    if min(map(len, clocks)) < FEWEST:
+        return None
+    begin = max(min(t[0] for t, _ in one if len(t)) for one in columns)
+    end = min(max(t[-1] for t, _ in one if len(t)) for one in columns)
+    rate = min(FASTEST, *(1.0 / float(np.median(np.diff(t))) for t in clocks))
+    span = (end - begin) * rate
+    if not LEAST_SECONDS * rate < span < MOST_HOLES * max(map(len, clocks)) or rate < SLOWEST:
+        return None
+    time = begin + np.arange(whole_samples(span)) / rate
+    commands, speeds = (_at(time, one) for one in columns)
+    used = _turning(commands, rate) & ~np.any([_in_gap(time, t, rate) for t in clocks], axis=0)
+    varies = [used.any() and np.ptp(x[used], axis=0) > 0.0 for x in (commands, speeds)]
+    live = np.flatnonzero(np.logical_and(*varies))
+    return _Pair(rate=rate, command=commands, speed=speeds, used=used, live=live)
+
+
+def _at(time: Float[np.ndarray, " m"], columns: _Columns) -> Float[np.ndarray, "m N"]:
+    """Return columns at other times, the first and the last value held; NaN where there is none."""
+    values = np.full((len(time), len(columns)), np.nan)
+    for k, (t, x) in enumerate(columns):
+        if len(t) > 1:
+            values[:, k] = np.interp(time, t, x)
+    return values
+
+
+def _columns(channel: Channel) -> _Columns:
+    """Return times and values of each column where it has any, in the order of time."""
+    found: _Columns = []
+    for values in channel.values.T:
+        known = np.isfinite(channel.time) & (np.abs(channel.time) < 1e12)
+        known &= np.abs(values) < 1e9
+        t, first = np.unique(channel.time[known], return_index=True)
+        found.append((t, values[known][first]))
+    return found
+
+
+def _in_gap(
+    time: Float[np.ndarray, " m"], t: Float[np.ndarray, " n"], rate: float
+) -> Bool[np.ndarray, " m"]:
+    """Return where the samples around are further apart than a moment."""
+    after = np.clip(np.searchsorted(t, time), 1, len(t) - 1)
+    far: Bool[np.ndarray, " m"] = t[after] - t[after - 1] > max(0.2, 3.0 / rate)
+    return far
+
+
+def _turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.ndarray, " n"]:
+    """Return where the motors turn, without the moments of starting and stopping."""
+    known = commands[:, np.isfinite(commands).all(axis=0)]
+    turning = np.zeros(len(commands), dtype=bool)
+    if known.shape[1] == 0:
+        return turning
+    level = known.mean(axis=1)
+    edge = whole_samples(EDGE * rate)
+    for a, b in true_runs(level > TURNING * float(np.percentile(level, 95))):
+        turning[a + edge : max(b - edge, a + edge)] = True
+    return turning
+
+
+def _compared(pair: _Pair, seconds: float) -> Telemetry:
+    live = pair.live
+    if not len(live):
+        dead = tuple(
+            RotorTelemetry(rotor=i + 1, state="dead") for i in range(pair.command.shape[1])
+        )
+        words = (
+            "none of the measured rotor speeds changes together with a command while the motors "
+            "turn: the ESC telemetry is dead, or the commands are"
+        )
+        return Telemetry(seconds=seconds, lateness=None, rotors=dead, doubts=(words,))
+    commands = _banded(pair.command[:, live], pair.rate)
+    speeds = _banded(pair.speed[:, live], pair.rate)
+    shift = _lateness(commands, speeds, pair)
+    late, used = _moved(speeds, shift), pair.used
+    alike = _correlations(commands[used], late[used])
+    apart = _correlations(_differences(commands[used]), _differences(late[used]))
+    best = _assigned(apart if len(live) > 2 else alike)
+    moving = commands[used].std(axis=0) > MOVES
+    swapped = live[best != np.arange(len(live))]
+    ratios = {} if len(swapped) else _ratios(pair, shift)
+    goes = float(alike.max()) > NOTHING
+    stuck = {int(i): _stuck_share(pair, int(i)) for i in live}
+    rotors: list[RotorTelemetry] = []
+    for i in range(pair.command.shape[1]):
+        if i not in live:
+            rotors.append(RotorTelemetry(rotor=i + 1, state="dead"))
+            continue
+        k = int(np.searchsorted(live, i))
+        own, ratio = float(alike[k, k]), ratios.get(i)
+        known = apart[k, best[k]] > CLEAR or alike[k, best[k]] > CLEAR
+        rotors.append(
+            RotorTelemetry(
+                rotor=i + 1,
+                state=_state(own, i in swapped, stuck[i], ratio, moves=bool(moving[k])),
+                correlation=own,
+                speed_channel=int(live[best[k]]) + 1 if known else None,
+                ratio=None if ratio is None else ratio[0],
+                stuck=stuck[i],
+            )
+        )
+    lateness = shift / pair.rate if goes else None
+    return Telemetry(
+        seconds=seconds,
+        lateness=lateness,
+        rotors=tuple(rotors),
+        doubts=tuple(_doubts(rotors, pair)),
+    )
+
+
+def _state(
+    own: float, is_swapped: bool, stuck: float, ratio: tuple[float, float] | None, *, moves: bool
+) -> State:
+    if is_swapped:
+        return "swapped"
+    if stuck > LEAST_STUCK:
+        return "stuck"
+    if own < NOTHING:
+        return "apart" if moves else "unclear"
+    if ratio is not None and abs(ratio[0] - 1.0) > max(UNLIKE, SURE * ratio[1]):
+        return "unlike"
+    return "follows" if own > CLEAR else "unclear"
+
+
+def _banded(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarray, "n k"]:
+    """Return the values in the band that is compared."""
+    low, high = BAND
+    slow = values - smooth(values, rate, low)
+    return smooth(slow, rate, high) if high < 0.4 * rate else slow
+
+
+def _moved(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.ndarray, "n k"]:
+    """Return the values as they are `shift` samples later; the last ones are held."""
+    rows = np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)
+    return values[rows]
+
+
+def _lateness(
+    commands: Float[np.ndarray, "n k"], speeds: Float[np.ndarray, "n k"], pair: _Pair
+) -> int:
+    """Return by how many samples the speeds are later, whichever belongs to which."""
+    first, last = (round(bound * pair.rate) for bound in LATE)
+    used = pair.used
+    scores = {
+        shift: float(_correlations(commands[used], _moved(speeds, shift)[used]).max(axis=0).mean())
+        for shift in range(first, last + 1)
+    }
+    return max(scores, key=lambda shift: (scores[shift], -abs(shift)))
+
+
+def _correlations(
+    a: Float[np.ndarray, "n k"], b: Float[np.ndarray, "n k"]
+) -> Float[np.ndarray, "k k"]:
+    """Return the correlation of every column with every other's, 0 where one is constant."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    sizes = np.outer(np.sqrt((a * a).sum(axis=0)), np.sqrt((b * b).sum(axis=0)))
+    return (a.T @ b) / np.where(sizes > 0.0, sizes, np.inf)
+
+
+def _differences(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+    """Return what differs between rotors: thrust moves them all alike."""
+    size = values.std(axis=0)
+    even = values / np.where(size > 0.0, size, 1.0)
+    return even - even.mean(axis=1, keepdims=True)
+
+
+def _assigned(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
+    """Return which speed goes with each command: its own, unless others do clearly better."""
+    own = np.arange(len(alike))
+    if len(alike) < 2:
+        return own
+    left = 1.0 - np.clip(alike, 0.0, 0.9999) ** 2
+    best: Int[np.ndarray, " k"] = scipy.optimize.linear_sum_assignment(np.log(left))[1]
+    moved = best != own
+    clear = (alike[own, best] > CLEAR) & (left[own, best] < CLEARER * left[own, own])
+    return best if clear[moved].all() else own
+
+
+def _stuck_share(pair: _Pair, i: int) -> float:
+    """Return the share of the time that a speed stays the same though its command moves."""
+    speed, command = pair.speed[:, i], pair.command[:, i]
+    usual = float(command[pair.used].std())
+    same = np.concatenate([np.diff(speed) == 0.0, [False]]) & pair.used
+    least = whole_samples(LONGEST_STILL * pair.rate)
+    still = sum(
+        b - a
+        for a, b in true_runs(same)
+        if b - a > least and command[a:b].std() > max(0.3 * usual, 1e-3)
+    )
+    return still / max(int(pair.used.sum()), 1)
+
+
+def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
+    """Return the speed of each rotor over the others' at the same command, and its deviation.
+
+    One law of a constant and a slope for all, each rotor with a factor of its own; the factors'
+    median is 1. The deviation is that of the means of seconds.
+    """
+    if len(pair.live) < 3:
+        return {}
+    step = whole_samples(pair.rate)
+    seconds = np.flatnonzero(pair.used)
+    seconds = seconds[: len(seconds) // step * step].reshape(-1, step)
+    command = pair.command[:, pair.live][seconds].mean(axis=1)
+    speed = _moved(pair.speed[:, pair.live], shift)[seconds].mean(axis=1)
+    factor: Float[np.ndarray, " k"] = np.ones(len(pair.live))
+    shares: Float[np.ndarray, "m k"] = speed
+    for _ in range(5):
+        rows = np.stack([np.ones(command.size), command.ravel()], axis=1)
+        law = np.asarray(np.linalg.lstsq(rows, (speed / factor).ravel(), rcond=None)[0], float)
+        expected = float(law[0]) + float(law[1]) * command
+        if not (expected > 0.0).all():
+            return {}
+        shares = speed / expected
+        factor = np.array([float(np.median(column)) for column in shares.T])
+        if not (factor > 0.0).all():
+            return {}
+        factor = factor / float(np.median(factor))
+    spread = shares.std(axis=0) / np.sqrt(len(shares))
+    return {
+        int(i): (float(value), float(std))
+        for i, value, std in zip(pair.live, factor, spread, strict=True)
+    }
+
+
+def _doubts(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
+    """Return what is wrong in words."""
+    words = [_dead_words(r, pair) for r in rotors if r.state == "dead"]
+    swapped = [r for r in rotors if r.state == "swapped"]
+    if swapped:
+        told = ", ".join(f"command {r.rotor} moves speed {r.speed_channel}" for r in swapped)
+        words.append(
+            f"the measured rotor speeds are in another order than the commands: {told}; correct "
+            "the order of the ESC telemetry (wires or mapping), or name the columns in order"
+        )
+    apart = [r for r in rotors if r.state == "apart"]
+    if len(apart) > 1 and len(apart) == len(pair.live):
+        words.append(
+            "the measured rotor speeds match no command (correlations up to "
+            f"{max(r.correlation or 0.0 for r in apart):.2f}): they are not of these motors, or "
+            "on another clock"
+        )
+    else:
+        words += [
+            f"the measured speed of rotor {r.rotor} does not follow its command (correlation "
+            f"{r.correlation or 0.0:.2f}): check its ESC telemetry"
+            for r in apart
+        ]
+    words += [
+        f"the measured speed of rotor {r.rotor} stays constant for {100.0 * r.stuck:.0f} % of the "
+        "time while its command moves: its ESC telemetry is stuck or lost"
+        for r in rotors
+        if r.state == "stuck"
+    ]
+    words += [
+        f"rotor {r.rotor} turns at {r.ratio:.2f} times the speed of the others at the same "
+        "command: another number of poles, another propeller or motor, or a damaged one"
+        for r in rotors
+        if r.state == "unlike"
+    ]
+    return words
+
+
+def _dead_words(rotor: RotorTelemetry, pair: _Pair) -> str:
+    speed = pair.speed[pair.used, rotor.rotor - 1]
+    command = pair.command[pair.used, rotor.rotor - 1]
+    if not np.isfinite(speed).any():
+        return f"the measured speed of rotor {rotor.rotor} has no values: its ESC sends nothing"
+    if float(np.ptp(speed)) == 0.0:
+        return (
+            f"the measured speed of rotor {rotor.rotor} is {speed[0]:g} rad/s throughout while "
+            "the motors turn: its ESC telemetry is dead"
+        )
+    what = f"{command[0]:g} throughout" if np.isfinite(command).any() else "never there"
+    return (
+        f"the command of rotor {rotor.rotor} is {what} though its speed changes: another "
+        "output drives this motor"
+    )

@@ -1,0 +1,483 @@
+"""FlightLog to FlightData, top to bottom: one clock, despiked, airborne, differentiated."""
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import ExperimentError, FlightError
+from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.logs.speed_law import law_doubts
+from rotorfit.preprocessing.airborne.airborne_part import (
+    SHORTEST_FLIGHT,
+    Motion,
+    airborne_rows,
+    misfit,
+    phase_edges,
+    rest_rows,
+)
+from rotorfit.preprocessing.airborne.ground_contact import (
+    ON_THE_GROUND,
+    aloft,
+    ground_contact,
+    ground_said,
+)
+from rotorfit.preprocessing.climb_velocity import felt_climb
+from rotorfit.preprocessing.clocks import (
+    JITTER_STEPS,
+    UniformChannels,
+    uniform_channels,
+    usable_samples,
+)
+from rotorfit.preprocessing.flight_checks import (
+    doubts_about,
+    refuse_absurd_sensors,
+    refuse_blows,
+    refuse_empty_window,
+    refuse_idle_motors,
+    refuse_missing_battery,
+    refuse_missing_channels,
+    refuse_torn_log,
+    refuse_wrong_gravity,
+    slow_motors_said,
+    still_doubts,
+)
+from rotorfit.preprocessing.flight_data import FlightData, Segment
+from rotorfit.preprocessing.mocap.pose_velocity import known_velocity
+from rotorfit.preprocessing.motors.motor_columns import (
+    MotorModel,
+    clock_jumps,
+    following_rotors,
+    with_motors,
+)
+from rotorfit.preprocessing.motors.motor_model import (
+    first_order_lag,
+    speed_from_command,
+    white_noise_std,
+)
+from rotorfit.preprocessing.motors.still_rotors import still_rotors
+from rotorfit.preprocessing.signals import central_difference, hampel, whole_samples
+
+LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
+"""Of motors whose commands are all that is known, for the search of the flight only [s]."""
+
+SETTLING = 0.2
+"""After the beginning of a log or a gap, in which motors follow commands that it does not have [s]:
+five usual lags."""
+
+Window = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """A stretch of the log that is not used [s], and why."""
+
+    start: float
+    end: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreparedFlight:
+    """A flight ready for the model, and what was done to it.
+
+    Attributes
+    ----------
+    data
+        The flight; its segments are the airborne stretches.
+    phases
+        The same stretches, cut where the flight's character changes.
+    motor_channel
+        Speed before lag and delay, on the uniform clock, from which both can be tried anew.
+    gyro_bias
+        Taken off the rates [rad/s]; None where no rest was found and it was left in.
+    spikes
+        Samples replaced, by channel.
+    slowest_rate, motor_rate
+        Of the channels used, and of the motor channel [Hz].
+    cuts
+        What is not used, in the order of time; seconds of the log's own clock.
+    warnings
+        Doubts, one sentence each.
+    """
+
+    data: FlightData
+    phases: tuple[Segment, ...]
+    motor_channel: Float[np.ndarray, "n N"]
+    gyro_bias: tuple[float, float, float] | None
+    spikes: dict[str, int]
+    slowest_rate: float
+    motor_rate: float
+    cuts: tuple[Cut, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneClock:
+    """What `prepare` needs of a log, which itself need not be kept in memory any longer.
+
+    Attributes
+    ----------
+    uniform
+        Gyro, accelerometer, motors and what else is used, despiked.
+    spikes
+        Samples replaced, by channel.
+    speed_step
+        Smallest step of measured rotor speed [rad/s]; 0 where unknown.
+    takes_columns
+        Whether units and axes of the log can be declared.
+    """
+
+    uniform: UniformChannels
+    spikes: dict[str, int]
+    speed_step: float
+    takes_columns: bool = True
+
+
+def prepare(
+    log: FlightLog,
+    *,
+    rotor_count: int,
+    arm: float,
+    motors: MotorModel | None = None,
+    window: Window = (None, None),
+) -> PreparedFlight:
+    """Return the airborne part of a log on one clock, in SI units and FLU body axes.
+
+    Parameters
+    ----------
+    log
+        As its reader gave it.
+    rotor_count
+        How many motor columns the airframe expects.
+    arm
+        Distance of the rotors from their centre [m]; only a scale for telling flight from ground.
+    motors
+        How the motor channel becomes rotor speed; measured, without delay, by default.
+    window
+        Start and end of the flight in seconds since the log's first sample. Either one replaces
+        the search for the airborne part.
+
+    Raises
+    ------
+    ExperimentError
+        If the arm is no length.
+    LogError
+        If a channel is missing or has the wrong number of columns.
+    FlightError
+        If no usable flight is in it.
+    FrameError
+        If gravity contradicts the axes.
+    """
+    if not 0.0 < arm < np.inf:
+        raise ExperimentError(f"arm is {arm:g}, expected a length of more than 0 m")
+    motors = motors or MotorModel()
+    recorded = on_one_clock(log, rotor_count=rotor_count, motors=motors)
+    return prepared_from(recorded, arm=arm, motors=motors, window=window)
+
+
+def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> OneClock:
+    """Return the channels that are needed on the gyro's clock, the first half of `prepare`.
+
+    Parameters and errors are those of `prepare`. Of a long log, whoever lets go of it before the
+    second half needs less memory.
+    """
+    uniform, spikes = _uniform(log, rotor_count, motors)
+    refuse_absurd_sensors(log, uniform)
+    step = log.channels["rotor_speed"].resolution if motors.speed == "measured" else None
+    return OneClock(
+        uniform=uniform,
+        spikes=spikes,
+        speed_step=step or 0.0,
+        takes_columns=log.takes_columns,
+    )
+
+
+def prepared_from(
+    recorded: OneClock, *, arm: float, motors: MotorModel, window: Window = (None, None)
+) -> PreparedFlight:
+    """Return the airborne part of what `on_one_clock` returned, the second half of `prepare`."""
+    uniform = recorded.uniform
+    speed = uniform.values["motor"]
+    if motors.speed == "commanded" and motors.law is not None:
+        speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
+    motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)
+    refuse_idle_motors(motion)
+    refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
+    flights, standing = list(motion.stretches), []
+    if window == (None, None):
+        with slow_motors_said(uniform.rates["motor"]):
+            flights = airborne_rows(with_likely_lag(motion, motors))
+    else:
+        standing = ground_contact(motion, flights, stretches=uniform.stretches)
+        flights = aloft(motion, flights, standing)
+    measured = motors.speed == "measured"
+    found = still_rotors(
+        uniform.values["motor"],
+        flights,
+        uniform.sample_rate,
+        measured=measured,
+        step=recorded.speed_step,
+    )
+    refuse_torn_log(uniform, flights)
+    refuse_blows(uniform, flights)
+    still = still_doubts(found, uniform.time, measured=measured)
+    bias = _gyro_bias(
+        uniform, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
+    )
+    del motion
+    data = dataclasses.replace(
+        with_motors(
+            dataclasses.replace(_differentiated(uniform, speed, bias), lag_on=motors.lag_on),
+            speed,
+            motors.response,
+        ),
+        segments=_inner_segments(flights if measured else _settled(flights, uniform), uniform),
+        rotor_speed_std=_rotor_speed_std(recorded.speed_step, motors, speed, flights),
+    )
+    data = dataclasses.replace(data, climb=felt_climb(data))
+    return PreparedFlight(
+        data=data,
+        phases=phases_of(data),
+        motor_channel=speed,
+        gyro_bias=bias,
+        spikes=recorded.spikes,
+        slowest_rate=min(uniform.rates[name] for name in ("gyro", "accel", "motor")),
+        motor_rate=uniform.rates["motor"],
+        cuts=_cuts(data, uniform, window, standing),
+        warnings=(
+            *ground_said(uniform.time, standing),
+            *doubts_about(data, uniform, bias),
+            *still,
+            *_law_doubts(data, uniform, motors),
+        ),
+    )
+
+
+def _turned(
+    uniform: UniformChannels, speed: Float[np.ndarray, "n N"], motors: MotorModel
+) -> Float[np.ndarray, "n N"]:
+    """Return the rotor speed by the motor model as it was declared."""
+    return following_rotors(
+        speed,
+        uniform.sample_rate,
+        jumps=clock_jumps(uniform.time, uniform.sample_rate),
+        response=motors.response,
+        lag_on=motors.lag_on,
+    )
+
+
+def _uniform(
+    log: FlightLog, rotor_count: int, motors: MotorModel
+) -> tuple[UniformChannels, dict[str, int]]:
+    """Return the channels that are needed, despiked, on the gyro's clock made uniform.
+
+    And how many samples of each channel were replaced.
+    """
+    motor_name = "rotor_speed" if motors.speed == "measured" else "command"
+    refuse_missing_channels(log, motor_name, rotor_count)
+    names = {"gyro": "gyro", "accel": "accel", "motor": motor_name}
+    if motors.law is not None and motors.law.voltage is not None:
+        refuse_missing_battery(log)
+        names["battery"] = "battery"
+    # A command that jumps is a command; a measured speed that jumps and returns is a glitch.
+    noisy = ("gyro", "accel", "motor") if motors.speed == "measured" else ("gyro", "accel")
+    counts: dict[str, int] = {}
+
+    def usable(key: str) -> Channel:
+        channel = usable_samples(log.channels[names[key]], names[key])
+        if key not in noisy:
+            return channel
+        # Despiked as recorded: between slow samples a glitch is drawn out, and no longer a spike.
+        values, spikes = hampel(channel.values)
+        counts[key] = int(spikes.sum())
+        return dataclasses.replace(channel, values=values)
+
+    makers: dict[str, Channel | Callable[[], Channel]] = {
+        key: partial(usable, key) for key in names
+    }
+    velocity = known_velocity(log)
+    if velocity is not None:
+        makers["velocity"] = velocity
+    reference = _reference(log)
+    if reference is not None:
+        makers["reference"] = reference
+    return uniform_channels(makers, clock="gyro", optional=("velocity", "reference")), counts
+
+
+def _reference(log: FlightLog) -> Channel | None:
+    """Return what was asked for; what cannot be used is none, and no reason to refuse a flight."""
+    if "reference" not in log.channels:
+        return None
+    try:
+        return usable_samples(log.channels["reference"], "reference")
+    except FlightError:
+        return None
+
+
+def _law_doubts(data: FlightData, uniform: UniformChannels, motors: MotorModel) -> tuple[str, ...]:
+    """Return what to doubt of the motors' law for the commands in flight."""
+    if motors.law is None:
+        return ()
+    rows = data.used_rows
+    return law_doubts(motors.law, uniform.values["motor"][rows])
+
+
+def _rotor_speed_std(
+    step: float,
+    motors: MotorModel,
+    speed: Float[np.ndarray, "n N"],
+    flights: list[tuple[int, int]],
+) -> float:
+    """Return the noise of measured rotor speed: its resolution's, or what the flight shows."""
+    if motors.speed == "commanded":
+        return 0.0
+    return max(step / 12.0**0.5, white_noise_std(speed, flights))
+
+
+def _differentiated(
+    uniform: UniformChannels,
+    speed: Float[np.ndarray, "n N"],
+    bias: tuple[float, float, float] | None,
+) -> FlightData:
+    """Return the whole log as FlightData, without segments yet."""
+    gyro = uniform.values["gyro"]
+    return FlightData(
+        sample_rate=uniform.sample_rate,
+        time=uniform.time,
+        specific_force=uniform.values["accel"],
+        angular_velocity=gyro if bias is None else gyro - np.array(bias),
+        angular_acceleration=central_difference(gyro, uniform.sample_rate),
+        rotor_speed=speed,
+        rotor_acceleration=speed,
+        differentiation="central",
+        segments=(),
+        velocity=uniform.values.get("velocity"),
+        reference=uniform.values.get("reference"),
+    )
+
+
+def _motion(
+    uniform: UniformChannels,
+    rotor_speed: Float[np.ndarray, "n N"],
+    *,
+    arm: float,
+    window: Window,
+) -> Motion:
+    """Return what the search for flight looks at, within the window."""
+    return Motion(
+        sample_rate=uniform.sample_rate,
+        specific_force=uniform.values["accel"],
+        angular_velocity=uniform.values["gyro"],
+        rotor_speed=rotor_speed,
+        arm=arm,
+        stretches=_windowed(uniform, window),
+    )
+
+
+def with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
+    """Return the motion with commands as late as the force says, where no lag was given.
+
+    For the search only: a command that leads the force by 80 ms looks like contact in every flip.
+    """
+    if motors.speed == "measured" or motors.lag > 0:
+        return motion
+    tried = [
+        dataclasses.replace(
+            motion, rotor_speed=first_order_lag(motion.rotor_speed, motion.sample_rate, lag)
+        )
+        for lag in LAGS_TRIED
+    ]
+    return min(tried, key=misfit)
+
+
+def _windowed(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int], ...]:
+    """Return the stretches without gaps, cut to the start and end that the user gives."""
+    if window == (None, None):
+        return uniform.stretches
+    first, last = window_rows(uniform.time, uniform.sample_rate, window)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
+    clipped = [(max(a, first), min(b, last)) for a, b in uniform.stretches]
+    kept = tuple((a, b) for a, b in clipped if b - a >= shortest)
+    refuse_empty_window(kept, window, float(uniform.time[-1] - uniform.time[0]))
+    return kept
+
+
+def window_rows(
+    time: Float[np.ndarray, " n"], sample_rate: float, window: Window
+) -> tuple[int, int]:
+    """Return first row and stop (exclusive) of the start and end that the user gives.
+
+    A start or end upon a sample means that sample, however its time is rounded.
+    """
+    edges = (
+        -np.inf if window[0] is None else window[0],
+        np.inf if window[1] is None else window[1],
+    )
+    since_start = time - time[0] + JITTER_STEPS / sample_rate
+    first, stop = (int(np.searchsorted(since_start, edge)) for edge in edges)
+    return first, stop
+
+
+def _gyro_bias(
+    uniform: UniformChannels, rest: Bool[np.ndarray, " n"]
+) -> tuple[float, float, float] | None:
+    """Return the mean rate at rest, where at least half a second of rest was found."""
+    if rest.sum() < 0.5 * uniform.sample_rate:
+        return None
+    x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
+    return x, y, z
+
+
+def _settled(flights: list[tuple[int, int]], uniform: UniformChannels) -> list[tuple[int, int]]:
+    """Return the flights from where all that moves the rotors is in the log, if anything is left.
+
+    What they turned at before its first command would pass for a lag.
+    """
+    begins = np.array([start for start, _ in uniform.stretches])
+    known = begins + whole_samples(SETTLING * uniform.sample_rate)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
+    firsts = [int(known[np.searchsorted(begins, a, side="right") - 1]) for a, _ in flights]
+    settled = [(max(a, first), b) for (a, b), first in zip(flights, firsts, strict=True)]
+    return [(a, b) for a, b in settled if b - a >= shortest] or flights
+
+
+def _inner_segments(
+    flights: list[tuple[int, int]], uniform: UniformChannels
+) -> tuple[Segment, ...]:
+    """Return the flights without the two end samples that a central difference cannot serve."""
+    starts = {start for start, _ in uniform.stretches}
+    stops = {stop for _, stop in uniform.stretches}
+    return tuple(Segment(start=a + (a in starts), stop=b - (b in stops)) for a, b in flights)
+
+
+def phases_of(data: FlightData) -> tuple[Segment, ...]:
+    """Return the segments cut where the flight's character changes."""
+    phases: list[Segment] = []
+    for segment in data.segments:
+        rates = data.angular_velocity[segment.start : segment.stop]
+        for a, b in phase_edges(rates, data.sample_rate):
+            phases.append(Segment(start=segment.start + a, stop=segment.start + b))
+    return tuple(phases)
+
+
+def _cuts(
+    data: FlightData, uniform: UniformChannels, window: Window, standing: list[tuple[int, int]]
+) -> tuple[Cut, ...]:
+    """Return the stretches that are not used, with the reason."""
+    reason = "not airborne" if window == (None, None) else "outside start and end"
+    t = data.time
+    cuts = [Cut(start=a, end=b, reason=f"gap in {name}") for a, b, name in uniform.gaps]
+    used = np.zeros(len(t), dtype=bool)
+    for a, b in standing:
+        cuts.append(Cut(start=float(t[a]), end=float(t[b - 1]), reason=ON_THE_GROUND))
+        used[a:b] = True
+    for segment in data.segments:
+        used[max(segment.start - 1, 0) : segment.stop + 1] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], used, [True]]).astype(np.int8)))
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        cuts.append(Cut(start=float(t[a]), end=float(t[b - 1]), reason=reason))
+    return tuple(sorted(cuts, key=lambda cut: cut.start))

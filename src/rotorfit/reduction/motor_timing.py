@@ -1,0 +1,147 @@
+"""What is known of the motors' timing: lag, delay, and how far the flights tell them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from rotorfit.estimation.factors import Factors
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+
+LAG_PRIOR: Final = (0.035, 0.03)
+"""Mean and deviation of a motor's time constant before the flight [s]."""
+
+SUM_FAULT: Final = 1e-4
+SPLIT_FAULT: Final = 3e-4
+"""Deviations that no curvature shows [s], of a delay or of lag plus delay, and of their split: drag
+without a velocity, and motors that are no first-order lag."""
+
+
+LARGEST_SKEW: Final = 0.8
+"""By which share rising is faster and falling slower than their mean, or the other way round."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeTiming:
+    """Times that a fit may move, from where its signals were made.
+
+    Attributes
+    ----------
+    at
+        Lag and delay with which the signals were made.
+    names
+        Of ``motor_delay``, ``motor_lag`` and ``motor_skew`` (lag (1 - s) up and (1 + s) down).
+    lag_prior
+        Mean and standard deviation of the lag before the flight [s].
+    """
+
+    at: MotorResponse
+    names: tuple[str, ...]
+    lag_prior: tuple[float, float] = LAG_PRIOR
+
+    def moved(self, by: Mapping[str, float]) -> MotorResponse:
+        """Return the response when each of the times moves by so much."""
+        lag = max(self.at.mean_lag + by.get("motor_lag", 0.0), 0.0)
+        skew = skew_of(self.at) + by.get("motor_skew", 0.0)
+        skew = min(max(skew, -LARGEST_SKEW), LARGEST_SKEW)
+        delay = self.at.delay + by.get("motor_delay", 0.0)
+        if skew == 0.0:
+            return MotorResponse(lag=lag, delay=delay)
+        return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
+
+    def others(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return where a fit ended, but for the times, at which its signals are made anew."""
+        return {name: value for name, value in values.items() if name not in self.names}
+
+    def faults(self) -> list[dict[str, float]]:
+        """Return by how much the times may be wrong together, and no curvature shows it."""
+        if "motor_lag" not in self.names:
+            return [{"motor_delay": SUM_FAULT}]
+        if "motor_delay" not in self.names:
+            return [{"motor_lag": SUM_FAULT}]
+        split = {"motor_lag": SPLIT_FAULT, "motor_delay": -SPLIT_FAULT}
+        return [split, {"motor_lag": 0.0, "motor_delay": SUM_FAULT}]
+
+    def prior(self) -> dict[str, tuple[float, float]]:
+        """Return mean and deviation of how far each may move."""
+        mean, std = self.lag_prior
+        known = {"motor_lag": (mean - self.at.mean_lag, std)}
+        return {name: value for name, value in known.items() if name in self.names}
+
+
+def skew_of(response: MotorResponse) -> float:
+    """Return by what share rising is faster and falling slower than their mean."""
+    if response.lag_down is None or response.mean_lag == 0.0:
+        return 0.0
+    return response.lag_down / response.mean_lag - 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedBands:
+    """Band factors that a timing was found with: they serve the next fit of the same flights.
+
+    Attributes
+    ----------
+    at
+        Lag and delay with which the signals were made, within a little of those found.
+    made_of
+        Vehicle, flights and whatever else the signals were made of.
+    factors
+        One per configuration.
+    """
+
+    at: MotorResponse
+    made_of: tuple[object, ...]
+    factors: tuple[Factors, ...]
+
+    def serve(self, made_of: tuple[object, ...]) -> bool:
+        """Return whether factors of these very things would be the same."""
+        return all(own is other for own, other in zip(self.made_of, made_of, strict=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorTiming:
+    """What the flights tell of the motors' timing.
+
+    Attributes
+    ----------
+    response
+        Lag and delay, found or given [s].
+    lag_std, delay_std
+        Their standard deviations [s]; None for what was given or has no meaning.
+    total_std
+        Standard deviation of lag plus delay [s].
+    free
+        Which times a fit finds again together with everything else (`FreeTiming.names`): those that
+        the flights tell.
+    beside
+        Times by which the signals' slopes are made, too: one may be set free later.
+    reached
+        Where the other parameters of the fit that found it ended: the next one begins there.
+    bands
+        What that fit was made to.
+    """
+
+    response: MotorResponse
+    total_std: float
+    lag_std: float | None = None
+    delay_std: float | None = None
+    free: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
+    reached: Mapping[str, float] | None = None
+    bands: TimedBands | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def told(self) -> bool:
+        """Whether lag plus delay is known better than by its own size, or by motors' usual lag."""
+        return told(self.response.mean_lag + self.response.delay, self.total_std)
+
+
+def told(value: float, std: float) -> bool:
+    """Return whether a time is known better than by its own size, or by motors' usual lag.
+
+    Parameters
+    ----------
+    value, std
+        [s]
+    """
+    return 1.96 * std <= max(abs(value), LAG_PRIOR[0])

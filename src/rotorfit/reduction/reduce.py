@@ -1,0 +1,452 @@
+"""A flight to its factors, in one pass over the samples and in bounded memory."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Complex, Float
+from scipy import signal
+
+from rotorfit.errors import FlightError
+from rotorfit.estimation.factors import (
+    Factors,
+    stack_factors,
+    time_block_factors,
+    triangular_factors,
+)
+from rotorfit.model.signals import (
+    SignalLayout,
+    body_columns,
+    body_signals,
+    rotor_columns,
+    rotor_signals,
+    signal_layout,
+    signal_matrix,
+    yaw_signals,
+)
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.flight_data import FlightData, Segment, Velocity
+from rotorfit.preprocessing.signals import fading_rows
+
+Lines = Complex[np.ndarray, "_ b"]
+"""Of the signals of a stretch, as far up as bands reach."""
+CHUNK_ROWS = 16_384
+"""Rows of Z alive at a time: 20 columns of them stay near the processor's cache."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LowPass:
+    """A zero-phase Butterworth low-pass, and the decimation that follows it.
+
+    Attributes
+    ----------
+    cutoff
+        Of the forward and backward pass together [Hz].
+    samples_per_period
+        How many samples to keep per cut-off period; None keeps all.
+    order
+        Of one pass.
+    """
+
+    cutoff: float
+    samples_per_period: float | None = None
+    order: int = 4
+
+    def sos(self, sample_rate: float) -> Float[np.ndarray, "s 6"]:
+        """Return the second-order sections of one pass."""
+        # Two passes square the gain: each is widened so that together they lose 3 dB at cutoff.
+        widened = self.cutoff * (np.sqrt(2.0) - 1.0) ** (-1.0 / (2 * self.order))
+        if widened >= 0.5 * sample_rate:
+            raise FlightError(
+                f"a cut-off of {self.cutoff:g} Hz needs a log faster than {2.1 * widened:.0f} Hz, "
+                f"this one has {sample_rate:.0f} Hz; lower the cut-off"
+            )
+        return signal.butter(self.order, widened, fs=sample_rate, output="sos")
+
+    def memory_rows(self, sample_rate: float) -> int:
+        """Return how many rows it takes the filter's answer to fade to rounding."""
+        return fading_rows(self.sos(sample_rate))
+
+    def step(self, sample_rate: float) -> int:
+        """Return how many samples one kept sample stands for."""
+        if self.samples_per_period is None:
+            return 1
+        return max(int(sample_rate / (self.samples_per_period * self.cutoff)), 1)
+
+
+def time_factors(
+    flight: FlightData,
+    vehicle: Vehicle,
+    *,
+    lowpass: LowPass | None = None,
+    block_seconds: float = 1.0,
+) -> Factors:
+    """Return one factor per second of flight, for the estimators of the time domain.
+
+    Parameters
+    ----------
+    flight, vehicle
+        The prepared flight, with the rotors in the vehicle's order.
+    lowpass
+        Applied equally to every signal, which leaves the equations between them exact.
+    block_seconds
+        Length of a block [s].
+
+    Raises
+    ------
+    FlightError
+        If the flight has no usable stretch, or is too slow for the low-pass.
+    """
+    step = 1 if lowpass is None else lowpass.step(flight.sample_rate)
+    block_rows = max(round(block_seconds * flight.sample_rate / step), 1)
+    parts: list[Factors] = []
+    for segment in flight.segments:
+        blocks = [
+            time_block_factors(Z, block_rows=block_rows)
+            for Z in _filtered_chunks(flight, vehicle, segment, (lowpass, block_rows * step))
+        ]
+        parts.append(_as_one_segment(blocks))
+    return _stacked(parts)
+
+
+def filtered_signals(
+    flight: FlightData,
+    vehicle: Vehicle,
+    segment: Segment,
+    lowpass: LowPass,
+    *,
+    velocity: Velocity = "none",
+) -> Float[np.ndarray, "n z"]:
+    """Return the low-passed signals of every sample of a segment, for looking at a flight."""
+    every = replace(lowpass, samples_per_period=None)
+    chunks = _filtered_chunks(flight, vehicle, segment, (every, 1), velocity=velocity)
+    return np.concatenate(list(chunks))
+
+
+def _filtered_chunks(
+    flight: FlightData,
+    vehicle: Vehicle,
+    segment: Segment,
+    plan: tuple[LowPass | None, int],
+    *,
+    velocity: Velocity = "none",
+) -> Iterator[Float[np.ndarray, "n z"]]:
+    """Yield the filtered, decimated signals of a segment in whole blocks of bounded size."""
+    lowpass, block = plan
+    chunk = max(CHUNK_ROWS // block, 1) * block
+    for start in range(segment.start, segment.stop, chunk):
+        stop = min(start + chunk, segment.stop)
+        if lowpass is None:
+            yield signal_matrix(flight, vehicle, start, stop, velocity=velocity)
+            continue
+        margin = lowpass.memory_rows(flight.sample_rate)
+        first, last = max(start - margin, segment.start), min(stop + margin, segment.stop)
+        Z = signal_matrix(flight, vehicle, first, last, velocity=velocity)
+        smooth = _zero_phase(Z, lowpass.sos(flight.sample_rate))
+        yield smooth[start - first : stop - first : lowpass.step(flight.sample_rate)]
+
+
+def _zero_phase(
+    Z: Float[np.ndarray, "n z"], sos: Float[np.ndarray, "s 6"]
+) -> Float[np.ndarray, "n z"]:
+    """Filter every column forward and backward; the ends are continued by point reflection."""
+    padding = min(3 * (2 * len(sos) + 1), len(Z) - 1)
+    return signal.sosfiltfilt(sos, Z, axis=0, padlen=padding)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BandPlan:
+    """How a flight is cut into stretches and frequency bands.
+
+    Attributes
+    ----------
+    edges
+        Of the bands [Hz]; lines below the first and above the last are not used. A first edge of
+        0 keeps the lines up to the second edge, which hold the mean, as a band of their own.
+    longest
+        A stretch longer than this is cut into equal parts [s].
+    fewest_lines
+        A band with fewer frequency lines is merged with the next.
+    taper
+        Share of a stretch in the two cosine ends of its window.
+    """
+
+    edges: tuple[float, ...]
+    longest: float = 20.0
+    fewest_lines: int = 10
+    taper: float = 0.1
+
+
+def band_factors(
+    flight: FlightData,
+    vehicle: Vehicle,
+    *,
+    plan: BandPlan,
+    velocity: Velocity = "none",
+    moved: Sequence[tuple[FlightData, FlightData, float]] = (),
+    body: Sequence[Lines] | None = None,
+    top: float = np.inf,
+) -> Factors:
+    """Return one factor per stretch of flight and frequency band.
+
+    Each stretch is tapered (Tukey), transformed and scaled to unit window energy; a band stacks
+    real and imaginary parts. Every step is linear and equal for all signals: the equations
+    between them stay exact.
+
+    Parameters
+    ----------
+    flight, vehicle
+        The prepared flight, with the rotors in the vehicle's order.
+    plan
+        How it is cut.
+    velocity
+        What of the velocity is among the signals.
+    moved
+        The flight with the rotors a step later and earlier, and how far that is apart; one for each
+        slope.
+    body
+        Of the same flight and plan (`body_lines`), where rotors alone are made anew.
+    top
+        Only bands that begin under this edge are made [Hz].
+
+    Raises
+    ------
+    FlightError
+        If no stretch is long enough for a single band.
+    """
+    layout = signal_layout(vehicle, velocity=velocity)
+    made, kept = rotor_columns(layout, inflow=True), body_columns(layout)
+    known = body_lines(flight, plan=plan, velocity=velocity) if body is None else body
+    inflow = velocity == "known"
+    parts: list[Factors] = []
+    for stretch, own in zip(_stretches(flight, plan), known, strict=True):
+        resolution = flight.sample_rate / len(stretch)
+        bands = [b for b in _bands(stretch, flight.sample_rate, plan) if b[0] * resolution < top]
+        if not bands:
+            continue
+        rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, inflow=inflow)
+        slopes = _slopes(moved, vehicle, stretch)
+        fresh = _lines(np.concatenate([rotors, *slopes], axis=1), bands, plan)
+        lines = np.empty((len(fresh), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
+        lines[:, kept], lines[:, made] = own[: len(fresh)], fresh[:, : len(made)]
+        lines[:, len(layout) :] = fresh[:, len(made) :]
+        every = _banded(lines, bands, resolution)
+        blocks = _with_slopes(every, layout, len(slopes))
+        noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
+        parts.append(replace(blocks, noise=noise))
+    return _stacked(parts)
+
+
+def body_lines(
+    flight: FlightData, *, plan: BandPlan, velocity: Velocity = "none"
+) -> tuple[Lines, ...]:
+    """Return the lines of the signals that the rotors have no part in, stretch by stretch.
+
+    They stay where lag and delay of the motors are tried: of a log at 1 kHz the lines that are used
+    are a sixteenth of the samples.
+    """
+    return tuple(
+        _lines(
+            body_signals(flight, stretch.start, stretch.stop, velocity=velocity),
+            _bands(stretch, flight.sample_rate, plan),
+            plan,
+        )
+        for stretch in _stretches(flight, plan)
+    )
+
+
+def banded_lines(
+    flight: FlightData,
+    columns: Callable[[int, int], Float[np.ndarray, "n z"]],
+    *,
+    plan: BandPlan,
+) -> Iterator[tuple[Lines, list[tuple[int, int]], Float[np.ndarray, " l"]]]:
+    """Yield lines of any columns, cut and windowed as the blocks of `band_factors` are.
+
+    Parameters
+    ----------
+    flight, plan
+        What is cut, and how.
+    columns
+        From first and last (exclusive) row of a stretch to its columns.
+
+    Yields
+    ------
+    lines, bands, frequency
+        Of a stretch: the lines, first and last (exclusive) of each block, and where they are [Hz].
+    """
+    for stretch in _stretches(flight, plan):
+        bands = _bands(stretch, flight.sample_rate, plan)
+        if bands:
+            lines = _lines(columns(stretch.start, stretch.stop), bands, plan)
+            yield lines, bands, np.arange(len(lines)) * flight.sample_rate / len(stretch)
+
+
+def _stretches(flight: FlightData, plan: BandPlan) -> list[Segment]:
+    """Return the segments in parts that are not too long."""
+    longest = plan.longest * flight.sample_rate
+    return [stretch for segment in flight.segments for stretch in split_segment(segment, longest)]
+
+
+def yaw_factors(flight: FlightData, rotor_count: int, *, plan: BandPlan) -> Factors:
+    """Return one factor per stretch and band of `yaw_signals`, cut and windowed as `band_factors`.
+
+    Raises
+    ------
+    FlightError
+        If no stretch is long enough for a single band.
+    """
+
+    def columns(start: int, stop: int) -> Float[np.ndarray, "n y"]:
+        return yaw_signals(flight, rotor_count, start, stop)
+
+    stretches = banded_lines(flight, columns, plan=plan)
+    return _stacked([_banded(lines, bands, float(f[1])) for lines, bands, f in stretches])
+
+
+def _slopes(
+    moved: Sequence[tuple[FlightData, FlightData, float]],
+    vehicle: Vehicle,
+    stretch: Segment,
+) -> list[Float[np.ndarray, "n r"]]:
+    """Return the derivative of the rotors' signals by what moves them, from both sides of each."""
+    slopes: list[Float[np.ndarray, "n r"]] = []
+    for ahead, behind, apart in moved:
+        one, other = (
+            rotor_signals(side, vehicle, stretch.start, stretch.stop) for side in (ahead, behind)
+        )
+        slopes.append((one - other) / apart)
+    return slopes
+
+
+def rotor_noise(
+    flight: FlightData,
+    vehicle: Vehicle,
+    stretch: Segment,
+    band: Float[np.ndarray, "b 2"],
+    *,
+    velocity: Velocity = "none",
+) -> Float[np.ndarray, "b z"] | None:
+    """Return what white noise of the rotor speeds adds to each signal, per row of a band.
+
+    Speeds squared carry 2 O times the noise through the [1 4 1]/6 average, spin accelerations the
+    noise through the central difference; a row is the real or the imaginary part of a line and
+    holds half of its variance. None where the rotor speeds carry no noise.
+    """
+    if flight.rotor_speed_std <= 0:
+        return None
+    layout = signal_layout(vehicle, velocity=velocity)
+    noise = np.zeros((len(band), len(layout)))
+    turn = 2.0 * np.pi * band.mean(axis=1) / flight.sample_rate
+    average, difference = np.ones_like(turn), turn * flight.sample_rate
+    if flight.differentiation == "central":
+        average = ((4.0 + 2.0 * np.cos(turn)) / 6.0) ** 2
+        difference = np.sin(turn) * flight.sample_rate
+    half = 0.5 * flight.rotor_speed_std**2
+    speed = flight.rotor_speed[stretch.start : stretch.stop]
+    for i, square in enumerate((speed * speed).mean(axis=0)):
+        noise[:, layout.index(f"O2_{i + 1}")] = 4.0 * square * half * average
+    for axis, weight in zip("xyz", (vehicle.axes**2).sum(axis=0), strict=True):
+        if f"dH{axis}" in layout:
+            noise[:, layout.index(f"dH{axis}")] = weight * half * difference**2
+    return noise
+
+
+def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
+    """Return a segment in the fewest equal parts that are no longer than `longest_rows`."""
+    count = max(int(np.ceil(len(segment) / longest_rows)), 1)
+    edges = np.linspace(segment.start, segment.stop, count + 1).round().astype(int)
+    return [Segment(start=int(a), stop=int(b)) for a, b in pairwise(edges)]
+
+
+def _bands(stretch: Segment, sample_rate: float, plan: BandPlan) -> list[tuple[int, int]]:
+    """Return first and last (exclusive) line of each band of a stretch."""
+    return merged_bands(np.fft.rfftfreq(max(len(stretch), 1), 1.0 / sample_rate), plan)
+
+
+def _lines(
+    Z: Float[np.ndarray, "n z"], bands: Sequence[tuple[int, int]], plan: BandPlan
+) -> Complex[np.ndarray, "l z"]:
+    """Return the windowed lines of signals, up to the last that a band has."""
+    if not bands:
+        return np.zeros((0, Z.shape[1]), dtype=complex)
+    window = signal.windows.tukey(len(Z), plan.taper)
+    lines = np.fft.rfft(Z * (window / np.sqrt(window @ window))[:, None], axis=0)
+    return lines[: bands[-1][1]].copy()
+
+
+def _banded(
+    lines: Complex[np.ndarray, "l z"],
+    bands: Sequence[tuple[int, int]],
+    resolution: float,
+) -> Factors:
+    """Return the band factors of the lines of one stretch, so far apart [Hz]."""
+    stacked = [_line_rows(lines, first, last) for first, last in bands]
+    return Factors(
+        R=triangular_factors(stacked),
+        rows=np.array([len(rows) for rows in stacked], dtype=np.int64),
+        segment=np.zeros(len(stacked), dtype=np.int64),
+        band=resolution * np.array([[a, b - 1] for a, b in bands]),
+    )
+
+
+def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
+    """Return factors of signals and slopes side by side with the slopes apart.
+
+    The first rows are the signals' own; each slope has the column of its signal.
+    """
+    if not count:
+        return factors
+    z, rotors = len(layout), rotor_columns(layout)
+    rows = np.zeros((len(factors), count, factors.R.shape[1], z))
+    for t in range(count):
+        first = z + t * len(rotors)
+        rows[:, t][:, :, rotors] = factors.R[:, :, first : first + len(rotors)]
+    return replace(factors, R=factors.R[:, :z, :z], slopes=rows)
+
+
+def _line_rows(
+    lines: Complex[np.ndarray, "l z"], first: int, last: int
+) -> Float[np.ndarray, "m z"]:
+    """Return real and imaginary parts of lines as rows that carry the same noise.
+
+    The mean is real, and its one row would have the variance of two.
+    """
+    real = np.real(lines[first:last])
+    imaginary = np.imag(lines[first:last])
+    if first > 0:
+        return np.concatenate([real, imaginary])
+    return np.concatenate([real[:1] / np.sqrt(2.0), real[1:], imaginary[1:]])
+
+
+def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tuple[int, int]]:
+    """Return first and last (exclusive) line of each band, short bands merged upwards."""
+    marks = [int(mark) for mark in np.searchsorted(frequency, plan.edges)]
+    mean: list[tuple[int, int]] = []
+    if plan.edges[0] == 0.0:
+        mean = [(marks[0], marks[1])]
+        marks = marks[1:]
+    bands: list[tuple[int, int]] = []
+    start = marks[0]
+    for mark in marks[1:]:
+        if mark - start >= plan.fewest_lines:
+            bands.append((start, mark))
+            start = mark
+    if bands and marks[-1] > start:
+        bands[-1] = (bands[-1][0], marks[-1])
+    return mean + bands if bands else []
+
+
+def _as_one_segment(blocks: Sequence[Factors]) -> Factors:
+    """Return the blocks of one segment, all with the segment number 0."""
+    joined = stack_factors(blocks)
+    return replace(joined, segment=np.zeros_like(joined.segment))
+
+
+def _stacked(parts: Sequence[Factors]) -> Factors:
+    if not parts:
+        raise FlightError(
+            "the airborne part is too short to use; fly longer, or set start and end yourself"
+        )
+    return stack_factors(parts)

@@ -1,0 +1,205 @@
+r"""Vehicles drawn from what the flights leave open, each of which can exist.
+
+The estimate is normal with its joint covariance, so that what is known only together stays
+together (kd and Izz, the inertias and kt). Draws that nature does not have are left out, which
+makes it the posterior under the constraint that there is such a vehicle: second moments of the
+mass, 1/2 tr(I) 1 - I, not negative (Wensing, Kim and Slotine 2017, arXiv 1701.04395), thrust
+upwards, drag torque against the spin, motors that answer after their command.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rotorfit.errors import EstimationError
+from rotorfit.formatting.frame import DataFrame, frame
+from rotorfit.model.parameters import COM, INERTIA_COM
+from rotorfit.results.draws import Values, about_com, normal_draws, tensors
+
+LEAST_KEPT: Final = 0.002
+"""Share of the draws that can exist, below which the estimate itself is at fault."""
+BLOCK: Final = 4096
+_ABOVE_ZERO: Final = re.compile(r"mass|kt|kt_\d+|kd|max_speed")
+_NOT_BELOW_ZERO: Final = re.compile(r"Jr|motor_lag(_up|_down)?|motor_delay|command_delay")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimated:
+    """A number of a vehicle as it was estimated.
+
+    Attributes
+    ----------
+    value, std, unit
+        SI; a number of which no std is known (0) stands still.
+    column
+        Its place in the joint covariance; None where it stands apart.
+    """
+
+    value: float
+    std: float
+    unit: str
+    column: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """Vehicles drawn from the joint posterior of a result.
+
+    Attributes
+    ----------
+    configuration
+        Whose body it is.
+    values
+        By the names of parameters and of derived numbers (``com_x``, ``Ixx_com``), one number for
+        each vehicle; SI, FLU.
+    units
+        Of each.
+    seed
+        Of the draws.
+    rejected
+        Share of all draws that no vehicle can have, and that were left out.
+    reasons
+        Why, with the share of the draws that fail by each; a draw may fail by several.
+    fixed
+        Names of numbers that are the same in all vehicles: given, or without an uncertainty.
+    missing
+        What these flights do not determine, and no vehicle here has.
+    """
+
+    configuration: str
+    values: Mapping[str, Float[np.ndarray, " n"]]
+    units: Mapping[str, str]
+    seed: int
+    rejected: float
+    reasons: Mapping[str, float]
+    fixed: tuple[str, ...]
+    missing: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.values.values())))
+
+    def to_frame(self) -> DataFrame:
+        """Return the vehicles as a pandas DataFrame, one row each.
+
+        Raises
+        ------
+        OutputError
+            If pandas is not installed.
+        """
+        return frame({name: column.tolist() for name, column in self.values.items()})
+
+    def __str__(self) -> str:
+        why = "".join(f"; {words}: {100 * share:.2g} %" for words, share in self.reasons.items())
+        lacks = f"; not determined: {', '.join(self.missing)}" if self.missing else ""
+        return (
+            f"{len(self)} vehicles {self.configuration}, {len(self.values)} numbers each; "
+            f"{100 * self.rejected:.2g} % of the draws rejected{why}{lacks}"
+        )
+
+
+def draw_vehicles(
+    estimated: Mapping[str, Estimated],
+    covariance: Float[np.ndarray, "p p"],
+    n: int,
+    *,
+    seed: int,
+    configuration: str,
+    missing: tuple[str, ...] = (),
+) -> Samples:
+    """Return vehicles that can exist, drawn from the joint distribution of their numbers.
+
+    Parameters
+    ----------
+    estimated
+        Numbers by name, with ``mass`` [kg].
+    covariance
+        Joint, of those that have a column in it.
+    n
+        How many vehicles.
+    seed
+        Of the draws: the same seed gives the same vehicles.
+    configuration, missing
+        Passed on.
+
+    Raises
+    ------
+    EstimationError
+        If hardly a draw can exist.
+    """
+    random = np.random.default_rng(seed)
+    kept: list[Values] = []
+    count, drawn = 0, 0
+    failed: dict[str, int] = {}
+    while count < n:
+        values = about_com(_block(estimated, covariance, random))
+        good = np.ones(BLOCK, dtype=bool)
+        for words, possible in _conditions(values).items():
+            failed[words] = failed.get(words, 0) + int(np.count_nonzero(~possible))
+            good &= possible
+        kept.append({name: column[good] for name, column in values.items()})
+        count += int(np.count_nonzero(good))
+        drawn += BLOCK
+        if count < LEAST_KEPT * drawn:
+            raise EstimationError(_none_exists(failed, drawn))
+    whole = {name: np.concatenate([block[name] for block in kept])[:n] for name in kept[0]}
+    return Samples(
+        configuration=configuration,
+        values=whole,
+        units={name: _unit(name, estimated) for name in whole},
+        seed=seed,
+        rejected=1.0 - count / drawn,
+        reasons={words: times / drawn for words, times in failed.items() if times},
+        fixed=tuple(name for name, e in estimated.items() if e.std == 0.0),
+        missing=missing,
+    )
+
+
+def _block(
+    estimated: Mapping[str, Estimated],
+    covariance: Float[np.ndarray, "p p"],
+    random: np.random.Generator,
+) -> Values:
+    together = normal_draws(covariance, BLOCK, random)
+    return {
+        name: e.value
+        + (e.std * random.standard_normal(BLOCK) if e.column is None else together[:, e.column])
+        for name, e in estimated.items()
+    }
+
+
+def _conditions(values: Values) -> dict[str, Bool[np.ndarray, " n"]]:
+    """Return in words what a vehicle must fulfil, and which draws do."""
+    out = {
+        f"{name} above 0": column > 0.0
+        for name, column in values.items()
+        if _ABOVE_ZERO.fullmatch(name)
+    }
+    out |= {
+        f"{name} not below 0": column >= 0.0
+        for name, column in values.items()
+        if _NOT_BELOW_ZERO.fullmatch(name)
+    }
+    if all(name in values for name in INERTIA_COM):
+        inertia = tensors(values)
+        half_trace = 0.5 * np.trace(inertia, axis1=1, axis2=2)
+        out["a body with that inertia"] = half_trace >= np.linalg.eigvalsh(inertia)[:, -1]
+    return out
+
+
+def _none_exists(failed: Mapping[str, int], drawn: int) -> str:
+    worst = max(failed, key=lambda words: failed[words])
+    return (
+        f"of {drawn} draws hardly one is a vehicle that can exist ({worst}: "
+        f"{100 * failed[worst] / drawn:.3g} % fail): fly what the report advises and identify "
+        "again, or project_to_physical for the nearest body"
+    )
+
+
+def _unit(name: str, estimated: Mapping[str, Estimated]) -> str:
+    if name in estimated:
+        return estimated[name].unit
+    return "m" if name in COM else "kg m^2"

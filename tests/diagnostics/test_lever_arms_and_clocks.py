@@ -1,0 +1,104 @@
+"""Lever arms of another ratio, sensors apart in time, mass and lean out of the usual: in words."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import signal
+
+import flown
+import made_fit
+from rotorfit.diagnostics.imu_clocks import accelerometer_apart
+from rotorfit.diagnostics.imu_tilt_words import lean_sentence
+from rotorfit.diagnostics.lever_arms import stretched
+from rotorfit.diagnostics.rotor_size import unusual_loading
+from rotorfit.errors import FrameError
+
+RATE, SECONDS = 200.0, 30.0
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return flown.simulated("A", "noisy", seed=3, seconds=25.0, physics_rate=200.0)
+
+
+def test_arms_of_another_ratio_are_refused_with_the_likely_one(tmp_path, flight):
+    result = flown.identified(tmp_path, [flight])
+    assert result.diagnostics["lever_ratio"] == pytest.approx(1.0, abs=0.16)
+    assert result.diagnostics["lever_ratio_loss"] < 10.0
+    wrong = stretched(flight.vehicle, np.log(1.4))
+    with pytest.raises(FrameError, match=r"are 1\.40 as declared, .* better with (0\.9|1\.0)"):
+        flown.identified(tmp_path, [flight], vehicle=wrong)
+
+
+def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):
+    """Return what flew: random speeds, to which thrust and roll answer, each so much later [s].
+
+    `noise` of the force [m/s^2]; `turned`: power of other turns over that of those answers.
+    """
+    rng = np.random.default_rng(5)
+    n = round(RATE * SECONDS)
+    sos = signal.butter(2, (2.0, 12.0), "bandpass", fs=RATE, output="sos")
+    moves = signal.sosfiltfilt(sos, rng.standard_normal((n, 4)), axis=0)
+    squares = 500.0**2 * (1.0 + 0.2 * moves)
+    flat = made_fit.prepared(seconds=SECONDS, rate=RATE)
+    made = squares @ np.column_stack([np.ones(4), made_fit.QUAD.positions[:, 1]])
+
+    def late(values, seconds):
+        return np.roll(values, round(seconds * RATE))
+
+    force = np.zeros((n, 3))
+    force[:, 2] = late(made[:, 0], accel_late) * 9.81 / 1e6 + noise * rng.standard_normal(n)
+    turn = np.zeros((n, 3))
+    turn[:, 0] = late(made[:, 1], gyro_late) * 1e-4
+    other = signal.sosfiltfilt(sos, rng.standard_normal(n))
+    turn[:, 0] += other * np.sqrt(turned * (turn[:, 0] ** 2).mean() / (other**2).mean())
+    data = replace(
+        flat.data, specific_force=force, angular_acceleration=turn, rotor_speed=np.sqrt(squares)
+    )
+    return made_fit.flown(replace(flat, data=data, motor_channel=data.rotor_speed))
+
+
+@pytest.mark.parametrize(
+    ("accel", "gyro", "words"),
+    [
+        (0.03, 0.0, "the accelerometer follows the rotors 30 ms later than the gyro"),
+        (0.0, 0.045, "the gyro follows the rotors 45 ms later than the accelerometer"),
+        (0.02, 0.02, None),  # together: the motors' own delay
+        (0.01, 0.0, "the accelerometer follows the rotors 10 ms later than the gyro"),
+        (0.0, 0.01, "the gyro follows the rotors 10 ms later than the accelerometer"),
+        (0.005, 0.0, None),
+    ],
+)
+def test_sensors_that_are_apart_in_time_are_named(accel, gyro, words):
+    said = accelerometer_apart(rotors_that_answer(accel_late=accel, gyro_late=gyro))
+    assert said is None if words is None else words in (said or "")
+
+
+@pytest.mark.parametrize(("late", "said"), [(0.01, False), (0.03, True)])
+def test_turns_that_the_rotors_do_not_explain_may_be_that_much_late(late, said):
+    words = accelerometer_apart(rotors_that_answer(accel_late=late, turned=0.13))
+    assert (words is not None) is said
+
+
+def test_where_the_rotors_explain_little_no_time_is_told():
+    assert accelerometer_apart(rotors_that_answer(accel_late=0.03, noise=20.0)) is None
+
+
+@pytest.mark.parametrize(("mass", "said"), [(1.4, False), (14.0, True)])
+def test_a_mass_too_large_for_the_rotors_is_said(mass, said):
+    """Four rotors of 177 mm in radius at most: 14 kg make 349 N/m^2."""
+    words = unusual_loading(made_fit.flown(made_fit.prepared(), mass=mass))
+    assert (words is not None) is said
+    assert words is None or "weigh the vehicle again (mass 14 kg)" in words
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(4.0, False), (10.0, True)])
+def test_thrust_that_leans_is_said(degrees, said):
+    flat = made_fit.prepared()
+    lean = np.radians(degrees)
+    force = np.tile([9.81 * np.sin(lean), 0.0, 9.81 * np.cos(lean)], (len(flat.data.time), 1))
+    flown_so = made_fit.flown(replace(flat, data=replace(flat.data, specific_force=force)))
+    words = lean_sentence(flown_so)
+    assert bool(words) is said
+    assert not words or "10.0 degrees nose up" in words[0]
