@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Configured, Flown, UsedFlight
+from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors
@@ -130,10 +130,10 @@ def as_prepared(data, *, motor_rate):
     )
 
 
-def flown(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
+def dataset(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
     """Return what was flown, each of `flights` (prepared) a flight of one configuration, A."""
     used = [
-        UsedFlight(
+        LoadedFlight(
             entry=FlightEntry(file=f"A{number}.csv"),
             log=FlightLog(
                 path=Path(f"A{number}.csv"), sha256="0", format="table", channels={}, seconds=1.0
@@ -144,10 +144,10 @@ def flown(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
         for number, flight in enumerate(flights)
     ]
     entry = ConfigurationEntry(name="A", mass=mass, flights=(FlightEntry(file="A0.csv"),))
-    return Flown(
+    return Dataset(
         vehicle=vehicle,
         model=regressor(vehicle),
         motors=motors or MotorsEntry(),
-        configurations=(Configured(entry=entry, flights=used),),
+        configurations=(ConfigurationData(entry=entry, flights=used),),
         **more,
     )

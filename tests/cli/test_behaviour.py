@@ -243,7 +243,7 @@ def test_equations_without_a_solution_are_the_flights_and_said(refused, here, mo
     def unsolved(*arguments, **options):
         raise np.linalg.LinAlgError("SVD did not converge")
 
-    monkeypatch.setattr("rotorfit.identification.identify._flown", unsolved)
+    monkeypatch.setattr("rotorfit.identification.identify.load_dataset", unsolved)
     assert "no solution (SVD did not converge)" in refused("identify", "experiment.toml")
 
 

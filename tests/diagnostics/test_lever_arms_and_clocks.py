@@ -8,7 +8,7 @@ from scipy import signal
 
 import flown
 import made_fit
-from rotorfit.diagnostics.imu_clocks import accelerometer_apart
+from rotorfit.diagnostics.imu_clocks import accelerometer_delay
 from rotorfit.diagnostics.imu_tilt_words import lean_sentence
 from rotorfit.diagnostics.lever_arms import stretched
 from rotorfit.diagnostics.rotor_size import unusual_loading
@@ -56,7 +56,7 @@ def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):
     data = replace(
         flat.data, specific_force=force, angular_acceleration=turn, rotor_speed=np.sqrt(squares)
     )
-    return made_fit.flown(replace(flat, data=data, motor_channel=data.rotor_speed))
+    return made_fit.dataset(replace(flat, data=data, motor_channel=data.rotor_speed))
 
 
 @pytest.mark.parametrize(
@@ -71,24 +71,24 @@ def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):
     ],
 )
 def test_sensors_that_are_apart_in_time_are_named(accel, gyro, words):
-    said = accelerometer_apart(rotors_that_answer(accel_late=accel, gyro_late=gyro))
+    said = accelerometer_delay(rotors_that_answer(accel_late=accel, gyro_late=gyro))
     assert said is None if words is None else words in (said or "")
 
 
 @pytest.mark.parametrize(("late", "said"), [(0.01, False), (0.03, True)])
 def test_turns_that_the_rotors_do_not_explain_may_be_that_much_late(late, said):
-    words = accelerometer_apart(rotors_that_answer(accel_late=late, turned=0.13))
+    words = accelerometer_delay(rotors_that_answer(accel_late=late, turned=0.13))
     assert (words is not None) is said
 
 
 def test_where_the_rotors_explain_little_no_time_is_told():
-    assert accelerometer_apart(rotors_that_answer(accel_late=0.03, noise=20.0)) is None
+    assert accelerometer_delay(rotors_that_answer(accel_late=0.03, noise=20.0)) is None
 
 
 @pytest.mark.parametrize(("mass", "said"), [(1.4, False), (14.0, True)])
 def test_a_mass_too_large_for_the_rotors_is_said(mass, said):
     """Four rotors of 177 mm in radius at most: 14 kg make 349 N/m^2."""
-    words = unusual_loading(made_fit.flown(made_fit.prepared(), mass=mass))
+    words = unusual_loading(made_fit.dataset(made_fit.prepared(), mass=mass))
     assert (words is not None) is said
     assert words is None or "weigh the vehicle again (mass 14 kg)" in words
 
@@ -98,7 +98,7 @@ def test_thrust_that_leans_is_said(degrees, said):
     flat = made_fit.prepared()
     lean = np.radians(degrees)
     force = np.tile([9.81 * np.sin(lean), 0.0, 9.81 * np.cos(lean)], (len(flat.data.time), 1))
-    flown_so = made_fit.flown(replace(flat, data=replace(flat.data, specific_force=force)))
+    flown_so = made_fit.dataset(replace(flat, data=replace(flat.data, specific_force=force)))
     words = lean_sentence(flown_so)
     assert bool(words) is said
     assert not words or "10.0 degrees nose up" in words[0]

@@ -18,7 +18,7 @@ def flown(*, rate_end=np.inf, force_end=np.inf):
         angular_velocity=np.clip(10.0 * swing, -rate_end, rate_end),
         specific_force=np.clip(80.0 * swing, -force_end, force_end),
     )
-    return made_fit.flown(replace(prepared, data=data))
+    return made_fit.dataset(replace(prepared, data=data))
 
 
 def test_sensors_that_reach_far_enough_are_not_named():

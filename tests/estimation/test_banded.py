@@ -8,7 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedProblem, banded, square_root, weighted_by_chance
+from rotorfit.estimation.banded import (
+    BandedProblem,
+    banded,
+    covariance_with_noise_uncertainty,
+    square_root,
+)
 from rotorfit.estimation.banded_equations import (
     State,
     corrected_equations,
@@ -221,7 +226,7 @@ def test_variances_from_n_rows_add_four_nths(rows):
     x = rng.normal(size=8 * rows)
     fit = banded(line_problem(x, x + rng.normal(size=8 * rows), block_rows=rows), np.zeros(2))
     expected = fit.estimate.covariance * (1.0 + 4.0 / rows)
-    np.testing.assert_allclose(weighted_by_chance(fit), expected, rtol=1e-9)
+    np.testing.assert_allclose(covariance_with_noise_uncertainty(fit), expected, rtol=1e-9)
 
 
 def test_what_a_prior_tells_is_no_chance():
@@ -231,7 +236,9 @@ def test_what_a_prior_tells_is_no_chance():
         x, x + rng.normal(size=240), block_rows=30, prior_std={"slope": 1e-4, "offset": 1e-4}
     )
     fit = banded(known, np.zeros(2))
-    np.testing.assert_allclose(weighted_by_chance(fit), fit.estimate.covariance, atol=1e-12)
+    np.testing.assert_allclose(
+        covariance_with_noise_uncertainty(fit), fit.estimate.covariance, atol=1e-12
+    )
 
 
 @settings(max_examples=40)
@@ -251,7 +258,9 @@ def test_what_variances_add_is_never_below_zero():
     for _ in range(20):
         x = 1.0 + 1e-8 * rng.normal(size=400)
         fit = banded(line_problem(x, x + rng.normal(size=400)), np.zeros(2))
-        added = np.diagonal(weighted_by_chance(fit)) - np.diagonal(fit.estimate.covariance)
+        added = np.diagonal(covariance_with_noise_uncertainty(fit)) - np.diagonal(
+            fit.estimate.covariance
+        )
         assert (added >= 0.0).all()
 
 
@@ -267,7 +276,7 @@ def test_few_rows_scatter_as_said():
         fit = banded(replace(problem, factors=(apart,)), np.array([1.0, 0.0]))
         found.append(fit.estimate.values[0])
         plain.append(fit.estimate.covariance[0, 0])
-        widened.append(weighted_by_chance(fit)[0, 0])
+        widened.append(covariance_with_noise_uncertainty(fit)[0, 0])
     variance = np.var(found)
     assert np.mean(plain) < 0.8 * variance
     assert np.mean(widened) == pytest.approx(variance, rel=0.2)

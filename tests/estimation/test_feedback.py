@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from rotorfit.estimation.banded import (
     BandedProblem,
-    answer_shifts,
     banded,
     log_likelihood,
     normal_equations,
+    response_sensitivity,
 )
 from rotorfit.estimation.banded_equations import (
     corrected_equations,
@@ -206,7 +206,7 @@ def test_a_share_that_is_wrong_moves_the_estimate_by_that_much_of_the_answers_sh
     by 1.18 shifts.
     """
     found = fits(gain, gain + off, pilot=4.0)
-    shifts = np.array([answer_shifts(fit)[0, 0] for fit in found])
+    shifts = np.array([response_sensitivity(fit)[0, 0] for fit in found])
     values = np.array([fit.estimate.values[0] for fit in found])
     mean, error = values.mean(), values.std() / np.sqrt(len(values))
     assert -0.032 < shifts.mean() < -0.028  # of an inertia of a half: 1 / rho of it
@@ -217,12 +217,12 @@ def test_a_share_that_is_wrong_moves_the_estimate_by_that_much_of_the_answers_sh
 def test_the_shift_is_that_of_what_is_in_doubt():
     Z = closed_loop(2, gain=0.8)
     (whole,), (half,) = (
-        answer_shifts(banded(axis_problem(Z, answered=0.8, doubt=doubt), np.array([0.4])))
+        response_sensitivity(banded(axis_problem(Z, answered=0.8, doubt=doubt), np.array([0.4])))
         for doubt in (1.0, -0.5)
     )
     assert half == pytest.approx(-0.5 * whole)
     open_loop = replace(axis_problem(Z, answered=0.8), feedback=None)
-    assert answer_shifts(banded(open_loop, np.array([0.4]))).shape == (0, 1)
+    assert response_sensitivity(banded(open_loop, np.array([0.4]))).shape == (0, 1)
 
 
 TURNS = np.array([4.0, 8.0, 14.0, 20.0])
@@ -269,7 +269,7 @@ def late_estimates(share, *, assumed, doubt=1.0):
         for seed in range(SEEDS)
     ]
     values = np.array([fit.estimate.values for fit in fits])
-    shifts = np.array([answer_shifts(fit)[0] for fit in fits])
+    shifts = np.array([response_sensitivity(fit)[0] for fit in fits])
     inside = np.abs(values - TRUE) < 1.96 * np.array([fit.estimate.std for fit in fits])
     return values.mean(axis=0), values.std(axis=0) / np.sqrt(SEEDS), shifts.mean(axis=0), inside
 

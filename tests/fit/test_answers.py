@@ -14,7 +14,7 @@ from rotorfit.fit.joint.joint_problem import (
     _answers,
     _lateness,
     joint_problem,
-    usual_answer,
+    nominal_response,
 )
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
@@ -76,12 +76,12 @@ def test_every_autopilot_answers_slow_yaw():
 
 
 def test_far_under_the_attitude_loop_all_is_answered_and_far_above_the_rate_loop_nothing():
-    assert usual_answer(np.array([0.0, 0.01])) == pytest.approx([1.0, 1.0], abs=1e-5)
-    assert usual_answer(np.array([1e5])) == pytest.approx(25.0 / 1e5j, rel=1e-3)
+    assert nominal_response(np.array([0.0, 0.01])) == pytest.approx([1.0, 1.0], abs=1e-5)
+    assert nominal_response(np.array([1e5])) == pytest.approx(25.0 / 1e5j, rel=1e-3)
 
 
 def test_all_of_an_answer_is_in_doubt_of_every_axis_flown_or_not():
-    answer = usual_answer(TURNS)
+    answer = nominal_response(TURNS)
     np.testing.assert_allclose(_answers(steered()).doubt, np.tile(answer[:, None], (1, 3)))
 
 

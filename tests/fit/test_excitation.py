@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rotorfit.fit.intervals.excitation import (
-    ANSWERED_PULL,
     AXIS_OF,
-    INERTIA_PULL,
+    CLOSED_LOOP_BIAS,
+    INERTIA_BIAS,
     LEAST_EXCITATION,
     NO_EXCITATION,
-    RATIO_PULL,
-    SCALE_PULL,
+    RATIO_BIAS,
+    SCALE_BIAS,
     attenuation_allowance,
     common_share,
     link_allowance,
@@ -20,7 +20,7 @@ from rotorfit.fit.intervals.excitation import (
 )
 from rotorfit.reduction.frequency_bands import PILOT_BAND
 
-PULLS = {"Ixx_com": INERTIA_PULL, "Iyy": INERTIA_PULL, "Izz": SCALE_PULL, "kd": SCALE_PULL}
+PULLS = {"Ixx_com": INERTIA_BIAS, "Iyy": INERTIA_BIAS, "Izz": SCALE_BIAS, "kd": SCALE_BIAS}
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_the_allowance_holds_the_truth_of_a_number_pulled_up(true, rho, share, n
     name=st.sampled_from(["kd_over_Izz", "Jr_over_Izz", "Jr", "kd"]),
 )
 def test_the_allowance_holds_the_truth_of_a_number_pulled_down(true, rho, share, name):
-    found = true * (1.0 - share * RATIO_PULL / rho)
+    found = true * (1.0 - share * RATIO_BIAS / rho)
     allowed = attenuation_allowance(name, found, rho, answered=False)
     assert true - found <= allowed * (1 + 1e-9)
 
@@ -107,7 +107,7 @@ def test_without_excitation_nothing_is_bounded(name, answered):
     name=st.sampled_from(sorted(AXIS_OF)),
 )
 def test_the_term_for_the_answer_leaves_less_to_allow_for(rho, share, name):
-    found = 1.0 + share * ANSWERED_PULL / rho
+    found = 1.0 + share * CLOSED_LOOP_BIAS / rho
     allowed = attenuation_allowance(name, found, rho, answered=True)
     assert found - 1.0 <= allowed * (1 + 1e-9)
     assert allowed < attenuation_allowance(name, found, rho, answered=False)

@@ -11,8 +11,8 @@ import flown
 import made_fit
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.intervals.excitation import SCALE_PULL, product_allowance, scale_stretch
-from rotorfit.fit.intervals.joint_numbers import hanging_on_inertia, hanging_on_roll_and_pitch
+from rotorfit.fit.intervals.excitation import SCALE_BIAS, product_allowance, scale_stretch
+from rotorfit.fit.intervals.joint_numbers import coupling_uncertainty, inertia_uncertainty
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.identification.identify import identify
@@ -151,7 +151,7 @@ def test_the_scale_of_every_number_is_stretched_alike():
         correlation=np.eye(5),
         excitation={"roll@A": 1e9, "pitch@A": 0.1, "yaw@A": 50.0},
     )
-    half = hanging_on_roll_and_pitch(numbers, [body]).half_width
+    half = coupling_uncertainty(numbers, [body]).half_width
     expected = [0.1, 0.8 / 0.36, 0.2 / 0.36, 1.0 / 0.75, 0.05]
     np.testing.assert_allclose(half, expected, rtol=1e-6)
 
@@ -185,7 +185,7 @@ def test_products_are_as_unsure_as_the_yaw_equation_they_hang_on(tmp_path):
 @given(rho=st.floats(0.0, 1e4), size=st.floats(-1.0, 1.0))
 def test_what_yaw_leaves_open_of_a_product_is_a_share_of_it(rho, size):
     allowed = product_allowance(size, rho)
-    assert abs(size) * SCALE_PULL / (rho + SCALE_PULL) == pytest.approx(allowed)
+    assert abs(size) * SCALE_BIAS / (rho + SCALE_BIAS) == pytest.approx(allowed)
     assert allowed <= abs(size)
 
 
@@ -204,7 +204,7 @@ def test_a_pitch_inertia_that_gusts_pull_pulls_the_scale_of_yaw_as_far_as_they_g
         excitation={"roll@A": 50.0, "pitch@A": rho, "yaw@A": 50.0},
     )
     std = np.array([0.05, 0.05, 0.1, 0.1, 0.2, 0.005])
-    found = hanging_on_inertia(numbers, [body], std).half_width
+    found = inertia_uncertainty(numbers, [body], std).half_width
     # Half of I_yy at a rho of 2.5, times .4 and 1.6.
     expected = [0.1, 0.5, 0.2, 0.2, 2.0, 0.01] if rho < 5.0 else numbers.half_width
     np.testing.assert_allclose(found, expected)

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import made_fit
-from rotorfit.estimation.banded import BandedProblem, answer_shifts, banded
+from rotorfit.estimation.banded import BandedProblem, banded, response_sensitivity
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.experiment.payload import PointMass
@@ -17,8 +17,8 @@ from rotorfit.fit.intervals.joint_numbers import (
     _between_phases,
     _timing_shifts,
     _with_systematic,
+    coupling_uncertainty,
     excitation,
-    hanging_on_roll_and_pitch,
     joint_numbers,
     number_scale,
     weighed_excitation,
@@ -296,8 +296,10 @@ def test_answers_and_faults_of_the_times_are_in_the_interval(monkeypatch):
     place = fit.estimate.names.index("kt")
     shifts = np.zeros((3, len(fit.estimate.names)))
     shifts[:, place] = [4e-8, -3e-8, 1e-8]
-    monkeypatch.setattr(module, "answer_shifts", lambda fit: shifts)
-    monkeypatch.setattr(module, "weighted_by_chance", lambda fit: fit.estimate.covariance)
+    monkeypatch.setattr(module, "response_sensitivity", lambda fit: shifts)
+    monkeypatch.setattr(
+        module, "covariance_with_noise_uncertainty", lambda fit: fit.estimate.covariance
+    )
     left = 12 / (12 - len(fit.estimate.names) / 6)
     chance = stats.t.ppf(0.975, 12 / left) * np.sqrt(left) * 2e-8
     slopes = np.array([8e-12, -2e-12]) @ np.linalg.inv([[1e-6, -3e-7], [-3e-7, 2.5e-7]])
@@ -309,7 +311,9 @@ def test_what_estimated_variances_leave_open_is_in_the_interval(monkeypatch):
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={"kt": 2e-8})
     known = half_width(fit, [body])
-    monkeypatch.setattr(module, "weighted_by_chance", lambda fit: 4.0 * fit.estimate.covariance)
+    monkeypatch.setattr(
+        module, "covariance_with_noise_uncertainty", lambda fit: 4.0 * fit.estimate.covariance
+    )
     assert half_width(fit, [body]) == pytest.approx(2.0 * known, rel=1e-3)
 
 
@@ -320,8 +324,10 @@ def test_what_shifts_two_numbers_at_once_makes_them_go_together(monkeypatch):
     places = [fit.estimate.names.index(name) for name in ("kt", "Ixx@A")]
     shifts = np.zeros((1, FREE))
     shifts[0, places] = [3e-8, -3e-4]
-    monkeypatch.setattr(module, "answer_shifts", lambda fit: shifts)
-    monkeypatch.setattr(module, "weighted_by_chance", lambda fit: fit.estimate.covariance)
+    monkeypatch.setattr(module, "response_sensitivity", lambda fit: shifts)
+    monkeypatch.setattr(
+        module, "covariance_with_noise_uncertainty", lambda fit: fit.estimate.covariance
+    )
     numbers = joint_numbers(fit, [body], {"A": 0.0})
     own = numbers.index("kt"), numbers.index("Ixx@A")
     assert numbers.correlation[own] == pytest.approx(-1.0 / (1.0 + (1.96 / 3.0) ** 2), rel=1e-6)
@@ -331,7 +337,7 @@ def test_what_no_autopilot_is_looked_for_hangs_on_none():
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={})
     assert joint_problem([body]).feedback is None
-    assert answer_shifts(fit).shape == (0, FREE)
+    assert response_sensitivity(fit).shape == (0, FREE)
 
 
 def test_excitation_is_what_the_rotors_explain_over_the_rest_in_the_pilots_band():
@@ -487,7 +493,7 @@ def hanging(rho, payload=False):
         made_fit.configuration("A", mass=1.0),
         made_fit.configuration("B", mass=2.0, **(more if payload else {})),
     ]
-    found = hanging_on_roll_and_pitch(numbers_of(HANGING, rho), bodies)
+    found = coupling_uncertainty(numbers_of(HANGING, rho), bodies)
     return dict(zip(found.names, found.half_width.tolist(), strict=True))
 
 
@@ -547,7 +553,7 @@ def test_all_terms_stand_together_in_the_interval_of_a_flight(monkeypatch):
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={"Ixx@A": 1e-4, "msx@A": 1e-12})
     shifts = 2e-4 * np.eye(FREE)[[fit.estimate.names.index("Ixx@A")]]
-    monkeypatch.setattr(module, "answer_shifts", lambda fit: shifts)
+    monkeypatch.setattr(module, "response_sensitivity", lambda fit: shifts)
     origin = replace(fit.estimate, values=at_origin(fit))
     numbers = joint_numbers(replace(fit, estimate=origin), [body], {"A": 0.014})
     half = numbers.half_width[numbers.index("Ixx_com@A")]

@@ -5,7 +5,7 @@ import pytest
 
 import made_fit
 from rotorfit.dataset.weight_balance import Held, held_up, pooled, turning
-from rotorfit.fit.intervals.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
+from rotorfit.fit.intervals.kt_from_weight import WeighedThrust, absorbed_weight, kt_from_weight
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.preprocessing.flight_data import Segment
 
@@ -16,7 +16,7 @@ KT = MASS * G / (4 * 500.0**2)
 
 
 def weighed(*flights):
-    flown = made_fit.flown(*flights, mass=MASS)
+    flown = made_fit.dataset(*flights, mass=MASS)
     return kt_from_weight(flown.configurations, flown.vehicle)
 
 
@@ -123,7 +123,7 @@ def swallowed(bias, half=0.1, *, reads=G, source="imu", name="accel_bias_z@A"):
         correlation=np.eye(1),
         excitation={},
     )
-    return swallowed_weight(made_fit.flown(flight, mass=MASS, source=source), numbers)
+    return absorbed_weight(made_fit.dataset(flight, mass=MASS, source=source), numbers)
 
 
 def test_a_bias_that_gravity_contradicts_is_thrust():

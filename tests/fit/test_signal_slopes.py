@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 import made_fit
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.factors import (
     Factors,
@@ -125,19 +125,19 @@ ELSEWHERE = MotorResponse(lag=0.0402, delay=0.0101)
 
 def counted_bands(monkeypatch):
     """Return a list that grows by one where signals are made anew."""
-    made, bands = [], Flown.bands
+    made, bands = [], Dataset.bands
 
     def counting(self, response=None, **more):
         made.append(response)
         return bands(self, response, **more)
 
-    monkeypatch.setattr(Flown, "bands", counting)
+    monkeypatch.setattr(Dataset, "bands", counting)
     return made
 
 
 def test_times_beside_are_freed_without_new_signals(monkeypatch):
     made = counted_bands(monkeypatch)
-    whole = made_fit.flown(moving(2)).at(AT, BOTH, beside=("motor_skew",))
+    whole = made_fit.dataset(moving(2)).at(AT, BOTH, beside=("motor_skew",))
     freed = whole.freed()
     assert freed.free_timing == FreeTiming(at=AT, names=(*BOTH, "motor_skew"))
     assert freed.timed_bands[0].slopes.shape[1] == 3
@@ -149,7 +149,7 @@ def test_times_beside_are_freed_without_new_signals(monkeypatch):
 
 def test_bands_of_the_timing_serve_the_same_flights_alone(monkeypatch):
     made = counted_bands(monkeypatch)
-    whole = made_fit.flown(moving(2)).at(AT, BOTH)
+    whole = made_fit.dataset(moving(2)).at(AT, BOTH)
     timing = MotorTiming(response=ELSEWHERE, total_std=1e-3, free=BOTH, bands=whole.found_with())
     found = replace(whole, motor_timing=timing)
     assert found.timing == ELSEWHERE and found.free_timing.at == AT

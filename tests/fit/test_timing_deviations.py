@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import made_fit
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.fit.intervals import joint_numbers
@@ -20,12 +20,12 @@ from rotorfit.fit.timing.timing_fit import (
     _fitted,
     _hold_fault,
     _settled,
-    _untold,
+    _unidentifiable,
     _with_deviations,
     find_timing,
     timed_again,
 )
-from rotorfit.fit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
+from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, skew_of, told
 
@@ -39,8 +39,8 @@ def norm(*parts):
     return MS * np.sqrt(np.sum(np.square(parts)))
 
 
-def flown(*, motors=COMMANDED, **more):
-    return made_fit.flown(made_fit.prepared(), motors=motors, **more)
+def dataset(*, motors=COMMANDED, **more):
+    return made_fit.dataset(made_fit.prepared(), motors=motors, **more)
 
 
 def fit_at(free, *, moved, covariance=None, influence=None):
@@ -58,7 +58,9 @@ def fit_at(free, *, moved, covariance=None, influence=None):
 @pytest.fixture(autouse=True)
 def variances_are_known(monkeypatch):
     """What blocks' estimated variances add is tested elsewhere; these fits have no equations."""
-    monkeypatch.setattr(joint_numbers, "weighted_by_chance", lambda fit: fit.estimate.covariance)
+    monkeypatch.setattr(
+        joint_numbers, "covariance_with_noise_uncertainty", lambda fit: fit.estimate.covariance
+    )
 
 
 def chance(times):
@@ -82,8 +84,8 @@ def deviations(monkeypatch, *, names=BOTH, hold=0.0, shifts=None, motors=COMMAND
     if shifts is not None:
         rows = np.zeros((len(shifts), len(fit.estimate.names)))
         rows[:, [fit.estimate.names.index(name) for name in names]] = MS * np.array(shifts)
-        monkeypatch.setattr(timing_fit, "answer_shifts", lambda fit: rows)
-    return _with_deviations(flown(motors=motors), free, fit)
+        monkeypatch.setattr(timing_fit, "response_sensitivity", lambda fit: rows)
+    return _with_deviations(dataset(motors=motors), free, fit)
 
 
 def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults(monkeypatch):
@@ -140,7 +142,7 @@ def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, 
     monkeypatch.setattr(timing_fit, "_hold_fault", lambda _: 0.0)
 
     def filtered(motors):
-        whole = flown(motors=motors)
+        whole = dataset(motors=motors)
         (one,) = whole.configurations
         flights = [
             replace(f, log=replace(f.log, gyro_lowpass=cutoff))
@@ -168,15 +170,15 @@ def test_no_lag_is_less_sure_than_it_was_beforehand(monkeypatch):
 
 def test_how_long_a_command_held_is_unknown_by_a_quarter_of_the_slowest_logs_sample():
     flights = made_fit.prepared(motor_rate=100.0), made_fit.prepared(motor_rate=50.0)
-    assert _hold_fault(made_fit.flown(*flights, motors=COMMANDED)) == pytest.approx(0.005)
-    assert _hold_fault(made_fit.flown(*flights)) == 0.0
+    assert _hold_fault(made_fit.dataset(*flights, motors=COMMANDED)) == pytest.approx(0.005)
+    assert _hold_fault(made_fit.dataset(*flights)) == 0.0
 
 
 def test_untold_motors_have_the_usual_lag_and_30_ms_of_delay():
-    both = _untold(flown(), delay_free=True)
+    both = _unidentifiable(dataset(), delay_free=True)
     assert (both.lag_std, both.delay_std) == (0.03, 0.03)
     assert both.total_std == pytest.approx(0.03 * 2**0.5)
-    lag = _untold(flown(), delay_free=False)
+    lag = _unidentifiable(dataset(), delay_free=False)
     assert (lag.lag_std, lag.delay_std, lag.total_std) == (0.03, None, 0.03)
     assert both.response == MotorResponse(lag=0.035)
     assert both.free == lag.free == ()
@@ -189,8 +191,8 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
     """Let every fit move the times by a share of the way to the bottom; return where it was."""
     seen = []
 
-    def joint_fit(flown, *, terms, begin=None, guess=None):
-        free = flown.free_timing
+    def joint_fit(dataset, *, terms, begin=None, guess=None):
+        free = dataset.free_timing
         seen.append((free, begin))
         way = {
             "motor_lag": bottom.mean_lag - free.at.mean_lag,
@@ -203,15 +205,15 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
         return replace(fit, log_likelihood=5.0 + won), []
 
     monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    monkeypatch.setattr(timing_fit, "pull_of_gusts", lambda *_: 0.0)
-    monkeypatch.setattr(Flown, "bands", lambda *_, **more: ())
+    monkeypatch.setattr(timing_fit, "gust_bias", lambda *_: 0.0)
+    monkeypatch.setattr(Dataset, "bands", lambda *_, **more: ())
     return seen
 
 
 def test_a_fit_that_has_moved_far_begins_again_there_and_not_with_the_times(monkeypatch):
     """No further than 20 ms a round, which is how far the slopes reach; all times by one share."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
-    timed, fit = _settled(flown().at(MotorResponse(lag=0.005), BOTH), ())
+    timed, fit = _settled(dataset().at(MotorResponse(lag=0.005), BOTH), ())
     places = [(free.at.lag, free.at.delay) for free, _ in seen]
     expected = [(0.005, 0.0), (0.025, 0.0048), (0.045, 0.0096), (0.055, 0.012)]
     assert np.array(places) == pytest.approx(np.array(expected))
@@ -230,17 +232,17 @@ def turning(rate):
 
 def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
     """And where they settle all begin, but for what only a first fit of all can tell."""
-    many = made_fit.flown(*(turning(k) for k in (3, 1, 6, 2, 5, 4)), motors=COMMANDED)
+    many = made_fit.dataset(*(turning(k) for k in (3, 1, 6, 2, 5, 4)), motors=COMMANDED)
     few = liveliest(many).configurations[0].flights
     assert [f.prepared.data.angular_velocity[0, 0] for f in few] == [3, 6, 5, 4]
-    one = flown()
+    one = dataset()
     assert liveliest(one) is one
     seen, sizes = fits_to(monkeypatch, AT), []
     plain = timing_fit.joint_fit
 
-    def joint_fit(flown, **more):
-        sizes.append((len(flown.configurations[0].flights), sorted(more)))
-        return plain(flown, **more)
+    def joint_fit(dataset, **more):
+        sizes.append((len(dataset.configurations[0].flights), sorted(more)))
+        return plain(dataset, **more)
 
     monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
     timed, _ = timing_fit._begun(many, MotorResponse(lag=0.03), BOTH, ())
@@ -252,14 +254,14 @@ def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
     for off, rounds in ((0.29, 1), (0.31, 2)):
         seen = fits_to(monkeypatch, AT)
         start = MotorResponse(lag=AT.lag + off * MS, delay=AT.delay)
-        _settled(flown().at(start, BOTH), ())
+        _settled(dataset().at(start, BOTH), ())
         assert len(seen) == rounds
 
 
 def test_a_timing_that_does_not_come_to_rest_is_where_the_last_fit_says(monkeypatch):
     """Steps of 5 ms for ever: ten of them, none counted twice."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.040, delay=10.0), share=5e-4)
-    timed, fit = _settled(flown().at(AT, ("motor_delay",)), ())
+    timed, fit = _settled(dataset().at(AT, ("motor_delay",)), ())
     assert len(seen) == 10
     assert timed.free_timing.at == seen[-1][0].at
     moved = fit.estimate.value("motor_delay")
@@ -269,7 +271,7 @@ def test_a_timing_that_does_not_come_to_rest_is_where_the_last_fit_says(monkeypa
 @pytest.mark.parametrize(("gain", "skewed"), [(9.9, False), (10.1, True)])
 def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, gain, skewed):
     fits_to(monkeypatch, AT, gain=gain, skew=0.3)
-    found = _fitted(flown(), AT, BOTH, ())
+    found = _fitted(dataset(), AT, BOTH, ())
     assert ("motor_skew" in found.free) is skewed
     assert found.response.mean_lag == pytest.approx(0.040)
     assert skew_of(found.response) == pytest.approx(0.3 if skewed else 0.0)
@@ -280,7 +282,7 @@ def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, g
 )
 def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, lag):
     seen = fits_to(monkeypatch, MotorResponse(lag=lag, delay=0.01), gain=1e3, skew=0.3)
-    found = _fitted(flown(source=source), MotorResponse(lag=lag, delay=0.01), BOTH, ())
+    found = _fitted(dataset(source=source), MotorResponse(lag=lag, delay=0.01), BOTH, ())
     # Motors as quick as nothing are those of the autopilot's answer.
     assert found.free == (BOTH if source == "mocap" else ())
     assert [free.names for free, _ in seen] == [BOTH]
@@ -289,7 +291,7 @@ def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, l
 @pytest.mark.parametrize(("skew", "kept"), [(0.7, True), (0.9, False), (50.0, False)])
 def test_a_skew_of_more_than_there_is_has_lost_the_motion(monkeypatch, skew, kept):
     fits_to(monkeypatch, AT, gain=1e3, skew=skew)
-    found = _fitted(flown(), AT, BOTH, ())
+    found = _fitted(dataset(), AT, BOTH, ())
     assert ("motor_skew" in found.free) is kept
     assert found.response.lag > 0.0
 
@@ -298,29 +300,29 @@ def test_where_a_skew_does_not_settle_there_is_none(monkeypatch):
     fits_to(monkeypatch, AT, gain=1e3, skew=0.3)
     plain = timing_fit.joint_fit
 
-    def joint_fit(flown, **more):
-        if "motor_skew" in flown.free_timing.names:
+    def joint_fit(dataset, **more):
+        if "motor_skew" in dataset.free_timing.names:
             raise UnsettledError("no")
-        return plain(flown, **more)
+        return plain(dataset, **more)
 
     monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    assert _fitted(flown(), AT, BOTH, ()).free == BOTH
+    assert _fitted(dataset(), AT, BOTH, ()).free == BOTH
 
 
 @pytest.mark.parametrize(("pull", "known"), [(29.9, True), (30.1, False)])
 def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, pull, known):
     fits_to(monkeypatch, AT)
-    monkeypatch.setattr(timing_fit, "pull_of_gusts", lambda *_: pull * MS)
-    found = _fitted(flown(), AT, BOTH, ())
+    monkeypatch.setattr(timing_fit, "gust_bias", lambda *_: pull * MS)
+    found = _fitted(dataset(), AT, BOTH, ())
     assert found.free == (BOTH if known else ())
     assert found.response == (AT if known else MotorResponse(lag=0.035))
     # Measured speeds have no lag that could be taken for the autopilot's answer.
-    assert _fitted(flown(motors=MotorsEntry()), AT, ("motor_delay",), ()).free == ("motor_delay",)
+    assert _fitted(dataset(motors=MotorsEntry()), AT, ("motor_delay",), ()).free == ("motor_delay",)
 
 
 def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
     fits_to(monkeypatch, MotorResponse(lag=0.0, delay=-0.001))
-    found = _fitted(flown(), AT, BOTH, ())
+    found = _fitted(dataset(), AT, BOTH, ())
     assert (found.free, found.response) == ((), MotorResponse(lag=0.035))
 
 
@@ -334,13 +336,13 @@ def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
 )
 def test_times_beyond_any_motors_are_none(monkeypatch, bottom):
     fits_to(monkeypatch, bottom)
-    assert _fitted(flown(), AT, BOTH, ()) is None
+    assert _fitted(dataset(), AT, BOTH, ()) is None
 
 
 @pytest.mark.parametrize("bottom", [MotorResponse(lag=0.19), MotorResponse(lag=0.04, delay=0.15)])
 def test_motors_may_be_as_slow_as_200_ms_and_as_late_as_160(monkeypatch, bottom):
     fits_to(monkeypatch, bottom)
-    found = _fitted(flown(), AT, BOTH, ()).response
+    found = _fitted(dataset(), AT, BOTH, ()).response
     assert (found.lag, found.delay) == pytest.approx((bottom.lag, bottom.delay))
 
 
@@ -348,7 +350,7 @@ def unsettled(monkeypatch, *, settles):
     """Let fits settle only with these terms; return which were tried."""
     tried = []
 
-    def fitted(flown, start, names, terms):
+    def fitted(dataset, start, names, terms):
         tried.append((names, terms))
         if terms != settles:
             raise UnsettledError("no")
@@ -361,17 +363,19 @@ def unsettled(monkeypatch, *, settles):
 
 def test_where_a_fit_does_not_settle_fewer_terms_are_tried(monkeypatch):
     tried = unsettled(monkeypatch, settles=("accel_bias",))
-    assert find_timing(flown()).free == BOTH
+    assert find_timing(dataset()).free == BOTH
     assert [terms for _, terms in tried] == [timing_fit.DEFAULT_TERMS, ("accel_bias",)]
 
 
 def test_flights_that_settle_nowhere_tell_no_lag(monkeypatch):
     """None at all would say that commands are followed at once."""
     unsettled(monkeypatch, settles=None)
-    assert find_timing(flown()) == _untold(flown(), delay_free=True)
+    assert find_timing(dataset()) == _unidentifiable(dataset(), delay_free=True)
     bench = MotorsEntry(speed="commanded", delay=0.01)
-    assert find_timing(flown(motors=bench)) == _untold(flown(motors=bench), delay_free=False)
-    assert find_timing(flown(motors=MotorsEntry())) is None
+    assert find_timing(dataset(motors=bench)) == _unidentifiable(
+        dataset(motors=bench), delay_free=False
+    )
+    assert find_timing(dataset(motors=MotorsEntry())) is None
 
 
 def test_with_other_terms_the_timing_is_found_again_from_where_it_was(monkeypatch):
@@ -382,14 +386,14 @@ def test_with_other_terms_the_timing_is_found_again_from_where_it_was(monkeypatc
         total_std=MS,
         free=(*BOTH, "motor_skew"),
     )
-    whole = flown(motor_timing=found)
+    whole = dataset(motor_timing=found)
     tried = unsettled(monkeypatch, settles=terms)
     again = timed_again(whole, terms)
     assert tried == [(BOTH, terms)]
     assert again.motor_timing.free == BOTH
     assert timed_again(whole, ("drag",)) is whole  # it does not settle: the timing stays
     for kept in (None, replace(found, free=())):
-        given_ = flown(motor_timing=kept)
+        given_ = dataset(motor_timing=kept)
         assert timed_again(given_, terms) is given_
 
 
@@ -426,7 +430,7 @@ def test_what_is_known_of_a_lag_beforehand_is_seen_from_where_the_signals_were_m
     assert bench.prior()["motor_lag"] == pytest.approx((0.010, 0.002))
     assert FreeTiming(at=AT, names=("motor_delay",)).prior() == {}
     bench = MotorsEntry(speed="commanded", lag=0.05, lag_std=0.002)
-    assert flown(motors=bench).at(AT, BOTH).free_timing.lag_prior == (0.05, 0.002)
+    assert dataset(motors=bench).at(AT, BOTH).free_timing.lag_prior == (0.05, 0.002)
 
 
 def test_times_may_be_off_by_a_tenth_and_their_split_by_three_tenths_of_a_millisecond():
@@ -438,35 +442,35 @@ def test_times_may_be_off_by_a_tenth_and_their_split_by_three_tenths_of_a_millis
 
 
 def test_a_timing_that_is_given_or_untold_is_not_moved():
-    assert flown().free_timing is None
-    assert flown(motor_timing=MotorTiming(response=AT, total_std=MS)).free_timing is None
-    assert flown().at(AT).free_timing is None
+    assert dataset().free_timing is None
+    assert dataset(motor_timing=MotorTiming(response=AT, total_std=MS)).free_timing is None
+    assert dataset().at(AT).free_timing is None
 
 
 # Where it begins, and whether the flights tell any of it.
 
 
 def costs(monkeypatch, cost):
-    monkeypatch.setattr(timing_search, "_cost", lambda flown, response: cost(response))
+    monkeypatch.setattr(timing_search, "_cost", lambda dataset, response: cost(response))
 
 
 @pytest.mark.parametrize(("bottom", "found"), [(0.045, 0.04), (0.001, 0.005), (0.13, None)])
 def test_a_lag_begins_at_the_best_trial(monkeypatch, bottom, found):
     """None where that is the last one: the motion follows something slower than motors."""
     costs(monkeypatch, lambda response: 1e6 * (response.lag - bottom) ** 2)
-    start = coarse_timing(flown(), ("lag", "delay"))
+    start = coarse_timing(dataset(), ("lag", "delay"))
     assert (start is None) if found is None else start == MotorResponse(lag=found)
 
 
 def test_what_is_known_of_the_lag_decides_between_trials_that_fit_alike(monkeypatch):
     costs(monkeypatch, lambda response: 0.0)
-    assert coarse_timing(flown(), ("lag",)).lag == 0.04
+    assert coarse_timing(dataset(), ("lag",)).lag == 0.04
     # 100 ms are 2.2 deviations from the usual 35, and unlikelier by 2.3 than the best trial.
     for gain, lag in ((2.2, 0.04), (2.5, 0.1)):
         costs(monkeypatch, lambda response, gain=gain: -gain * (response.lag == 0.1))
-        assert coarse_timing(flown(), ("lag",)).lag == lag
+        assert coarse_timing(dataset(), ("lag",)).lag == lag
     bench = MotorsEntry(speed="commanded", lag=0.07, lag_std=0.002, delay=0.003)
-    assert coarse_timing(flown(motors=bench), ("lag",)) == MotorResponse(lag=0.07, delay=0.003)
+    assert coarse_timing(dataset(motors=bench), ("lag",)) == MotorResponse(lag=0.07, delay=0.003)
 
 
 @pytest.mark.parametrize(
@@ -485,7 +489,7 @@ def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, ga
     edge = 0.012 * np.sign(bottom)
     scale = gain / max((bottom - edge) ** 2, 1e-9)
     costs(monkeypatch, lambda response: scale * (response.delay - bottom) ** 2)
-    start = coarse_timing(flown(motors=MotorsEntry()), ("delay",))
+    start = coarse_timing(dataset(motors=MotorsEntry()), ("delay",))
     assert (start is None) if found is None else start.delay == pytest.approx(found, abs=1e-9)
 
 
@@ -500,13 +504,15 @@ def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, ga
 def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(monkeypatch, ratios, expected):
     """Of the turn and the configuration that are flown most; not beyond a rho of 0.1."""
     factors = made_fit.blocks([(1.0, 2.0)])
-    whole = flown()
+    whole = dataset()
     whole = replace(whole, configurations=whole.configurations * len(ratios))
     told_ratios = iter(ratios)
-    monkeypatch.setattr(Flown, "timed_bands", (factors,) * len(ratios))
+    monkeypatch.setattr(Dataset, "timed_bands", (factors,) * len(ratios))
     monkeypatch.setattr(timing_search, "turn_ratios", lambda *_, mass: np.array(next(told_ratios)))
-    monkeypatch.setattr(timing_search, "flown_turns", lambda *_, mass: np.ones((1, 3), dtype=bool))
-    assert pull_of_gusts(whole) == pytest.approx(expected)
+    monkeypatch.setattr(
+        timing_search, "excited_turns", lambda *_, mass: np.ones((1, 3), dtype=bool)
+    )
+    assert gust_bias(whole) == pytest.approx(expected)
 
 
 def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(monkeypatch):
@@ -518,12 +524,12 @@ def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(monkeypatch):
         seen.append(factors.band.tolist())
         return np.ones(3)
 
-    monkeypatch.setattr(Flown, "timed_bands", (factors,))
+    monkeypatch.setattr(Dataset, "timed_bands", (factors,))
     monkeypatch.setattr(timing_search, "turn_ratios", ratios)
-    monkeypatch.setattr(timing_search, "flown_turns", lambda *_, mass: turns)
-    assert pull_of_gusts(flown()) == 0.0
+    monkeypatch.setattr(timing_search, "excited_turns", lambda *_, mass: turns)
+    assert gust_bias(dataset()) == 0.0
     turns[1] = False
-    assert pull_of_gusts(flown()) == 0.15
+    assert gust_bias(dataset()) == 0.15
     assert seen == [[[1.0, 2.0]]]
 
 
@@ -547,13 +553,13 @@ def test_a_time_is_told_where_half_of_its_interval_is_under_its_size_or_35_ms(va
 def test_a_fit_that_gets_lost_begins_at_another_lag(monkeypatch, lost, begun):
     tried = []
 
-    def fit(flown, **_):
-        tried.append(1e3 * flown.timing.lag)
+    def fit(dataset, **_):
+        tried.append(1e3 * dataset.timing.lag)
         away = 1e26 if any(abs(tried[-1] - lag) < 1e-6 for lag in lost) else 2.0
-        return fit_at(flown.free_timing, moved=[1.0, -away]), []
+        return fit_at(dataset.free_timing, moved=[1.0, -away]), []
 
     monkeypatch.setattr(timing_fit, "joint_fit", fit)
-    found, first = _begun(flown(), MotorResponse(lag=0.04), BOTH, ())
+    found, first = _begun(dataset(), MotorResponse(lag=0.04), BOTH, ())
     assert 1e3 * found.timing.lag == pytest.approx(begun)
     assert first.estimate.value("motor_delay") == pytest.approx(-1e23 if len(lost) == 3 else -0.002)
     assert tried == pytest.approx([40.0, 20.0, 80.0][: min(len(lost) + 1, 3)])
@@ -563,5 +569,5 @@ def test_without_a_lag_there_is_one_start(monkeypatch):
     monkeypatch.setattr(
         timing_fit, "joint_fit", lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), [])
     )
-    found, _ = _begun(flown(), MotorResponse(delay=0.01), ("motor_delay",), ())
+    found, _ = _begun(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
     assert found.timing == MotorResponse(delay=0.01)

@@ -21,7 +21,7 @@ def timing(total_std, *, lag_std=None, delay_std=None):
 
 def flown(found=None, *, arm_std=0.0, imu_std=0.0):
     vehicle = replace(made_fit.QUAD, arm_std=arm_std, imu_position_std=imu_std)
-    return made_fit.flown(
+    return made_fit.dataset(
         made_fit.prepared(rate=RATE),
         vehicle=vehicle,
         motors=MotorsEntry(speed="commanded"),

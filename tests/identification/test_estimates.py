@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import made_fit
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.fit.intervals.joint_numbers import Numbers
 from rotorfit.fit.intervals.kt_from_weight import WeighedThrust
@@ -61,11 +61,11 @@ def test_a_weighed_thrust_coefficient_is_held_to_a_ten_thousandth(monkeypatch):
         held.append(known)
         raise Held
 
-    monkeypatch.setattr("rotorfit.fit.joint.joint_fit.steered", steered)
-    monkeypatch.setattr(Flown, "timed_bands", (made_fit.blocks([(1.0, 2.0)]),))
-    flown = replace(made_fit.flown(made_fit.prepared()))
+    monkeypatch.setattr("rotorfit.fit.joint.joint_fit.select_informative_bands", steered)
+    monkeypatch.setattr(Dataset, "timed_bands", (made_fit.blocks([(1.0, 2.0)]),))
+    dataset = replace(made_fit.dataset(made_fit.prepared()))
     with pytest.raises(Held):
-        joint_fit(flown, weighed=WeighedThrust(kt=2e-6, std=1e-7), begin={"kt": 2e-6})
+        joint_fit(dataset, weighed=WeighedThrust(kt=2e-6, std=1e-7), begin={"kt": 2e-6})
     assert held[0]["kt"] == pytest.approx((2e-6, 2e-10))
 
 
@@ -74,7 +74,7 @@ def test_what_is_open_of_the_weight_is_in_every_interval(monkeypatch, settles):
     """Another fit a deviation further: kt by .2 and kd by -1.1, 1.96 times of which is open."""
     tried = []
 
-    def joint_fit(flown, *, weighed, terms, begin):
+    def joint_fit(dataset, *, weighed, terms, begin):
         tried.append((weighed.kt, begin))
         if not settles:
             raise UnsettledError("no end", reached={"moved": 1.0})
@@ -86,8 +86,8 @@ def test_what_is_open_of_the_weight_is_in_every_interval(monkeypatch, settles):
     )
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={})
-    flown, weighed = made_fit.flown(made_fit.prepared()), WeighedThrust(kt=10.0, std=0.2)
-    surer = _as_sure_as_weight(flown, fit, ONE, [body], weighed=weighed, terms=())
+    dataset, weighed = made_fit.dataset(made_fit.prepared()), WeighedThrust(kt=10.0, std=0.2)
+    surer = _as_sure_as_weight(dataset, fit, ONE, [body], weighed=weighed, terms=())
     assert tried == [(10.2, {**fit.estimate.by_name, "kt": 10.2})]
     assert surer.values.tolist() == [10.0, 4.0]
     assert surer.half_width == pytest.approx(np.hypot([0.5, 3.0], [1.96 * 0.2, 1.96 * 1.1]))

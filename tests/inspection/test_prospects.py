@@ -85,7 +85,7 @@ def test_rotors_are_found_where_they_are(flight_of):
 def test_the_weight_is_as_sure_as_in_an_estimate(seconds):
     """What a hover may have gained in velocity, over g, and 2 % of propellers in motion."""
     hover = made_fit.prepared(seconds=seconds)
-    flown_so = made_fit.flown(hover, mass=1.0)
+    flown_so = made_fit.dataset(hover, mass=1.0)
     estimated = kt_from_weight(flown_so.configurations, flown_so.vehicle)
     foreseen_so = _weighed(hover.data, flown_so.vehicle)
     assert foreseen_so.kt == pytest.approx(estimated.kt)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import signal
 
-from rotorfit.preprocessing.motors.command_response import Answer
+from rotorfit.preprocessing.motors.command_response import MeasuredResponse
 
 OFFSET, EXPONENT, FULL = 0.055, 0.75, 4450.0
 FACTORS = np.array([1.010, 0.985, 0.998, 1.007])
@@ -61,7 +61,7 @@ def motor_answers(
     at = time if speed_rate is None else np.arange(0.05, seconds, 1.0 / speed_rate)
     clock = np.arange(n * loop) * step
     return [
-        Answer(
+        MeasuredResponse(
             rotor=i,
             command_time=time,
             command=command[:, i],

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from rotorfit.motor_law.command_response import Timing, answered_speed, recording_of
 from rotorfit.motor_law.law_model import Layout, predicted
-from rotorfit.preprocessing.motors.command_response import Answer
+from rotorfit.preprocessing.motors.command_response import MeasuredResponse
 
 NONE = np.zeros((40, 0))
 
@@ -18,7 +18,7 @@ def one_answer(seed):
     command_time = np.sort(rng.uniform(0.0, 1.0, 40))
     command_time[0] = 0.0
     speed_time = np.sort(rng.uniform(0.55, 0.95, 25))
-    return Answer(
+    return MeasuredResponse(
         rotor=0,
         command_time=command_time,
         command=rng.uniform(0.1, 0.9, 40),

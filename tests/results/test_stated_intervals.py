@@ -159,7 +159,7 @@ def paper(relative):
         factors=(), tensors=(), map=parameter_map(("kt",), {}, {}), weights=np.zeros((0, 6))
     )
     essential = EssentialEstimate(estimate=estimate, removed=(), problem=problem)
-    flown = made_fit.flown(made_fit.prepared())
+    flown = made_fit.dataset(made_fit.prepared())
     return number(paper_tables(essential, flown, settings=PaperSettings()), "kt")
 
 

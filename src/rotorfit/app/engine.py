@@ -24,7 +24,7 @@ from rotorfit.logs.files import write_whole
 from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.report.number_words import VERDICT_MEANING
 
-Answer = dict[str, Any]
+Reply = dict[str, Any]
 ACCEPTS: Final = (
     *(".bfl", ".bbl", ".ulg", ".bin", ".log", ".csv", ".tsv", ".txt", ".parquet"),
     *(".bag", ".db3", ".mcap", ".toml", ".json"),
@@ -56,7 +56,7 @@ class Engine:
     folder: Path
     most_bytes: int = MOST_BYTES
 
-    def call(self, name: str, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def call(self, name: str, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return what a call answers, or ``{"refused": one line, ...}``; never raises on input.
 
         Parameters
@@ -74,7 +74,7 @@ class Engine:
             words = f"{name} was asked in a way that it does not understand ({error!r})"
             return {"refused": f"{words}: reload the page"}
 
-    def options(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def options(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return layouts, targets, limits: what the page shows before anything is dropped."""
         del argument, progress
         return {
@@ -96,7 +96,7 @@ class Engine:
             "accepts": list(ACCEPTS),
         }
 
-    def restore(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def restore(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return all that was done on the page."""
         del argument, progress
         return {
@@ -117,11 +117,11 @@ class Engine:
         one = receive(self.folder, name)
         return one.name, one.path
 
-    def add_file(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def add_file(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return what is to be said of a file whose bytes have come."""
         return self.look({"name": argument["name"]}, progress)
 
-    def look(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def look(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return what is to be said of a file, of one log in it where it holds several."""
         from rotorfit.app.findings import looked_at
 
@@ -131,13 +131,13 @@ class Engine:
         tell(one, told)
         return told
 
-    def remove_file(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def remove_file(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Forget a file."""
         del progress
         forget(file_named(self.folder, argument["name"]))
         return {}
 
-    def describe(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def describe(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return the experiment file of the form, or what is wrong with it; keep the form."""
         del progress
         form = argument["form"]
@@ -147,7 +147,7 @@ class Engine:
             write_whole(self.folder / DOCUMENTS["experiment"], answer["text"], force=True)
         return answer
 
-    def identify(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def identify(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return the outcome of an identification."""
         from rotorfit.app.outcome import identified
 
@@ -155,7 +155,7 @@ class Engine:
         write_whole(self.folder / "form.json", json.dumps(form), force=True)
         return identified(self.folder, form, progress=progress)
 
-    def plan(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def plan(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return the flight to fly next, for the form as it was described last."""
         from rotorfit.app.next_flight import planned
 
@@ -164,14 +164,14 @@ class Engine:
             raise ExperimentError("a plan needs the airframe: describe the vehicle first")
         return planned(self.folder, form, str(argument.get("accuracy", 5)), progress=progress)
 
-    def export(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def export(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Return the result as the file of another tool."""
         from rotorfit.app.exports import exported
 
         progress("writing the file", None)
         return exported(self.folder, argument)
 
-    def example(self, argument: Mapping[str, Any], progress: Progress) -> Answer:
+    def example(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
         """Fly a vehicle in simulation, and return its logs and a form that describes them."""
         from rotorfit.simulation.experiment_files import experiment_files
         from rotorfit.simulation.experiments import plan_experiment
@@ -179,7 +179,7 @@ class Engine:
         del argument
         flown = plan_experiment("single", "real", seed=1, seconds=EXAMPLE_SECONDS)
         files = experiment_files(flown, progress=lambda words: progress(words, None))
-        told: dict[str, Answer] = {}
+        told: dict[str, Reply] = {}
         for name, text in files.items():
             if name.endswith((".csv", ".toml")):
                 own, path = self.receive(f"example-{name}")
@@ -212,7 +212,7 @@ class Engine:
 
 EXAMPLE_SECONDS: Final = 30.0
 """Of each flight of the example, in the air [s]."""
-_CALLS: Final[Mapping[str, Callable[[Engine, Mapping[str, Any], Progress], Answer]]] = {
+_CALLS: Final[Mapping[str, Callable[[Engine, Mapping[str, Any], Progress], Reply]]] = {
     "options": Engine.options,
     "restore": Engine.restore,
     "add_file": Engine.add_file,
@@ -227,8 +227,8 @@ _CALLS: Final[Mapping[str, Callable[[Engine, Mapping[str, Any], Progress], Answe
 CALLS: Final = tuple(_CALLS)
 
 
-def _refusal(error: RotorfitError) -> Answer:
-    answer: Answer = {"refused": " ".join(str(error).split())}
+def _refusal(error: RotorfitError) -> Reply:
+    answer: Reply = {"refused": " ".join(str(error).split())}
     if isinstance(error, ExperimentError) and error.problems:
         answer["problems"] = [{"place": p, "words": words} for p, words in error.problems]
     if isinstance(error, MissingNumbersError):

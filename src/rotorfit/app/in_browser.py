@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Protocol, runtime_checkable
 
-from rotorfit.app.engine import CALLS, Answer, Engine
+from rotorfit.app.engine import CALLS, Engine, Reply
 from rotorfit.errors import RotorfitError
 
 FOLDER: Final = Path("/tmp/rotorfit-page")
@@ -44,7 +44,7 @@ def call(name: str, argument: str, progress: Told, sent: Bytes | None = None) ->
 
 def _answer(
     engine: Engine, name: str, argument: dict[str, Any], progress: Told, sent: Bytes | None
-) -> Answer:
+) -> Reply:
     if name == "document":
         return _document(engine, argument)
     if name == "follow" or name not in CALLS:
@@ -69,7 +69,7 @@ def _received(engine: Engine, name: str, content: bytes) -> str:
     return own
 
 
-def _document(engine: Engine, asked: dict[str, Any]) -> Answer:
+def _document(engine: Engine, asked: dict[str, Any]) -> Reply:
     path = engine.document(asked["kind"], asked.get("name"))
     if path is None:
         return {"refused": "there is no such document yet"}

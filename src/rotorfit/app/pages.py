@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from rotorfit.app.engine import Answer, Engine
+from rotorfit.app.engine import Engine, Reply
 
 MOST_PAGES: Final = 8
 MOST_WAITING: Final = 16
@@ -23,7 +23,7 @@ GRACE = 120.0
 """For which a page that was closed is kept: it may only be loaded anew [s]."""
 LONGEST_ANSWER: Final = 2**28
 LOOKS: Final = ("add_file", "look")
-STOPPED: Final[Answer] = {"refused": "stopped", "stopped": True}
+STOPPED: Final[Reply] = {"refused": "stopped", "stopped": True}
 
 
 @dataclass(slots=True, kw_only=True)
@@ -33,7 +33,7 @@ class Job:
     name: str
     argument: Mapping[str, Any]
     progress: Mapping[str, Any] | None = None
-    answer: Answer | None = None
+    answer: Reply | None = None
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     task: asyncio.Task[None] | None = None
 
@@ -42,7 +42,7 @@ class Job:
         self.progress = progress
         self._wake()
 
-    def end(self, answer: Answer) -> None:
+    def end(self, answer: Reply) -> None:
         """Keep the answer."""
         self.answer = answer
         self._wake()
@@ -170,7 +170,7 @@ class Pages:
         turn = page.looking if job.name in LOOKS else page.working
         if turn.locked():
             job.tell({"step": "waiting for its turn", "share": None})
-        answer: Answer = STOPPED
+        answer: Reply = STOPPED
         try:
             async with turn, self._slots:
                 answer = await _in_a_process(page.engine, job)
@@ -194,7 +194,7 @@ class Pages:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-async def _in_a_process(engine: Engine, job: Job) -> Answer:
+async def _in_a_process(engine: Engine, job: Job) -> Reply:
     """Return the answer of a long call; the process ends with it, or is ended."""
     command = (sys.executable, "-P", "-m", "rotorfit.app.job", str(engine.folder))
     pipe, nothing = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL

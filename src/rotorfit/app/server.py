@@ -20,7 +20,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 from starlette.types import Receive, Scope, Send
 
-from rotorfit.app.engine import CALLS, LONG, MOST_BYTES, Answer
+from rotorfit.app.engine import CALLS, LONG, MOST_BYTES, Reply
 from rotorfit.app.guard import DOCUMENT_POLICY, Guard
 from rotorfit.app.pages import STOPPED, Job, Page, Pages
 from rotorfit.errors import OutputError, RotorfitError
@@ -299,7 +299,7 @@ async def _taken(page: Page, path: Path, request: Request) -> None:
         raise
 
 
-def _removed(page: Page, argument: dict[str, Any]) -> Answer:
+def _removed(page: Page, argument: dict[str, Any]) -> Reply:
     """Forget a file, and the looks at it."""
     page.stop(str(argument.get("name")))
     before = page.engine.bytes_held()
@@ -384,6 +384,6 @@ async def _first_of(*works: Any) -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def answer_of(lines: bytes) -> Answer:
+def answer_of(lines: bytes) -> Reply:
     """Return the answer at the end of what a long call said."""
     return json.loads(lines.strip().splitlines()[-1])["answer"]

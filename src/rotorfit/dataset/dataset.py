@@ -32,7 +32,11 @@ from rotorfit.preprocessing.flight_data import Velocity
 from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled
 from rotorfit.preprocessing.mocap.joined_poses import with_poses
 from rotorfit.preprocessing.mocap.prepare_mocap import prepare_mocap
-from rotorfit.preprocessing.motors.command_response import Answer, answered_commands, within
+from rotorfit.preprocessing.motors.command_response import (
+    MeasuredResponse,
+    answered_commands,
+    within,
+)
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.preprocessing.prepare import PreparedFlight, on_one_clock, prepared_from
@@ -46,7 +50,7 @@ NOT_ANSWERING: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
 
 
 @dataclass(frozen=True, kw_only=True)
-class UsedFlight:
+class LoadedFlight:
     """A flight as it enters the estimate; of its log no channels are kept.
 
     `prepared`: of a fast log with fewer samples; `recorded`: what is said of all of them.
@@ -63,7 +67,7 @@ class UsedFlight:
     motors: MotorsEntry = field(default_factory=MotorsEntry)
     speeds_commanded: bool = False
     telemetry: Telemetry | None = None
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[MeasuredResponse, ...] = ()
     battery: float | None = None
 
     @cached_property
@@ -73,11 +77,11 @@ class UsedFlight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Configured:
+class ConfigurationData:
     """One configuration with its flights, ready for an estimator."""
 
     entry: ConfigurationEntry
-    flights: list[UsedFlight]
+    flights: list[LoadedFlight]
     payload: tuple[PointMass, ...] = ()
 
     @property
@@ -87,7 +91,7 @@ class Configured:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Flown:
+class Dataset:
     """All that was flown, and with what.
 
     Attributes
@@ -112,7 +116,7 @@ class Flown:
     vehicle: Vehicle
     model: Regressor
     motors: MotorsEntry
-    configurations: tuple[Configured, ...]
+    configurations: tuple[ConfigurationData, ...]
     motor_timing: MotorTiming | None = None
     source: Source = "imu"
     velocity: Velocity = "none"
@@ -148,7 +152,7 @@ class Flown:
         return None if self.motor_timing is None else self.motor_timing.response
 
     @property
-    def timing_told(self) -> bool:
+    def timing_identifiable(self) -> bool:
         """Whether lag and delay are given, or the flights tell them."""
         return self.motor_timing is None or self.motor_timing.told
 
@@ -183,7 +187,7 @@ class Flown:
         free: tuple[str, ...] = (),
         *,
         beside: tuple[str, ...] = (),
-    ) -> "Flown":
+    ) -> "Dataset":
         """Return the same with the motors timed so, and what a fit may move of it.
 
         With `beside`, what it may move after a call of `freed`.
@@ -191,7 +195,7 @@ class Flown:
         timing = MotorTiming(response=response, total_std=0.0, free=free, beside=beside)
         return dataclasses.replace(self, motor_timing=timing)
 
-    def freed(self) -> "Flown":
+    def freed(self) -> "Dataset":
         """Return the same where a fit moves the times beside, too; no signals are made anew."""
         found, free = self.motor_timing, self.free_timing
         assert found is not None and free is not None
@@ -200,7 +204,7 @@ class Flown:
         timing = dataclasses.replace(found, free=names, beside=(), bands=bands)
         return dataclasses.replace(self, motor_timing=timing)
 
-    def reduced(self) -> "Flown":
+    def reduced(self) -> "Dataset":
         """Return the same with the body's lines made, for bands at many timings."""
         body = tuple(
             tuple(
@@ -274,7 +278,7 @@ class Flown:
         )
 
 
-def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
+def load_flight(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     """Read and prepare one flight, its motion from the IMU or from motion capture.
 
     Parameters
@@ -298,7 +302,7 @@ def load_flight(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         raise type(error)(f"{name}: {error}") from error
 
 
-def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
+def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     motors, source = experiment.motors, experiment.identification.source
     vehicle = vehicle_of(experiment.airframe, source)
     log = read_log(Path(entry.file), options=read_options_of(entry, motors))
@@ -326,7 +330,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> UsedFlight:
         if experiment.identification.in_bands:
             prepared = decimated(prepared, motor_model, top=EDGES[-1])
         prepared = prepared if tilt is None else levelled(prepared, tilt)
-    return UsedFlight(
+    return LoadedFlight(
         entry=entry,
         log=log,
         prepared=prepared,
@@ -404,10 +408,10 @@ def with_commanded_speeds(log: FlightLog, motors: MotorsEntry) -> tuple[FlightLo
     return dataclasses.replace(log, channels=channels), True
 
 
-def levelled_flights(flown: Flown, tilt: ImuTilt) -> Flown:
-    """Return what was flown with the IMU's readings turned into the rotors' axes."""
+def levelled_flights(dataset: Dataset, tilt: ImuTilt) -> Dataset:
+    """Return the flights with the IMU's readings turned into the rotors' axes."""
     return dataclasses.replace(
-        flown,
+        dataset,
         body=None,
         configurations=tuple(
             dataclasses.replace(
@@ -416,12 +420,12 @@ def levelled_flights(flown: Flown, tilt: ImuTilt) -> Flown:
                     dataclasses.replace(f, prepared=levelled(f.prepared, tilt)) for f in c.flights
                 ],
             )
-            for c in flown.configurations
+            for c in dataset.configurations
         ),
     )
 
 
-def velocity_known(flights: list[UsedFlight]) -> bool:
+def velocity_known(flights: list[LoadedFlight]) -> bool:
     """Return whether every used sample of every flight has a velocity, its neighbours too."""
     return all(
         flight.prepared.data.velocity is not None

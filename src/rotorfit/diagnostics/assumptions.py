@@ -5,28 +5,30 @@ Thrown off by a factor all numbers stay consistent, so that they are said beside
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
 from rotorfit.results.parameter_tables import Tables
 
 RPM = 60.0 / (2.0 * np.pi)
 
 
-def what_numbers_hang_on(tables: Tables, flown: Flown) -> tuple[str, ...]:
+def assumptions(tables: Tables, dataset: Dataset) -> tuple[str, ...]:
     """Return what is in proportion to what was declared, one sentence for each."""
-    masses = [f"{c.mass:g} kg" for c in flown.configurations if c.entry.mass != "unknown"]
-    parts = [f"kd, Jr and inertia are proportional to the rotors' distances ({_distances(flown)})"]
+    masses = [f"{c.mass:g} kg" for c in dataset.configurations if c.entry.mass != "unknown"]
+    parts = [
+        f"kd, Jr and inertia are proportional to the rotors' distances ({_distances(dataset)})"
+    ]
     if masses:
         parts.insert(
             0, f"kt, kd, Jr and inertia are proportional to the mass ({', '.join(masses)})"
         )
     hover = next((d.value for d in tables.derived if d.name == "hover_speed"), None)
-    if hover is not None and (flown.motors.speed == "measured" or flown.speeds_commanded):
+    if hover is not None and (dataset.motors.speed == "measured" or dataset.speeds_commanded):
         parts.append(
             "kt and kd are proportional to the inverse square of rotor speed (hover at "
             f"{hover:.0f} rad/s, {RPM * hover:.0f} rpm)"
         )
-    seconds = sum(f.recorded.seconds for c in flown.configurations for f in c.flights)
+    seconds = sum(f.recorded.seconds for c in dataset.configurations for f in c.flights)
     parts.append(f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)")
     if tables.factors is not None:
         parts += [
@@ -47,7 +49,7 @@ def _shared(configuration: str, flights: int) -> str:
     )
 
 
-def _distances(flown: Flown) -> str:
+def _distances(dataset: Dataset) -> str:
     """Return how far apart the rotors are, front to back and left to right."""
-    x, y = np.ptp(flown.vehicle.positions[:, :2], axis=0).tolist()
+    x, y = np.ptp(dataset.vehicle.positions[:, :2], axis=0).tolist()
     return f"{1e3 * x:.0f} mm front to back, {1e3 * y:.0f} mm left to right"

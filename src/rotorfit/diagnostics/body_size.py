@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.dataset.checks.plausible_units import implausible_size
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.diagnostics.rotor_size import impossible_rotors
 from rotorfit.errors import FrameError
 from rotorfit.fit.intervals.numbers import Numbers
@@ -35,13 +35,13 @@ _TINY: Final = float(np.finfo(float).tiny)
 
 
 def refuse_impossible_size(
-    flown: Flown, joint: Sequence[JointConfiguration], numbers: Numbers
+    dataset: Dataset, joint: Sequence[JointConfiguration], numbers: Numbers
 ) -> None:
     """Raise where mass, or the whole interval of the inertia, does not go with the arms.
 
     Parameters
     ----------
-    flown
+    dataset
         The flights.
     joint, numbers
         The configurations, and the numbers with their final intervals.
@@ -51,11 +51,11 @@ def refuse_impossible_size(
     FrameError
         With what would explain it.
     """
-    if all(c.entry.mass != "unknown" for c in flown.configurations):
-        words = impossible_rotors(flown, numbers)
+    if all(c.entry.mass != "unknown" for c in dataset.configurations):
+        words = impossible_rotors(dataset, numbers)
         if words is not None:
             raise FrameError(words)
-    for configured, c in zip(flown.configurations, joint, strict=True):
+    for configured, c in zip(dataset.configurations, joint, strict=True):
         words = None
         if configured.entry.mass != "unknown":
             words = too_light(configured.mass, c.vehicle.arm)

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Configured, UsedFlight
+from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.vehicle import Vehicle
 
@@ -20,7 +20,7 @@ SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
 
 
-def changed_in_flight(configurations: Sequence[Configured]) -> str | None:
+def changed_in_flight(configurations: Sequence[ConfigurationData]) -> str | None:
     """Return that a rotor turns otherwise late in a flight than early, in words."""
     for configured in configurations:
         for flight in configured.flights:
@@ -30,7 +30,7 @@ def changed_in_flight(configurations: Sequence[Configured]) -> str | None:
     return None
 
 
-def _changed(flight: UsedFlight) -> str | None:
+def _changed(flight: LoadedFlight) -> str | None:
     data = flight.prepared.data
     rows = data.used_rows
     if len(rows) < SHORTEST * data.sample_rate:

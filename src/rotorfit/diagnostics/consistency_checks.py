@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from rotorfit.dataset.dataset import Configured
+from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.dataset.weight_balance import Held, held_together, held_up, hovering, pooled, turning
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.partial import left_out
@@ -98,7 +98,7 @@ def without_mean(fit: BandedEstimate, numbers: Numbers) -> tuple[str | None, dic
 
 
 def steady_yaw_torque(
-    configurations: Sequence[Configured],
+    configurations: Sequence[ConfigurationData],
     joint: Sequence[JointConfiguration],
     numbers: Numbers,
 ) -> tuple[str | None, dict[str, float]]:
@@ -159,7 +159,7 @@ def _tilt_said(c: JointConfiguration, numbers: Numbers) -> list[str]:
     ]
 
 
-def _yaw_trim(configured: Configured, vehicle: Vehicle) -> float:
+def _yaw_trim(configured: ConfigurationData, vehicle: Vehicle) -> float:
     """Return by what share of all thrust the ccw rotors carry more than the cw ones."""
     more = total = 0.0
     for flight in configured.flights:
@@ -190,7 +190,7 @@ def _yaw_response_without_mean(c: JointConfiguration) -> tuple[float, float] | N
 
 
 def accelerometer_against_gravity(
-    configurations: Sequence[Configured],
+    configurations: Sequence[ConfigurationData],
 ) -> tuple[str | None, dict[str, float]]:
     """Return whether the accelerometer reads gravity, over all of the flights that is hover.
 
@@ -219,7 +219,7 @@ def accelerometer_against_gravity(
 
 
 def hover_thrusts(
-    configurations: Sequence[Configured], numbers: Numbers, vehicle: Vehicle
+    configurations: Sequence[ConfigurationData], numbers: Numbers, vehicle: Vehicle
 ) -> list[HoverThrust]:
     """Return what holds each flight up by the estimated thrust coefficients."""
     kt = numbers.values[numbers.index("kt")]

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.model_terms import Term
@@ -25,7 +25,7 @@ from rotorfit.logs.simulators import SITL
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.regressor import Regressor
 from rotorfit.results.parameter_tables import Tables
-from rotorfit.results.physical_inertia import taken_back
+from rotorfit.results.physical_inertia import withhold
 
 LARGEST_IZZ: Final = 1.05
 """Times the larger of I_xx and I_yy up to which the coupling is looked at: a multirotor, whose
@@ -63,34 +63,34 @@ class Uncoupled:
 
     Attributes
     ----------
-    flown, fit, joint
+    dataset, fit, joint
         With the model without them.
     gain
         Of the log-likelihood, over the fit with them.
     """
 
-    flown: Flown
+    dataset: Dataset
     fit: BandedEstimate
     joint: list[JointConfiguration]
     gain: float
 
 
 def uncoupled_fit(
-    flown: Flown, fit: BandedEstimate, numbers: Numbers, *, terms: Sequence[Term]
+    dataset: Dataset, fit: BandedEstimate, numbers: Numbers, *, terms: Sequence[Term]
 ) -> Uncoupled | None:
     """Return the fit without gyroscopic terms, where the flights show none; else None.
 
     Parameters
     ----------
-    flown, fit, numbers
+    dataset, fit, numbers
         With them.
     terms
         Of the model.
     """
-    if not any(_suspicious(numbers, c.entry.name) for c in flown.configurations):
+    if not any(_suspicious(numbers, c.entry.name) for c in dataset.configurations):
         return None
-    simulated = any(f.log.simulator == SITL for c in flown.configurations for f in c.flights)
-    other = dataclasses.replace(flown, model=without_coupling(flown.model))
+    simulated = any(f.log.simulator == SITL for c in dataset.configurations for f in c.flights)
+    other = dataclasses.replace(dataset, model=without_coupling(dataset.model))
     kd = fit.estimate.by_name["kd"]
     try:
         trial, joint = joint_fit(
@@ -104,7 +104,7 @@ def uncoupled_fit(
     gain = trial.log_likelihood - fit.log_likelihood
     if gain < (LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN):
         return None
-    return Uncoupled(flown=other, fit=trial, joint=joint, gain=gain)
+    return Uncoupled(dataset=other, fit=trial, joint=joint, gain=gain)
 
 
 def _suspicious(numbers: Numbers, configuration: str) -> bool:
@@ -128,7 +128,7 @@ _PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
 
 def without_yaw_scale(tables: Tables, gain: float) -> Tables:
     """Return the tables without the numbers that hang on the scale of yaw, and why."""
-    scaleless = taken_back(tables, lambda name, _: name in SCALED, (REASON, ADVICE))
+    scaleless = withhold(tables, lambda name, _: name in SCALED, (REASON, ADVICE))
     return dataclasses.replace(
         scaleless,
         warnings=(WORDS.format(gain=gain), *tables.warnings),

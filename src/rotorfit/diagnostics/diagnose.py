@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.diagnostics.body_size import refuse_impossible_size, unusual_density
 from rotorfit.diagnostics.changed_rotor import changed_in_flight, unlike_rotor
 from rotorfit.diagnostics.consistency_checks import (
@@ -17,7 +17,7 @@ from rotorfit.diagnostics.consistency_checks import (
 )
 from rotorfit.diagnostics.early_motors import early_motors, late_speeds
 from rotorfit.diagnostics.flights_agree import odd_flight
-from rotorfit.diagnostics.imu_clocks import accelerometer_apart
+from rotorfit.diagnostics.imu_clocks import accelerometer_delay
 from rotorfit.diagnostics.lever_arms import lever_doubt
 from rotorfit.diagnostics.payload import payload_checks, payload_sentence
 from rotorfit.diagnostics.residual_peaks import peak_sentence, residual_peaks
@@ -43,9 +43,9 @@ Doubt = tuple[str | None, Mapping[str, float]]
 """A sentence where something is to be doubted, and the numbers behind it in any case."""
 
 
-def with_doubts(
+def diagnose(
     tables: Tables,
-    flown: Flown,
+    dataset: Dataset,
     numbers: Numbers,
     *,
     fit: BandedEstimate,
@@ -57,7 +57,7 @@ def with_doubts(
     ----------
     tables
         Of the estimate.
-    flown
+    dataset
         The flights.
     numbers
         Of the estimate, with their final intervals.
@@ -70,17 +70,17 @@ def with_doubts(
         If no vehicle with the declared spins and arms flies like that, or one with another ratio
         of arms far likelier does.
     """
-    refuse_wrong_spins(flown, joint, numbers)
-    refuse_impossible_size(flown, joint, numbers)
+    refuse_wrong_spins(dataset, joint, numbers)
+    refuse_impossible_size(dataset, joint, numbers)
     doubts: list[Doubt] = [
-        lever_doubt(flown, fit, numbers),
-        *_doubts_of_body(tables, fit, numbers, joint, flown),
-        *_doubts_of_flight(flown, fit, numbers, joint),
+        lever_doubt(dataset, fit, numbers),
+        *_doubts_of_body(tables, fit, numbers, joint, dataset),
+        *_doubts_of_flight(dataset, fit, numbers, joint),
     ]
-    doubts.append((odd_flight(flown.configurations, joint, fit), {}))
-    doubts.append((changed_in_flight(flown.configurations), {}))
-    doubts.append(steady_yaw_torque(flown.configurations, joint, numbers))
-    doubts += _doubts_of_payload(flown, joint)
+    doubts.append((odd_flight(dataset.configurations, joint, fit), {}))
+    doubts.append((changed_in_flight(dataset.configurations), {}))
+    doubts.append(steady_yaw_torque(dataset.configurations, joint, numbers))
+    doubts += _doubts_of_payload(dataset, joint)
     moments = {c.name: smallest_second_moment(numbers, c.name) for c in joint}
     impossible = [name for name, moment in moments.items() if moment.impossible]
     tables = without_impossible(tables, impossible)
@@ -96,17 +96,17 @@ def _doubts_of_body(
     fit: BandedEstimate,
     numbers: Numbers,
     joint: Sequence[JointConfiguration],
-    flown: Flown,
+    dataset: Dataset,
 ) -> Iterator[Doubt]:
     """Yield what the numbers themselves say: can the body exist, what hangs together."""
     directions = body_directions(fit.estimate)
     doubtful = {p.full_name for p in tables.parameters if p.verdict not in ("identified", "given")}
     diagnostics = {"condition_bodies": condition_number(directions)}
     yield weak_sentence(directions, doubtful), diagnostics
-    if all(c.entry.mass != "unknown" for c in flown.configurations):
+    if all(c.entry.mass != "unknown" for c in dataset.configurations):
         yield unusual_density(joint, numbers), {}
-        yield unusual_loading(flown), {}
-    yield unlike_rotor(numbers, flown.vehicle), {}
+        yield unusual_loading(dataset), {}
+    yield unlike_rotor(numbers, dataset.vehicle), {}
     lost = {p.full_name for p in tables.parameters if p.value is None}
     for configuration in joint:
         name = configuration.name
@@ -118,33 +118,33 @@ def _doubts_of_body(
 
 
 def _doubts_of_flight(
-    flown: Flown, fit: BandedEstimate, numbers: Numbers, joint: Sequence[JointConfiguration]
+    dataset: Dataset, fit: BandedEstimate, numbers: Numbers, joint: Sequence[JointConfiguration]
 ) -> Iterator[Doubt]:
     """Yield what the flights say against the fit."""
     yield without_mean(fit, numbers)
-    yield early_motors(flown), {}
-    yield late_speeds(flown), {}
-    yield accelerometer_apart(flown), {}
-    yield saturated_sensors(flown), {}
-    yield from _doubts_of_thrust(flown, numbers)
-    for peak in residual_peaks(flown, fit, joint):
+    yield early_motors(dataset), {}
+    yield late_speeds(dataset), {}
+    yield accelerometer_delay(dataset), {}
+    yield saturated_sensors(dataset), {}
+    yield from _doubts_of_thrust(dataset, numbers)
+    for peak in residual_peaks(dataset, fit, joint):
         yield peak_sentence(peak), {f"residual_peak@{peak.configuration}": peak.ratio}
 
 
-def _doubts_of_thrust(flown: Flown, numbers: Numbers) -> Iterator[Doubt]:
+def _doubts_of_thrust(dataset: Dataset, numbers: Numbers) -> Iterator[Doubt]:
     """Yield what holds the vehicle up against its weight."""
-    if flown.source == "imu":
-        yield accelerometer_against_gravity(flown.configurations)
-    if all(c.entry.mass != "unknown" for c in flown.configurations):
-        found = hover_thrusts(flown.configurations, numbers, flown.vehicle)
+    if dataset.source == "imu":
+        yield accelerometer_against_gravity(dataset.configurations)
+    if all(c.entry.mass != "unknown" for c in dataset.configurations):
+        found = hover_thrusts(dataset.configurations, numbers, dataset.vehicle)
         yield thrust_against_weight(found, numbers)
         yield hovers_differ(found)
-        yield thrust_sags(found, commanded=flown.motors.speed == "commanded")
+        yield thrust_sags(found, commanded=dataset.motors.speed == "commanded")
 
 
-def _doubts_of_payload(flown: Flown, joint: Sequence[JointConfiguration]) -> Iterator[Doubt]:
+def _doubts_of_payload(dataset: Dataset, joint: Sequence[JointConfiguration]) -> Iterator[Doubt]:
     """Yield whether known payloads agree with the flights."""
-    mass_std = {c.entry.name: c.entry.mass_std for c in flown.configurations}
+    mass_std = {c.entry.name: c.entry.mass_std for c in dataset.configurations}
     for check in payload_checks(joint, mass_std):
         yield (
             payload_sentence(check),

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 
 EARLIEST: Final = -0.005
 """Delay of commanded motors that clocks and filters of a log still make [s]."""
@@ -10,10 +10,10 @@ USUAL_DELAY: Final = 0.012
 """Of measured speeds against the motion, by filters and buses [s]."""
 
 
-def early_motors(flown: Flown) -> str | None:
+def early_motors(dataset: Dataset) -> str | None:
     """Return that commanded motors with a given lag would answer before the command, in words."""
-    lag, found = flown.motors.lag, flown.motor_timing
-    if flown.motors.speed != "commanded" or lag is None or found is None:
+    lag, found = dataset.motors.lag, dataset.motor_timing
+    if dataset.motors.speed != "commanded" or lag is None or found is None:
         return None
     return early_said(lag, found.response.delay, found.delay_std or found.total_std)
 
@@ -30,10 +30,10 @@ def early_said(lag: float, delay: float, std: float) -> str | None:
     )
 
 
-def late_speeds(flown: Flown) -> str | None:
+def late_speeds(dataset: Dataset) -> str | None:
     """Return that measured speeds are stamped far from the motion that they make, in words."""
-    found = flown.motor_timing
-    if flown.motors.speed != "measured" or flown.source != "imu" or found is None:
+    found = dataset.motor_timing
+    if dataset.motors.speed != "measured" or dataset.source != "imu" or found is None:
         return None
     delay = found.response.delay
     if abs(delay) <= USUAL_DELAY:

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Configured, Flown
+from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.fit.intervals.numbers import Numbers
 
 ERROR: Final = 0.3
@@ -23,29 +23,29 @@ LARGEST: Final = 0.9
 """Share of the errors, beyond which the velocity is nothing else."""
 
 
-def velocity_estimated(flown: Flown) -> bool:
+def velocity_estimated(dataset: Dataset) -> bool:
     """Return whether a velocity in the model is an autopilot's estimate."""
-    flights = [flight for c in flown.configurations for flight in c.flights]
-    return flown.velocity == "known" and any(flight.log.format in ESTIMATES for flight in flights)
+    flights = [flight for c in dataset.configurations for flight in c.flights]
+    return dataset.velocity == "known" and any(flight.log.format in ESTIMATES for flight in flights)
 
 
-def with_velocity_errors(numbers: Numbers, flown: Flown) -> Numbers:
+def with_velocity_errors(numbers: Numbers, dataset: Dataset) -> Numbers:
     """Return the numbers, those over an estimated velocity with wider intervals."""
-    if not velocity_estimated(flown):
+    if not velocity_estimated(dataset):
         return numbers
     half = numbers.half_width.copy()
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
         if base not in OVER:
             continue
-        own = [c for c in flown.configurations if owner in ("", c.entry.name)]
+        own = [c for c in dataset.configurations if owner in ("", c.entry.name)]
         variance = _variance(own, OVER[base])
         share = LARGEST if variance <= 0.0 else min(ERROR**2 / variance, LARGEST)
         half[i] += abs(numbers.values[i]) * share / (1.0 - share)
     return dataclasses.replace(numbers, half_width=half)
 
 
-def _variance(configurations: list[Configured], axis: int) -> float:
+def _variance(configurations: list[ConfigurationData], axis: int) -> float:
     """Return the variance of a velocity over the used samples, with the errors in it."""
     parts = [
         data.velocity[s.start : s.stop, axis]

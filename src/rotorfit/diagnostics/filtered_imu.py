@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.onboard_filter import filter_delay, lowpass_of
 
@@ -21,9 +21,9 @@ MOMENTS: Final = ("Ixx", "Iyy", "Izz")
 PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 
 
-def lowpass_sentence(flown: Flown) -> str | None:
+def lowpass_sentence(dataset: Dataset) -> str | None:
     """Return that the motors' times hold the filter's; None where there is none, or no lag."""
-    cutoff = lowpass_of(flown)
+    cutoff = lowpass_of(dataset)
     if cutoff is None:
         return None
     return (
@@ -33,9 +33,9 @@ def lowpass_sentence(flown: Flown) -> str | None:
     )
 
 
-def with_filter_faults(numbers: Numbers, flown: Flown) -> Numbers:
+def with_filter_faults(numbers: Numbers, dataset: Dataset) -> Numbers:
     """Return the numbers, inertia and places with the fault of taking a low-pass for a lag."""
-    cutoff, timing = lowpass_of(flown), flown.timing
+    cutoff, timing = lowpass_of(dataset), dataset.timing
     if cutoff is None or timing is None:
         return numbers
     passed = 1.0 / np.sqrt(1.0 + (FLOWN_AT / cutoff) ** 4)

@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Configured
+from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.intervals.joint_numbers import joint_numbers
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.joint.closed_loop import UNHEARD
+from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_fit import NEAR
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, only
 from rotorfit.fit.joint.trims import TRIM
@@ -32,7 +32,7 @@ EQUATIONS_EACH: Final = 2.0
 
 
 def odd_flight(
-    configurations: Sequence[Configured],
+    configurations: Sequence[ConfigurationData],
     joint: Sequence[JointConfiguration],
     fit: BandedEstimate,
 ) -> str | None:
@@ -74,7 +74,7 @@ def _alone(
         own = c.factors.recording == k
         if own.sum() * len(fit.problem.noisy) < EQUATIONS_EACH * free:
             continue
-        one = only(replace(c, answer=UNHEARD), own)
+        one = only(replace(c, answer=NOMINAL_RESPONSE), own)
         try:
             alone = joint_estimate([one], [], begin=begin, close=NEAR)
             yield k, joint_numbers(alone, [one], {c.name: 0.0})

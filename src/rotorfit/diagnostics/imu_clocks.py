@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Flown, UsedFlight
+from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import smooth, whole_samples
@@ -48,13 +48,13 @@ class Lateness:
     share: float
 
 
-def accelerometer_apart(flown: Flown) -> str | None:
+def accelerometer_delay(dataset: Dataset) -> str | None:
     """Return that accelerometer and gyro are apart in time in one of the flights, in words."""
-    if flown.source != "imu":
+    if dataset.source != "imu":
         return None
-    for configured in flown.configurations:
+    for configured in dataset.configurations:
         for flight in configured.flights:
-            apart = _apart(flight, flown)
+            apart = _apart(flight, dataset)
             if apart is not None:
                 return _words(Path(flight.entry.file).name, apart)
     return None
@@ -70,12 +70,12 @@ def _words(name: str, apart: float) -> str:
     )
 
 
-def _apart(flight: UsedFlight, flown: Flown) -> float | None:
+def _apart(flight: LoadedFlight, dataset: Dataset) -> float | None:
     """Return how much later than the gyro the accelerometer answers [s]; None where not surely."""
-    data = retimed(flight.prepared, flown.timing)
+    data = retimed(flight.prepared, dataset.timing)
     if data.seconds_used < SHORTEST:
         return None
-    force, *turns = latenesses(data, flown.vehicle)
+    force, *turns = latenesses(data, dataset.vehicle)
     turn = max(turns, key=lambda found: found.share)
     if force.share < EXPLAINED_FORCE or turn.share < EXPLAINED_TURN:
         return None

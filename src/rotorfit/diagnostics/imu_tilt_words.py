@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.preprocessing.imu_tilt import LEAST_LEAN, ImuTilt, lean, lean_words
 
 
@@ -17,10 +17,10 @@ def mounting_sentence(tilt: ImuTilt) -> str:
     )
 
 
-def lean_sentence(flown: Flown) -> tuple[str, ...]:
+def lean_sentence(dataset: Dataset) -> tuple[str, ...]:
     """Return that the thrust leans in the IMU's axes and nothing tells why, in words."""
-    tilt = lean([f.prepared.data for c in flown.configurations for f in c.flights])
-    if flown.source != "imu" or tilt.angle < LEAST_LEAN:
+    tilt = lean([f.prepared.data for c in dataset.configurations for f in c.flights])
+    if dataset.source != "imu" or tilt.angle < LEAST_LEAN:
         return ()
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     return (

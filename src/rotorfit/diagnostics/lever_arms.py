@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.banded import BandedEstimate, banded
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
@@ -51,21 +51,21 @@ class LeverRatio:
     lost: float
 
 
-def lever_ratio(flown: Flown, fit: BandedEstimate) -> LeverRatio | None:
+def lever_ratio(dataset: Dataset, fit: BandedEstimate) -> LeverRatio | None:
     """Return which ratio of lever arms the flights like best; None where it cannot be tried.
 
     Parameters
     ----------
-    flown
+    dataset
         With upright rotors in two dimensions.
     fit
         At the declared rotors. What counts of each band is held.
     """
-    x, y = np.ptp(flown.vehicle.positions[:, :2], axis=0).tolist()
+    x, y = np.ptp(dataset.vehicle.positions[:, :2], axis=0).tolist()
     if min(x, y) < 0.05 * max(x, y):
         return None
     try:
-        tried = _climbed({0.0: fit}, flown)
+        tried = _climbed({0.0: fit}, dataset)
     except EstimationError:
         return None
     heights = {place: one.log_likelihood for place, one in tried.items()}
@@ -77,14 +77,14 @@ def lever_ratio(flown: Flown, fit: BandedEstimate) -> LeverRatio | None:
     )
 
 
-def _climbed(tried: dict[float, BandedEstimate], flown: Flown) -> dict[float, BandedEstimate]:
+def _climbed(tried: dict[float, BandedEstimate], dataset: Dataset) -> dict[float, BandedEstimate]:
     """Return the fits at steps to either side, uphill as far as the likelihood rises."""
     tried = dict(tried)
     for step in (STEP, -STEP):
         place = 0.0
         while abs(place) < FURTHEST:
             further = round((place + step) / STEP) * STEP
-            tried[further] = _at(further, place, flown, tried[place])
+            tried[further] = _at(further, place, dataset, tried[place])
             if tried[further].log_likelihood <= tried[place].log_likelihood:
                 break
             place = further
@@ -103,9 +103,9 @@ def stretched(vehicle: Vehicle, log_ratio: float) -> Vehicle:
     )
 
 
-def _at(place: float, begun: float, flown: Flown, fit: BandedEstimate) -> BandedEstimate:
+def _at(place: float, begun: float, dataset: Dataset, fit: BandedEstimate) -> BandedEstimate:
     """Return the fit with other lever arms, begun where that at `begun` ended."""
-    tensor = regressor(stretched(flown.vehicle, place), velocity=flown.velocity).tensor
+    tensor = regressor(stretched(dataset.vehicle, place), velocity=dataset.velocity).tensor
     problem = replace(fit.problem, tensors=tuple(tensor for _ in fit.problem.tensors))
     factor = float(np.exp(0.5 * (place - begun)))
     scale = {"Ixx": 1.0 / factor, "Iyy": factor}
@@ -117,7 +117,7 @@ def _at(place: float, begun: float, flown: Flown, fit: BandedEstimate) -> Banded
 
 
 def lever_doubt(
-    flown: Flown, fit: BandedEstimate, numbers: Numbers
+    dataset: Dataset, fit: BandedEstimate, numbers: Numbers
 ) -> tuple[str | None, dict[str, float]]:
     """Return that the flights contradict the declared ratio of lever arms, and the numbers.
 
@@ -129,10 +129,10 @@ def lever_doubt(
     turned = [rho for name, rho in numbers.excitation.items() if not name.startswith("yaw")]
     if min(turned) < LEAST_EXCITATION:
         return None, {}  # gusts and drag would choose the ratio
-    found = lever_ratio(flown, fit)
+    found = lever_ratio(dataset, fit)
     if found is None:
         return None, {}
-    flights = sum(len(c.flights) for c in flown.configurations)
+    flights = sum(len(c.flights) for c in dataset.configurations)
     diagnostics = {"lever_ratio_loss": found.lost, "lever_ratio": found.best}
     if found.lost / flights > REFUSED:
         raise FrameError(f"{_words(found)}; measure both from motor to motor and correct them")

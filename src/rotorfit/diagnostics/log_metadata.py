@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rotorfit.dataset.dataset import Flown, UsedFlight
+from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.diagnostics.filtered_imu import lowpass_sentence
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import MotorsEntry
@@ -11,7 +11,7 @@ from rotorfit.logs.simulators import SITL, simulated_sentence
 from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve
 
 
-def agreed_motors(declared: MotorsEntry, flights: Sequence[UsedFlight]) -> MotorsEntry:
+def agreed_motors(declared: MotorsEntry, flights: Sequence[LoadedFlight]) -> MotorsEntry:
     """Return the motors of all flights: as declared, completed by the logs' parameters.
 
     Raises
@@ -33,22 +33,22 @@ def agreed_motors(declared: MotorsEntry, flights: Sequence[UsedFlight]) -> Motor
     return first.motors
 
 
-def _words(flight: UsedFlight) -> str:
+def _words(flight: LoadedFlight) -> str:
     told = flight.log.motors
     return "none" if told is None else told.words
 
 
-def told_by_logs(declared: MotorsEntry, flown: Flown) -> tuple[str, ...]:
+def log_metadata_notes(declared: MotorsEntry, dataset: Dataset) -> tuple[str, ...]:
     """Return what was taken from the logs, and which of them no vehicle flew, in words."""
-    flights = [flight for c in flown.configurations for flight in c.flights]
+    flights = [flight for c in dataset.configurations for flight in c.flights]
     said = [simulated_sentence(f.log.simulator) for f in flights if f.log.simulator]
     said += [_yaw_of_sitl(f) for f in flights if f.log.simulator == SITL]
-    said.append(lowpass_sentence(flown) or "")
+    said.append(lowpass_sentence(dataset) or "")
     told = flights[0].log.motors
-    if told is not None and declared.law is None and flown.motors.law is not None:
+    if told is not None and declared.law is None and dataset.motors.law is not None:
         battery = ""
-        if flown.motors.law.voltage is not None:
-            battery = f", at {flown.motors.law.voltage.nominal:g} V"
+        if dataset.motors.law.voltage is not None:
+            battery = f", at {dataset.motors.law.voltage.nominal:g} V"
         said.append(
             f"the law from command to rotor speed is the one in the log ({told.words}{battery}): "
             "only as good as these settings; a law under [motors] replaces it"
@@ -56,7 +56,7 @@ def told_by_logs(declared: MotorsEntry, flown: Flown) -> tuple[str, ...]:
     return tuple(dict.fromkeys(word for word in said if word))
 
 
-def _yaw_of_sitl(flight: UsedFlight) -> str:
+def _yaw_of_sitl(flight: LoadedFlight) -> str:
     """Return by how much its yaw torque changes more than one that goes with squared speed.
 
     With thrust T = (1 - f) c + f c^2 of a command c, and torque in proportion to c T, the torque

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import signal, stats
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
@@ -58,15 +58,15 @@ class Peak:
 
 
 def residual_peaks(
-    flown: Flown, fit: BandedEstimate, joint: Sequence[JointConfiguration]
+    dataset: Dataset, fit: BandedEstimate, joint: Sequence[JointConfiguration]
 ) -> list[Peak]:
     """Return the highest peak of every configuration whose flights are long enough."""
     every = theta_of(fit.problem.map, fit.estimate.values, joint)
-    each = solved(flown.model.tensor, every, fit.problem.noisy)[0]
+    each = solved(dataset.model.tensor, every, fit.problem.noisy)[0]
     peaks: list[Peak] = []
-    for configured, G in zip(flown.configurations, each, strict=True):
+    for configured, G in zip(dataset.configurations, each, strict=True):
         prepared = [flight.prepared for flight in configured.flights]
-        power, lines = _binned(_errors(flown, prepared, G))
+        power, lines = _binned(_errors(dataset, prepared, G))
         peak = _highest(power, lines, configured.entry.name)
         if peak is not None:
             peaks.append(peak)
@@ -74,16 +74,16 @@ def residual_peaks(
 
 
 def _errors(
-    flown: Flown, flights: Sequence[PreparedFlight], G: Float[np.ndarray, "k z"]
+    dataset: Dataset, flights: Sequence[PreparedFlight], G: Float[np.ndarray, "k z"]
 ) -> Iterator[tuple[Float[np.ndarray, "n k"], float]]:
     """Yield the errors of every stretch, and the sample rate."""
     for prepared in flights:
-        data = dataclasses.replace(retimed(prepared, flown.timing), segments=prepared.phases)
+        data = dataclasses.replace(retimed(prepared, dataset.timing), segments=prepared.phases)
         for segment in data.segments:
             for stretch in split_segment(segment, STRETCH * data.sample_rate):
                 if len(stretch) >= SHORTEST_STRETCH * data.sample_rate:
                     rows = stretch.start, stretch.stop
-                    Z = signal_matrix(data, flown.vehicle, *rows, velocity=flown.velocity)
+                    Z = signal_matrix(data, dataset.vehicle, *rows, velocity=dataset.velocity)
                     yield Z @ G.T, data.sample_rate
 
 

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
@@ -39,18 +39,18 @@ def largest_radius(vehicle: Vehicle) -> float:
     return 0.5 * float(distances[distances > 0.01 * vehicle.arm].min())
 
 
-def impossible_rotors(flown: Flown, numbers: Numbers) -> str | None:
+def impossible_rotors(dataset: Dataset, numbers: Numbers) -> str | None:
     """Return what rotors that fit cannot do, in words; None where nothing contradicts.
 
     Parameters
     ----------
-    flown
+    dataset
         Of masses that are known.
     numbers
         With their final intervals.
     """
-    R, vehicle = largest_radius(flown.vehicle), flown.vehicle
-    heaviest, loading = _heaviest(flown)
+    R, vehicle = largest_radius(dataset.vehicle), dataset.vehicle
+    heaviest, loading = _heaviest(dataset)
     fit = f"rotors that fit between one another here are {1e3 * R:.0f} mm in radius at most"
     remedy = (
         f"the mass ({heaviest:g} kg) is too large, the rotors' distances are too small "
@@ -61,28 +61,28 @@ def impossible_rotors(flown: Flown, numbers: Numbers) -> str | None:
             f"{fit}, and would carry {loading:.0f} N on each square metre (multirotors: 10 to "
             f"170): {remedy}"
         )
-    if flown.motors.speed == "commanded" and flown.motors.law_is_relative:
-        return None if not flown.speeds_commanded else _by_speed(numbers, R, fit, remedy)
+    if dataset.motors.speed == "commanded" and dataset.motors.law_is_relative:
+        return None if not dataset.speeds_commanded else _by_speed(numbers, R, fit, remedy)
     return _by_speed(numbers, R, fit, remedy)
 
 
-def _heaviest(flown: Flown) -> tuple[float, float]:
+def _heaviest(dataset: Dataset) -> tuple[float, float]:
     """Return the largest mass [kg], and its weight over the area of rotors that fit [N/m^2]."""
-    places = flown.vehicle.positions[:, :2].round(4).tolist()
-    area = len({tuple(place) for place in places}) * np.pi * largest_radius(flown.vehicle) ** 2
-    heaviest = max(c.mass for c in flown.configurations)
+    places = dataset.vehicle.positions[:, :2].round(4).tolist()
+    area = len({tuple(place) for place in places}) * np.pi * largest_radius(dataset.vehicle) ** 2
+    heaviest = max(c.mass for c in dataset.configurations)
     return heaviest, heaviest * GRAVITY / area
 
 
-def unusual_loading(flown: Flown) -> str | None:
+def unusual_loading(dataset: Dataset) -> str | None:
     """Return that the mass is unusually large for rotors that fit between one another, in words."""
-    heaviest, loading = _heaviest(flown)
+    heaviest, loading = _heaviest(dataset)
     if loading < UNUSUAL_LOADING:
         return None
     return (
         f"the largest rotors that fit between one another would carry {loading:.0f} N on each "
         f"square metre, where multirotors have 10 to 170: weigh the vehicle again (mass "
-        f"{heaviest:g} kg), and measure the rotors' distances (arm {flown.vehicle.arm:.3g} m)"
+        f"{heaviest:g} kg), and measure the rotors' distances (arm {dataset.vehicle.arm:.3g} m)"
     )
 
 

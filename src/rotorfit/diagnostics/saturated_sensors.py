@@ -3,21 +3,21 @@
 from pathlib import Path
 from typing import Final
 
-from rotorfit.dataset.dataset import Flown, UsedFlight
+from rotorfit.dataset.dataset import Dataset, LoadedFlight
 
 LEAST_SHARE: Final = 1e-3
 """Of the flight that must be cut off: real flights without a fault have none."""
 
 
-def saturated_sensors(flown: Flown) -> str | None:
+def saturated_sensors(dataset: Dataset) -> str | None:
     """Return that a sensor's end cut off part of a flight, in words; of the worst flight."""
-    if flown.source != "imu":
+    if dataset.source != "imu":
         return None
-    found = [said for c in flown.configurations for f in c.flights for said in _cut_off(f)]
+    found = [said for c in dataset.configurations for f in c.flights for said in _cut_off(f)]
     return max(found)[1] if found else None
 
 
-def _cut_off(flight: UsedFlight) -> list[tuple[float, str]]:
+def _cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
     """Return the share of the flight that each sensor's end cut off, and what is to be said."""
     file = Path(flight.entry.file).name
     found: list[tuple[float, str]] = []

@@ -17,14 +17,14 @@ import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.dataset.checks.declared_rotors import BAND, reversed_rotor
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.frequency_bands import EDGES, flown_bands
+from rotorfit.reduction.frequency_bands import EDGES, excited_bands
 
 BETTER: Final = 0.75
 """Log of how many times less of yaw another pattern of spins leaves, from which it is taken for
@@ -63,12 +63,14 @@ class _Fit:
     rows: Int[np.ndarray, " b"]
 
 
-def refuse_wrong_spins(flown: Flown, joint: Sequence[JointConfiguration], numbers: Numbers) -> None:
+def refuse_wrong_spins(
+    dataset: Dataset, joint: Sequence[JointConfiguration], numbers: Numbers
+) -> None:
     """Raise where yaw contradicts the declared spins.
 
     Parameters
     ----------
-    flown
+    dataset
         The flights.
     joint, numbers
         The configurations, and the numbers with their final intervals.
@@ -78,9 +80,9 @@ def refuse_wrong_spins(flown: Flown, joint: Sequence[JointConfiguration], number
     FrameError
         With the spins that would fit.
     """
-    if not flown.timing_told:
+    if not dataset.timing_identifiable:
         return  # nobody flies: what yaw does is the autopilot's answer to gusts and noise
-    words = better_spins(flown.vehicle, flown.yaw_bands()) or negative_drag(
+    words = better_spins(dataset.vehicle, dataset.yaw_bands()) or negative_drag(
         [c.name for c in joint], numbers
     )
     if words is not None:
@@ -181,7 +183,7 @@ def _fit(yaw: _Yaw) -> _Fit:
     return _Fit(
         log_left=np.log(_per_row(left, rows, yaw.band)),
         log_left_by_drag=np.log(_per_row(drag, rows, yaw.band)),
-        flown=flown_bands(yaw.factors, total[:, None], left[:, None])[:, 0],
+        flown=excited_bands(yaw.factors, total[:, None], left[:, None])[:, 0],
         rows=rows,
     )
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from rotorfit.experiment.experiment import MotorsEntry, Source
-from rotorfit.fit.intervals.kt_from_weight import SwallowedWeight, WeighedThrust
+from rotorfit.fit.intervals.kt_from_weight import AbsorbedWeight, WeighedThrust
 from rotorfit.results.verdicts import ADVICE
 
 
@@ -29,7 +29,7 @@ def contradiction(
 
 
 def swallowed(
-    wrong: SwallowedWeight,
+    wrong: AbsorbedWeight,
     weighed: WeighedThrust,
     kt: float,
     source: Source = "imu",

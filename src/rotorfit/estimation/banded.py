@@ -332,7 +332,7 @@ def resting_inverse(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, 
     return np.linalg.pinv(information / scale, hermitian=True) / scale
 
 
-def weighted_by_chance(fit: BandedEstimate) -> Float[np.ndarray, "f f"]:
+def covariance_with_noise_uncertainty(fit: BandedEstimate) -> Float[np.ndarray, "f f"]:
     r"""Return the covariance of the fit with what the blocks' estimated variances add to it.
 
     A variance from n rows is off by a share of sqrt(2 / n), so that blocks whose errors are small
@@ -360,7 +360,7 @@ def square_root(squares: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
     return root
 
 
-def answer_shifts(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:
+def response_sensitivity(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:
     """Return how far the estimate hangs on what is assumed of the controller, error by error.
 
     The step of the parameters that its answer to each error alone asks for: by so much an estimate

@@ -72,7 +72,7 @@ class BandedProblem:
     tied
         How much of each error (row) comes with the others (column), and is taken off it: strictly
         lower triangular up to the order of the errors, one per configuration; nothing by default.
-    tied_std
+    error_correlation_std
         Deviation of these shares about zero before the flight, one per configuration.
     """
 
@@ -87,7 +87,7 @@ class BandedProblem:
     feedback: Feedback | None = None
     moving: tuple[str, ...] = ()
     tied: tuple[Float[np.ndarray, "k k"], ...] = ()
-    tied_std: tuple[float, ...] = ()
+    error_correlation_std: tuple[float, ...] = ()
 
     @cached_property
     def every_part(self) -> list[Part]:

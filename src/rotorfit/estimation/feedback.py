@@ -15,7 +15,7 @@ Identification, 13.4. But the upper ones hold the noise of gyros that no control
 are left out.)
 
 T is not known; it is handed over as an assumption about controllers, and how far the estimate hangs
-on it is `banded.answer_shifts`.
+on it is `banded.response_sensitivity`.
 """
 
 from collections.abc import Sequence

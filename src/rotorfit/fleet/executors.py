@@ -28,7 +28,7 @@ from typing import Any, Final, TypeVar
 from rotorfit import version
 from rotorfit.errors import OutputError
 from rotorfit.fleet.listing import FlightTask
-from rotorfit.fleet.work import TRIES, Answer, Desk, left_behind, was_begun, worked_batch
+from rotorfit.fleet.work import TRIES, Desk, TaskOutcome, left_behind, was_begun, worked_batch
 
 BATCH: Final = 30
 """Logs of a task on a cluster, which takes some 16 ms a task by itself."""
@@ -38,10 +38,12 @@ CONNECT_SECONDS: Final = 15
 Batch = tuple[FlightTask, ...]
 Item = TypeVar("Item")
 Found = TypeVar("Found")
-Work = Callable[[Batch], tuple[Answer, ...]]
+Work = Callable[[Batch], tuple[TaskOutcome, ...]]
 
 
-def by_processes(tasks: Sequence[FlightTask], desk: Desk, *, workers: int) -> Generator[Answer]:
+def by_processes(
+    tasks: Sequence[FlightTask], desk: Desk, *, workers: int
+) -> Generator[TaskOutcome]:
     """Yield the answer to every task, from processes of this machine.
 
     Parameters
@@ -68,7 +70,9 @@ def by_processes(tasks: Sequence[FlightTask], desk: Desk, *, workers: int) -> Ge
         yield from _alone([batch[0] for batch in begun], desk, work)
 
 
-def by_cluster(tasks: Sequence[FlightTask], desk: Desk, *, scheduler: str) -> Generator[Answer]:
+def by_cluster(
+    tasks: Sequence[FlightTask], desk: Desk, *, scheduler: str
+) -> Generator[TaskOutcome]:
     """Yield the answer to every task, from the workers of a Dask cluster.
 
     Parameters
@@ -135,12 +139,12 @@ def mapped(
 
 def _answers(
     pool: Executor, left: deque[Batch], work: Work, *, ahead: int, broken: list[Batch]
-) -> Iterator[Answer]:
+) -> Iterator[TaskOutcome]:
     """Yield answers until nothing is left, or the pool is broken; what was at work is then there.
 
     `left` and `broken` say what remains to be done: not begun, and under way when a process ended.
     """
-    at_work: dict[Future[tuple[Answer, ...]], Batch] = {}
+    at_work: dict[Future[tuple[TaskOutcome, ...]], Batch] = {}
     whole = True
     while at_work or (left and whole):
         while left and whole and len(at_work) < ahead:
@@ -167,7 +171,7 @@ def _a_process_ended(error: BaseException) -> bool:
     return cluster or isinstance(error, BrokenExecutor | CancelledError)
 
 
-def _alone(tasks: Sequence[FlightTask], desk: Desk, work: Work) -> Iterator[Answer]:
+def _alone(tasks: Sequence[FlightTask], desk: Desk, work: Work) -> Iterator[TaskOutcome]:
     """Yield answers to what was at work when a process ended, each in a process of its own."""
     for task in tasks:
         answer = left_behind(task, desk)

@@ -27,7 +27,7 @@ from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.intervals.joint_numbers import physical
-from rotorfit.fit.joint.informative_bands import Pushes, pushes, tied
+from rotorfit.fit.joint.informative_bands import Pushes, error_correlation, pushes
 from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
 from rotorfit.fit.joint.trims import OWN, TRIM, UNSEEN, Scatter, scatters
@@ -163,7 +163,7 @@ def _pushed_alike(
         problem = replace(_problem(fitted, UNSEEN), tied=())
         error = evaluated(problem, _own_first(vehicle, fitted, problem, phi)).residual
         found.append(pushes(fitted.configurations[0], error))
-    shares = tied(found, vehicle.configuration.vehicle)
+    shares = error_correlation(found, vehicle.configuration.vehicle)
 
     def alike(load: Load) -> FittedFactors:
         fitted = load()

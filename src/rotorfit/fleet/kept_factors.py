@@ -6,7 +6,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment
@@ -20,21 +20,21 @@ from rotorfit.reduction.motor_timing import FreeTiming
 _FACTORS: Final = ("R", "rows", "segment", "band", "noise", "slopes")
 
 
-def factor_arrays(fitted: FittedFactors, flown: Flown) -> dict[str, np.ndarray]:
+def factor_arrays(fitted: FittedFactors, dataset: Dataset) -> dict[str, np.ndarray]:
     """Return the factors of one flight as arrays by name.
 
     Parameters
     ----------
     fitted
         Of one configuration with one flight.
-    flown
+    dataset
         The same, for what the signals are.
     """
     (one,) = fitted.configurations
     factors = {name: getattr(one.factors, name) for name in _FACTORS}
     told = {
         "terms": list(fitted.terms),
-        "velocity": flown.velocity,
+        "velocity": dataset.velocity,
         "timing": None if one.timing is None else _plain_timing(one.timing),
         "mass": one.mass,
         "name": one.name,

@@ -76,8 +76,8 @@ def _identified(found: Identified) -> Entry:
     return Entry(
         record=_record(found),
         failure=None,
-        hardware=found.flown.configurations[0].flights[0].log.circumstances.hardware,
-        factors={} if found.factors is None else factor_arrays(found.factors, found.flown),
+        hardware=found.dataset.configurations[0].flights[0].log.circumstances.hardware,
+        factors={} if found.factors is None else factor_arrays(found.factors, found.dataset),
     )
 
 
@@ -111,16 +111,16 @@ def _refused(experiment: Experiment, message: str) -> Entry:
 
 def _record(found: Identified) -> FlightRecord:
     """Return the row of one identified flight."""
-    result, configured = found.result, found.flown.configurations[0]
+    result, configured = found.result, found.dataset.configurations[0]
     used = configured.flights[0]
     numbers = _numbers(result)
-    weighed = kt_from_weight(found.flown.configurations, found.flown.vehicle)
+    weighed = kt_from_weight(found.dataset.configurations, found.dataset.vehicle)
     if weighed is not None:
         numbers[KT_WEIGHT] = _by_chance(weighed.kt, weighed.chance)
     data = used.prepared.data
     numbers |= _trim(
         [data.rotor_speed[s.start : s.stop] for s in data.segments],
-        found.flown.vehicle,
+        found.dataset.vehicle,
         rows=round(PART_SECONDS * data.sample_rate),
     )
     compared, covariance = _covariance(result, numbers)

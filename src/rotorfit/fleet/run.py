@@ -28,7 +28,7 @@ from rotorfit.fleet.records import (
 from rotorfit.fleet.statistics import ALARM, FleetStatistics, fleet_statistics
 from rotorfit.fleet.tables import ROWS, csv_bytes, stacked, table_file
 from rotorfit.fleet.vehicle_table import Kept, join_tasks, joined_vehicle, vehicle_columns
-from rotorfit.fleet.work import Answer, Desk, worked
+from rotorfit.fleet.work import Desk, TaskOutcome, worked
 from rotorfit.logs.files import write_whole
 
 OWNER: Final = "fleet.json"
@@ -163,7 +163,7 @@ def read_fleet(
     make_folder(cache)
     shutil.rmtree(desk.running, ignore_errors=True)
     make_folder(desk.running)
-    found: list[tuple[ListedLog, Answer]] = []
+    found: list[tuple[ListedLog, TaskOutcome]] = []
     new, total, fresh = list(logs), len(logs), 0
     while new:
         by_task, new = {log.task: log for log in new}, list[ListedLog]()
@@ -335,7 +335,7 @@ def _refuse_airframes(logs: Sequence[ListedLog]) -> None:
         experiment_of(task)
 
 
-def _answers(tasks: Sequence[FlightTask], desk: Desk, workers: Workers) -> Generator[Answer]:
+def _answers(tasks: Sequence[FlightTask], desk: Desk, workers: Workers) -> Generator[TaskOutcome]:
     if workers.scheduler is not None:
         return by_cluster(tasks, desk, scheduler=workers.scheduler)
     if workers.count == 0:
@@ -348,7 +348,7 @@ def _numbered(log: ListedLog, number: int) -> ListedLog:
     return dataclasses.replace(log, task=dataclasses.replace(log.task, log_number=number))
 
 
-def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
+def _rows(found: Iterable[tuple[ListedLog, TaskOutcome]], cache: Path) -> Fleet:
     """Return the rows of the logs; one whose content was there before has none."""
     records: list[FlightRecord] = []
     failures: list[FlightFailure] = []
@@ -385,7 +385,7 @@ def _rows(found: Iterable[tuple[ListedLog, Answer]], cache: Path) -> Fleet:
     )
 
 
-def _entry(answer: Answer, cache: Path) -> Entry:
+def _entry(answer: TaskOutcome, cache: Path) -> Entry:
     if answer.key is None:
         return Entry(record=None, failure=answer.failure)
     entry = read_entry(cache, answer.key)

@@ -52,7 +52,7 @@ class Desk:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class TaskOutcome:
     """What came of a task: the key of its entry, or a failure, or the logs that its file holds.
 
     `fresh`: it was worked on now; else it was kept from before.
@@ -65,7 +65,7 @@ class Answer:
     fresh: bool = False
 
 
-def worked(task: FlightTask, desk: Desk) -> Answer:
+def worked(task: FlightTask, desk: Desk) -> TaskOutcome:
     """Return what came of a log; its entry is in the cache then."""
     with _ONE_AT_A_TIME:
         before = left_behind(task, desk)
@@ -75,28 +75,28 @@ def worked(task: FlightTask, desk: Desk) -> Answer:
             with _guarded(task, desk):
                 return _worked(task, desk.cache)
         except (RotorfitError, OSError) as error:
-            return Answer(task=task, failure=failure_of(str(error)), fresh=True)
+            return TaskOutcome(task=task, failure=failure_of(str(error)), fresh=True)
 
 
-def worked_batch(tasks: tuple[FlightTask, ...], desk: Desk) -> tuple[Answer, ...]:
+def worked_batch(tasks: tuple[FlightTask, ...], desk: Desk) -> tuple[TaskOutcome, ...]:
     """Return what came of several logs, one after the other."""
     return tuple(worked(task, desk) for task in tasks)
 
 
-def _worked(task: FlightTask, cache: Path) -> Answer:
+def _worked(task: FlightTask, cache: Path) -> TaskOutcome:
     path = Path(task.file)
     if task.log_number is None and format_of(path) == "blackbox":
         logs = list_blackbox_logs(path)
         if len(logs) > 1:
-            return Answer(task=task, numbers=tuple(log.number for log in logs))
+            return TaskOutcome(task=task, numbers=tuple(log.number for log in logs))
     if not path.is_dir():
         read_head(path, 1)
     experiment = experiment_of(task)
     key = key_of(fingerprint_of(path), experiment)
     if read_entry(cache, key) is not None:
-        return Answer(task=task, key=key)
+        return TaskOutcome(task=task, key=key)
     write_entry(cache, key, entry_of(experiment))
-    return Answer(task=task, key=key, fresh=True)
+    return TaskOutcome(task=task, key=key, fresh=True)
 
 
 def was_begun(task: FlightTask, desk: Desk) -> bool:
@@ -108,7 +108,7 @@ def _mark(task: FlightTask, desk: Desk) -> Path:
     return desk.running / hashlib.sha256(repr(task).encode()).hexdigest()[:32]
 
 
-def left_behind(task: FlightTask, desk: Desk) -> Answer | None:
+def left_behind(task: FlightTask, desk: Desk) -> TaskOutcome | None:
     """Return the answer to a log over which earlier processes ended; None where it may be tried."""
     mark = _mark(task, desk)
     if not mark.exists():
@@ -130,7 +130,7 @@ def left_behind(task: FlightTask, desk: Desk) -> Answer | None:
     else:
         return None
     mark.unlink()
-    return Answer(task=task, failure=failure, fresh=True)
+    return TaskOutcome(task=task, failure=failure, fresh=True)
 
 
 @contextmanager

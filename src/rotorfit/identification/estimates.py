@@ -8,23 +8,23 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.diagnostics.consistency_checks import hover_thrusts, thrust_against_weight
 from rotorfit.diagnostics.coupling import uncoupled_fit, without_yaw_scale
-from rotorfit.diagnostics.diagnose import with_doubts
+from rotorfit.diagnostics.diagnose import diagnose
 from rotorfit.diagnostics.estimated_velocity import velocity_estimated, with_velocity_errors
 from rotorfit.diagnostics.filtered_imu import with_filter_faults
-from rotorfit.diagnostics.instruments.reference_test import with_pilot
+from rotorfit.diagnostics.instruments.reference_test import compare_with_reference
 from rotorfit.diagnostics.weight import contradiction, missed, swallowed, vagueness
 from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.intervals.joint_numbers import joint_numbers, physical
-from rotorfit.fit.intervals.kt_from_weight import WeighedThrust, kt_from_weight, swallowed_weight
+from rotorfit.fit.intervals.kt_from_weight import WeighedThrust, absorbed_weight, kt_from_weight
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.intervals.other_settings import widened
-from rotorfit.fit.joint.closed_loop import UNHEARD
+from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_fit import FittedFactors, joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values, joint_estimate
 from rotorfit.fit.joint.term_choice import chosen
@@ -68,10 +68,10 @@ def resolved_method(experiment: Experiment) -> str:
     return method
 
 
-def joint_result(experiment: Experiment, flown: Flown) -> Tables:
+def joint_result(experiment: Experiment, dataset: Dataset) -> Tables:
     """Return the tables of the joint likelihood of all equations and configurations."""
     wanted = experiment.identification.terms
-    fit, joint, present, unsettled = _settled(flown, wanted)
+    fit, joint, present, unsettled = _settled(dataset, wanted)
 
     def refit(terms: Sequence[Term], at: BandedEstimate) -> BandedEstimate:
         return _refitted(joint, terms, at)
@@ -79,54 +79,56 @@ def joint_result(experiment: Experiment, flown: Flown) -> Tables:
     choice, fit = chosen(wanted, fit, joint, refit=refit, present=present)
     terms = choice.terms
     if set(terms) - set(present):
-        flown = timed_again(flown, terms)
-        fit, joint = joint_fit(flown, terms=terms, begin=_unmoved(flown, fit))
-    numbers = _joint_numbers(flown, fit, joint)
-    uncoupled = uncoupled_fit(flown, fit, numbers, terms=terms)
+        dataset = timed_again(dataset, terms)
+        fit, joint = joint_fit(dataset, terms=terms, begin=_unmoved(dataset, fit))
+    numbers = _joint_numbers(dataset, fit, joint)
+    uncoupled = uncoupled_fit(dataset, fit, numbers, terms=terms)
     if uncoupled is not None:
-        flown, fit, joint = uncoupled.flown, uncoupled.fit, uncoupled.joint
-        numbers = _joint_numbers(flown, fit, joint)
-    numbers = _joint_widened(flown, fit, numbers, joint, terms=terms)
-    fit, joint, numbers, doubts = _by_weight(flown, fit, joint, numbers, terms=terms)
-    numbers = with_filter_faults(with_velocity_errors(numbers, flown), flown)
+        dataset, fit, joint = uncoupled.dataset, uncoupled.fit, uncoupled.joint
+        numbers = _joint_numbers(dataset, fit, joint)
+    numbers = _joint_widened(dataset, fit, numbers, joint, terms=terms)
+    fit, joint, numbers, doubts = _by_weight(dataset, fit, joint, numbers, terms=terms)
+    numbers = with_filter_faults(with_velocity_errors(numbers, dataset), dataset)
     tables = joint_tables(
         numbers,
         fit,
         joint,
-        [c.entry for c in flown.configurations],
+        [c.entry for c in dataset.configurations],
         motors=experiment.motors,
-        timing=flown.motor_timing,
+        timing=dataset.motor_timing,
     )
     tables = replace(
         tables,
         warnings=(*tables.warnings, *unsettled, *choice.sentences, *doubts),
-        settings={**tables.settings, **choice.settings, **_answer_told(joint)},
+        settings={**tables.settings, **choice.settings, **_response_setting(joint)},
     )
     kept = FittedFactors(
         configurations=tuple(joint), terms=tuple(terms), values=fit.estimate.by_name
     )
-    tables = with_timing_total(replace(tables, factors=kept), flown.motor_timing)
-    tables = with_doubts(tables, flown, numbers, fit=fit, joint=joint)
-    tables = with_pilot(tables, flown, numbers, fit=fit, joint=joint)
+    tables = with_timing_total(replace(tables, factors=kept), dataset.motor_timing)
+    tables = diagnose(tables, dataset, numbers, fit=fit, joint=joint)
+    tables = compare_with_reference(tables, dataset, numbers, fit=fit, joint=joint)
     return tables if uncoupled is None else without_yaw_scale(tables, uncoupled.gain)
 
 
-def _answer_told(joint: Sequence[JointConfiguration]) -> dict[str, dict[str, tuple[float, ...]]]:
+def _response_setting(
+    joint: Sequence[JointConfiguration],
+) -> dict[str, dict[str, tuple[float, ...]]]:
     """Return the autopilot's answer beyond the usual one, where the flights tell it."""
     answer = joint[0].answer
-    if answer == UNHEARD:
+    if answer == NOMINAL_RESPONSE:
         return {}
     return {"autopilot_answer": {"beyond_usual": answer.beyond, "half_width": answer.open}}
 
 
-def _unmoved(flown: Flown, fit: BandedEstimate) -> dict[str, float]:
+def _unmoved(dataset: Dataset, fit: BandedEstimate) -> dict[str, float]:
     """Return where a fit ended, but for the timing, at which the signals are made anew."""
-    free, ended = flown.free_timing, fit.estimate.by_name
+    free, ended = dataset.free_timing, fit.estimate.by_name
     return ended if free is None else free.others(ended)
 
 
 def _by_weight(
-    flown: Flown,
+    dataset: Dataset,
     fit: BandedEstimate,
     joint: list[JointConfiguration],
     numbers: Numbers,
@@ -137,38 +139,40 @@ def _by_weight(
 
     Otherwise what was given, and no words.
     """
-    weighed = kt_from_weight(flown.configurations, flown.vehicle)
+    weighed = kt_from_weight(dataset.configurations, dataset.vehicle)
     found = _kt_of(numbers)
-    biased = swallowed_weight(flown, numbers)
+    biased = absorbed_weight(dataset, numbers)
     if weighed is None:
         return fit, joint, numbers, ()
     contradicts = weighed.contradicts(*found)
-    surer = weighed.is_surer_than(*found, timed=flown.timing_told)
+    surer = weighed.is_surer_than(*found, timed=dataset.timing_identifiable)
     if not (contradicts or surer or biased is not None):
-        return fit, joint, *_reaching_weight(flown, fit, numbers, terms=terms)
-    fit, joint = joint_fit(flown, weighed=weighed, terms=terms)
-    anchored = _joint_numbers(flown, fit, joint)
-    anchored = _joint_widened(flown, fit, anchored, joint, weighed=weighed, terms=terms)
-    anchored = _as_sure_as_weight(flown, fit, anchored, joint, weighed=weighed, terms=terms)
+        return fit, joint, *_reaching_weight(dataset, fit, numbers, terms=terms)
+    fit, joint = joint_fit(dataset, weighed=weighed, terms=terms)
+    anchored = _joint_numbers(dataset, fit, joint)
+    anchored = _joint_widened(dataset, fit, anchored, joint, weighed=weighed, terms=terms)
+    anchored = _as_sure_as_weight(dataset, fit, anchored, joint, weighed=weighed, terms=terms)
     if contradicts:
-        words = contradiction(weighed, found[0], flown.motors, flown.source)
+        words = contradiction(weighed, found[0], dataset.motors, dataset.source)
         return fit, joint, _holding_both(anchored, numbers), (words,)
     if surer or biased is None:
         return fit, joint, _reaching(anchored, numbers), (vagueness(weighed, *found),)
-    words = swallowed(biased, weighed, found[0], flown.source, estimated=velocity_estimated(flown))
+    words = swallowed(
+        biased, weighed, found[0], dataset.source, estimated=velocity_estimated(dataset)
+    )
     return fit, joint, _holding_both(anchored, numbers), (words,)
 
 
 def _reaching_weight(
-    flown: Flown, fit: BandedEstimate, numbers: Numbers, *, terms: Sequence[Term]
+    dataset: Dataset, fit: BandedEstimate, numbers: Numbers, *, terms: Sequence[Term]
 ) -> tuple[Numbers, tuple[str, ...]]:
     """Return the numbers with intervals that reach k_t by the weight, where they surely miss it.
 
     What little the model lacks (thrust in climb and descent is no straight line) is then in them.
     """
-    if any(c.entry.mass == "unknown" for c in flown.configurations):
+    if any(c.entry.mass == "unknown" for c in dataset.configurations):
         return numbers, ()
-    found = hover_thrusts(flown.configurations, numbers, flown.vehicle)
+    found = hover_thrusts(dataset.configurations, numbers, dataset.vehicle)
     doubt, told = thrust_against_weight(found, numbers)
     if doubt is None:
         return numbers, ()
@@ -176,7 +180,9 @@ def _reaching_weight(
     held = WeighedThrust(kt=kt / ratio, std=0.0)
     begin = {**fit.estimate.by_name, "kt": held.kt}
     try:
-        at_weight = _joint_numbers(flown, *joint_fit(flown, weighed=held, terms=terms, begin=begin))
+        at_weight = _joint_numbers(
+            dataset, *joint_fit(dataset, weighed=held, terms=terms, begin=begin)
+        )
     except UnsettledError:
         return numbers, ()
     apart = np.abs(numbers.values - at_weight.values)
@@ -184,19 +190,21 @@ def _reaching_weight(
 
 
 def _settled(
-    flown: Flown, wanted: Sequence[Term] | None
+    dataset: Dataset, wanted: Sequence[Term] | None
 ) -> tuple[BandedEstimate, list[JointConfiguration], tuple[Term, ...], tuple[str, ...]]:
     """Return the fit with all default terms, or the most of them with which it settles, in words.
 
     Terms that the user asks for are kept, and a fit that does not settle with them is refused.
     """
     if wanted is not None:
-        return *joint_fit(flown, terms=wanted, begin=flown.reached), tuple(wanted), ()
-    usual: list[Term] = [t for t in DEFAULT_TERMS if t != "climb_drag" or flown.velocity == "climb"]
+        return *joint_fit(dataset, terms=wanted, begin=dataset.reached), tuple(wanted), ()
+    usual: list[Term] = [
+        t for t in DEFAULT_TERMS if t != "climb_drag" or dataset.velocity == "climb"
+    ]
     for dropped in FEWER_TERMS:
         terms: tuple[Term, ...] = tuple(t for t in usual if t not in dropped)
         try:
-            fit, joint = joint_fit(flown, terms=terms, begin=flown.reached)
+            fit, joint = joint_fit(dataset, terms=terms, begin=dataset.reached)
         except UnsettledError:
             if dropped == FEWER_TERMS[-1]:
                 raise
@@ -216,7 +224,7 @@ def _kt_of(numbers: Numbers) -> tuple[float, float]:
 
 
 def _as_sure_as_weight(
-    flown: Flown,
+    dataset: Dataset,
     fit: BandedEstimate,
     numbers: Numbers,
     joint: Sequence[JointConfiguration],
@@ -227,7 +235,7 @@ def _as_sure_as_weight(
     """Return the numbers of a fit held at the weight's k_t with what is open of that."""
     off = replace(weighed, kt=weighed.kt + weighed.std)
     begin = {**fit.estimate.by_name, "kt": off.kt}
-    moved = _shift(flown, fit, numbers, joint, weighed=off, terms=terms, begin=begin)
+    moved = _shift(dataset, fit, numbers, joint, weighed=off, terms=terms, begin=begin)
     return replace(numbers, half_width=np.hypot(numbers.half_width, 1.96 * moved))
 
 
@@ -250,8 +258,12 @@ def _refitted(
     return joint_estimate(joint, [], terms=terms, begin=fit.estimate.by_name)
 
 
-def _joint_numbers(flown: Flown, fit: BandedEstimate, joint: list[JointConfiguration]) -> Numbers:
-    return joint_numbers(fit, joint, {c.entry.name: c.entry.mass_std for c in flown.configurations})
+def _joint_numbers(
+    dataset: Dataset, fit: BandedEstimate, joint: list[JointConfiguration]
+) -> Numbers:
+    return joint_numbers(
+        fit, joint, {c.entry.name: c.entry.mass_std for c in dataset.configurations}
+    )
 
 
 def _numbers_at(
@@ -263,7 +275,7 @@ def _numbers_at(
 
 
 def _joint_widened(
-    flown: Flown,
+    dataset: Dataset,
     fit: BandedEstimate,
     numbers: Numbers,
     joint: Sequence[JointConfiguration],
@@ -273,16 +285,16 @@ def _joint_widened(
 ) -> Numbers:
     """Return the intervals widened by what settings shift that could as well be others."""
 
-    def shift(other: Flown, top: float) -> Float[np.ndarray, " q"]:
+    def shift(other: Dataset, top: float) -> Float[np.ndarray, " q"]:
         return _shift(other, fit, numbers, joint, weighed=weighed, terms=terms, top=top)
 
-    timed = flown.free_timing is not None
-    half = widened(numbers.half_width, flown, shift, timed=timed)
+    timed = dataset.free_timing is not None
+    half = widened(numbers.half_width, dataset, shift, timed=timed)
     return dataclasses.replace(numbers, half_width=half)
 
 
 def _shift(
-    other: Flown,
+    other: Dataset,
     fit: BandedEstimate,
     numbers: Numbers,
     joint: Sequence[JointConfiguration],
@@ -300,46 +312,46 @@ def _shift(
     return _numbers_at(fitted[0].estimate.by_name, *fitted) - numbers.values
 
 
-def row_result(experiment: Experiment, flown: Flown) -> Tables:
+def row_result(experiment: Experiment, dataset: Dataset) -> Tables:
     """Return the tables of the estimate row by row."""
-    configured = next(iter(flown.configurations))
-    fits = _rows_at(flown)
-    numbers = _row_numbers(flown, fits)
+    configured = next(iter(dataset.configurations))
+    fits = _rows_at(dataset)
+    numbers = _row_numbers(dataset, fits)
 
-    def shift(other: Flown, top: float) -> Float[np.ndarray, " q"]:
+    def shift(other: Dataset, top: float) -> Float[np.ndarray, " q"]:
         return _row_numbers(other, _rows_at(other, top=top)).values - numbers.values
 
-    half = widened(numbers.half_width, flown, shift, timed=False)
+    half = widened(numbers.half_width, dataset, shift, timed=False)
 
     tables = row_tables(
         dataclasses.replace(numbers, half_width=half),
         fits,
         configured.entry,
-        vehicle=flown.vehicle,
+        vehicle=dataset.vehicle,
         motors=experiment.motors,
-        timing=flown.motor_timing,
+        timing=dataset.motor_timing,
     )
-    return with_timing_total(tables, flown.motor_timing)
+    return with_timing_total(tables, dataset.motor_timing)
 
 
-def _rows_at(flown: Flown, *, top: float = np.inf) -> RowFits:
-    factors = flown.bands(flown.timing)[0]
+def _rows_at(dataset: Dataset, *, top: float = np.inf) -> RowFits:
+    factors = dataset.bands(dataset.timing)[0]
     factors = factors.select(factors.band[:, 0] < top)
-    return fit_rows(factors, flown.model, mass=flown.configurations[0].mass)
+    return fit_rows(factors, dataset.model, mass=dataset.configurations[0].mass)
 
 
-def _row_numbers(flown: Flown, fits: RowFits) -> Numbers:
-    configured = flown.configurations[0]
+def _row_numbers(dataset: Dataset, fits: RowFits) -> Numbers:
+    configured = dataset.configurations[0]
     return row_numbers(
-        fits, flown.vehicle, mass=configured.mass, mass_std=configured.entry.mass_std
+        fits, dataset.vehicle, mass=configured.mass, mass_std=configured.entry.mass_std
     )
 
 
-def paper_result(experiment: Experiment, flown: Flown) -> Tables:
+def paper_result(experiment: Experiment, dataset: Dataset) -> Tables:
     """Return the tables of total least squares, the paper's way."""
     settings = _paper_settings(experiment)
-    tables = paper_tables(paper_estimate(flown, settings=settings), flown, settings=settings)
-    return with_timing_total(tables, flown.motor_timing)
+    tables = paper_tables(paper_estimate(dataset, settings=settings), dataset, settings=settings)
+    return with_timing_total(tables, dataset.motor_timing)
 
 
 def _paper_settings(experiment: Experiment) -> PaperSettings:
@@ -353,7 +365,7 @@ def _paper_settings(experiment: Experiment) -> PaperSettings:
     )
 
 
-ESTIMATES: Final[dict[str, Callable[[Experiment, Flown], Tables]]] = {
+ESTIMATES: Final[dict[str, Callable[[Experiment, Dataset], Tables]]] = {
     "banded": joint_result,
     "ols": row_result,
     "tls": paper_result,

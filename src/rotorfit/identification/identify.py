@@ -22,16 +22,16 @@ from rotorfit.dataset.checks.plausible_units import (
 )
 from rotorfit.dataset.checks.recorded_motors import refuse_wrong_speeds
 from rotorfit.dataset.dataset import (
-    Configured,
-    Flown,
-    UsedFlight,
+    ConfigurationData,
+    Dataset,
+    LoadedFlight,
     levelled_flights,
     load_flight,
 )
-from rotorfit.diagnostics.assumptions import what_numbers_hang_on
-from rotorfit.diagnostics.imu_tilt import found_tilt
+from rotorfit.diagnostics.assumptions import assumptions
+from rotorfit.diagnostics.imu_tilt import estimate_imu_tilt
 from rotorfit.diagnostics.imu_tilt_words import lean_sentence, mounting_sentence
-from rotorfit.diagnostics.log_metadata import agreed_motors, told_by_logs
+from rotorfit.diagnostics.log_metadata import agreed_motors, log_metadata_notes
 from rotorfit.errors import EstimationError, ExperimentError, FlightWarning
 from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of, with_imu_tilt
 from rotorfit.experiment.experiment import Experiment, MotorsEntry
@@ -61,14 +61,14 @@ class Identified:
     ----------
     result
         As `identify` returns it.
-    flown
+    dataset
         The flights as they were fitted, their samples too.
     factors
         The flights without their samples; None of methods that fit no joint likelihood.
     """
 
     result: IdentificationResult
-    flown: Flown
+    dataset: Dataset
     factors: FittedFactors | None
 
 
@@ -116,36 +116,38 @@ def identify_flights(experiment: Experiment, *, progress: Progress | None = None
 
 def _identify(experiment: Experiment, tell: Progress) -> Identified:
     method = resolved_method(experiment)
-    flown = _flown(experiment, tell)
-    told = told_by_logs(experiment.motors, flown)
-    experiment = experiment.model_copy(update={"motors": flown.motors})
+    dataset = load_dataset(experiment, tell)
+    told = log_metadata_notes(experiment.motors, dataset)
+    experiment = experiment.model_copy(update={"motors": dataset.motors})
     # The paper neglects the motors' lag and delay, but takes out the delay of its motion capture.
-    if flown.unknown_times and (method != "tls" or flown.source == "mocap"):
+    if dataset.unknown_times and (method != "tls" or dataset.source == "mocap"):
         tell("timing the motors against the motion")
-        flown = dataclasses.replace(flown, motor_timing=find_timing(flown, lag=method != "tls"))
+        dataset = dataclasses.replace(
+            dataset, motor_timing=find_timing(dataset, lag=method != "tls")
+        )
     tell("fitting")
-    experiment, flown, turned = _mounted(experiment, flown)
-    tables = of_commanded_speed(ESTIMATES[method](experiment, flown), flown)
-    tables, law = _with_command_law(tables, flown, tell)
+    experiment, dataset, turned = _correct_imu_tilt(experiment, dataset)
+    tables = of_commanded_speed(ESTIMATES[method](experiment, dataset), dataset)
+    tables, law = _with_command_law(tables, dataset, tell)
     tables = dataclasses.replace(
         tables,
         warnings=(*told, *turned, *tables.warnings),
-        settings={**tables.settings, "hangs_on": list(what_numbers_hang_on(tables, flown))},
+        settings={**tables.settings, "hangs_on": list(assumptions(tables, dataset))},
     )
-    result = dataclasses.replace(_result(experiment, flown, tables), command_law=law)
+    result = dataclasses.replace(_result(experiment, dataset, tables), command_law=law)
     if any(entry.validation for entry in experiment.configuration):
         tell("validating on flights kept apart")
         comparisons = validation_comparisons(result, experiment)
         written = [entry.written for c in experiment.configuration for entry in c.validation]
         result = dataclasses.replace(result, validation=validation_rows(comparisons, written))
-    return Identified(result=result, flown=flown, factors=tables.factors)
+    return Identified(result=result, dataset=dataset, factors=tables.factors)
 
 
 def _with_command_law(
-    tables: Tables, flown: Flown, tell: Progress
+    tables: Tables, dataset: Dataset, tell: Progress
 ) -> tuple[Tables, CommandLaw | None]:
     """Return the tables with the motors' law, where commands stand beside measured speeds."""
-    flights = [f.answers for c in flown.configurations for f in c.flights]
+    flights = [f.answers for c in dataset.configurations for f in c.flights]
     recording = bounded_recording(flights)
     if recording is None:
         return tables, None
@@ -155,34 +157,36 @@ def _with_command_law(
     except EstimationError as error:
         words = f"no law from command to rotor speed was found: {error}"
         return dataclasses.replace(tables, warnings=(*tables.warnings, words)), None
-    law, parameters = law_tables(fitted, len(flown.vehicle.rotors))
+    law, parameters = law_tables(fitted, len(dataset.vehicle.rotors))
     return with_law(tables, parameters, law), law
 
 
-def _mounted(experiment: Experiment, flown: Flown) -> tuple[Experiment, Flown, tuple[str, ...]]:
+def _correct_imu_tilt(
+    experiment: Experiment, dataset: Dataset
+) -> tuple[Experiment, Dataset, tuple[str, ...]]:
     """Return experiment and flights with the IMU's mounting that the flights tell, and words."""
     if resolved_method(experiment) != "banded" or experiment.airframe.imu_tilt_deg is not None:
-        return experiment, flown, ()
-    tilt = found_tilt(flown, joint_fit)
+        return experiment, dataset, ()
+    tilt = estimate_imu_tilt(dataset, joint_fit)
     if tilt is None:
-        return experiment, flown, lean_sentence(flown)
-    flown = levelled_flights(flown, tilt).reduced()
-    if flown.motor_timing is not None:
-        flown = dataclasses.replace(flown, motor_timing=find_timing(flown))
-    return with_imu_tilt(experiment, tilt), flown, (mounting_sentence(tilt),)
+        return experiment, dataset, lean_sentence(dataset)
+    dataset = levelled_flights(dataset, tilt).reduced()
+    if dataset.motor_timing is not None:
+        dataset = dataclasses.replace(dataset, motor_timing=find_timing(dataset))
+    return with_imu_tilt(experiment, tilt), dataset, (mounting_sentence(tilt),)
 
 
 def _silent(words: str) -> None:
     del words
 
 
-def _flown(experiment: Experiment, tell: Progress) -> Flown:
+def load_dataset(experiment: Experiment, tell: Progress) -> Dataset:
     """Read, prepare and check the flights of every configuration."""
     source = experiment.identification.source
     vehicle = vehicle_of(experiment.airframe, source)
-    configurations: list[Configured] = []
+    configurations: list[ConfigurationData] = []
     for entry in experiment.configuration:
-        flights: list[UsedFlight] = []
+        flights: list[LoadedFlight] = []
         for flight in entry.flights:
             tell(f"reading {Path(flight.file).name}")
             flights.append(load_flight(flight, experiment))
@@ -198,12 +202,12 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
         check_flights(flights, vehicle, motors)
         flights = _sound_rotors(flights, vehicle.arm, motors)
         payload = payload_of(entry, experiment.airframe.axes)
-        configurations.append(Configured(entry=entry, flights=flights, payload=payload))
+        configurations.append(ConfigurationData(entry=entry, flights=flights, payload=payload))
     every = [flight for configured in configurations for flight in configured.flights]
     _refuse_copies(every)
     _refuse_mixed_commands(every)
     velocity = _velocity(experiment, configurations)
-    return Flown(
+    return Dataset(
         vehicle=vehicle,
         model=regressor(vehicle, velocity=velocity),
         motors=agreed_motors(experiment.motors, every),
@@ -213,7 +217,7 @@ def _flown(experiment: Experiment, tell: Progress) -> Flown:
     ).reduced()
 
 
-def _velocity(experiment: Experiment, configurations: list[Configured]) -> Velocity:
+def _velocity(experiment: Experiment, configurations: list[ConfigurationData]) -> Velocity:
     """Return what of the velocity the model needs."""
     terms = experiment.identification.terms
     if resolved_method(experiment) != "banded":
@@ -224,7 +228,9 @@ def _velocity(experiment: Experiment, configurations: list[Configured]) -> Veloc
     return "climb" if felt and "climb_drag" in (terms or DEFAULT_TERMS) else "none"
 
 
-def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) -> list[UsedFlight]:
+def _sound_rotors(
+    flights: list[LoadedFlight], arm: float, motors: MotorsEntry
+) -> list[LoadedFlight]:
     """Return the flights, with what is to be doubted of their rotors' speeds; refuse absurd ones.
 
     A command without a law has no unit that could be wrong.
@@ -232,7 +238,7 @@ def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) ->
     law, no_speed = motors.law is not None, motors.law_is_relative
     if motors.speed == "commanded" and no_speed and not any(f.speeds_commanded for f in flights):
         return flights
-    sound: list[UsedFlight] = []
+    sound: list[LoadedFlight] = []
     for flight in flights:
         data, takes = flight.prepared.data, flight.log.takes_columns
         name = Path(flight.entry.file).name
@@ -244,7 +250,7 @@ def _sound_rotors(flights: list[UsedFlight], arm: float, motors: MotorsEntry) ->
     return sound
 
 
-def _refuse_copies(flights: list[UsedFlight]) -> None:
+def _refuse_copies(flights: list[LoadedFlight]) -> None:
     """Raise if a flight is there twice, under two names or in two configurations."""
     for flight, other in combinations(flights, 2):
         if flight.log.sha256 == other.log.sha256 and flight.entry.overlaps(other.entry):
@@ -255,7 +261,7 @@ def _refuse_copies(flights: list[UsedFlight]) -> None:
             )
 
 
-def _refuse_mixed_commands(flights: list[UsedFlight]) -> None:
+def _refuse_mixed_commands(flights: list[LoadedFlight]) -> None:
     """Raise if some flights command rotor speeds and others shares of full output."""
     speeds = {flight.speeds_commanded for flight in flights}
     if len(speeds) > 1:
@@ -269,11 +275,11 @@ def _refuse_mixed_commands(flights: list[UsedFlight]) -> None:
         )
 
 
-def _result(experiment: Experiment, flown: Flown, tables: Tables) -> IdentificationResult:
-    doubts = (*_about_origin(tables.warnings, experiment), *_mass_warning(flown))
+def _result(experiment: Experiment, dataset: Dataset, tables: Tables) -> IdentificationResult:
+    doubts = (*_about_origin(tables.warnings, experiment), *_mass_warning(dataset))
     records = tuple(
         _record(flight, configured.entry.name)
-        for configured in flown.configurations
+        for configured in dataset.configurations
         for flight in configured.flights
     )
     for record in records:
@@ -303,13 +309,13 @@ def _about_origin(doubts: tuple[str, ...], experiment: Experiment) -> tuple[str,
     return (*(doubt for doubt in doubts if doubt != ORIGIN_IS_IMU), mocap)
 
 
-def _mass_warning(flown: Flown) -> tuple[str, ...]:
-    if all(c.entry.mass != "unknown" for c in flown.configurations):
+def _mass_warning(dataset: Dataset) -> tuple[str, ...]:
+    if all(c.entry.mass != "unknown" for c in dataset.configurations):
         return ()
     return ("the mass is unknown: forces, moments and inertia are per kilogram of it",)
 
 
-def _record(flight: UsedFlight, configuration: str) -> FlightRecord:
+def _record(flight: LoadedFlight, configuration: str) -> FlightRecord:
     recorded, zero = flight.recorded, flight.recorded.start
     return FlightRecord(
         file=flight.entry.written,

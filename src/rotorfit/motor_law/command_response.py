@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import lapack
 
-from rotorfit.preprocessing.motors.command_response import Answer
+from rotorfit.preprocessing.motors.command_response import MeasuredResponse
 
 SETTLING: Final = 0.5
 """After the beginning of a stretch, where the speed before it is not known, nothing counts [s]."""
@@ -83,7 +83,7 @@ class Timing:
     delay: float
 
 
-def recording_of(flights: Sequence[Sequence[Answer]]) -> Recording | None:
+def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | None:
     """Return the answers of all flights on one clock; None where nothing is left.
 
     Parameters
@@ -136,7 +136,7 @@ def recording_of(flights: Sequence[Sequence[Answer]]) -> Recording | None:
     )
 
 
-def _counting(answer: Answer) -> Bool[np.ndarray, " m"]:
+def _counting(answer: MeasuredResponse) -> Bool[np.ndarray, " m"]:
     """Return which speeds of a stretch are fitted to."""
     time = answer.speed_time
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf

@@ -26,7 +26,7 @@ from rotorfit.motor_law.block_jackknife import (
 from rotorfit.motor_law.command_response import Recording, Timing, answered_speed, recording_of
 from rotorfit.motor_law.law_forms import FORMS, FormName
 from rotorfit.motor_law.law_model import Layout, predicted, timing_of
-from rotorfit.preprocessing.motors.command_response import Answer, spans_of, within
+from rotorfit.preprocessing.motors.command_response import MeasuredResponse, spans_of, within
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
@@ -145,7 +145,7 @@ class FittedLaw:
         return float(self.best.values[index]), self.best.half_width(lambda x: float(x[index]))
 
 
-def bounded_recording(answers: Sequence[Sequence[Answer]]) -> Recording | None:
+def bounded_recording(answers: Sequence[Sequence[MeasuredResponse]]) -> Recording | None:
     """Return the commands and measured speeds of all flights; None where none has both.
 
     Parameters

@@ -23,7 +23,7 @@ from rotorfit.experiment.payload import MOMENTS, PointMass, tolerances
 from rotorfit.fit.intervals.excitation import attenuation_allowance
 from rotorfit.fit.intervals.joint_numbers import (
     AXES,
-    hanging_on_roll_and_pitch,
+    coupling_uncertainty,
     number_scale,
     physical,
 )
@@ -246,7 +246,7 @@ def predicted(
         excitation={key: value / flown.residual[key] for key, value in flown.explained.items()},
     )
     half = np.hypot(numbers.half_width, _systematic(problem, numbers))
-    return hanging_on_roll_and_pitch(replace(numbers, half_width=half), problem.configurations)
+    return coupling_uncertainty(replace(numbers, half_width=half), problem.configurations)
 
 
 def bound(

@@ -45,7 +45,7 @@ def flight_bands(
     free
         What a fit may move of the timing, for the signals' slopes by it.
     body
-        Lines of the body's signals (`Flown.reduced`), of each flight.
+        Lines of the body's signals (`Dataset.reduced`), of each flight.
     top
         Only bands that begin under this edge are made [Hz].
     """

@@ -36,7 +36,7 @@ def slow_bands(factors: Factors) -> Bool[np.ndarray, "b 3"]:
     return np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
 
 
-def flown_bands(
+def excited_bands(
     factors: Factors, signal: Float[np.ndarray, "b k"], residual: Float[np.ndarray, "b k"]
 ) -> Bool[np.ndarray, "b k"]:
     """Return in which blocks a pilot moves an axis; a band is judged over all of a flight.

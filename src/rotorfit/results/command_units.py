@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Final
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.model.parameters import EFFECTIVE_UNITS
 from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.result import IdentificationResult
@@ -24,10 +24,10 @@ RELATIVE_LAW: Final = (
 )
 
 
-def of_commanded_speed(tables: Tables, flown: Flown) -> Tables:
+def of_commanded_speed(tables: Tables, dataset: Dataset) -> Tables:
     """Return the tables with the units and the doubts that commands instead of speeds bring."""
-    motors = flown.motors
-    if motors.speed == "measured" or not motors.law_is_relative or flown.speeds_commanded:
+    motors = dataset.motors
+    if motors.speed == "measured" or not motors.law_is_relative or dataset.speeds_commanded:
         return tables
     return dataclasses.replace(
         tables,

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.total import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry
 from rotorfit.fit.rows.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings
@@ -17,13 +17,15 @@ from rotorfit.results.result import Parameter
 from rotorfit.results.verdicts import judge, motion_for
 
 
-def paper_tables(essential: EssentialEstimate, flown: Flown, *, settings: PaperSettings) -> Tables:
+def paper_tables(
+    essential: EssentialEstimate, dataset: Dataset, *, settings: PaperSettings
+) -> Tables:
     """Return the tables of the paper's estimate: its values, its sigmas, what it removed."""
     estimate = essential.estimate
-    entries = [configured.entry for configured in flown.configurations]
+    entries = [configured.entry for configured in dataset.configurations]
     parameters = [_paper_parameter(name, essential, entries[0]) for name in SHARED_FREE]
-    if flown.motor_timing is not None:
-        parameters += motor_parameters(flown.motors, flown.motor_timing)
+    if dataset.motor_timing is not None:
+        parameters += motor_parameters(dataset.motors, dataset.motor_timing)
     for entry in entries:
         own = [_paper_parameter(name, essential, entry) for name in OWN_FREE]
         parameters += [given_parameter("mass", entry.mass, entry.mass_std, entry), *own]

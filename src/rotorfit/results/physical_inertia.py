@@ -124,7 +124,7 @@ def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
     """
     if not configurations:
         return tables
-    sound = taken_back(
+    sound = withhold(
         tables, lambda name, owner: _disproved(name, owner, configurations), (IMPOSSIBLE, FLY)
     )
     known = {p.full_name for p in sound.parameters if p.value is not None}
@@ -139,7 +139,7 @@ def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
     return dataclasses.replace(sound, diagnostics={**tables.diagnostics, **estimates})
 
 
-def taken_back(
+def withhold(
     tables: Tables, disproved: Callable[[str, str | None], bool], why: tuple[str, str]
 ) -> Tables:
     """Return the tables without some numbers; those known as a ratio are said to be.

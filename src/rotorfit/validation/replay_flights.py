@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rotorfit.dataset.dataset import UsedFlight, load_flight
+from rotorfit.dataset.dataset import LoadedFlight, load_flight
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.experiment.experiment import (
     Experiment,
@@ -101,7 +101,7 @@ def _own(experiment: Experiment, owner: str) -> list[FlightEntry]:
 
 def _unchanged(
     result: IdentificationResult, experiment: Experiment, entry: FlightEntry
-) -> UsedFlight:
+) -> LoadedFlight:
     """Return a flight of the result itself, refused where it is not what the fit has seen."""
     name = Path(entry.file).name
     if not Path(entry.file).exists():

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import UsedFlight, load_flight, velocity_known
+from rotorfit.dataset.dataset import LoadedFlight, load_flight, velocity_known
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import (
@@ -91,14 +91,16 @@ def validate_file(
     return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
 
 
-def _unseen(entry: FlightEntry, experiment: Experiment, result: IdentificationResult) -> UsedFlight:
+def _unseen(
+    entry: FlightEntry, experiment: Experiment, result: IdentificationResult
+) -> LoadedFlight:
     """Return a flight, refused where the fit has seen it."""
     used = load_flight(entry, experiment)
     refuse_fitted(used, result)
     return used
 
 
-def refuse_fitted(used: UsedFlight, result: IdentificationResult) -> None:
+def refuse_fitted(used: LoadedFlight, result: IdentificationResult) -> None:
     """Raise if a validation flight, or a part of it, made the parameters it is to judge."""
     if any(
         record.sha256 == used.log.sha256 and entry.overlaps(used.entry)
@@ -190,7 +192,7 @@ def validation_rows(
 
 def compare_wrenches(
     result: IdentificationResult,
-    used: UsedFlight,
+    used: LoadedFlight,
     *,
     configuration: str | None = None,
     cutoff: float = CUTOFF,

@@ -18,7 +18,7 @@ import scipy.linalg
 from jaxtyping import Bool, Float
 
 from rotorfit.dataset.checks.plausible_units import refuse_implausible_size
-from rotorfit.dataset.dataset import UsedFlight
+from rotorfit.dataset.dataset import LoadedFlight
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
@@ -290,7 +290,7 @@ def turn_about_z(
     return float(angle), (roll, pitch)
 
 
-def check_flights(flights: list[UsedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:
+def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsEntry) -> None:
     """Refuse the declared rotors if a flight contradicts them.
 
     Commands are looked at behind the lag that motors usually have: without it, what an autopilot
@@ -320,7 +320,7 @@ def check_flights(flights: list[UsedFlight], vehicle: Vehicle, motors: MotorsEnt
             raise FrameError(f"{name}: {error}{_leaning(flight)}") from error
 
 
-def _leaning(flight: UsedFlight) -> str:
+def _leaning(flight: LoadedFlight) -> str:
     """Return that the thrust leans in the IMU's axes, which may be why rotors seem wrong."""
     tilt = lean([flight.prepared.data])
     if tilt.angle < LEAST_LEAN:

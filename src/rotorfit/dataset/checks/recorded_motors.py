@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rotorfit.dataset.dataset import UsedFlight
+from rotorfit.dataset.dataset import LoadedFlight
 from rotorfit.errors import FlightError
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.motors.rotor_telemetry import RotorTelemetry, State
@@ -12,7 +12,7 @@ REFUSED: tuple[State, ...] = ("dead", "swapped", "apart", "unlike")
 """States in which the thrust of a rotor is not what its speed says."""
 
 
-def refuse_wrong_speeds(flights: Sequence[UsedFlight], vehicle: Vehicle) -> None:
+def refuse_wrong_speeds(flights: Sequence[LoadedFlight], vehicle: Vehicle) -> None:
     """Raise where measured speeds contradict the commands that made them.
 
     A rotor that turns at another ratio may be another propeller: with a group of its own it has a

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from rotorfit.dataset.dataset import Configured, Flown
+from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY, JointConfiguration, theta_of
@@ -30,7 +30,7 @@ class ReferenceLines:
         What was measured, less all that the fit has [rad/s^2].
     block
         Of a stretch and a frequency band.
-    flown
+    dataset
         In which blocks a pilot moves the axis.
     """
 
@@ -38,29 +38,32 @@ class ReferenceLines:
     predicted: Complex[np.ndarray, "l 3"]
     error: Complex[np.ndarray, "l 3"]
     block: Int[np.ndarray, " l"]
-    flown: Bool[np.ndarray, "l 3"]
+    dataset: Bool[np.ndarray, "l 3"]
 
 
 def reference_lines(
-    flown: Flown, fit: BandedEstimate, joint: Sequence[JointConfiguration]
+    dataset: Dataset, fit: BandedEstimate, joint: Sequence[JointConfiguration]
 ) -> Iterator[tuple[str, ReferenceLines | None]]:
     """Yield the lines of each configuration, None where no log says what was asked for.
 
     Parameters
     ----------
-    flown
+    dataset
         The flights.
     fit, joint
         Their fit, and its configurations.
     """
     theta = theta_of(fit.problem.map, fit.estimate.values, joint)
-    for k, (configured, c) in enumerate(zip(flown.configurations, joint, strict=True)):
+    for k, (configured, c) in enumerate(zip(dataset.configurations, joint, strict=True)):
         G, _ = solved(c.model.tensor, theta[k], fit.problem.noisy)
-        yield c.name, _lines(configured, c, flown, G[[NOISY.index(name) for name in ANSWERED]])
+        yield c.name, _lines(configured, c, dataset, G[[NOISY.index(name) for name in ANSWERED]])
 
 
 def _lines(
-    configured: Configured, c: JointConfiguration, flown: Flown, G: Float[np.ndarray, "3 z"]
+    configured: ConfigurationData,
+    c: JointConfiguration,
+    dataset: Dataset,
+    G: Float[np.ndarray, "3 z"],
 ) -> ReferenceLines | None:
     """Return the lines of one configuration, `G` making errors of its signals."""
     if c.answered is None or all(f.prepared.data.reference is None for f in configured.flights):
@@ -69,10 +72,10 @@ def _lines(
     blocks: list[Int[np.ndarray, " l"]] = []
     first = 0
     for flight in configured.flights:
-        data, plan = banded_data(flight.prepared, flown.timing)
+        data, plan = banded_data(flight.prepared, dataset.timing)
 
         def columns(start: int, stop: int, data: FlightData = data) -> Float[np.ndarray, "n 9"]:
-            return _columns(data, c, G, (start, stop), velocity=flown.velocity)
+            return _columns(data, c, G, (start, stop), velocity=dataset.velocity)
 
         for lines, bands, frequency in banded_lines(data, columns, plan=plan):
             lines[:, :3] *= 2j * np.pi * frequency[:, None]
@@ -87,7 +90,7 @@ def _lines(
         predicted=every[:, 3:6],
         error=every[:, 6:],
         block=block,
-        flown=(c.answered & moving[:, None])[block],
+        dataset=(c.answered & moving[:, None])[block],
     )
 
 

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Final
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.diagnostics.instruments.instrument import Instrumented, instrumented
 from rotorfit.diagnostics.instruments.reference_lines import ReferenceLines, reference_lines
 from rotorfit.estimation.banded import BandedEstimate
@@ -21,9 +21,9 @@ RESPONSES: Final = {"roll": "Ixx_over_kt", "pitch": "Iyy_over_kt", "yaw": "kd_ov
 """The number that goes with the response of each axis."""
 
 
-def with_pilot(
+def compare_with_reference(
     tables: Tables,
-    flown: Flown,
+    dataset: Dataset,
     numbers: Numbers,
     *,
     fit: BandedEstimate,
@@ -35,7 +35,7 @@ def with_pilot(
     ----------
     tables
         Of the estimate.
-    flown
+    dataset
         The flights.
     numbers
         Of the estimate, with their final intervals.
@@ -44,7 +44,7 @@ def with_pilot(
     """
     diagnostics: dict[str, float] = {}
     doubts: list[str] = []
-    for name, lines in reference_lines(flown, fit, joint):
+    for name, lines in reference_lines(dataset, fit, joint):
         found = {} if lines is None else _axes(lines)
         told = {axis: one for axis, one in found.items() if one.half_width < TELLING}
         diagnostics[f"reference_axes@{name}"] = float(len(told))
@@ -67,7 +67,7 @@ def _axes(lines: ReferenceLines) -> dict[str, Instrumented]:
     """Return the response about each axis that the reference tells of."""
     found: dict[str, Instrumented] = {}
     for k, axis in enumerate(AXES):
-        own = lines.flown[:, k]
+        own = lines.dataset[:, k]
         one = instrumented(
             lines.reference[own, k],
             lines.predicted[own, k],

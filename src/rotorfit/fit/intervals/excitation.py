@@ -3,8 +3,9 @@
 The autopilot answers disturbances, so that rotor speeds are correlated with them, and an estimate
 of what the rotors do is pulled to one side: by a share of it that goes with 1 / rho, rho being
 explained over residual power of the axis' angular acceleration where a pilot moves the vehicle.
-The joint fit knows by how much on the very flights (`banded.answer_shifts`): by about 1 / rho. Row
-by row it is not known. There, measured on simulated flights (another rigid-body engine, gusts and
+The joint fit knows by how much on the very flights (`banded.response_sensitivity`): by about
+1 / rho. Row by row it is not known. There, measured on simulated flights (another rigid-body
+engine, gusts and
 sticks of many sizes) and on real ones: the roll and pitch inertia come out too large by up to
 2.5 / rho; k_d / I_zz and J_r / I_zz too small by up to 1.5 / rho; and the scale of I_zz and k_d,
 which hangs on small terms, is off by up to 3 / rho either way.
@@ -18,10 +19,10 @@ gives it without that link. The height of the centre of mass hangs on roll and p
 from collections.abc import Mapping
 from typing import Final
 
-INERTIA_PULL: Final = 2.5
-ANSWERED_PULL: Final = 1.0
-RATIO_PULL: Final = 1.5
-SCALE_PULL: Final = 3.0
+INERTIA_BIAS: Final = 2.5
+CLOSED_LOOP_BIAS: Final = 1.0
+RATIO_BIAS: Final = 1.5
+SCALE_BIAS: Final = 3.0
 """Largest pulls, as shares of the true value times rho."""
 NO_EXCITATION: Final = 1.5
 """Below this rho an axis tells of the disturbances, not of the vehicle."""
@@ -64,23 +65,23 @@ def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool)
         Explained over residual power of the axis' angular acceleration.
     answered
         Of the joint fit, whose likelihood has a term for the autopilot's answer: about what the
-        fit itself finds (`banded.answer_shifts`), for a flight that is not there to fit.
+        fit itself finds (`banded.response_sensitivity`), for a flight that is not there to fit.
     """
     size, rho = float(size), float(rho)
     if not rho > NO_EXCITATION:
         return float("inf")
     if answered:
-        return ANSWERED_PULL / (rho + ANSWERED_PULL) * abs(size)
-    too_small = RATIO_PULL / (rho - RATIO_PULL)
+        return CLOSED_LOOP_BIAS / (rho + CLOSED_LOOP_BIAS) * abs(size)
+    too_small = RATIO_BIAS / (rho - RATIO_BIAS)
     if AXIS_OF[name] != "yaw":
-        return inertia_pull(size, rho)
-    scale = 0.0 if name in YAW_RATIOS else SCALE_PULL / (rho + SCALE_PULL)
+        return inertia_bias(size, rho)
+    scale = 0.0 if name in YAW_RATIOS else SCALE_BIAS / (rho + SCALE_BIAS)
     return max(scale, too_small) * abs(size)
 
 
-def inertia_pull(size: float, rho: float) -> float:
+def inertia_bias(size: float, rho: float) -> float:
     """Return by how much gusts may pull a roll or pitch inertia of a size, at a rho of its axis."""
-    return INERTIA_PULL / (max(float(rho), 0.0) + INERTIA_PULL) * abs(size)
+    return INERTIA_BIAS / (max(float(rho), 0.0) + INERTIA_BIAS) * abs(size)
 
 
 def common_share(name: str) -> float:
@@ -101,7 +102,7 @@ def link_allowance(size: float, link: float) -> float:
     """
     if not link > NO_EXCITATION:
         return float("inf")
-    return SCALE_PULL / (link + SCALE_PULL) * abs(size)
+    return SCALE_BIAS / (link + SCALE_BIAS) * abs(size)
 
 
 def product_allowance(size: float, rho: float) -> float:
@@ -114,7 +115,7 @@ def product_allowance(size: float, rho: float) -> float:
     rho
         Of yaw.
     """
-    return SCALE_PULL / (max(float(rho), 0.0) + SCALE_PULL) * abs(size)
+    return SCALE_BIAS / (max(float(rho), 0.0) + SCALE_BIAS) * abs(size)
 
 
 def scale_stretch(value: float, half_width: float) -> float:

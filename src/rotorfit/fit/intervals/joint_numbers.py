@@ -3,8 +3,8 @@
 Half-width^2 = (t times the larger of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
 Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Answer:
 how far the estimate hangs on what is assumed of the autopilot, which answers disturbances
-(`banded.answer_shifts`). Push: what is open of where gusts and drag push (`tie_shifts`). What a
-change of settings shifts is added by the recipe.
+(`banded.response_sensitivity`). Push: what is open of where gusts and drag push
+(`error_correlation_shifts`). What a change of settings shifts is added by the recipe.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,16 +16,16 @@ from scipy import stats
 
 from rotorfit.estimation.banded import (
     BandedEstimate,
-    answer_shifts,
+    covariance_with_noise_uncertainty,
+    response_sensitivity,
     square_root,
     steps_without,
-    weighted_by_chance,
 )
+from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
-from rotorfit.estimation.tied_errors import tie_shifts
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.excitation import (
     HEIGHTS,
@@ -34,7 +34,7 @@ from rotorfit.fit.intervals.excitation import (
     YAW_PRODUCTS,
     attenuation_allowance,
     common_share,
-    inertia_pull,
+    inertia_bias,
     link_allowance,
     product_allowance,
     scale_stretch,
@@ -42,13 +42,13 @@ from rotorfit.fit.intervals.excitation import (
 from rotorfit.fit.intervals.numbers import (
     PRODUCTS,
     Numbers,
-    chance_half_width,
     correlation_of,
     hover_speed,
     moments_beside,
     plain_scale,
     product_scale,
     quadrature,
+    t_half_width,
 )
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, rotor_drag_std, theta_of
@@ -100,7 +100,7 @@ def joint_numbers(
         estimate.std,
     )
     formal = formal_covariance(fit, jacobian)
-    answers = answer_shifts(fit) @ jacobian.T
+    answers = response_sensitivity(fit) @ jacobian.T
     timings = np.reshape(_timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
     late = timings @ jacobian.T
     # What shifts all numbers at once makes them go together, as chance does.
@@ -108,16 +108,16 @@ def joint_numbers(
     numbers = Numbers(
         names=names,
         values=values,
-        half_width=by_chance(fit, jacobian, formal),
+        half_width=random_half_width(fit, jacobian, formal),
         correlation=correlation_of(formal + shared),
         excitation=excitation(fit, configurations),
     )
-    pushed = tie_shifts(fit) @ jacobian.T
+    pushed = error_correlation_shifts(fit) @ jacobian.T
     shifts = np.vstack([np.abs(answers).sum(axis=0), 1.96 * late, 1.96 * pushed])
     told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
     told = _with_systematic(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
-    told = hanging_on_inertia(told, configurations, np.sqrt(np.diagonal(formal + shared)))
-    told = hanging_on_roll_and_pitch(told, configurations)
+    told = inertia_uncertainty(told, configurations, np.sqrt(np.diagonal(formal + shared)))
+    told = coupling_uncertainty(told, configurations)
     return replace(told, excitation=numbers.excitation)
 
 
@@ -125,12 +125,12 @@ def formal_covariance(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, "q q"]:
     """Return the covariance that the fit states, of numbers with these slopes by its parameters."""
-    spread = jacobian @ square_root(weighted_by_chance(fit))
+    spread = jacobian @ square_root(covariance_with_noise_uncertainty(fit))
     formal: Float[np.ndarray, "q q"] = spread @ spread.T
     return formal
 
 
-def by_chance(
+def random_half_width(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"], formal: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width by chance: what the fit states, or blocks, phases and flights show.
@@ -149,7 +149,7 @@ def by_chance(
     free = max(blocks - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
     scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T
     shown = (
-        chance_half_width(formal, scatter, free) * np.sqrt(blocks / free),
+        t_half_width(formal, scatter, free) * np.sqrt(blocks / free),
         _between_phases(fit, jacobian),
         _between_flights(fit, jacobian),
     )
@@ -368,7 +368,7 @@ def _with_systematic(
     return replace(numbers, half_width=np.hypot(numbers.half_width, extra))
 
 
-def hanging_on_inertia(
+def inertia_uncertainty(
     numbers: Numbers,
     configurations: Sequence[JointConfiguration],
     std: Float[np.ndarray, " q"],
@@ -391,15 +391,13 @@ def hanging_on_inertia(
             rho = numbers.rho(numbers.names[own])
             if rho is None or rho > LEAST_EXCITATION or not std[own] > 0.0:
                 continue
-            pull = inertia_pull(float(numbers.values[own]), rho)
+            pull = inertia_bias(float(numbers.values[own]), rho)
             slopes = numbers.correlation[own, scaled] * std[scaled] / std[own]
             squares[scaled] += (slopes * pull) ** 2
     return replace(numbers, half_width=np.sqrt(numbers.half_width**2 + squares))
 
 
-def hanging_on_roll_and_pitch(
-    numbers: Numbers, configurations: Sequence[JointConfiguration]
-) -> Numbers:
+def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfiguration]) -> Numbers:
     """Return the numbers with what too little roll and pitch leaves open.
 
     The height of the centre of mass, and the scale of the yaw equation, which a known payload gives

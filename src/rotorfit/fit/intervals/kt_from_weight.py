@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Configured, Flown
+from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.dataset.weight_balance import Held, held_together, held_up, pooled
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import ACCEL_BIAS_STD
@@ -38,7 +38,7 @@ NO_BIAS = Held(ratio=0.0, std=0.0, seconds=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SwallowedWeight:
+class AbsorbedWeight:
     """A fitted bias of the accelerometer that gravity contradicts.
 
     Attributes
@@ -82,7 +82,9 @@ class WeighedThrust:
         return 1.96 * std > max(vague, 2.0 * 1.96 * self.std)
 
 
-def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> WeighedThrust | None:
+def kt_from_weight(
+    configurations: Sequence[ConfigurationData], vehicle: Vehicle
+) -> WeighedThrust | None:
     """Return the thrust coefficient that carries the weight; None if no flight is long enough."""
     found: list[Held] = []
     for configured in configurations:
@@ -103,7 +105,7 @@ def kt_from_weight(configurations: Sequence[Configured], vehicle: Vehicle) -> We
     )
 
 
-def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:
+def absorbed_weight(dataset: Dataset, numbers: Numbers) -> AbsorbedWeight | None:
     """Return the bias along z that cannot be one, the worst of all configurations; None if none is.
 
     Over a whole flight an accelerometer reads gravity and its bias, and cameras, which know
@@ -112,29 +114,29 @@ def swallowed_weight(flown: Flown, numbers: Numbers) -> SwallowedWeight | None:
 
     Parameters
     ----------
-    flown
+    dataset
         The flights.
     numbers
         Of their fit; the bias need not be among them.
     """
-    found: list[tuple[float, SwallowedWeight]] = []
-    for configured in flown.configurations:
+    found: list[tuple[float, AbsorbedWeight]] = []
+    for configured in dataset.configurations:
         name = f"accel_bias_z@{configured.entry.name}"
-        read = NO_BIAS if flown.source == "mocap" else _read_over_gravity(configured)
+        read = NO_BIAS if dataset.source == "mocap" else _read_over_gravity(configured)
         if name not in numbers.names or read is None:
             continue
         fitted, half = numbers.number(name)
         apart = abs(fitted - read.ratio * GRAVITY)
         chance = float(np.hypot(OWN_SHARE * half, 1.96 * read.std * GRAVITY))
         if apart > max(LARGEST_BIAS, chance):
-            wrong = SwallowedWeight(
+            wrong = AbsorbedWeight(
                 configuration=configured.entry.name, fitted=fitted, read=read.ratio * GRAVITY
             )
             found.append((apart, wrong))
     return max(found, key=lambda one: one[0])[1] if found else None
 
 
-def _read_over_gravity(configured: Configured) -> Held | None:
+def _read_over_gravity(configured: ConfigurationData) -> Held | None:
     """Return by how much the accelerometer reads more than gravity, as a share of it."""
     held = held_together(
         held_up(flight.turning, flight.prepared.data.specific_force)

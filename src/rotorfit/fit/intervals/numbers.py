@@ -89,7 +89,7 @@ class Numbers:
         )
 
 
-def chance_half_width(
+def t_half_width(
     formal: Float[np.ndarray, "q q"], scatter: Float[np.ndarray, "q q"], degrees: float
 ) -> Float[np.ndarray, " q"]:
     """Return half of the 95 % interval by chance: t times the larger of formal and scatter.

@@ -11,18 +11,18 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.reduction.frequency_bands import EDGES
 
-Shift = Callable[[Flown, float], Float[np.ndarray, " q"]]
+Shift = Callable[[Dataset, float], Float[np.ndarray, " q"]]
 """How far each number moves with other flights, or at another timing of theirs, and with the bands
 that begin under an edge [Hz]."""
 
 
 def widened(
-    half_width: Float[np.ndarray, " q"], flown: Flown, shift: Shift, *, timed: bool
+    half_width: Float[np.ndarray, " q"], dataset: Dataset, shift: Shift, *, timed: bool
 ) -> Float[np.ndarray, " q"]:
     """Return the half-width with twice the rms shift of every group of trials.
 
@@ -30,54 +30,54 @@ def widened(
     ----------
     half_width
         Of each number, of chance and of what is always allowed for.
-    flown
+    dataset
         What was fitted.
     shift
         How far each number moves.
     timed
         Whether what the flights leave open of the motors' timing is in the half-width already.
     """
-    groups = [[(flown, 0.5 * EDGES[-1])]]
-    groups += [] if timed else [[(other, np.inf) for other in g] for g in _other_timings(flown)]
-    groups += [[(other, np.inf)] for other in other_geometries(flown)]
+    groups = [[(dataset, 0.5 * EDGES[-1])]]
+    groups += [] if timed else [[(other, np.inf) for other in g] for g in _other_timings(dataset)]
+    groups += [[(other, np.inf)] for other in other_geometries(dataset)]
     squares = [np.mean([shift(*trial) ** 2 for trial in group], axis=0) for group in groups]
     return np.sqrt(half_width**2 + 4.0 * np.sum(squares, axis=0))
 
 
-def _other_timings(flown: Flown) -> list[list[Flown]]:
+def _other_timings(dataset: Dataset) -> list[list[Dataset]]:
     """Return the flights at other timings, in groups that are independent of each other.
 
     The motors off both ways, by half a sample or by a deviation of what the flights tell of lag
     plus delay; lag taken for delay, by a deviation of the split.
     """
-    found = flown.motor_timing
+    found = dataset.motor_timing
     if found is None:
         return []
-    half = 0.5 / flown.configurations[0].flights[0].recorded.sample_rate
+    half = 0.5 / dataset.configurations[0].flights[0].recorded.sample_rate
     step, at = max(half, found.total_std), found.response
-    groups = [[flown.at(replace(at, delay=at.delay + move)) for move in (-step, step)]]
+    groups = [[dataset.at(replace(at, delay=at.delay + move)) for move in (-step, step)]]
     if found.lag_std is not None and found.delay_std is not None:
         lag, delay = at.lag + found.lag_std, at.delay - found.lag_std
-        groups.append([flown.at(replace(at, lag=lag, delay=delay))])
+        groups.append([dataset.at(replace(at, lag=lag, delay=delay))])
     return groups
 
 
-def other_geometries(flown: Flown) -> Iterator[Flown]:
+def other_geometries(dataset: Dataset) -> Iterator[Dataset]:
     """Yield the flights with each measured length off by its standard deviation, if it has one.
 
     Parameters
     ----------
-    flown
+    dataset
         With the deviations in its vehicle.
     """
-    vehicle = flown.vehicle
+    vehicle = dataset.vehicle
     others: list[Vehicle] = []
     if vehicle.arm_std > 0.0:
         others.append(longer_arms(vehicle, vehicle.arm_std))
     if vehicle.imu_position is not None and vehicle.imu_position_std > 0.0:
         others += [moved_imu(vehicle, axis, vehicle.imu_position_std) for axis in range(3)]
     for other in others:
-        yield replace(flown, vehicle=other, model=regressor(other, velocity=flown.velocity))
+        yield replace(dataset, vehicle=other, model=regressor(other, velocity=dataset.velocity))
 
 
 def longer_arms(vehicle: Vehicle, length: float) -> Vehicle:

@@ -31,7 +31,7 @@ from rotorfit.estimation.banded_problem import solutions
 BEFORE: Final = 1.0 / 1.96
 """Deviation of an answer from what is taken for granted, before the flights: nothing or twice it
 are the ends of the interval."""
-UNTOLD: Final = 100.0
+UNIDENTIFIABLE: Final = 100.0
 """Deviation of what no flight tells."""
 LEAST_OPEN: Final = np.array([1.0, 1.0, 0.5])
 """Of that interval, for roll, pitch and yaw, which no number of flights closes: how an answer goes
@@ -39,7 +39,7 @@ with frequency is assumed for all of them alike, and the scale of yaw hangs on t
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class ClosedLoopResponse:
     """An autopilot's answer to roll, pitch and yaw errors, as shares of the usual one.
 
     Attributes
@@ -54,11 +54,11 @@ class Answer:
     open: tuple[float, ...] = (1.0, 1.0, 1.0)
 
 
-UNHEARD: Final = Answer()
+NOMINAL_RESPONSE: Final = ClosedLoopResponse()
 """Of few flights."""
 
 
-def heard_answer(fit: BandedEstimate) -> Answer:
+def estimated_response(fit: BandedEstimate) -> ClosedLoopResponse:
     """Return the answer that flights show together.
 
     Parameters
@@ -74,7 +74,7 @@ def heard(
     s: Float[np.ndarray, "m f"],
     G: Float[np.ndarray, "m f e"],
     prior: Float[np.ndarray, "f f"],
-) -> Answer:
+) -> ClosedLoopResponse:
     """Return the same from what the flights ask for.
 
     Parameters
@@ -91,7 +91,7 @@ def heard(
     weighed = X.transpose(0, 2, 1) @ np.array([resting_inverse(h + prior / flights) for h in H])
     information = (weighed @ X).sum(axis=0)
     information[:f, :f] += prior
-    information[f:, f:] += np.eye(e) / UNTOLD**2
+    information[f:, f:] += np.eye(e) / UNIDENTIFIABLE**2
     covariance = resting_inverse(information)
     # The prior's own pull is the rest of all scores: they sum to nothing.
     pull = np.concatenate([-s.sum(axis=0), np.zeros(e)])
@@ -103,7 +103,7 @@ def heard(
     variance = few**2 * np.maximum(np.diagonal(covariance)[f:], scatter)
     gain = BEFORE**2 / (BEFORE**2 + variance)
     half = np.maximum(1.96 * np.sqrt(gain * variance), LEAST_OPEN)
-    return Answer(beyond=tuple((gain * found[f:]).tolist()), open=tuple(half.tolist()))
+    return ClosedLoopResponse(beyond=tuple((gain * found[f:]).tolist()), open=tuple(half.tolist()))
 
 
 def _asked_apart(

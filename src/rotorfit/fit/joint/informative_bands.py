@@ -25,13 +25,13 @@ from rotorfit.fit.joint.joint_problem import (
     NOISY,
     JointConfiguration,
     at_values,
+    error_correlation_std,
     joint_problem,
-    tied_std,
 )
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import (
     counted_bands,
-    flown_bands,
+    excited_bands,
     followed_bands,
     slow_bands,
 )
@@ -46,14 +46,14 @@ FEWEST_ROWS: Final = 30
 _TINY: Final = float(np.finfo(float).tiny)
 
 
-def steered_slowly(configuration: JointConfiguration) -> JointConfiguration:
+def select_slow_bands(configuration: JointConfiguration) -> JointConfiguration:
     """Return the configuration with turns that count in the pilot's band alone."""
     counted = np.ones((len(configuration.factors), len(NOISY)), dtype=bool)
     counted[:, list(TURNS)] = slow_bands(configuration.factors)
     return replace(configuration, counted=counted)
 
 
-def steered(
+def select_informative_bands(
     configurations: Sequence[JointConfiguration],
     values: Mapping[str, float],
     *,
@@ -86,7 +86,7 @@ def steered(
         for part in zip(configurations, signal, residual, strict=True)
     ]
     return [
-        replace(c, tied=tied([pushes(c, e)], c.vehicle))
+        replace(c, error_correlation=error_correlation([pushes(c, e)], c.vehicle))
         for c, e in zip(counted, errors, strict=True)
     ]
 
@@ -102,7 +102,7 @@ def _with_counted(
     flown = np.zeros_like(signal, dtype=bool)
     if commanded:
         flown[:, THRUST] = _followed(configuration)
-    flown[:, turns] = flown_bands(factors, signal[:, turns], residual[:, turns])
+    flown[:, turns] = excited_bands(factors, signal[:, turns], residual[:, turns])
     answered = flown[:, [NOISY.index(name) for name in ANSWERED]]
     return replace(configuration, counted=counted_bands(factors, flown), answered=answered)
 
@@ -160,7 +160,9 @@ def pushes(configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"])
     return found
 
 
-def tied(flights: Sequence[list[Pushes]], vehicle: Vehicle) -> Float[np.ndarray, "6 6"]:
+def error_correlation(
+    flights: Sequence[list[Pushes]], vehicle: Vehicle
+) -> Float[np.ndarray, "6 6"]:
     """Return how much of the errors of the turns comes with those of the forces.
 
     By regression, each block with the variance of what is left. Known before the flight: pushes are
@@ -173,7 +175,7 @@ def tied(flights: Sequence[list[Pushes]], vehicle: Vehicle) -> Float[np.ndarray,
     vehicle
         For its size.
     """
-    shares, std = np.zeros((len(NOISY), len(NOISY))), tied_std(vehicle)
+    shares, std = np.zeros((len(NOISY), len(NOISY))), error_correlation_std(vehicle)
     for turn, parts in zip(TURNS, zip(*flights, strict=True), strict=True):
         rows = np.concatenate([part.rows for part in parts])
         if rows.sum() <= FEWEST_ROWS:

@@ -6,14 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.fit.intervals.kt_from_weight import WeighedThrust
-from rotorfit.fit.joint.closed_loop import UNHEARD, Answer, heard_answer
-from rotorfit.fit.joint.informative_bands import steered, steered_slowly
-from rotorfit.fit.joint.joint_problem import JointConfiguration, flights_apart, joint_estimate
+from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse, estimated_response
+from rotorfit.fit.joint.informative_bands import select_informative_bands, select_slow_bands
+from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatters
 from rotorfit.fit.rows.row_fits import fit_rows
 
@@ -42,7 +42,7 @@ class FittedFactors:
 
 
 def joint_fit(
-    flown: Flown,
+    dataset: Dataset,
     *,
     weighed: WeighedThrust | None = None,
     top: float = np.inf,
@@ -55,7 +55,7 @@ def joint_fit(
 
     Parameters
     ----------
-    flown
+    dataset
         With the timing of the motors, and what the fit may move of it.
     weighed
         k_t from the weight, at which it is held.
@@ -76,18 +76,18 @@ def joint_fit(
             name=configured.entry.name,
             mass=configured.mass,
             factors=factors.select(factors.band[:, 0] < top),
-            model=flown.model,
-            vehicle=flown.vehicle,
+            model=dataset.model,
+            vehicle=dataset.vehicle,
             payload=configured.payload,
             payload_of=configured.entry.payload_of,
-            timing=flown.free_timing,
+            timing=dataset.free_timing,
         )
-        for factors, configured in zip(flown.timed_bands, flown.configurations, strict=True)
+        for factors, configured in zip(dataset.timed_bands, dataset.configurations, strict=True)
     ]
     # Held there: what the flights say of it otherwise is in the interval.
     held = {} if weighed is None else {"kt": (weighed.kt, 1e-4 * weighed.kt)}
     more: dict[str, Any] = {"known": {**(known or {}), **held}, "terms": terms}
-    commanded = flown.motors.speed == "commanded"
+    commanded = dataset.motors.speed == "commanded"
     if begin is not None:
         return _fit_from(joint, begin, commanded=commanded, more=more)
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if guess is None else []
@@ -99,7 +99,7 @@ def joint_fit(
     # Before the first fit nobody can tell the pilot's motion from disturbances: further up an
     # autopilot's answer to the noise of its gyro may well be all there is.
     try:
-        slow = first([steered_slowly(c) for c in joint])
+        slow = first([select_slow_bands(c) for c in joint])
         return _fit_from(joint, slow, commanded=commanded, more=more)
     except UnsettledError:
         return _fit_from(joint, first(joint), commanded=commanded, more=more)
@@ -113,11 +113,11 @@ def _fit_from(
     more: dict[str, Any],
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit of what counts, from where that can be told, and its configurations."""
-    joint = steered(joint, begin, commanded=commanded, **more)
+    joint = select_informative_bands(joint, begin, commanded=commanded, **more)
     fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
     if not _apart(joint):
         return fit, joint  # one flight each
-    answer, differ = _answer(fit, joint), _scatters(fit, joint)
+    answer, differ = _response(fit, joint), _scatters(fit, joint)
     joint = [
         replace(c, answer=answer, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
     ]
@@ -134,10 +134,10 @@ def _close(joint: Sequence[JointConfiguration]) -> float:
     return NEAR if _apart(joint) else SMALLEST_STEP
 
 
-def _answer(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> Answer:
-    return heard_answer(fit) if _apart(joint, ENOUGH_FLIGHTS) else UNHEARD
+def _response(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> ClosedLoopResponse:
+    return estimated_response(fit) if _apart(joint, ENOUGH_FLIGHTS) else NOMINAL_RESPONSE
 
 
 def _scatters(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, Scatter]:
-    owners, flights = flights_apart(joint)
+    owners, flights = separate_flights(joint)
     return scatters(fit.estimate, owners, [c.mass * c.vehicle.arm for c in flights])

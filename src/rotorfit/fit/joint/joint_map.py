@@ -14,7 +14,7 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
-from rotorfit.fit.joint.closed_loop import UNHEARD, Answer
+from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse
 from rotorfit.fit.joint.trims import UNSEEN, Scatter
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR, TURN_DAMPING
 from rotorfit.model.regressor import Regressor
@@ -49,7 +49,7 @@ class JointConfiguration:
     answered: Bool[np.ndarray, "b e"] | None = None
     tied: Float[np.ndarray, "6 6"] | None = None
     timing: FreeTiming | None = None
-    answer: Answer = UNHEARD
+    answer: ClosedLoopResponse = NOMINAL_RESPONSE
     scatter: Scatter = UNSEEN
 
 

@@ -175,11 +175,11 @@ def joint_problem(
     terms: Collection[Term] = DEFAULT_TERMS,
     of_many: bool = False,
 ) -> BandedProblem:
-    """Return the problem that `joint_estimate` solves: a theta for each of `flights_apart`.
+    """Return the problem that `joint_estimate` solves: a theta for each of `separate_flights`.
 
     `of_many`: a flight that is alone here is one of many elsewhere, from which it differs.
     """
-    owners, flights = flights_apart(configurations)
+    owners, flights = separate_flights(configurations)
     counts = [
         [len(f.factors) for o, f in zip(owners, flights, strict=True) if o == c]
         for c in range(len(configurations))
@@ -205,12 +205,14 @@ def joint_problem(
         moving=() if timing is None else timing.names,
         counted=tuple(c.counted for c in configurations if c.counted is not None),
         tied=tuple(c.tied for c in configurations if c.tied is not None),
-        tied_std=tuple(tied_std(c.vehicle) for c in configurations if c.tied is not None),
+        error_correlation_std=tuple(
+            error_correlation_std(c.vehicle) for c in configurations if c.tied is not None
+        ),
         feedback=_feedback(flights),
     )
 
 
-def flights_apart(
+def separate_flights(
     configurations: Sequence[JointConfiguration],
 ) -> tuple[list[int], list[JointConfiguration]]:
     """Return each flight with its configuration's place."""
@@ -266,7 +268,7 @@ def _answers(configuration: JointConfiguration) -> Answers:
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
     steered = counted[:, [NOISY.index(name) for name in ANSWERED]]
     moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
-    answer = usual_answer(turn)
+    answer = nominal_response(turn)
     slow = turn < 2.0 * np.pi * SLOW_YAW
     taken = np.stack([answer, answer, slow * YAW_BANDWIDTH / (1j * turn + YAW_BANDWIDTH)], axis=1)
     beyond = answer[:, None] * np.array(configuration.answer.beyond)
@@ -281,7 +283,7 @@ def _answers(configuration: JointConfiguration) -> Answers:
     )
 
 
-def usual_answer(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
+def nominal_response(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
     """Return T of a rate loop inside an attitude loop: L / (1 + L), L = w / s (1 + w_a / s)."""
     s = 1j * turn
     through = BANDWIDTH * (s + ATTITUDE)
@@ -343,7 +345,7 @@ def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float
     return prior
 
 
-def tied_std(vehicle: Vehicle) -> float:
+def error_correlation_std(vehicle: Vehicle) -> float:
     """Return what is known beforehand of the turn that comes with a push [(rad/s^2) / (m/s^2)]."""
     return PUSHED_STD / vehicle.arm
 

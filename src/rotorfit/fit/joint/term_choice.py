@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Configured, velocity_known
+from rotorfit.dataset.dataset import ConfigurationData, velocity_known
 from rotorfit.errors import ExperimentError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
@@ -92,7 +92,9 @@ Refit = Callable[[Sequence[Term], BandedEstimate], BandedEstimate]
 """The fit with other terms, begun at a fit."""
 
 
-def velocity_wanted(terms: Sequence[Term] | None, configurations: Sequence[Configured]) -> bool:
+def velocity_wanted(
+    terms: Sequence[Term] | None, configurations: Sequence[ConfigurationData]
+) -> bool:
     """Return whether the model needs the velocity: chosen, or known and not decided yet.
 
     Raises

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
@@ -43,7 +43,7 @@ class PaperSettings:
     r_sigma: float | None = 250.0
 
 
-def paper_estimate(flown: Flown, *, settings: PaperSettings) -> EssentialEstimate:
+def paper_estimate(dataset: Dataset, *, settings: PaperSettings) -> EssentialEstimate:
     """Return the paper's estimate of all configurations together, and what it removed.
 
     k_t and k_d are shared, first moments and inertia are each configuration's own, and the rows of
@@ -53,27 +53,29 @@ def paper_estimate(flown: Flown, *, settings: PaperSettings) -> EssentialEstimat
     factors = [
         stack_factors(
             [
-                time_factors(retimed(f.prepared, flown.timing), flown.vehicle, lowpass=lowpass)
+                time_factors(retimed(f.prepared, dataset.timing), dataset.vehicle, lowpass=lowpass)
                 for f in c.flights
             ]
         ).merged()
-        for c in flown.configurations
+        for c in dataset.configurations
     ]
-    count = len(flown.configurations)
+    count = len(dataset.configurations)
     problem = LinearProblem(
         factors=tuple(factors),
-        tensors=(flown.model.tensor,) * count,
-        map=_paper_map(flown),
-        weights=np.array([np.full(6, c.entry.weight) for c in flown.configurations]),
+        tensors=(dataset.model.tensor,) * count,
+        map=_paper_map(dataset),
+        weights=np.array([np.full(6, c.entry.weight) for c in dataset.configurations]),
     )
     return essential_total(problem, r_sigma=settings.r_sigma or np.inf)
 
 
-def _paper_map(flown: Flown) -> ParameterMap:
+def _paper_map(dataset: Dataset) -> ParameterMap:
     """Return the map: coefficients shared, the body's parameters by configuration."""
-    everywhere = range(len(flown.configurations))
+    everywhere = range(len(dataset.configurations))
     free = {name: {(c, name): 1.0 for c in everywhere} for name in SHARED_FREE}
-    for c, configured in enumerate(flown.configurations):
+    for c, configured in enumerate(dataset.configurations):
         free |= {full_name(name, configured.entry.name): {(c, name): 1.0} for name in OWN_FREE}
-    masses = {(c, "mass"): configured.mass for c, configured in enumerate(flown.configurations)}
-    return parameter_map(flown.model.names, free, masses, configurations=len(flown.configurations))
+    masses = {(c, "mass"): configured.mass for c, configured in enumerate(dataset.configurations)}
+    return parameter_map(
+        dataset.model.names, free, masses, configurations=len(dataset.configurations)
+    )

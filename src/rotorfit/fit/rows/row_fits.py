@@ -32,7 +32,7 @@ from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.reweighted import BandedFit, reweighted, scatter_covariance
 from rotorfit.model.parameters import ACCEL_BIAS_STD, MOUNTING_STD
 from rotorfit.model.regressor import Regressor
-from rotorfit.reduction.frequency_bands import PILOT_BAND, flown_bands
+from rotorfit.reduction.frequency_bands import PILOT_BAND, excited_bands
 
 ROWS = ("force", "roll", "pitch", "yaw")
 EQUATIONS = {
@@ -136,12 +136,12 @@ def angular_log_likelihood(
     )
 
 
-def flown_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np.ndarray, "b 3"]:
+def excited_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np.ndarray, "b 3"]:
     """Return in which blocks a pilot moves roll, pitch and yaw, by the first pass of the rows."""
     fits = [_fit_row(factors, model, row, mass) for row in ROWS[1:]]
     signal = np.column_stack([fit.known_power for fit in fits])
     residual = np.column_stack([fit.residual_power for fit in fits])
-    return flown_bands(factors, signal, residual)
+    return excited_bands(factors, signal, residual)
 
 
 def turn_ratios(factors: Factors, model: Regressor, *, mass: float) -> Float[np.ndarray, " 3"]:

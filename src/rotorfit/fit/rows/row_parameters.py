@@ -16,13 +16,13 @@ from rotorfit.fit.intervals.excitation import attenuation_allowance
 from rotorfit.fit.intervals.numbers import (
     PRODUCTS,
     Numbers,
-    chance_half_width,
     correlation_of,
     hover_speed,
     moments_beside,
     plain_scale,
     product_scale,
     quadrature,
+    t_half_width,
 )
 from rotorfit.fit.rows.row_fits import ROWS, RowFits
 from rotorfit.model.parameters import DERIVED, INERTIA, PARAMETERS, inertia_about
@@ -54,7 +54,7 @@ def row_numbers(fits: RowFits, vehicle: Vehicle, *, mass: float, mass_std: float
     scatter, degrees = _small_sample(fits)
     formal_cov = jacobian @ fits.formal @ jacobian.T
     scatter_cov = jacobian @ scatter @ jacobian.T
-    random = chance_half_width(formal_cov, scatter_cov, degrees)
+    random = t_half_width(formal_cov, scatter_cov, degrees)
     numbers = Numbers(
         names=names,
         values=values,

@@ -17,14 +17,14 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import Flown
+from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError, UnsettledError
-from rotorfit.estimation.banded import BandedEstimate, answer_shifts
+from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
-from rotorfit.fit.intervals.joint_numbers import by_chance, formal_covariance
+from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.timing.onboard_filter import shape_fault
-from rotorfit.fit.timing.timing_search import coarse_timing, liveliest, pull_of_gusts
+from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import (
     LARGEST_SKEW,
@@ -58,7 +58,7 @@ LEAST_GAIN: Final = 10.0
 """Of the log-likelihood, for which rising and falling speed get a lag each."""
 LEAST_LAG: Final = 1e-3
 """Of rotors whose rising and falling may differ [s]."""
-UNTOLD_PULL: Final = 0.03
+UNIDENTIFIABLE_BIAS: Final = 0.03
 """From here on [s], which is where the turns are explained less than five times over their
 residual, lag and delay of commanded motors are those of the autopilot's answer to gusts (70 ms
 instead of 39 in a hover)."""
@@ -71,50 +71,50 @@ HOLD_FAULT: Final = 0.25
 FEWEST_TERMS: Final[tuple[Term, ...]] = ("accel_bias",)
 
 
-def find_timing(flown: Flown, *, lag: bool = True) -> MotorTiming | None:
+def find_timing(dataset: Dataset, *, lag: bool = True) -> MotorTiming | None:
     """Return the timing that fits best; None where the flights do not determine it.
 
     Parameters
     ----------
-    flown
+    dataset
         All flights.
     lag
         Look for the motors' lag, too, where it is unknown; else all lateness is delay.
     """
-    unknown = tuple(name for name in flown.unknown_times if lag or name != "lag")
-    start = coarse_timing(flown, unknown) if unknown else None
+    unknown = tuple(name for name in dataset.unknown_times if lag or name != "lag")
+    start = coarse_timing(dataset, unknown) if unknown else None
     if start is None:
         return None
     names = tuple(f"motor_{name}" for name in unknown)
     for terms in (DEFAULT_TERMS, FEWEST_TERMS):
         with suppress(UnsettledError):
-            return _fitted(flown, start, names, terms)
+            return _fitted(dataset, start, names, terms)
     # Neither settles: the flights do not tell the lag, and without one they would be fitted wrong.
-    return _untold(flown, delay_free="delay" in unknown) if "lag" in unknown else None
+    return _unidentifiable(dataset, delay_free="delay" in unknown) if "lag" in unknown else None
 
 
-def timed_again(flown: Flown, terms: Sequence[Term]) -> Flown:
+def timed_again(dataset: Dataset, terms: Sequence[Term]) -> Dataset:
     """Return the flights at the timing that other terms of the model ask for.
 
     Damping of the turns that the model lacks makes the motors look quick. Where the fit does not
     settle with the terms, the timing stays.
     """
-    found = flown.motor_timing
+    found = dataset.motor_timing
     if found is None or not found.free:
-        return flown
+        return dataset
     try:
         names = tuple(name for name in found.free if name != "motor_skew")
         start = MotorResponse(lag=found.response.mean_lag, delay=found.response.delay)
-        again = _fitted(flown, start, names, tuple(terms))
+        again = _fitted(dataset, start, names, tuple(terms))
     except UnsettledError:
-        return flown
-    return flown if again is None else replace(flown, motor_timing=again)
+        return dataset
+    return dataset if again is None else replace(dataset, motor_timing=again)
 
 
 def _fitted(
-    flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+    dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
 ) -> MotorTiming | None:
-    begun, first = _begun(flown, start, names, terms)
+    begun, first = _begun(dataset, start, names, terms)
     timed, fit = _settled(begun, terms, first)
     at = timed.timing
     if at is not None and _beside(timed, at, names):
@@ -124,22 +124,22 @@ def _fitted(
     response = _moved(free, fit)
     if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
         return None  # the motion does not follow these commands at all
-    pull = pull_of_gusts(timed)
+    pull = gust_bias(timed)
     total = response.mean_lag + response.delay
     # Before the command no motor answers: there the autopilot answers the noise of its gyro.
     late = response.mean_lag > LEAST_LAG and total > 0.0
-    if "motor_lag" in names and (pull > UNTOLD_PULL or not late):
-        return _untold(flown, delay_free="motor_delay" in names)
-    found = _with_deviations(flown, free, fit)
+    if "motor_lag" in names and (pull > UNIDENTIFIABLE_BIAS or not late):
+        return _unidentifiable(dataset, delay_free="motor_delay" in names)
+    found = _with_deviations(dataset, free, fit)
     return replace(found, bands=timed.found_with()) if _near(free, fit) else found
 
 
 def _begun(
-    flown: Flown, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
-) -> tuple[Flown, BandedEstimate]:
+    dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+) -> tuple[Dataset, BandedEstimate]:
     """Return the first fit; of many flights, near where the liveliest few of them settle."""
-    few, guess = liveliest(flown), None
-    if few is not flown:
+    few, guess = liveliest(dataset), None
+    if few is not dataset:
         with suppress(EstimationError):
             begun, first = _begun(few, start, names, terms)
             timed, fit = _settled(begun, terms, first, skew=False)
@@ -147,10 +147,10 @@ def _begun(
             assert free is not None
             start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
     # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
-    beside = _beside(flown, start, names) if guess is not None else ()
-    tried: list[tuple[Flown, BandedEstimate]] = []
+    beside = _beside(dataset, start, names) if guess is not None else ()
+    tried: list[tuple[Dataset, BandedEstimate]] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
-        begun = flown.at(replace(start, lag=share * start.lag), names, beside=beside)
+        begun = dataset.at(replace(start, lag=share * start.lag), names, beside=beside)
         fit, _ = joint_fit(begun, terms=terms, guess=guess)
         if max(abs(fit.estimate.value(name)) for name in names) < LOST:
             return begun, fit
@@ -159,28 +159,28 @@ def _begun(
 
 
 def _settled(
-    flown: Flown,
+    dataset: Dataset,
     terms: tuple[Term, ...],
     fit: BandedEstimate | None = None,
     *,
     skew: bool = True,
-) -> tuple[Flown, BandedEstimate]:
+) -> tuple[Dataset, BandedEstimate]:
     """Return the fit whose signals are made where it ends, and the flights at that timing.
 
     `fit` is the one at the timing that the flights have, where it is there already; `skew`: slopes
     by the skew are made beside, too, where it may be asked for.
     """
-    fit = fit or joint_fit(flown, terms=terms)[0]
+    fit = fit or joint_fit(dataset, terms=terms)[0]
     for _ in range(MOST_ROUNDS - 1):
-        free = flown.free_timing
+        free = dataset.free_timing
         assert free is not None
         if _near(free, fit):
             break
         moved = _moved(free, fit)
-        beside = _beside(flown, moved, free.names) if skew else ()
-        flown = flown.at(moved, free.names, beside=beside)
-        fit, _ = joint_fit(flown, terms=terms, begin=free.others(fit.estimate.by_name))
-    return flown, fit
+        beside = _beside(dataset, moved, free.names) if skew else ()
+        dataset = dataset.at(moved, free.names, beside=beside)
+        fit, _ = joint_fit(dataset, terms=terms, begin=free.others(fit.estimate.by_name))
+    return dataset, fit
 
 
 def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
@@ -190,11 +190,11 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     return bool((np.abs(fit.estimate.values[at]) <= enough).all())
 
 
-def _beside(flown: Flown, at: MotorResponse, names: tuple[str, ...]) -> tuple[str, ...]:
+def _beside(dataset: Dataset, at: MotorResponse, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return the skew where rising and falling speed may get a lag each, and have none yet."""
     # Low-passed beside motion capture, motor data rise and fall alike.
     lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
-    may = lagging and "motor_skew" not in names and flown.source == "imu"
+    may = lagging and "motor_skew" not in names and dataset.source == "imu"
     return ("motor_skew",) if may else ()
 
 
@@ -209,26 +209,26 @@ def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
 
 
 def _with_skew(
-    flown: Flown, fit: BandedEstimate, terms: tuple[Term, ...]
-) -> tuple[Flown, BandedEstimate]:
+    dataset: Dataset, fit: BandedEstimate, terms: tuple[Term, ...]
+) -> tuple[Dataset, BandedEstimate]:
     """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
-    free, found = flown.free_timing, flown.motor_timing
+    free, found = dataset.free_timing, dataset.motor_timing
     assert free is not None and found is not None
     names = (*free.names, "motor_skew")
-    wide = flown.freed() if found.beside else flown.at(free.at, names)
+    wide = dataset.freed() if found.beside else dataset.at(free.at, names)
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
-        found = _settled(wide, terms, first) if gain > LEAST_GAIN else (flown, fit)
+        found = _settled(wide, terms, first) if gain > LEAST_GAIN else (dataset, fit)
     except EstimationError:
-        return flown, fit
+        return dataset, fit
     # Motors too quick to tell their rising from their falling lose the motion, step by step.
-    return (flown, fit) if _lost(*found) else found
+    return (dataset, fit) if _lost(*found) else found
 
 
-def _lost(flown: Flown, fit: BandedEstimate) -> bool:
+def _lost(dataset: Dataset, fit: BandedEstimate) -> bool:
     """Return whether a fit that has ended would still move beyond what its slopes say, or did."""
-    free = flown.free_timing
+    free = dataset.free_timing
     assert free is not None
     still = any(
         abs(fit.estimate.value(name)) > LONGEST_MOVE for name in free.names if name != "motor_skew"
@@ -236,24 +236,24 @@ def _lost(flown: Flown, fit: BandedEstimate) -> bool:
     return still or free.at.mean_lag < LEAST_LAG or abs(skew_of(free.at)) >= LARGEST_SKEW
 
 
-def _untold(flown: Flown, *, delay_free: bool) -> MotorTiming:
+def _unidentifiable(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
     """Return what is known of lag and delay without the flights."""
-    lag, std = flown.lag_prior
+    lag, std = dataset.lag_prior
     return MotorTiming(
-        response=MotorResponse(lag=lag, delay=flown.declared.delay),
+        response=MotorResponse(lag=lag, delay=dataset.declared.delay),
         lag_std=std,
-        delay_std=UNTOLD_PULL if delay_free else None,
-        total_std=_norm(std, UNTOLD_PULL) if delay_free else std,
+        delay_std=UNIDENTIFIABLE_BIAS if delay_free else None,
+        total_std=_norm(std, UNIDENTIFIABLE_BIAS) if delay_free else std,
     )
 
 
-def _with_deviations(flown: Flown, free: FreeTiming, fit: BandedEstimate) -> MotorTiming:
+def _with_deviations(dataset: Dataset, free: FreeTiming, fit: BandedEstimate) -> MotorTiming:
     """Return the timing with its deviations: of chance, of the autopilot's answer and of faults."""
     names = fit.estimate.names
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
     std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
     lag, delay = (std.get(name) for name in SUMMED)
-    hold, shape, prior = _hold_fault(flown), shape_fault(flown), flown.lag_prior[1]
+    hold, shape, prior = _hold_fault(dataset), shape_fault(dataset), dataset.lag_prior[1]
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
     # With a delay that is given, what a command held too long or too short is taken for lag.
     held = hold if delay is None else 0.0
@@ -272,20 +272,20 @@ def _stds(
 ) -> dict[str, float]:
     """Return the deviations of combinations of parameters."""
     rows = np.array(list(combinations.values()))
-    chance = by_chance(fit, rows, formal_covariance(fit, rows))
-    answered = np.abs(answer_shifts(fit) @ rows.T).sum(axis=0)
+    chance = random_half_width(fit, rows, formal_covariance(fit, rows))
+    answered = np.abs(response_sensitivity(fit) @ rows.T).sum(axis=0)
     return dict(zip(combinations, (np.hypot(chance, answered) / 1.96).tolist(), strict=True))
 
 
-def _hold_fault(flown: Flown) -> float:
+def _hold_fault(dataset: Dataset) -> float:
     """Return the deviation of a delay by not knowing how long a logged command held [s].
 
     It holds until the next one of the log or, where the log keeps only some of a faster loop's
     commands, is over sooner: up to half a sample of the log later on the whole.
     """
-    if flown.motors.speed == "measured":
+    if dataset.motors.speed == "measured":
         return 0.0
-    rates = [f.prepared.motor_rate for c in flown.configurations for f in c.flights]
+    rates = [f.prepared.motor_rate for c in dataset.configurations for f in c.flights]
     return HOLD_FAULT / min(rates)
 
 

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Configured, Flown
-from rotorfit.fit.rows.row_fits import angular_log_likelihood, flown_turns, turn_ratios
+from rotorfit.dataset.dataset import ConfigurationData, Dataset
+from rotorfit.fit.rows.row_fits import angular_log_likelihood, excited_turns, turn_ratios
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.frequency_bands import PILOT_BAND, slow_bands
 
@@ -35,43 +35,43 @@ LEAST_GAIN: Final = 10.0
 CLEAR_GAIN: Final = 100.0
 """The same in every band, for which a lag is taken that the pilot's band does not find: thousands
 in ArduPilot's simulator, whose gyro is low-passed and has no noise."""
-GUST_PULL: Final = 0.15
+GUST_BIAS: Final = 0.15
 """Deviation of a delay that rests on the pilot's band alone, times explained over residual power
 [s]: the autopilot answers gusts later than they come (by 0.14 to 0.5 on simulated flights)."""
 SMALLEST_RATIO: Final = 0.1
 
 
-def coarse_timing(flown: Flown, unknown: Collection[str]) -> MotorResponse | None:
+def coarse_timing(dataset: Dataset, unknown: Collection[str]) -> MotorResponse | None:
     """Return lag and delay of the best trial; None where it is at the edge of what is looked at.
 
     Parameters
     ----------
-    flown
+    dataset
         All flights; the first configuration decides about a lag.
     unknown
         ``"lag"``, ``"delay"`` or both.
     """
-    few = liveliest(flown)
+    few = liveliest(dataset)
     found = _coarse(few, unknown)
-    return _coarse(flown, unknown) if found is None and few is not flown else found
+    return _coarse(dataset, unknown) if found is None and few is not dataset else found
 
 
-def liveliest(flown: Flown) -> Flown:
+def liveliest(dataset: Dataset) -> Dataset:
     """Return the few flights of each configuration that turn most; all where they are few."""
-    if all(len(c.flights) <= FLIGHTS_TRIED for c in flown.configurations):
-        return flown
-    picked = [_most_turned(c) for c in flown.configurations]
-    body = flown.body and tuple(
-        tuple(own[i] for i in few) for own, few in zip(flown.body, picked, strict=True)
+    if all(len(c.flights) <= FLIGHTS_TRIED for c in dataset.configurations):
+        return dataset
+    picked = [_most_turned(c) for c in dataset.configurations]
+    body = dataset.body and tuple(
+        tuple(own[i] for i in few) for own, few in zip(dataset.body, picked, strict=True)
     )
     configurations = tuple(
         replace(c, flights=[c.flights[i] for i in few])
-        for c, few in zip(flown.configurations, picked, strict=True)
+        for c, few in zip(dataset.configurations, picked, strict=True)
     )
-    return replace(flown, configurations=configurations, body=body)
+    return replace(dataset, configurations=configurations, body=body)
 
 
-def _most_turned(configured: Configured) -> list[int]:
+def _most_turned(configured: ConfigurationData) -> list[int]:
     """Return which flights of a configuration have most of the squared rates."""
     turned: list[float] = []
     for flight in configured.flights:
@@ -81,13 +81,13 @@ def _most_turned(configured: Configured) -> list[int]:
     return sorted(np.argsort(turned)[-FLIGHTS_TRIED:].tolist())
 
 
-def _coarse(flown: Flown, unknown: Collection[str]) -> MotorResponse | None:
+def _coarse(dataset: Dataset, unknown: Collection[str]) -> MotorResponse | None:
     if "lag" not in unknown:
-        return _coarse_delay(flown)
-    body = None if flown.body is None else flown.body[:1]
-    one = replace(flown, configurations=flown.configurations[:1], body=body)
-    mean, std = flown.lag_prior
-    delay = flown.declared.delay
+        return _coarse_delay(dataset)
+    body = None if dataset.body is None else dataset.body[:1]
+    one = replace(dataset, configurations=dataset.configurations[:1], body=body)
+    mean, std = dataset.lag_prior
+    delay = dataset.declared.delay
     values = [
         _cost(one, MotorResponse(lag=lag, delay=delay)) + 0.5 * ((lag - mean) / std) ** 2
         for lag in LAGS_TRIED
@@ -104,67 +104,67 @@ def _coarse(flown: Flown, unknown: Collection[str]) -> MotorResponse | None:
     return MotorResponse(lag=max(LAGS_TRIED[best], 0.005), delay=delay)
 
 
-def _turns(flown: Flown) -> bool:
+def _turns(dataset: Dataset) -> bool:
     """Return whether any flight turns at all."""
-    flights = [flight for c in flown.configurations for flight in c.flights]
+    flights = [flight for c in dataset.configurations for flight in c.flights]
     return any(bool(f.prepared.data.angular_acceleration.any()) for f in flights)
 
 
-def _coarse_delay(flown: Flown) -> MotorResponse | None:
-    kind = " commanded" if flown.motors.speed == "commanded" else ""
-    low, high, trials = DELAYS_TRIED[f"{flown.source}{kind}"]
+def _coarse_delay(dataset: Dataset) -> MotorResponse | None:
+    kind = " commanded" if dataset.motors.speed == "commanded" else ""
+    low, high, trials = DELAYS_TRIED[f"{dataset.source}{kind}"]
 
     def at(delay: float) -> MotorResponse:
-        return replace(flown.declared, delay=float(delay))
+        return replace(dataset.declared, delay=float(delay))
 
     grid = np.linspace(low, high, trials)
-    values = [_cost(flown, at(delay)) for delay in grid]
+    values = [_cost(dataset, at(delay)) for delay in grid]
     best = int(np.argmin(values))
     if best in (0, trials - 1):
         # Speeds stamped late or early by more than usual: further out on that side.
         stride = float(grid[1] - grid[0]) * (1.0 if best else -1.0)
         edge, first = float(grid[best]), values[best]
         grid = edge + stride * np.arange(round(FURTHEST / abs(stride)))
-        values = [first, *(_cost(flown, at(delay)) for delay in grid[1:])]
+        values = [first, *(_cost(dataset, at(delay)) for delay in grid[1:])]
         best = int(np.argmin(values))
         if best in (0, len(grid) - 1) or first - values[best] < LEAST_GAIN:
             return None
     return at(grid[best])
 
 
-def _cost(flown: Flown, response: MotorResponse) -> float:
+def _cost(dataset: Dataset, response: MotorResponse) -> float:
     """Return minus the log-likelihood of the angular accelerations in the pilot's band."""
     return -sum(
-        angular_log_likelihood(f, flown.model, mass=configured.mass, counted=slow_bands(f))
+        angular_log_likelihood(f, dataset.model, mass=configured.mass, counted=slow_bands(f))
         for f, configured in zip(
-            flown.bands(response, top=PILOT_BAND[1]), flown.configurations, strict=True
+            dataset.bands(response, top=PILOT_BAND[1]), dataset.configurations, strict=True
         )
     )
 
 
-def _every_cost(flown: Flown, response: MotorResponse) -> float:
+def _every_cost(dataset: Dataset, response: MotorResponse) -> float:
     """Return the same in every band."""
     return -sum(
         angular_log_likelihood(
-            f, flown.model, mass=configured.mass, counted=np.ones((len(f.band), 3), dtype=bool)
+            f, dataset.model, mass=configured.mass, counted=np.ones((len(f.band), 3), dtype=bool)
         )
-        for f, configured in zip(flown.bands(response), flown.configurations, strict=True)
+        for f, configured in zip(dataset.bands(response), dataset.configurations, strict=True)
     )
 
 
-def pull_of_gusts(flown: Flown) -> float:
+def gust_bias(dataset: Dataset) -> float:
     """Return by how much the autopilot's answer may have moved a delay, where nobody steers [s].
 
     Nothing where a turn is flown above the pilot's band; else by the ratio of explained to residual
     power in it, of the turn that has most of it.
     """
-    bands = flown.timed_bands
-    masses = [configured.mass for configured in flown.configurations]
+    bands = dataset.timed_bands
+    masses = [configured.mass for configured in dataset.configurations]
     for factors, mass in zip(bands, masses, strict=True):
-        if (flown_turns(factors, flown.model, mass=mass) & ~slow_bands(factors)).any():
+        if (excited_turns(factors, dataset.model, mass=mass) & ~slow_bands(factors)).any():
             return 0.0
     ratios = [
-        turn_ratios(factors.select(slow_bands(factors)[:, 0]), flown.model, mass=mass).max()
+        turn_ratios(factors.select(slow_bands(factors)[:, 0]), dataset.model, mass=mass).max()
         for factors, mass in zip(bands, masses, strict=True)
     ]
-    return GUST_PULL / max(float(max(ratios)), SMALLEST_RATIO)
+    return GUST_BIAS / max(float(max(ratios)), SMALLEST_RATIO)

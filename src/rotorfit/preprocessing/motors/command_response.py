@@ -27,7 +27,7 @@ Span = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class MeasuredResponse:
     """The commands of one rotor over one stretch, and the speeds measured in it.
 
     Attributes
@@ -54,7 +54,9 @@ class Answer:
     speed: Float[np.ndarray, " m"]
 
 
-def answered_commands(log: FlightLog, *, left_out: Sequence[int] = ()) -> tuple[Answer, ...]:
+def answered_commands(
+    log: FlightLog, *, left_out: Sequence[int] = ()
+) -> tuple[MeasuredResponse, ...]:
     """Return commands and speeds of every rotor that has both; none where the log lacks either.
 
     Parameters
@@ -73,7 +75,7 @@ def answered_commands(log: FlightLog, *, left_out: Sequence[int] = ()) -> tuple[
     volts = None if battery is None else _known(battery, 0)
     volts = None if volts is None or len(volts[0]) < 2 or not (volts[1] > 0.0).all() else volts
     pieces = _pieces(speed)
-    found: list[Answer] = []
+    found: list[MeasuredResponse] = []
     for i in range(command.values.shape[1]):
         if i not in left_out:
             asked, told = _known(command, i), _fresh(*_known(speed, i))
@@ -82,8 +84,8 @@ def answered_commands(log: FlightLog, *, left_out: Sequence[int] = ()) -> tuple[
 
 
 def within(
-    answers: Sequence[Answer], spans: Sequence[Span], *, most: int = MOST_SPEEDS
-) -> tuple[Answer, ...]:
+    answers: Sequence[MeasuredResponse], spans: Sequence[Span], *, most: int = MOST_SPEEDS
+) -> tuple[MeasuredResponse, ...]:
     """Return the answers in some spans of time, each span on its own.
 
     Parameters
@@ -100,12 +102,14 @@ def within(
     return inside if count <= most else _inside(answers, _spread(spans, most / count))
 
 
-def _inside(answers: Sequence[Answer], spans: Sequence[Span]) -> tuple[Answer, ...]:
+def _inside(
+    answers: Sequence[MeasuredResponse], spans: Sequence[Span]
+) -> tuple[MeasuredResponse, ...]:
     cuts = (_cut(answer, *span) for answer in answers for span in spans)
     return tuple(cut for cut in cuts if cut is not None)
 
 
-def spans_of(answers: Sequence[Answer]) -> list[Span]:
+def spans_of(answers: Sequence[MeasuredResponse]) -> list[Span]:
     """Return the spans of time in which there are speeds, those of all rotors together."""
     spans = {
         (float(a.speed_time[0]), float(np.nextafter(a.speed_time[-1], np.inf))) for a in answers
@@ -119,7 +123,7 @@ def spans_of(answers: Sequence[Answer]) -> list[Span]:
     return joined
 
 
-def _cut(answer: Answer, begin: float, end: float) -> Answer | None:
+def _cut(answer: MeasuredResponse, begin: float, end: float) -> MeasuredResponse | None:
     t = answer.speed_time
     rows = slice(*np.searchsorted(t, [begin, end]).tolist())
     if rows.stop - rows.start < 2:
@@ -188,7 +192,7 @@ def _answers(
     told: tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]],
     volts: tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]] | None,
     span: Span,
-) -> Iterator[Answer]:
+) -> Iterator[MeasuredResponse]:
     """Yield the stretches of a span in which the commands have no gap."""
     time, command = asked
     if len(time) < 2:
@@ -197,7 +201,7 @@ def _answers(
     together = np.append(steps <= max(GAP, 5.0 * float(np.median(steps))), False)
     for a, b in true_runs(together):
         rows = slice(a, b + 1)
-        whole = Answer(
+        whole = MeasuredResponse(
             rotor=rotor,
             command_time=time[rows],
             command=command[rows],

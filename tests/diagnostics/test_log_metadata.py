@@ -9,7 +9,7 @@ import made_fit
 from rotorfit.dataset.dataset import completed_motors
 from rotorfit.diagnostics.estimated_velocity import with_velocity_errors
 from rotorfit.diagnostics.filtered_imu import with_filter_faults
-from rotorfit.diagnostics.log_metadata import agreed_motors, told_by_logs
+from rotorfit.diagnostics.log_metadata import agreed_motors, log_metadata_notes
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.experiment.law_table import LawEntry, SqrtEntry, law_entry_of
@@ -26,12 +26,12 @@ OWN = LawEntry(sqrt=SqrtEntry(full_speed=900.0, thr_mdl_fac=0.3))
 
 def logged(motors=TOLD, **more):
     command = Channel(time=np.arange(3.0), values=np.zeros((3, 4)), source="made")
-    [flight] = made_fit.flown(made_fit.prepared()).configurations[0].flights
+    [flight] = made_fit.dataset(made_fit.prepared()).configurations[0].flights
     return dataclasses.replace(flight.log, channels={"command": command}, motors=motors, **more)
 
 
 def made(log: FlightLog, *, motors=COMMANDED, prepared=None, **more):
-    flown = made_fit.flown(made_fit.prepared() if prepared is None else prepared, motors=motors)
+    flown = made_fit.dataset(made_fit.prepared() if prepared is None else prepared, motors=motors)
     [configured] = flown.configurations
     flights = [dataclasses.replace(f, log=log, motors=motors) for f in configured.flights]
     configured = dataclasses.replace(configured, flights=flights)
@@ -73,12 +73,12 @@ def test_flights_whose_logs_tell_different_motors_are_refused():
 def test_what_was_taken_from_a_log_is_said():
     completed = completed_motors(COMMANDED, logged())
     flown = made(logged(simulator="ArduPilot SITL", gyro_lowpass=20.0), motors=completed)
-    said = told_by_logs(COMMANDED, flown)
+    said = log_metadata_notes(COMMANDED, flown)
     assert any("the one in the log (MOT_THST_EXPO, at 12.8 V)" in w for w in said)
     assert any(w.startswith("flown in ArduPilot SITL, a simulator: ") for w in said)
     assert any("low-passed on board at 20 Hz: 11 ms of motor_lag" in w for w in said)
     declared = COMMANDED.model_copy(update={"law": OWN})
-    assert told_by_logs(declared, made(logged(), motors=declared)) == ()
+    assert log_metadata_notes(declared, made(logged(), motors=declared)) == ()
 
 
 def test_an_estimated_velocity_leaves_drag_open():

@@ -21,7 +21,7 @@ LEAST_LEFT: Final = 1e-9
 """Of the information on a share, below which the parameters explain all that it does."""
 
 
-def tie_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
+def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
     """Return how far the parameters move with what is open of the ties: independent deviations."""
     problem, covariance = fit.problem, fit.estimate.covariance
     shifts = [np.zeros((0, len(covariance)))]
@@ -31,7 +31,7 @@ def tie_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
         for c, tied in enumerate(problem.tied):
             for t in np.flatnonzero(tied.any(axis=1)).tolist():
                 between, own = _information(fit, slopes, c, t)
-                own += np.eye(len(own)) / problem.tied_std[c] ** 2
+                own += np.eye(len(own)) / problem.error_correlation_std[c] ** 2
                 moved = between @ covariance
                 values, vectors = np.linalg.eigh(own - moved @ between.T)
                 # What the parameters explain just as well is open in their covariance already.

@@ -89,7 +89,7 @@ def said(monkeypatch, about, **axes):
         parameters=(), derived=(), covariance_names=(), covariance=np.zeros((0, 0)), settings={}
     )
     what, fit, joint = about
-    tables = pilot.with_pilot(empty, what, numbers, fit=fit, joint=joint)
+    tables = pilot.compare_with_reference(empty, what, numbers, fit=fit, joint=joint)
     return tables.warnings, tables.diagnostics
 
 

@@ -79,7 +79,7 @@ def flown(inertia, *, coupled):
         made_fit.prepared(seconds=40.0), data=data, phases=data.segments,
         motor_channel=data.rotor_speed,
     )  # fmt: skip
-    return made_fit.flown(flight, mass=MASS, motors=MotorsEntry(speed="measured", delay=0.0))
+    return made_fit.dataset(flight, mass=MASS, motors=MotorsEntry(speed="measured", delay=0.0))
 
 
 def uncoupled(inertia, *, coupled):

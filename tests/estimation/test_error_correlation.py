@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rotorfit.estimation.banded import BandedProblem, banded
+from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.estimation.tied_errors import tie_shifts
 
 SHARE = 0.8
 ROWS = 400
@@ -41,7 +41,7 @@ def two_lines(seed, *, heard=0.0):
 
 def tied(problem, share=SHARE, *, std=np.inf):
     tie = np.array([[0.0, 0.0], [share, 0.0]])
-    return replace(problem, tied=(tie,), tied_std=(std,))
+    return replace(problem, tied=(tie,), error_correlation_std=(std,))
 
 
 def test_values_and_deviations_are_those_of_generalised_least_squares():
@@ -88,7 +88,7 @@ def test_a_share_that_is_estimated_leaves_open_what_a_parameter_more_does(heard,
     information = np.einsum("inp,inq,i->pq", slopes, slopes, 1.0 / variance)
     information[2, 2] += std**-2.0
     more = np.linalg.inv(information)[:2, :2] - np.linalg.inv(information[:2, :2])
-    shifts = tie_shifts(fit)
+    shifts = error_correlation_shifts(fit)
     np.testing.assert_allclose(shifts.T @ shifts, more, rtol=1e-3, atol=1e-4 * more[1, 1])
     if heard and np.isinf(std):  # then the share is half of what is open of the second slope
         assert more[1, 1] > fit.estimate.covariance[1, 1]
@@ -96,5 +96,5 @@ def test_a_share_that_is_estimated_leaves_open_what_a_parameter_more_does(heard,
 
 def test_without_ties_nothing_is_open():
     fit = banded(two_lines(3)[1], np.zeros(2))
-    assert tie_shifts(fit).shape == (0, 2)
-    assert tie_shifts(banded(tied(two_lines(3)[1], 0.0), np.zeros(2))).shape == (0, 2)
+    assert error_correlation_shifts(fit).shape == (0, 2)
+    assert error_correlation_shifts(banded(tied(two_lines(3)[1], 0.0), np.zeros(2))).shape == (0, 2)

@@ -7,16 +7,21 @@ import flown
 import made_fit
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.fit.joint.informative_bands import _with_counted, pushes, steered_slowly, tied
+from rotorfit.fit.joint.informative_bands import (
+    _with_counted,
+    error_correlation,
+    pushes,
+    select_slow_bands,
+)
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY
-from rotorfit.identification.identify import _flown
+from rotorfit.identification.identify import load_dataset
 from rotorfit.reduction.frequency_bands import (
     EDGES,
     LEAST_RATIO,
     PILOT_BAND,
     counted_bands,
-    flown_bands,
+    excited_bands,
 )
 from rotorfit.simulation import Stick, Sticks, write_flight_table
 
@@ -43,15 +48,15 @@ def test_a_band_is_judged_over_all_stretches_of_its_flight():
     second = (factors.source == 0) & (factors.band[:, 0] == 1.0)
     first_stretch = second & (factors.segment == 0)
     signal[first_stretch] = 2.0 * (1.0 + LEAST_RATIO) + 0.1  # the other stretch is calm: twice
-    moved = flown_bands(factors, signal, residual)[:, 0]
+    moved = excited_bands(factors, signal, residual)[:, 0]
     np.testing.assert_array_equal(moved, second)
     signal[first_stretch] -= 2.0
-    assert not flown_bands(factors, signal, residual).any()
+    assert not excited_bands(factors, signal, residual).any()
 
 
 def test_a_first_fit_looks_at_turns_in_the_pilots_band_alone():
     body = made_fit.configuration(factors=blocks(stretches=1))
-    counted = steered_slowly(body).counted
+    counted = select_slow_bands(body).counted
     slow = body.factors.band[:, 0] < PILOT_BAND[1]
     assert (counted[:, [ROLL, PITCH, YAW]] == slow[:, None]).all()
     assert counted[:, [NOISY.index(name) for name in ("ax", "ay", "az")]].all()
@@ -71,7 +76,7 @@ def pushed(rng, share, *, push=1.0, answered=None):
     answered = np.ones((12, 3), dtype=bool) if answered is None else answered
     factors = made_fit.blocks([(1.0, 2.0)] * 12, rows=40)
     body = made_fit.configuration(factors=factors, counted=counted, answered=answered)
-    return tied([pushes(body, error)], body.vehicle)
+    return error_correlation([pushes(body, error)], body.vehicle)
 
 
 def test_what_comes_with_a_push_is_found(rng):
@@ -106,7 +111,7 @@ def test_bands_that_do_not_count_tie_nothing(rng):
         counted=np.zeros((12, 6), dtype=bool),
         answered=np.ones((12, 3), dtype=bool),
     )
-    assert not tied([pushes(body, error)], body.vehicle).any()
+    assert not error_correlation([pushes(body, error)], body.vehicle).any()
 
 
 def test_what_counts():
@@ -138,7 +143,7 @@ def test_a_band_is_flown_where_rotors_explain_over_three_times_the_rest():
     factors = made_fit.blocks([(1.0, 1.5)])
     for explained, flown_there in ((2.9, False), (3.1, True)):
         signal = np.full((1, 1), 1.0 + explained)
-        assert flown_bands(factors, signal, np.ones((1, 1))).tolist() == [[flown_there]]
+        assert excited_bands(factors, signal, np.ones((1, 1))).tolist() == [[flown_there]]
 
 
 def test_a_short_stretch_is_judged_apart():
@@ -146,9 +151,9 @@ def test_a_short_stretch_is_judged_apart():
     bands = [(4.0, 5.5), (4.0, 5.4), (0.8, 8.2)]
     factors = made_fit.blocks(bands, rows=[20, 20, 20])
     signal, residual = np.array([[1.0], [1.0], [300.0]]), np.ones((3, 1))
-    assert flown_bands(factors, signal, residual)[:, 0].tolist() == [False, False, True]
+    assert excited_bands(factors, signal, residual)[:, 0].tolist() == [False, False, True]
     narrower = made_fit.blocks([*bands[:2], (3.0, 7.0)], rows=[20, 20, 20])
-    assert flown_bands(narrower, signal, residual).all()
+    assert excited_bands(narrower, signal, residual).all()
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +167,7 @@ def rolled(tmp_path_factory):
     path = flown.experiment_file(
         folder / "experiment.toml", flight.vehicle, ["flight.csv"], mass=flight.truth.mass
     )
-    loaded = _flown(load_experiment(path), lambda words: None)
+    loaded = load_dataset(load_experiment(path), lambda words: None)
     _, (configuration,) = joint_fit(loaded)
     return configuration
 

@@ -1,0 +1,132 @@
+"""What a check finds: one type for refusals, doubts, notes, and checks that passed."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+Severity = Literal["refusal", "doubt", "note", "passed"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """A quantity that a check measured, such as ``thrust_over_weight``.
+
+    Attributes
+    ----------
+    name
+        Under which it stands among the diagnostics of a result.
+    value
+        Measured, SI.
+    interval
+        Its 95 % interval, where the check has one.
+    limit
+        The value beyond which the check objects.
+    """
+
+    name: str
+    value: float
+    interval: tuple[float, float] | None = None
+    limit: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """What one check says of a log, a flight or a fit.
+
+    Attributes
+    ----------
+    kind
+        Of the check, such as ``residual-peak``.
+    severity
+        ``refusal`` (nothing can be identified), ``doubt`` (a number may be wrong), ``note`` (to
+        know), or ``passed`` (the check was made and objects to nothing).
+    sentence
+        What was met, what was expected and what to do; empty where the check passed.
+    numbers
+        Full names of the numbers it is about, such as ``kt`` or ``Ixx@A``; empty: all.
+    flights
+        Files of the flights it is about; empty: all.
+    evidence
+        The quantities behind it.
+    next_step
+        What to do, where that is not in the sentence alone.
+    """
+
+    kind: str
+    severity: Severity
+    sentence: str = ""
+    numbers: tuple[str, ...] = ()
+    flights: tuple[str, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    next_step: str | None = None
+
+    @property
+    def diagnostics(self) -> dict[str, float]:
+        """The measured quantities by name."""
+        return {one.name: one.value for one in self.evidence}
+
+
+def doubt(kind: str, sentence: str, **about: Any) -> Finding:
+    """Return a doubt; `about` are further fields of `Finding`."""
+    return Finding(kind=kind, severity="doubt", sentence=sentence, **about)
+
+
+def note(kind: str, sentence: str, **about: Any) -> Finding:
+    """Return a note; `about` are further fields of `Finding`."""
+    return Finding(kind=kind, severity="note", sentence=sentence, **about)
+
+
+def doubt_or_passed(
+    kind: str, sentence: str | None, measured: Mapping[str, float] | None = None, **about: Any
+) -> Finding:
+    """Return a doubt where there is a sentence, else that the check passed.
+
+    Parameters
+    ----------
+    kind
+        Of the check.
+    sentence
+        None where it objects to nothing.
+    measured
+        Quantities by name.
+    about
+        Further fields of `Finding`.
+    """
+    return Finding(
+        kind=kind,
+        severity="passed" if sentence is None else "doubt",
+        sentence=sentence or "",
+        evidence=tuple(Evidence(name=name, value=v) for name, v in (measured or {}).items()),
+        **about,
+    )
+
+
+def sentences(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """Return the sentences of findings, without those of checks that passed."""
+    return tuple(one.sentence for one in findings if one.sentence)
+
+
+def diagnostics_of(findings: Iterable[Finding]) -> dict[str, float]:
+    """Return the quantities behind findings by name."""
+    return {name: value for one in findings for name, value in one.diagnostics.items()}
+
+
+def finding_to_plain(finding: Finding) -> dict[str, Any]:
+    """Return a finding as JSON holds it."""
+    return asdict(finding)
+
+
+def finding_from_plain(entry: Mapping[str, Any]) -> Finding:
+    """Return a finding of JSON.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If it is none.
+    """
+    evidence = tuple(
+        Evidence(**{**one, "interval": None if one["interval"] is None else tuple(one["interval"])})
+        for one in entry["evidence"]
+    )
+    texts = {name: tuple(str(text) for text in entry[name]) for name in ("numbers", "flights")}
+    return Finding(**{**entry, **texts, "evidence": evidence})
