@@ -24,7 +24,7 @@ from benchmarks.common import (
     without_progress,
 )
 from benchmarks.same_numbers import TABLES
-from benchmarks.spoilt_logs.cases import Dataset, Spoilt
+from benchmarks.spoilt_logs.cases import Flown, Spoilt
 
 from rotorfit.logs.table import write_table
 
@@ -83,13 +83,13 @@ def experiment_of(case: Spoilt, folder: Path) -> Path:
     """Write logs and experiment of a case into a folder; return the experiment."""
     sound = SOUND[case.log]
     declared = sound.declared if case.declare is None else case.declare(sound.declared)
-    first = Dataset(log=case.log, spoil=case.spoil, window=case.window)
-    shared = [first, *(dataset for dataset in case.beside if dataset.mass is None)]
+    first = Flown(log=case.log, spoil=case.spoil, window=case.window)
+    shared = [first, *(flown for flown in case.beside if flown.mass is None)]
     bodies = [(declared.mass, shared)]
-    bodies += [(dataset.mass, [dataset]) for dataset in case.beside if dataset.mass is not None]
+    bodies += [(flown.mass, [flown]) for flown in case.beside if flown.mass is not None]
     text = airframe_text(declared)
     for i, (mass, flights) in enumerate(bodies):
-        entries = ", ".join(_entry(dataset, folder) for dataset in flights)
+        entries = ", ".join(_entry(flown, folder) for flown in flights)
         weight = json.dumps(mass)
         text += f'[[configuration]]\nname = "{"AB"[i]}"\nmass = {weight}\nflights = [{entries}]\n'
     path = folder / "experiment.toml"
@@ -97,13 +97,13 @@ def experiment_of(case: Spoilt, folder: Path) -> Path:
     return path
 
 
-def _entry(dataset: Dataset, folder: Path) -> str:
+def _entry(flown: Flown, folder: Path) -> str:
     """Write the table of a flight; return its entry in the experiment."""
-    log = read_sound(dataset.log)
-    table = folder / f"{dataset.log}.csv"
-    write_table(table, table_columns(log if dataset.spoil is None else dataset.spoil(log)))
-    comma = ", " if dataset.window else ""
-    return f'{{ file = "{table.name}"{comma}{dataset.window} }}'
+    log = read_sound(flown.log)
+    table = folder / f"{flown.log}.csv"
+    write_table(table, table_columns(log if flown.spoil is None else flown.spoil(log)))
+    comma = ", " if flown.window else ""
+    return f'{{ file = "{table.name}"{comma}{flown.window} }}'
 
 
 def told(experiment: Path) -> Said:

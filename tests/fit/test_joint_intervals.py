@@ -11,7 +11,7 @@ from rotorfit.estimation.banded import BandedProblem, banded, response_sensitivi
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.experiment.payload import PointMass
-from rotorfit.fit import joint_numbers as module
+from rotorfit.fit.intervals import joint_numbers as module
 from rotorfit.fit.intervals.joint_numbers import (
     Numbers,
     _between_phases,

@@ -86,7 +86,7 @@ def select_informative_bands(
         for part in zip(configurations, signal, residual, strict=True)
     ]
     return [
-        replace(c, error_correlation=error_correlation([pushes(c, e)], c.vehicle))
+        replace(c, tied=error_correlation([pushes(c, e)], c.vehicle))
         for c, e in zip(counted, errors, strict=True)
     ]
 
