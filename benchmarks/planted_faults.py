@@ -656,7 +656,7 @@ ROOMS: Final[dict[str, Room]] = {
             ("spread @ numbers.correlation[np.ix_(places, places)] @ spread", "spread @ spread"),
         ),
     ),
-    "results/rotor_spread.py": Room(
+    "results/joint_tables.py": Room(
         tests=("tests/results/test_rotor_spread.py",),
         scaled=(
             "MOSTLY_ASSUMED = <<0.5>>",

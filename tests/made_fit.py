@@ -8,8 +8,17 @@ from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors
-from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
+from rotorfit.experiment.airframe_table import AirframeEntry
+from rotorfit.experiment.experiment import (
+    ConfigurationEntry,
+    Experiment,
+    FlightEntry,
+    MotorsEntry,
+)
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem
+from rotorfit.fit.joint.term_choice import Choice
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
@@ -151,3 +160,45 @@ def dataset(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
         configurations=(ConfigurationData(entry=entry, flights=used),),
         **more,
     )
+
+
+def no_numbers(*names, values=(), half_width=(), excitation=None):
+    """Return numbers of these names, uncorrelated."""
+    return Numbers(
+        names=names,
+        values=np.array(values, dtype=float),
+        half_width=np.array(half_width, dtype=float),
+        correlation=np.eye(len(names)),
+        excitation=excitation or {},
+    )
+
+
+def fit(flights, numbers=None, *, bodies=None, estimate=None):
+    """Return a fit of a dataset with made-up numbers; without `bodies` nothing was fitted."""
+    bodies = [configuration()] if bodies is None else bodies
+    return Fit(
+        dataset=flights,
+        terms=(),
+        choice=Choice(terms=()),
+        estimate=fit_of(bodies, std={}) if estimate is None else estimate,
+        configurations=tuple(bodies),
+        numbers=no_numbers() if numbers is None else numbers,
+    )
+
+
+def experiment(entry=None, motors=None, **identification):
+    """Return an experiment of one configuration, A."""
+    entry = entry or ConfigurationEntry(name="A", mass=1.4, flights=(FlightEntry(file="A0.csv"),))
+    return Experiment(
+        airframe=AirframeEntry(layout="quad-x", arm=ARM),
+        motors=motors or MotorsEntry(),
+        identification=identification,
+        configuration=(entry,),
+    )
+
+
+def only(findings):
+    """Return the one finding of a check; None where it found nothing to object to."""
+    objections = [one for one in findings if one.severity != "passed"]
+    assert len(objections) < 2
+    return objections[0].sentence if objections else None

@@ -6,7 +6,7 @@ from jaxtyping import TypeCheckError
 
 import first_calls
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
-from rotorfit.results.draws import normal_draws
+from rotorfit.results.samples import normal_draws
 
 OBLONG = np.ones((2, 3))
 

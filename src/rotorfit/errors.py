@@ -5,10 +5,27 @@ A message says what was met, what was expected, and what to do next.
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+from rotorfit.findings import Finding
 
 
 class RotorfitError(Exception):
-    """Base of every error that rotorfit raises on purpose."""
+    """Base of every error that rotorfit raises on purpose: a refusal."""
+
+    kind: ClassVar[str] = "refused"
+    _about: Mapping[str, Any] = {}
+
+    def about(self, **fields: Any) -> Self:
+        """Return the error itself, with fields of its `Finding`, such as its kind."""
+        self._about = fields
+        return self
+
+    @property
+    def finding(self) -> Finding:
+        """The refusal as a finding; its sentence is the message."""
+        fields: dict[str, Any] = {"kind": self.kind, **self._about}
+        return Finding(**fields, severity="refusal", sentence=str(self))
 
 
 class _OneLineError(RotorfitError):
@@ -25,17 +42,25 @@ class _OneLineError(RotorfitError):
 class LogError(_OneLineError):
     """A file cannot be read as a flight log, or lacks a channel that is needed."""
 
+    kind = "log"
+
 
 class FlightError(RotorfitError):
     """A log was read, but holds no stretch of flight that can be used."""
+
+    kind = "flight"
 
 
 class FrameError(FlightError):
     """The data contradict the declared axes, rotor order or spin directions."""
 
+    kind = "declaration"
+
 
 class ExcitationError(FlightError):
     """The flight does not move enough to determine what was asked."""
+
+    kind = "excitation"
 
 
 class ExperimentError(_OneLineError):
@@ -45,6 +70,8 @@ class ExperimentError(_OneLineError):
     sentence: for what shows them one by one.
     """
 
+    kind = "experiment"
+
     def __init__(self, message: str, *, problems: Sequence[tuple[str, str]] = ()) -> None:
         super().__init__(message)
         self.problems = tuple(problems)
@@ -52,6 +79,8 @@ class ExperimentError(_OneLineError):
 
 class EstimationError(RotorfitError):
     """The numbers handed to an estimator do not determine a solution."""
+
+    kind = "estimation"
 
 
 class UnsettledError(EstimationError):
@@ -67,6 +96,8 @@ class UnsettledError(EstimationError):
 
 class OutputError(RotorfitError):
     """A result cannot be written or read back."""
+
+    kind = "output"
 
 
 class MissingNumbersError(OutputError):

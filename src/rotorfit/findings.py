@@ -50,6 +50,8 @@ class Finding:
         The quantities behind it.
     next_step
         What to do, where that is not in the sentence alone.
+    withheld_because
+        Why the numbers are withheld from the result; None where they are not.
     """
 
     kind: str
@@ -59,6 +61,7 @@ class Finding:
     flights: tuple[str, ...] = ()
     evidence: tuple[Evidence, ...] = ()
     next_step: str | None = None
+    withheld_because: str | None = None
 
     @property
     def diagnostics(self) -> dict[str, float]:
@@ -124,9 +127,15 @@ def finding_from_plain(entry: Mapping[str, Any]) -> Finding:
     KeyError, TypeError, ValueError
         If it is none.
     """
-    evidence = tuple(
-        Evidence(**{**one, "interval": None if one["interval"] is None else tuple(one["interval"])})
-        for one in entry["evidence"]
-    )
-    texts = {name: tuple(str(text) for text in entry[name]) for name in ("numbers", "flights")}
-    return Finding(**{**entry, **texts, "evidence": evidence})
+    fields: dict[str, Any] = dict(entry)
+    fields["evidence"] = tuple(_evidence_from_plain(one) for one in entry["evidence"])
+    for name in ("numbers", "flights"):
+        fields[name] = tuple(str(text) for text in entry[name])
+    return Finding(**fields)
+
+
+def _evidence_from_plain(entry: Mapping[str, Any]) -> Evidence:
+    fields: dict[str, Any] = dict(entry)
+    if entry["interval"] is not None:
+        fields["interval"] = tuple(entry["interval"])
+    return Evidence(**fields)

@@ -9,19 +9,15 @@ import made_fit
 from rotorfit.diagnostics.coupling import (
     ADVICE,
     REASON,
-    uncoupled_fit,
+    drop_absent_coupling,
     without_coupling,
-    without_yaw_scale,
 )
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.experiment.model_terms import Term
-from rotorfit.fit.intervals.joint_numbers import joint_numbers
-from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.model.parameters import inertia_matrix
 from rotorfit.model.regressor import regressor
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.results.parameter_tables import Tables
-from rotorfit.results.result import Derived, Parameter
 
 MASS, KT, KD, RATE = 1.4, 2e-6, 3e-8, 100.0
 NOTHING: tuple[Term, ...] = ()
@@ -83,54 +79,29 @@ def flown(inertia, *, coupled):
 
 
 def uncoupled(inertia, *, coupled):
-    made = flown(inertia, coupled=coupled)
-    fit, joint = joint_fit(made, terms=NOTHING)
-    numbers = joint_numbers(fit, joint, {"A": 0.0})
-    return uncoupled_fit(made, fit, numbers, terms=NOTHING), numbers
+    """Return the fit of a body with its coupling, and after the step that may drop it."""
+    fit = fit_flights(flown(inertia, coupled=coupled), NOTHING)
+    return fit, drop_absent_coupling(fit)
 
 
-def test_a_body_without_coupling_is_found_and_its_other_numbers_are_right():
-    found, coupled = uncoupled(INERTIA, coupled=False)
-    assert found is not None
-    assert found.gain > 100.0
-    Izz = coupled.number("Izz_com@A")[0]
+def test_a_body_without_coupling_is_found_and_its_ratios_are_right():
+    coupled, found = uncoupled(INERTIA, coupled=False)
+    [finding] = found.findings
+    assert finding.kind == "no-coupling"
+    assert finding.diagnostics["gain_without_coupling"] > 100.0
+    Izz = coupled.numbers.number("Izz_com@A")[0]
     assert Izz < 0.7 * INERTIA[2, 2]  # what an expected coupling makes of it
-    at = found.fit.estimate.by_name
+    at = found.estimate.estimate.by_name
     assert (at["Ixx@A"], at["Iyy@A"]) == pytest.approx((0.010, 0.013), rel=0.02)
     assert at["kd"] / at["Izz@A"] == pytest.approx(KD / 0.021, rel=0.05)
+    assert {"kd", "Izz@A", "Izz_com@A"} <= set(finding.numbers)
+    assert (finding.withheld_because, finding.next_step) == (REASON, ADVICE)
+    assert f"log-likelihood {finding.evidence[0].value:+.0f} without w x I w" in finding.sentence
 
 
 @pytest.mark.parametrize("inertia", [INERTIA, BALL], ids=["flat", "ball"])
 def test_a_rigid_body_keeps_its_coupling(inertia):
-    found, numbers = uncoupled(inertia, coupled=True)
-    assert found is None
+    fit, found = uncoupled(inertia, coupled=True)
+    assert found is fit
     if inertia is INERTIA:
-        assert numbers.number("Izz_com@A")[0] == pytest.approx(0.021, rel=0.05)
-
-
-def a_number(name, value, **more):
-    return {"name": name, "configuration": None if name in ("kt", "kd") else "A", "value": value,
-            "std": 0.1, "interval": (value - 0.2, value + 0.2), "unit": "", **more}  # fmt: skip
-
-
-def test_the_scale_of_yaw_is_taken_back_and_its_ratio_stays():
-    parameters = tuple(
-        Parameter(**a_number(name, 1.0, verdict="identified")) for name in ("kt", "kd", "Izz")
-    )
-    derived = tuple(Derived(**a_number(name, 2.0)) for name in ("Izz_com", "kd_over_Izz"))
-    tables = Tables(
-        parameters=parameters,
-        derived=derived,
-        covariance_names=("kt", "kd", "Izz@A"),
-        covariance=np.eye(3),
-        settings={},
-    )
-    found = without_yaw_scale(tables, 42.0)
-    kt, kd, Izz = found.parameters
-    assert kt == parameters[0]
-    for p, partner in ((kd, "Izz"), (Izz, "kd")):
-        assert (p.value, p.verdict, p.partner) == (None, "ratio-only", partner)
-        assert (p.reason, p.advice) == (REASON, ADVICE)
-    assert [d.value for d in found.derived] == [None, 2.0]
-    assert found.covariance_names == ("kt",)
-    assert "log-likelihood +42 without w x I w" in found.warnings[0]
+        assert fit.numbers.number("Izz_com@A")[0] == pytest.approx(0.021, rel=0.05)

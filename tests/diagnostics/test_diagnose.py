@@ -7,7 +7,7 @@ import pytest
 
 import flown
 from rotorfit.dataset.weight_balance import Held, held_up, pooled, turning
-from rotorfit.diagnostics.consistency_checks import HoverThrust, hovers_differ, thrust_sags
+from rotorfit.diagnostics.hover_thrust import HoverThrust, hovers_differ, thrust_sags
 from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
 from rotorfit.simulation import (
     Scenario,
@@ -179,11 +179,10 @@ def thrust(name, ratio, *, std=0.002, sag=0.0):
 
 
 def test_flights_that_hover_alike_raise_no_doubt():
-    words, numbers = hovers_differ([thrust("A", 1.0), thrust("A", 1.008), thrust("B", 0.999)])
-    assert words is None
-    assert numbers["largest_hover_ratio"] == pytest.approx(1.008 / 0.999)
-    words, _ = hovers_differ([thrust("A", 1.0), thrust("A", 1.06)])
-    assert words is not None
+    alike = hovers_differ([thrust("A", 1.0), thrust("A", 1.008), thrust("B", 0.999)])
+    assert (alike.severity, alike.sentence) == ("passed", "")
+    assert alike.diagnostics["largest_hover_ratio"] == pytest.approx(1.008 / 0.999)
+    words = hovers_differ([thrust("A", 1.0), thrust("A", 1.06)]).sentence
     assert "A1.csv hovers on 6.0 % more thrust for its mass" in words
     assert "battery" in words
     both = pooled([Held(ratio=1.0, std=0.1, seconds=5.0), Held(ratio=2.0, std=0.2, seconds=7.0)])
@@ -193,14 +192,13 @@ def test_flights_that_hover_alike_raise_no_doubt():
 
 
 def test_a_sagging_battery_is_said():
-    assert thrust_sags([thrust("A", 1.0, sag=0.01)], commanded=True)[0] is None
+    assert thrust_sags([thrust("A", 1.0, sag=0.01)], commanded=True).severity == "passed"
     both = [thrust("A", 1.0, sag=0.01), thrust("B", 1.0, sag=0.08)]
-    measured, _ = thrust_sags(both, commanded=False)
-    assert measured is not None
+    measured = thrust_sags(both, commanded=False).sentence
     assert measured.endswith("than at its beginning: drag carried part of the weight in climb or "
                              "descent: fly slower")  # fmt: skip
-    words, numbers = thrust_sags(both, commanded=True)
-    assert numbers["thrust_change"] == pytest.approx(0.16)
-    assert words is not None
+    sag = thrust_sags(both, commanded=True)
+    words = sag.sentence
+    assert sag.diagnostics["thrust_change"] == pytest.approx(0.16)
     assert words.startswith("B (B1.csv): the same motor data give 16 % less thrust at the end")
     assert "log rotor speed" in words

@@ -2,8 +2,8 @@
 
 import pytest
 
-from rotorfit.diagnostics.body_size import too_light
-from rotorfit.diagnostics.early_motors import early_said
+from rotorfit.diagnostics.clocks import early_sentence
+from rotorfit.diagnostics.vehicle_size import too_light
 
 
 @pytest.mark.parametrize(("mass", "arm"), [(0.027, 0.04), (1.4, 0.25), (25.0, 1.0), (0.4, 0.5)])
@@ -15,8 +15,8 @@ def test_an_arm_in_centimetres_makes_a_vehicle_lighter_than_air(mass, arm):
 
 
 def test_motors_do_not_answer_before_their_command():
-    assert early_said(0.04, -0.004, 0.0) is None
-    assert early_said(0.1, -0.028, 0.02) is None
-    words = early_said(0.1, -0.028, 0.002)
+    assert early_sentence(0.04, -0.004, 0.0) is None
+    assert early_sentence(0.1, -0.028, 0.02) is None
+    words = early_sentence(0.1, -0.028, 0.002)
     assert "the motors answer 28 ms before the command" in words
     assert "the lag given is longer than the motors'" in words

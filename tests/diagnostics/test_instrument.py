@@ -78,7 +78,7 @@ def test_a_response_unlike_the_model_is_a_contradiction_and_chance_is_none(gusty
 
 
 def test_what_an_attitude_loop_may_pass_on_is_no_contradiction():
-    one = Instrumented(ratio=1.10, plain=1.10, std=0.01, apart_std=0.01)
+    one = Instrumented(ratio=1.10, plain=1.10, std=0.01, difference_std=0.01)
     assert one.contradicts(1e-3)
     assert not replace(one, plain=0.94).contradicts(1e-3)
 

@@ -8,10 +8,10 @@ from scipy import signal
 
 import flown
 import made_fit
-from rotorfit.diagnostics.imu_clocks import accelerometer_delay
-from rotorfit.diagnostics.imu_tilt_words import lean_sentence
+from rotorfit.diagnostics.clocks import accelerometer_delay
+from rotorfit.diagnostics.imu_tilt import lean_sentence
 from rotorfit.diagnostics.lever_arms import stretched
-from rotorfit.diagnostics.rotor_size import unusual_loading
+from rotorfit.diagnostics.vehicle_size import unusual_loading
 from rotorfit.errors import FrameError
 
 RATE, SECONDS = 200.0, 30.0
@@ -31,7 +31,7 @@ def test_arms_of_another_ratio_are_refused_with_the_likely_one(tmp_path, flight)
         flown.identified(tmp_path, [flight], vehicle=wrong)
 
 
-def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):
+def rotors_that_respond(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):
     """Return what flew: random speeds, to which thrust and roll answer, each so much later [s].
 
     `noise` of the force [m/s^2]; `turned`: power of other turns over that of those answers.
@@ -59,6 +59,10 @@ def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):
     return made_fit.dataset(replace(flat, data=data, motor_channel=data.rotor_speed))
 
 
+def late_sensor(**flight):
+    return made_fit.only(accelerometer_delay(made_fit.fit(rotors_that_respond(**flight))))
+
+
 @pytest.mark.parametrize(
     ("accel", "gyro", "words"),
     [
@@ -71,18 +75,18 @@ def rotors_that_answer(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):
     ],
 )
 def test_sensors_that_are_apart_in_time_are_named(accel, gyro, words):
-    said = accelerometer_delay(rotors_that_answer(accel_late=accel, gyro_late=gyro))
+    said = late_sensor(accel_late=accel, gyro_late=gyro)
     assert said is None if words is None else words in (said or "")
 
 
 @pytest.mark.parametrize(("late", "said"), [(0.01, False), (0.03, True)])
 def test_turns_that_the_rotors_do_not_explain_may_be_that_much_late(late, said):
-    words = accelerometer_delay(rotors_that_answer(accel_late=late, turned=0.13))
+    words = late_sensor(accel_late=late, turned=0.13)
     assert (words is not None) is said
 
 
 def test_where_the_rotors_explain_little_no_time_is_told():
-    assert accelerometer_delay(rotors_that_answer(accel_late=0.03, noise=20.0)) is None
+    assert late_sensor(accel_late=0.03, noise=20.0) is None
 
 
 @pytest.mark.parametrize(("mass", "said"), [(1.4, False), (14.0, True)])
@@ -101,4 +105,4 @@ def test_thrust_that_leans_is_said(degrees, said):
     flown_so = made_fit.dataset(replace(flat, data=replace(flat.data, specific_force=force)))
     words = lean_sentence(flown_so)
     assert bool(words) is said
-    assert not words or "10.0 degrees nose up" in words[0]
+    assert not words or "10.0 degrees nose up" in words

@@ -7,12 +7,13 @@ import pytest
 
 import made_fit
 from rotorfit.dataset.dataset import completed_motors
-from rotorfit.diagnostics.estimated_velocity import with_velocity_errors
-from rotorfit.diagnostics.filtered_imu import with_filter_faults
-from rotorfit.diagnostics.log_metadata import agreed_motors, log_metadata_notes
+from rotorfit.dataset.load import agreed_motors
+from rotorfit.diagnostics.log_metadata import log_metadata
+from rotorfit.diagnostics.sensor_faults import lowpass_half_width, velocity_half_width
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.experiment.law_table import LawEntry, SqrtEntry, law_entry_of
+from rotorfit.findings import sentences
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.flight_log import Channel, FlightLog, LoggedMotors
 from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
@@ -73,12 +74,12 @@ def test_flights_whose_logs_tell_different_motors_are_refused():
 def test_what_was_taken_from_a_log_is_said():
     completed = completed_motors(COMMANDED, logged())
     flown = made(logged(simulator="ArduPilot SITL", gyro_lowpass=20.0), motors=completed)
-    said = log_metadata_notes(COMMANDED, flown)
+    said = sentences(log_metadata(COMMANDED, flown))
     assert any("the one in the log (MOT_THST_EXPO, at 12.8 V)" in w for w in said)
     assert any(w.startswith("flown in ArduPilot SITL, a simulator: ") for w in said)
     assert any("low-passed on board at 20 Hz: 11 ms of motor_lag" in w for w in said)
     declared = COMMANDED.model_copy(update={"law": OWN})
-    assert log_metadata_notes(declared, made(logged(), motors=declared)) == ()
+    assert log_metadata(declared, made(logged(), motors=declared)) == ()
 
 
 def test_an_estimated_velocity_leaves_drag_open():
@@ -91,16 +92,17 @@ def test_an_estimated_velocity_leaves_drag_open():
     prepared = dataclasses.replace(prepared, data=data)
     given = numbers(drag_x=0.9, drag_y=0.9, Ixx=0.02)
     flown = made(logged(format="ulog"), prepared=prepared, velocity="known")
-    half = with_velocity_errors(given, flown).half_width
+    half = velocity_half_width(given, flown)
     assert half == pytest.approx([0.01 + 0.9 * 0.36 / 0.64, 0.01 + 0.9 * 9.0, 0.01], rel=1e-3)
     table = made(logged(), prepared=prepared, velocity="known")
-    assert with_velocity_errors(given, table) is given
+    assert velocity_half_width(given, table).tolist() == given.half_width.tolist()
 
 
 def test_a_low_pass_taken_for_a_lag_is_in_the_intervals():
     given = numbers(Ixx_com=0.02, com_z=0.001, Ixy_com=0.001, kt=1.0)
     flown = made(logged(gyro_lowpass=20.0)).at(MotorResponse(lag=0.007))
-    half = with_filter_faults(given, flown).half_width
+    half = lowpass_half_width(given, flown)
     lost = 1.0 / np.sqrt(1.0 + 0.15**4) - 1.0 / np.sqrt(1.0 + (6.0 * np.pi * 0.007) ** 2)
     assert half == pytest.approx([0.01 + 0.02 * lost, 0.0102, 0.01, 0.01])
-    assert with_filter_faults(given, made(logged()).at(MotorResponse(lag=0.007))) is given
+    raw = made(logged()).at(MotorResponse(lag=0.007))
+    assert lowpass_half_width(given, raw).tolist() == given.half_width.tolist()

@@ -1,16 +1,23 @@
 """What was asked for in a simulated flight: the response it tells, and what a result says of it."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import flown
-from rotorfit.diagnostics.instruments import reference_test as pilot
+import made_fit
 from rotorfit.diagnostics.instruments.instrument import Instrumented
 from rotorfit.diagnostics.instruments.reference_lines import reference_lines
-from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.results.parameter_tables import Tables
+from rotorfit.diagnostics.instruments.reference_test import (
+    RESPONSES,
+    axis_responses,
+    response_findings,
+)
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.findings import diagnostics_of, sentences
+from rotorfit.identification.identify import identify_flights
 from rotorfit.simulation import write_flight_table
 from rotorfit.simulation.views import to_flight_log
 
@@ -24,8 +31,8 @@ def flight():
 
 @pytest.fixture(scope="module")
 def seen(flight, tmp_path_factory):
-    """Identify the flight; return the result, and what the pilot was asked about."""
-    folder, asked = tmp_path_factory.mktemp("pilot"), []
+    """Identify the flight; return the result and the fit."""
+    folder = tmp_path_factory.mktemp("pilot")
     write_flight_table(
         flight, folder / "f.csv", channels=("gyro", "accel", "rotor_speed", "reference")
     )
@@ -33,13 +40,10 @@ def seen(flight, tmp_path_factory):
         folder / "e.toml", flight.vehicle, [folder / "f.csv"], mass=flight.truth.mass
     )
 
-    def looked_on(*about):
-        asked.append(about)
-        return reference_lines(*about)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pilot, "reference_lines", looked_on)
-        return flown.quietly_identified(path), asked[0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = identify_flights(load_experiment(path))
+    return found.result, found.fit
 
 
 def test_the_reference_tells_the_response_of_every_axis(seen):
@@ -52,13 +56,14 @@ def test_the_reference_tells_the_response_of_every_axis(seen):
     assert not any("by what was asked for" in words for words in result.warnings)
 
 
-def test_a_fit_with_too_little_thrust_is_told_so(seen):
-    _, (what, fit, joint) = seen
-    values = fit.estimate.values.copy()
-    values[fit.estimate.names.index("kt")] *= 0.8
-    weaker = replace(fit, estimate=replace(fit.estimate, values=values))
-    ((_, lines),) = reference_lines(what, weaker, joint)
-    found = pilot._axes(lines)
+def test_a_fit_with_too_little_thrust_shows_in_the_responses(seen):
+    _, fit = seen
+    at = fit.estimate.estimate
+    values = at.values.copy()
+    values[at.names.index("kt")] *= 0.8
+    weaker = replace(fit, estimate=replace(fit.estimate, estimate=replace(at, values=values)))
+    ((_, lines),) = reference_lines(weaker)
+    found = axis_responses(lines)
     for axis in ("roll", "pitch"):
         assert found[axis].ratio == pytest.approx(1.25, abs=0.03), axis
         assert found[axis].contradicts(1e-3)
@@ -73,31 +78,19 @@ def test_rates_asked_for_are_those_of_the_autopilot(flight):
         assert np.corrcoef(asked[:-20, k], later[:-20, k])[0, 1] > 0.8
 
 
-def said(monkeypatch, about, **axes):
+def compared(**axes):
     """Return the warnings and diagnostics of made-up ratios beside numbers known to 4 %."""
-    names = tuple(f"{name}@A" for name in pilot.RESPONSES.values())
-    numbers = Numbers(
-        names=names,
-        values=np.ones(3),
-        half_width=np.full(3, 0.04),
-        correlation=np.eye(3),
-        excitation={},
-    )
-    monkeypatch.setattr(pilot, "reference_lines", lambda *_: [("A", axes or None)])
-    monkeypatch.setattr(pilot, "_axes", lambda lines: lines)
-    empty = Tables(
-        parameters=(), derived=(), covariance_names=(), covariance=np.zeros((0, 0)), settings={}
-    )
-    what, fit, joint = about
-    tables = pilot.compare_with_reference(empty, what, numbers, fit=fit, joint=joint)
-    return tables.warnings, tables.diagnostics
+    names = tuple(f"{name}@A" for name in RESPONSES.values())
+    numbers = made_fit.no_numbers(*names, values=np.ones(3), half_width=np.full(3, 0.04))
+    found = list(response_findings("A", axes, numbers))
+    return sentences(found), diagnostics_of(found)
 
 
-SURE = Instrumented(ratio=1.10, plain=1.09, std=0.01, apart_std=0.008)
+SURE = Instrumented(ratio=1.10, plain=1.09, std=0.01, difference_std=0.008)
 
 
-def test_a_contradiction_is_said_with_what_to_do(monkeypatch, seen):
-    (words,), _ = said(monkeypatch, seen[1], pitch=SURE)
+def test_a_contradiction_is_said_with_what_to_do():
+    (words,), _ = compared(pitch=SURE)
     assert words == (
         "A: by what was asked for the response in pitch (kt / Iyy) is 1.100 +- 0.020 times that of "
         "the fit: the autopilot responded to gusts differently than assumed, or what was asked "
@@ -109,18 +102,18 @@ def test_a_contradiction_is_said_with_what_to_do(monkeypatch, seen):
 @pytest.mark.parametrize(
     "silent",
     [
-        replace(SURE, ratio=1.015, std=0.001, apart_std=0.001),  # well inside the interval
-        replace(SURE, apart_std=0.05),  # chance
+        replace(SURE, ratio=1.015, std=0.001, difference_std=0.001),  # well inside the interval
+        replace(SURE, difference_std=0.05),  # chance
         replace(SURE, ratio=1.5, std=0.11),  # too weak to tell
     ],
 )
-def test_what_matters_little_or_may_be_chance_is_a_number_only(monkeypatch, seen, silent):
-    warnings, diagnostics = said(monkeypatch, seen[1], yaw=silent)
+def test_what_matters_little_or_may_be_chance_is_a_number_only(silent):
+    warnings, diagnostics = compared(yaw=silent)
     assert warnings == ()
     assert diagnostics["reference_yaw@A"] == silent.ratio
     assert diagnostics["reference_yaw_half_width@A"] == silent.half_width
     assert diagnostics["reference_axes@A"] == (1.0 if silent.half_width < 0.2 else 0.0)
 
 
-def test_without_a_reference_that_is_a_number_only(monkeypatch, seen):
-    assert said(monkeypatch, seen[1]) == ((), {"reference_axes@A": 0.0})
+def test_without_a_reference_that_is_a_number_only():
+    assert compared() == ((), {"reference_axes@A": 0.0})

@@ -8,7 +8,7 @@ import pytest
 
 import flown
 from rotorfit.diagnostics.changed_rotor import LEAST_UNLIKE, unlike_rotor
-from rotorfit.diagnostics.rotor_size import AIR, figure_of_merit, largest_radius
+from rotorfit.diagnostics.vehicle_size import AIR, figure_of_merit, largest_radius
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.table import write_table

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rotorfit import version
 from rotorfit.export import targets
 from rotorfit.export.targets import TARGETS
+from rotorfit.findings import doubt
 
 NAMES = {
     "gazebo": "model.sdf",
@@ -84,7 +85,7 @@ def test_any_name_leaves_the_file_readable(words):
     """Names of experiments, flights and configurations are the user's, and are any text."""
     result = a_result()
     flight = replace(result.flights[0], file=words)
-    named = replace(result, name=words, flights=(flight,), warnings=(words,))
+    named = replace(result, name=words, flights=(flight,), findings=(doubt("made", words),))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(targets, "DRAWN", 3)  # the intervals' numbers are not looked at
         check_readable(named)

@@ -38,11 +38,12 @@ from rotorfit.export.result_numbers import numbers_of
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
 from rotorfit.export.vehicle_model import vehicle_model
+from rotorfit.findings import doubt
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
 from rotorfit.model.parameters import INERTIA
 from rotorfit.preprocessing.motors.thrust_curve import thrust_curve
-from rotorfit.results.about_com import body_verdict
 from rotorfit.results.command_units import effective_unit
+from rotorfit.results.verdicts import body_verdict
 
 EVERY = sorted(TARGETS)
 WITH_YAW = [target for target in EVERY if "kd" in TARGETS[target].needs]
@@ -326,7 +327,7 @@ def test_every_target_says_where_its_numbers_are_from(target):
 
 
 def test_the_doubts_of_the_result_stand_in_the_file():
-    doubtful = replace(a_result(), warnings=("gyro bias not removed",))
+    doubtful = replace(a_result(), findings=(doubt("made", "gyro bias not removed"),))
     assert "# Doubt: gyro bias not removed\n" in text_of(doubtful, "px4")
 
 

@@ -28,7 +28,7 @@ from rotorfit.planning.vehicle import payload_pair, rough_vehicle
 from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.reduction.frequency_bands import EDGES, STRETCH
 from rotorfit.reduction.reduce import BandPlan, band_factors
-from rotorfit.results.about_com import twin_of
+from rotorfit.results.verdicts import twin_of
 from rotorfit.simulation import (
     Scenario,
     Sensors,

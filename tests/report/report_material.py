@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from rotorfit.findings import doubt
 from rotorfit.results.result import (
     Derived,
     FlightRecord,
@@ -152,7 +153,7 @@ def a_result(
         "covariance": root @ root.T,
         "settings": settings,
         "versions": {"rotorfit": "0.1.0", "numpy": "2.0.0"},
-        "warnings": (words,),
+        "findings": (doubt("made", words),),
         "diagnostics": {"excitation_roll": 23.0, "excitation_yaw": 2.0, "condition_roll": 112.0},
     }
     return IdentificationResult(**(fields | changes))

@@ -255,7 +255,7 @@ def test_a_result_that_knows_nothing_is_reported() -> None:
     nothing = a_result(
         parameters=(parameter("kt", None, **UNKNOWN, verdict="not-identified"),),
         derived=(), flights=(), covariance_names=(), covariance=a_result().covariance[:0, :0],
-        warnings=(), diagnostics={}, versions={},
+        findings=(), diagnostics={}, versions={},
     )  # fmt: skip
     page = Page(report_html(nothing))
     assert "not-identified" in page.text

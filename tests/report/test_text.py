@@ -10,6 +10,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from rotorfit.findings import doubt
 from rotorfit.formatting.digits import with_interval
 from rotorfit.report.text import result_text
 from rotorfit.results.result import (
@@ -152,7 +153,8 @@ def sample() -> IdentificationResult:
     numbers = [replace(n, interval=wide.get(n.name, n.interval)) for n in numbers]
     numbers += [derived(name) for name in ("kd_over_Izz", "Jr_over_Izz", "hover_speed")]
     rolls = f"roll: the rotors explain little; {ROLL}"
-    return result_of(parameters, numbers, warnings=(rolls, rolls, "a doubt " * 40))
+    doubts = tuple(doubt("made", words) for words in (rolls, rolls, "a doubt " * 40))
+    return result_of(parameters, numbers, findings=doubts)
 
 
 def rows(text: str) -> dict[str, str]:

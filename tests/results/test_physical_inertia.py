@@ -10,16 +10,17 @@ from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, inertia_matrix
-from rotorfit.results.parameter_tables import Tables
+from rotorfit.results.assemble import with_diagnosis
 from rotorfit.results.physical_inertia import (
+    FLY,
     IMPOSSIBLE,
     SecondMoment,
-    _body,
+    body_finding,
+    nine_moments,
     possible_sentence,
     project_to_physical,
     second_moments,
     smallest_second_moment,
-    without_impossible,
 )
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 
@@ -64,6 +65,13 @@ def numbers_of(inertia, half):
         correlation=np.eye(6),
         excitation={},
     )
+
+
+def without_impossible(result):
+    """Return a result whose body A was found impossible."""
+    names = [one.full_name for one in (*result.parameters, *result.derived)]
+    moment = SecondMoment(value=-1e-3, half_width=1e-4, share=-0.1)
+    return with_diagnosis(result, [body_finding(moment, "A", result.parameters, names)])
 
 
 def pseudo_inertia(values):
@@ -170,28 +178,10 @@ def test_a_product_that_is_not_known_is_free_in_the_projection():
 def test_what_was_taken_back_as_impossible_is_projected_from_where_it_was():
     values = np.array([0.0, 0.0, 0.0, 0.010, 0.011, 0.024, 0.0, 0.0, 0.0])
     whole = result_of(values, np.diag([1e-4**2] * 9))
-    tables = without_impossible(
-        Tables(
-            parameters=whole.parameters,
-            derived=(),
-            covariance_names=whole.covariance_names,
-            covariance=whole.covariance,
-            settings={},
-            diagnostics={"other": 1.0},
-        ),
-        ["A"],
-    )
-    assert all(p.value is None for p in tables.parameters if p.name in INERTIA)
-    assert tables.diagnostics["other"] == 1.0
-    projected = project_to_physical(
-        replace(
-            whole,
-            parameters=tables.parameters,
-            covariance_names=tables.covariance_names,
-            covariance=tables.covariance,
-            diagnostics=tables.diagnostics,
-        )
-    )
+    left = without_impossible(replace(whole, diagnostics={"other": 1.0}))
+    assert all(p.value is None for p in left.parameters if p.name in INERTIA)
+    assert left.diagnostics["other"] == 1.0
+    projected = project_to_physical(left)
     found = [projected.values[name] for name in ("Ixx", "Iyy", "Izz")]
     assert found == pytest.approx([0.011, 0.012, 0.023], abs=2e-8)
 
@@ -252,7 +242,7 @@ def test_what_is_not_known_is_as_large_as_a_body_of_these_moments_allows():
     partly = replace(
         result, parameters=unknown, covariance_names=known, covariance=np.diag([1e-4**2] * 7)
     )
-    _, covariance, mass = _body(partly, None)
+    _, covariance, mass = nine_moments(partly, None)
     std = dict(zip(MOMENTS, np.sqrt(np.diagonal(covariance)).tolist(), strict=True))
     assert mass == MASS
     assert std["Ixy"] == pytest.approx(0.01)
@@ -280,14 +270,14 @@ def test_beyond_its_interval_the_inertia_is_taken_back_with_the_scale_of_yaw():
         for n in ("com_x", "Ixx_com", "Izz_over_kt", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz")
     ]
     names = tuple(f"{p.name}@{p.configuration}" if p.configuration else p.name for p in shown)
-    tables = Tables(
+    whole = replace(
+        result_of(np.zeros(9), np.eye(9)),
         parameters=tuple(shown),
         derived=tuple(derived),
         covariance_names=names,
         covariance=np.diag(np.arange(1.0, 13.0)),
-        settings={},
     )
-    left = without_impossible(tables, ["A"])
+    left = without_impossible(whole)
     for parameter in left.parameters:
         scale = parameter.name in ("kd", "Jr", "Izz")  # its ratios are known, but not at B
         lost = scale or (parameter.configuration == "A" and parameter.name in INERTIA)
@@ -300,4 +290,4 @@ def test_beyond_its_interval_the_inertia_is_taken_back_with_the_scale_of_yaw():
     assert [d.value is None for d in left.derived] == [False, True, True, True, False, False]
     assert left.covariance_names == ("kt", "msx@A", "Ixx@B")
     np.testing.assert_array_equal(left.covariance, np.diag([1.0, 4.0, 11.0]))
-    assert without_impossible(tables, []) is tables
+    assert left.findings[0].next_step == FLY

@@ -1,5 +1,7 @@
 """From half-widths to what a result says: intervals, deviations, covariance, in figures."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -14,12 +16,18 @@ from rotorfit.fit.rows.paper_fit import PaperSettings
 from rotorfit.fit.rows.row_fits import ROWS, RowFits
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import MotorTiming
-from rotorfit.results.joint_tables import joint_tables
+from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.paper_tables import paper_tables
-from rotorfit.results.parameter_tables import Tables, given_parameter, with_timing_total
+from rotorfit.results.parameter_tables import (
+    given_parameter,
+    little_excitation,
+    with_timing_total,
+)
 from rotorfit.results.row_tables import row_tables
 
 ENTRY = ConfigurationEntry(name="A", mass=1.4, mass_std=0.01, flights=(FlightEntry(file="A.csv"),))
+STILL = MotorsEntry(lag=0.0, delay=0.0)
+EXPERIMENT = made_fit.experiment(ENTRY, STILL)
 CORRELATION = np.array([[1.0, 0.5, 0.2], [0.5, 1.0, 0.0], [0.2, 0.0, 1.0]])
 VALUES, HALF = np.array([2e-6, 0.01, 1.5e-6]), np.array([1.96e-8, 1.96e-3, 1.96e-7])
 STD = np.array([1e-8, 1e-3, 1e-7])
@@ -45,14 +53,19 @@ def joint(excitation=None):
         correlation=CORRELATION,
         excitation=excitation or {"roll@A": 50.0, "pitch@A": 50.0, "yaw@A": 50.0},
     )
-    return joint_tables(
-        numbers,
-        made_fit.fit_of([body], std={}),
-        [body],
-        [ENTRY],
-        motors=MotorsEntry(lag=0.0, delay=0.0),
-        timing=None,
-    )
+    return tabulated(body, numbers)
+
+
+def flights():
+    made = made_fit.dataset(made_fit.prepared(), motors=STILL)
+    [configured] = made.configurations
+    configured = dataclasses.replace(configured, entry=ENTRY)
+    return dataclasses.replace(made, configurations=(configured,))
+
+
+def tabulated(body, numbers):
+    fit = made_fit.fit(flights(), numbers, bodies=[body])
+    return joint_result(fit, EXPERIMENT).found(*little_excitation(fit))
 
 
 def states_all(tables):
@@ -107,14 +120,7 @@ def by_rows(rho=50.0):
         correlation=np.pad(CORRELATION, (0, 1)) + np.diag([0.0, 0.0, 0.0, 1.0]),
         excitation=fits.excitation,
     )
-    return row_tables(
-        numbers,
-        fits,
-        ENTRY,
-        vehicle=made_fit.QUAD,
-        motors=MotorsEntry(lag=0.0, delay=0.0),
-        timing=None,
-    )
+    return row_tables(numbers, fits, EXPERIMENT, flights())
 
 
 def test_a_result_by_rows_states_half_widths_and_their_1_96th_part():
@@ -138,10 +144,7 @@ def test_lag_plus_delay_has_the_interval_of_the_sum():
     timing = MotorTiming(
         response=MotorResponse(lag=0.04, delay=0.01), total_std=0.002, lag_std=0.02, delay_std=0.02
     )
-    tables = Tables(
-        parameters=(), derived=(), covariance_names=(), covariance=np.zeros((0, 0)), settings={}
-    )
-    (total,) = with_timing_total(tables, timing).derived
+    (total,) = with_timing_total((), timing)
     states(total, 0.05, 0.00392)
 
 
@@ -159,8 +162,7 @@ def paper(relative):
         factors=(), tensors=(), map=parameter_map(("kt",), {}, {}), weights=np.zeros((0, 6))
     )
     essential = EssentialEstimate(estimate=estimate, removed=(), problem=problem)
-    flown = made_fit.dataset(made_fit.prepared())
-    return number(paper_tables(essential, flown, settings=PaperSettings()), "kt")
+    return number(paper_tables(essential, PaperSettings(), EXPERIMENT, flights()), "kt")
 
 
 def test_the_papers_sigma_makes_an_interval_of_1_96():
@@ -192,9 +194,6 @@ def test_a_body_of_two_configurations_keeps_its_own_scale():
         correlation=np.eye(3),
         excitation={"roll@A": 50.0, "pitch@A": 50.0, "yaw@A": 50.0},
     )
-    tables = joint_tables(
-        numbers, made_fit.fit_of([body], std={}), [body], [ENTRY],
-        motors=MotorsEntry(lag=0.0, delay=0.0), timing=None,
-    )  # fmt: skip
+    tables = tabulated(body, numbers)
     assert number(tables, "msx").verdict == "weak"
     assert number(tables, "com_x").value == 0.0

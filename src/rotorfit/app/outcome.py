@@ -80,7 +80,14 @@ def _in_their_names(folder: Path, result: IdentificationResult) -> Identificatio
         result,
         flights=flights,
         settings=in_their_names(folder, result.settings),
-        warnings=tuple(in_its_name(folder, words) for words in result.warnings),
+        findings=tuple(
+            dataclasses.replace(
+                one,
+                sentence=in_its_name(folder, one.sentence),
+                flights=tuple(in_its_name(folder, file) for file in one.flights),
+            )
+            for one in result.findings
+        ),
     )
 
 

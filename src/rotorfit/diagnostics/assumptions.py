@@ -3,17 +3,25 @@
 Thrown off by a factor all numbers stay consistent, so that they are said beside the result.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rotorfit.dataset.dataset import Dataset
+from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
-from rotorfit.results.parameter_tables import Tables
+from rotorfit.results.result import IdentificationResult
 
 RPM = 60.0 / (2.0 * np.pi)
 
 
-def assumptions(tables: Tables, dataset: Dataset) -> tuple[str, ...]:
-    """Return what is in proportion to what was declared, one sentence for each."""
+def assumptions(
+    result: IdentificationResult, dataset: Dataset, configurations: Sequence[JointConfiguration]
+) -> tuple[str, ...]:
+    """List what the numbers are proportional to among what was declared, a sentence for each.
+
+    `configurations`: of the joint fit; empty for methods without one.
+    """
     masses = [f"{c.mass:g} kg" for c in dataset.configurations if c.entry.mass != "unknown"]
     parts = [
         f"kd, Jr and inertia are proportional to the rotors' distances ({_distances(dataset)})"
@@ -22,7 +30,7 @@ def assumptions(tables: Tables, dataset: Dataset) -> tuple[str, ...]:
         parts.insert(
             0, f"kt, kd, Jr and inertia are proportional to the mass ({', '.join(masses)})"
         )
-    hover = next((d.value for d in tables.derived if d.name == "hover_speed"), None)
+    hover = next((d.value for d in result.derived if d.name == "hover_speed"), None)
     if hover is not None and (dataset.motors.speed == "measured" or dataset.speeds_commanded):
         parts.append(
             "kt and kd are proportional to the inverse square of rotor speed (hover at "
@@ -30,12 +38,11 @@ def assumptions(tables: Tables, dataset: Dataset) -> tuple[str, ...]:
         )
     seconds = sum(f.recorded.seconds for c in dataset.configurations for f in c.flights)
     parts.append(f"Jr and inertia are proportional to the log's clock ({seconds:.1f} s of flight)")
-    if tables.factors is not None:
-        parts += [
-            _shared(c.name, len(flights))
-            for c in tables.factors.configurations
-            if len(flights := flights_of(c.factors)) >= ENOUGH_FLIGHTS
-        ]
+    parts += [
+        _shared(c.name, len(flights))
+        for c in configurations
+        if len(flights := flights_of(c.factors)) >= ENOUGH_FLIGHTS
+    ]
     return tuple(parts)
 
 

@@ -1,13 +1,15 @@
 """Did a rotor change? In flight, from one half of it to the other, or against all the others."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import ConfigurationData, LoadedFlight
+from rotorfit.dataset.dataset import LoadedFlight
+from rotorfit.findings import Finding, doubt, doubt_or_passed
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.vehicle import Vehicle
 
@@ -20,17 +22,17 @@ SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
 
 
-def changed_in_flight(configurations: Sequence[ConfigurationData]) -> str | None:
-    """Return that a rotor turns otherwise late in a flight than early, in words."""
-    for configured in configurations:
-        for flight in configured.flights:
-            words = _changed(flight)
-            if words is not None:
-                return words
-    return None
+def changed_in_flight(fit: Fit) -> Iterator[Finding]:
+    """Check that no rotor turns otherwise late in a flight than early."""
+    for flight in (f for c in fit.dataset.configurations for f in c.flights):
+        sentence = _changed(flight)
+        if sentence is not None:
+            yield doubt("rotor-changed", sentence, flights=(flight.entry.written,))
+            return
 
 
 def _changed(flight: LoadedFlight) -> str | None:
+    """Explain that a rotor's share of the squared speeds changed between halves of a flight."""
     data = flight.prepared.data
     rows = data.used_rows
     if len(rows) < SHORTEST * data.sample_rate:
@@ -53,15 +55,16 @@ def _shares(squares: Float[np.ndarray, "n N"]) -> Float[np.ndarray, " N"]:
     return mean / max(float(mean.sum()), np.finfo(float).tiny)
 
 
-def unlike_rotor(numbers: Numbers, vehicle: Vehicle) -> str | None:
-    """Return that one rotor's thrust coefficient is far from the others', in words.
+def unlike_rotors(fit: Fit) -> Iterator[Finding]:
+    """Check that the rotors' thrust coefficients are alike."""
+    sentence = unlike_rotor(fit.numbers, fit.dataset.vehicle)
+    yield doubt_or_passed("rotor-unlike", sentence, numbers=("kt",))
 
-    Parameters
-    ----------
-    numbers
-        With the coefficients of the rotors.
-    vehicle
-        Whose rotors may have groups, of which each is expected to differ.
+
+def unlike_rotor(numbers: Numbers, vehicle: Vehicle) -> str | None:
+    """Explain that one rotor's thrust coefficient is far from the others'; None where none is.
+
+    Rotors of declared groups are expected to differ.
     """
     names = [f"kt_{i}" for i in range(1, len(vehicle.rotors) + 1)]
     if any(r.group is not None for r in vehicle.rotors) or not set(names) <= set(numbers.names):
@@ -77,3 +80,7 @@ def unlike_rotor(numbers: Numbers, vehicle: Vehicle) -> str | None:
         "speed has another scale (poles), or its propeller is damaged or of another type; until "
         "this is fixed do not trust kt and the centre of mass"
     )
+
+
+CHECKS: Final = (unlike_rotors,)
+FLIGHT_CHECKS: Final = (changed_in_flight,)

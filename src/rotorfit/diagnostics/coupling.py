@@ -7,25 +7,18 @@ which it vanishes, with I_zz near I_xx and I_yy, and all of yaw too small.
 """
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.experiment.model_terms import Term
+from rotorfit.findings import Evidence, Finding
+from rotorfit.fit.fit import Fit, refit
 from rotorfit.fit.intervals.excitation import SCALED
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.joint.joint_fit import joint_fit
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.logs.simulators import SITL
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.regressor import Regressor
-from rotorfit.results.parameter_tables import Tables
-from rotorfit.results.physical_inertia import withhold
 
 LARGEST_IZZ: Final = 1.05
 """Times the larger of I_xx and I_yy up to which the coupling is looked at: a multirotor, whose
@@ -43,7 +36,7 @@ LEFT_SCALE: Final = (0.05, 0.01)
 """k_d and its deviation, as shares of what it is with coupling. Without it nothing fixes the scale
 of yaw; with a small one the rotors' gyroscopic torque vanishes from roll and pitch, as it does in
 such a program, and the ratios stay what they are."""
-WORDS: Final = (
+SENTENCE: Final = (
     "this flight does not move like a rigid body: where roll, pitch and yaw are flown together, "
     "none affects another (log-likelihood {gain:+.0f} without w x I w): a simulator without "
     "gyroscopic terms? "
@@ -55,82 +48,58 @@ ADVICE: Final = (
     "take Izz or kd from elsewhere (a pendulum, a bench), or fly in a simulator with gyroscopic "
     "terms (PX4's SIH, Gazebo, MuJoCo)"
 )
+_PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
+NO_COUPLING: Final = "no-coupling"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Uncoupled:
-    """A fit without gyroscopic terms, which the flights like as well or better.
-
-    Attributes
-    ----------
-    dataset, fit, joint
-        With the model without them.
-    gain
-        Of the log-likelihood, over the fit with them.
-    """
-
-    dataset: Dataset
-    fit: BandedEstimate
-    joint: list[JointConfiguration]
-    gain: float
-
-
-def uncoupled_fit(
-    dataset: Dataset, fit: BandedEstimate, numbers: Numbers, *, terms: Sequence[Term]
-) -> Uncoupled | None:
-    """Return the fit without gyroscopic terms, where the flights show none; else None.
-
-    Parameters
-    ----------
-    dataset, fit, numbers
-        With them.
-    terms
-        Of the model.
-    """
-    if not any(_suspicious(numbers, c.entry.name) for c in dataset.configurations):
-        return None
+def drop_absent_coupling(fit: Fit) -> Fit:
+    """Fit without gyroscopic terms where the flights show none, and withhold the scale of yaw."""
+    dataset, estimate = fit.dataset, fit.estimate
+    if not any(_suspicious(fit.numbers, c.entry.name) for c in dataset.configurations):
+        return fit
     simulated = any(f.log.simulator == SITL for c in dataset.configurations for f in c.flights)
     other = dataclasses.replace(dataset, model=without_coupling(dataset.model))
-    kd = fit.estimate.by_name["kd"]
+    kd = estimate.estimate.by_name["kd"]
     try:
-        trial, joint = joint_fit(
+        uncoupled = refit(
+            fit,
             other,
-            terms=terms,
-            begin=fit.estimate.by_name,
+            begin=estimate.estimate.by_name,
             known={"kd": (LEFT_SCALE[0] * kd, LEFT_SCALE[1] * abs(kd))},
         )
     except EstimationError:
-        return None
-    gain = trial.log_likelihood - fit.log_likelihood
-    if gain < (LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN):
-        return None
-    return Uncoupled(dataset=other, fit=trial, joint=joint, gain=gain)
+        return fit
+    gain = uncoupled.estimate.log_likelihood - estimate.log_likelihood
+    least = LEAST_GAIN_SIMULATED if simulated else LEAST_GAIN
+    return (
+        fit if gain < least else uncoupled.found(_absent_coupling(uncoupled.numbers, gain, least))
+    )
+
+
+def _absent_coupling(numbers: Numbers, gain: float, least: float) -> Finding:
+    """Explain that the flights show no coupling, and which numbers it would give the scale."""
+    return Finding(
+        kind=NO_COUPLING,
+        severity="doubt",
+        sentence=SENTENCE.format(gain=gain),
+        numbers=tuple(n for n in numbers.names if n.partition("@")[0] in SCALED),
+        evidence=(Evidence(name="gain_without_coupling", value=gain, limit=least),),
+        next_step=ADVICE,
+        withheld_because=REASON,
+    )
 
 
 def _suspicious(numbers: Numbers, configuration: str) -> bool:
-    """Return whether I_zz is told, and is that of no multirotor."""
+    """Return whether I_zz is known, and is that of no multirotor."""
     moments = [numbers.number(f"{name}_com@{configuration}") for name in ("Ixx", "Iyy", "Izz")]
     (Ixx, _), (Iyy, _), (Izz, half) = moments
     return half < KNOWN_IZZ * abs(Izz) and Izz < LARGEST_IZZ * max(Ixx, Iyy)
 
 
 def without_coupling(model: Regressor) -> Regressor:
-    """Return a model whose body turns by torque over inertia, without w x I w."""
+    """Build the model of a body that turns by torque over inertia, without w x I w."""
     products = [i for i, n in enumerate(model.layout.names) if n in _PRODUCTS]
     inertia = [model.names.index(name) for name in INERTIA]
     tensor = model.tensor.copy()
     tensor[np.ix_(inertia, range(tensor.shape[1]), products)] = 0.0
     return dataclasses.replace(model, tensor=tensor)
-
-
-_PRODUCTS: Final = ("wxwx", "wywy", "wzwz", "wxwy", "wxwz", "wywz")
-
-
-def without_yaw_scale(tables: Tables, gain: float) -> Tables:
-    """Return the tables without the numbers that hang on the scale of yaw, and why."""
-    scaleless = withhold(tables, lambda name, _: name in SCALED, (REASON, ADVICE))
-    return dataclasses.replace(
-        scaleless,
-        warnings=(WORDS.format(gain=gain), *tables.warnings),
-        diagnostics={**tables.diagnostics, "gain_without_coupling": gain},
-    )

@@ -11,9 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.findings import Finding, doubt
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import joint_numbers
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
@@ -31,43 +32,31 @@ EQUATIONS_EACH: Final = 2.0
 """Per free parameter, of a flight that tells anything by itself."""
 
 
-def odd_flight(
-    configurations: Sequence[ConfigurationData],
-    joint: Sequence[JointConfiguration],
-    fit: BandedEstimate,
-) -> str | None:
-    """Return that a flight contradicts the others of its configuration, in words.
-
-    Parameters
-    ----------
-    configurations, joint
-        What was flown, and as it was fitted.
-    fit
-        Of all flights, at which the fit of each one begins.
-    """
+def odd_flight(fit: Fit) -> Iterator[Finding]:
+    """Check that every flight of a configuration agrees with the others."""
     found: list[tuple[float, str]] = []
-    for configured, c in zip(configurations, joint, strict=True):
+    for configured, c in zip(fit.dataset.configurations, fit.configurations, strict=True):
         if len(configured.flights) < 2 or c.payload_of is not None:
             continue
-        alone = dict(_alone(c, fit, len(configured.flights)))
+        alone = dict(_alone(c, fit.estimate, len(configured.flights)))
         for k, own in alone.items():
             others = [numbers for other, numbers in alone.items() if other != k]
             file = Path(configured.flights[k].entry.file).name
             found += [(size, f"{c.name}: {file}{words}") for size, words in _apart(c, own, others)]
-    if not found:
-        return None
-    size, words = max(found)
-    return (
-        f"{words}, {size:.1f} times what chance explains: its vehicle, load, propellers or "
-        "battery differed from those of the other flights; identify it separately, or as a "
-        "configuration of its own"
-    )
+    if found:
+        size, words = max(found)
+        yield doubt(
+            "flight-differs",
+            f"{words}, {size:.1f} times what chance explains: its vehicle, load, propellers or "
+            "battery differed from those of the other flights; identify it separately, or as a "
+            "configuration of its own",
+        )
 
 
 def _alone(
     c: JointConfiguration, fit: BandedEstimate, flights: int
 ) -> Iterator[tuple[int, Numbers]]:
-    """Yield the numbers of each flight by itself, where it tells any."""
+    """Yield the numbers of each flight by itself, where they are identifiable."""
     begin = fit.estimate.by_name
     free = sum(_is_of(name, c.name) for name in begin)
     for k in range(flights):
@@ -83,7 +72,7 @@ def _alone(
 
 
 def _is_of(name: str, configuration: str) -> bool:
-    """Return whether a flight of a configuration has that parameter when it is fitted alone."""
+    """Return whether a parameter belongs to a flight of a configuration that is fitted alone."""
     owner = name.partition("@")[2]
     return not name.startswith(TRIM) and owner in ("", configuration)
 
@@ -91,17 +80,20 @@ def _is_of(name: str, configuration: str) -> bool:
 def _apart(
     c: JointConfiguration, own: Numbers, others: Sequence[Numbers]
 ) -> Iterator[tuple[float, str]]:
-    """Yield by how many deviations a flight is away from the mean of the others, and in words."""
+    """Yield the deviations by which a flight differs from the mean of the others, and a phrase."""
     for name in LOOKED_AT:
         full = name if name == "kt" else f"{name}@{c.name}"
-        told = [n.number(full) for n in others if full in n.names]
-        told = [(value, half) for value, half in told if np.isfinite(half) and half > 0]
-        if full not in own.names or not told:
+        known = [n.number(full) for n in others if full in n.names]
+        known = [(value, half) for value, half in known if np.isfinite(half) and half > 0]
+        if full not in own.names or not known:
             continue
         value, half = own.number(full)
-        weights = np.array([half**-2.0 for _, half in told])
-        mean = float(weights @ np.array([v for v, _ in told]) / weights.sum())
+        weights = np.array([half**-2.0 for _, half in known])
+        mean = float(weights @ np.array([v for v, _ in known]) / weights.sum())
         std = float(np.hypot(half, weights.sum() ** -0.5)) / 1.96
         size = abs(value - mean) / std if np.isfinite(std) else 0.0
         if size > SURE and abs(value - mean) > LEAST_SHARE * abs(mean):
             yield size, f" gives {name} = {value:.3g}, the others {mean:.3g}"
+
+
+CHECKS: Final = (odd_flight,)

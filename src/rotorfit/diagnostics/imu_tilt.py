@@ -1,31 +1,38 @@
-"""Is the IMU mounted turned against the rotors? Told by the likelihood of the flight itself.
+"""Check the IMU: whether it is tilted against the rotors, and whether its range cut off motion.
 
 A mean specific force that leans away from z is a turned IMU, a biased one, or the drag of fast
 flight. Turned readings mix roll and pitch torques into yaw, which drag does not undo: where the
 flight is much likelier with its readings turned back, the IMU is turned.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Final
 
-from rotorfit.dataset.dataset import Dataset, levelled_flights
+import numpy as np
+
+from rotorfit.dataset.dataset import Dataset, LoadedFlight, levelled_flights
 from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.experiment.declared_vehicle import with_imu_tilt
+from rotorfit.experiment.experiment import Experiment
+from rotorfit.findings import Finding, doubt, doubt_or_passed
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
-from rotorfit.preprocessing.imu_tilt import LEAST_LEAN, ImuTilt, lean
+from rotorfit.fit.timing.timing_fit import find_timing
+from rotorfit.preprocessing.imu_tilt import LEAST_LEAN, ImuTilt, lean, lean_words
 
+LEAST_SHARE: Final = 1e-3
+"""Of the flight that must be cut off: real flights without a fault have none."""
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 
 
 def estimate_imu_tilt(dataset: Dataset, fitted: Callable[[Dataset], Fitted]) -> ImuTilt | None:
-    """Return how the IMU is mounted, where the flights ask for it; else None.
+    """Estimate how the IMU is mounted, where the flights are far likelier so; else None.
 
-    Parameters
-    ----------
-    dataset
-        With the IMU's readings as recorded, and the timing of the motors.
-    fitted
-        The fit of flights, and its configurations with what counts.
+    `fitted` fits a dataset, and gives its configurations with their informative bands.
     """
     tilt = lean([f.prepared.data for c in dataset.configurations for f in c.flights])
     if dataset.source != "imu" or tilt.angle < LEAST_LEAN:
@@ -41,19 +48,79 @@ def estimate_imu_tilt(dataset: Dataset, fitted: Callable[[Dataset], Fitted]) -> 
 
 
 def likelihood_on(fit: Fitted, dataset: Dataset, counted: Sequence[JointConfiguration]) -> float:
-    """Return the log-likelihood of flights where the blocks of another fit count.
-
-    Parameters
-    ----------
-    fit
-        Of the flights.
-    dataset
-        The flights.
-    counted
-        The other fit's configurations.
-    """
+    """Compute the log-likelihood of a fit on the informative blocks of another fit."""
     joint = [
         replace(c, factors=factors, model=dataset.model)
         for c, factors in zip(counted, dataset.timed_bands, strict=True)
     ]
     return joint_estimate(joint, [], begin=fit[0].estimate.by_name).log_likelihood
+
+
+def correct_imu_tilt(
+    experiment: Experiment, dataset: Dataset
+) -> tuple[Experiment, Dataset, tuple[Finding, ...]]:
+    """Turn the readings into the rotors' axes where the flights show that the IMU is tilted."""
+    if experiment.airframe.imu_tilt_deg is not None:
+        return experiment, dataset, ()
+    tilt = estimate_imu_tilt(dataset, joint_fit)
+    if tilt is None:
+        sentence = lean_sentence(dataset)
+        return experiment, dataset, () if sentence is None else (doubt("imu-leans", sentence),)
+    dataset = levelled_flights(dataset, tilt).reduced()
+    if dataset.motor_timing is not None:
+        dataset = replace(dataset, motor_timing=find_timing(dataset))
+    found = doubt("imu-tilt", mounting_sentence(tilt))
+    return with_imu_tilt(experiment, tilt), dataset, (found,)
+
+
+def mounting_sentence(tilt: ImuTilt) -> str:
+    """Explain that the IMU is mounted turned, and that its readings are turned back."""
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    return (
+        f"the IMU is mounted {lean_words(tilt)} relative to the plane of the rotors: in flight the "
+        "thrust is tilted by that angle in the IMU's axes, and the flight fits far better with it. "
+        "The readings are turned back; measure the mounting, and declare it under [airframe] "
+        f"(imu_tilt_deg = [{roll:.1f}, {pitch:.1f}])"
+    )
+
+
+def lean_sentence(dataset: Dataset) -> str | None:
+    """Explain that the thrust leans in the IMU's axes for a cause that the flight does not show."""
+    tilt = lean([f.prepared.data for c in dataset.configurations for f in c.flights])
+    if dataset.source != "imu" or tilt.angle < LEAST_LEAN:
+        return None
+    roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
+    return (
+        f"in flight the thrust is tilted as if the IMU were mounted {lean_words(tilt)} (good logs: "
+        "up to 4.5 degrees); the flight does not show whether it is, or whether a biased "
+        "accelerometer or drag in fast flight is the cause: measure the mounting and declare it "
+        f"under [airframe] (imu_tilt_deg = [{roll:.1f}, {pitch:.1f}]); until then do not trust "
+        "kd, Jr and the inertia about z"
+    )
+
+
+def saturated_sensors(fit: Fit) -> Iterator[Finding]:
+    """Check that no sensor reached the end of its range in flight; report the worst flight."""
+    flights = [f for c in fit.dataset.configurations for f in c.flights]
+    found = [cut for f in flights for cut in cut_off(f)] if fit.dataset.source == "imu" else []
+    yield doubt_or_passed("sensor-saturated", max(found)[1] if found else None)
+
+
+def cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
+    """Measure the share of a flight that each sensor's end cut off, and explain it."""
+    file = Path(flight.entry.file).name
+    found: list[tuple[float, str]] = []
+    for name, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
+        cut = flight.recorded.cut_off[name]
+        if cut.share > LEAST_SHARE:
+            sensor = "gyro" if name == "gyro" else "accelerometer"
+            words = (
+                f"{file}: the {sensor} is at the end of its range ({cut.largest:.3g} {unit}) for "
+                f"{100 * cut.share:.1f} % of the flight: what is faster or harder is cut off, and "
+                "inertia or thrust comes out wrong; set a wider range, or fly more gently"
+            )
+            found.append((cut.share, words))
+    return found
+
+
+CHECKS: Final = (saturated_sensors,)

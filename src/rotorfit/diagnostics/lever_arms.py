@@ -6,6 +6,7 @@ likelihood of a flight has a best ratio of the two lever arms, and a rectangular
 square one, or with x and y swapped, loses by it.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -14,8 +15,9 @@ import numpy as np
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError, FrameError
 from rotorfit.estimation.banded import BandedEstimate, banded
+from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
-from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.regressor import regressor
 from rotorfit.model.vehicle import Vehicle
 
@@ -52,14 +54,9 @@ class LeverRatio:
 
 
 def lever_ratio(dataset: Dataset, fit: BandedEstimate) -> LeverRatio | None:
-    """Return which ratio of lever arms the flights like best; None where it cannot be tried.
+    """Find the likeliest ratio of lever arms, with the bands of a fit.
 
-    Parameters
-    ----------
-    dataset
-        With upright rotors in two dimensions.
-    fit
-        At the declared rotors. What counts of each band is held.
+    None where it cannot be tried. The rotors are upright, in two dimensions.
     """
     x, y = np.ptp(dataset.vehicle.positions[:, :2], axis=0).tolist()
     if min(x, y) < 0.05 * max(x, y):
@@ -78,7 +75,7 @@ def lever_ratio(dataset: Dataset, fit: BandedEstimate) -> LeverRatio | None:
 
 
 def _climbed(tried: dict[float, BandedEstimate], dataset: Dataset) -> dict[float, BandedEstimate]:
-    """Return the fits at steps to either side, uphill as far as the likelihood rises."""
+    """Fit at steps of the log ratio to either side, as far as the likelihood rises."""
     tried = dict(tried)
     for step in (STEP, -STEP):
         place = 0.0
@@ -92,7 +89,7 @@ def _climbed(tried: dict[float, BandedEstimate], dataset: Dataset) -> dict[float
 
 
 def stretched(vehicle: Vehicle, log_ratio: float) -> Vehicle:
-    """Return rotors further apart along x and nearer along y, of another ratio of the two."""
+    """Move the rotors apart along x and together along y by a log ratio."""
     factor = float(np.exp(0.5 * log_ratio))
     return replace(
         vehicle,
@@ -104,7 +101,7 @@ def stretched(vehicle: Vehicle, log_ratio: float) -> Vehicle:
 
 
 def _at(place: float, begun: float, dataset: Dataset, fit: BandedEstimate) -> BandedEstimate:
-    """Return the fit with other lever arms, begun where that at `begun` ended."""
+    """Fit with other lever arms, from the end of the fit at `begun`."""
     tensor = regressor(stretched(dataset.vehicle, place), velocity=dataset.velocity).tensor
     problem = replace(fit.problem, tensors=tuple(tensor for _ in fit.problem.tensors))
     factor = float(np.exp(0.5 * (place - begun)))
@@ -116,32 +113,26 @@ def _at(place: float, begun: float, dataset: Dataset, fit: BandedEstimate) -> Ba
     return banded(problem, np.array(start), close=CLOSE)
 
 
-def lever_doubt(
-    dataset: Dataset, fit: BandedEstimate, numbers: Numbers
-) -> tuple[str | None, dict[str, float]]:
-    """Return that the flights contradict the declared ratio of lever arms, and the numbers.
-
-    Raises
-    ------
-    FrameError
-        Where they do so beyond doubt.
-    """
-    turned = [rho for name, rho in numbers.excitation.items() if not name.startswith("yaw")]
-    if min(turned) < LEAST_EXCITATION:
-        return None, {}  # gusts and drag would choose the ratio
-    found = lever_ratio(dataset, fit)
+def lever_arms(fit: Fit) -> Iterator[Finding]:
+    """Check the declared ratio of lever arms; refuse one that the flights surely contradict."""
+    kind = "lever-arms"
+    excited = [rho for name, rho in fit.numbers.excitation.items() if not name.startswith("yaw")]
+    if min(excited) < LEAST_EXCITATION:
+        return  # gusts and drag would choose the ratio
+    found = lever_ratio(fit.dataset, fit.estimate)
     if found is None:
-        return None, {}
-    flights = sum(len(c.flights) for c in dataset.configurations)
-    diagnostics = {"lever_ratio_loss": found.lost, "lever_ratio": found.best}
-    if found.lost / flights > REFUSED:
-        raise FrameError(f"{_words(found)}; measure both from motor to motor and correct them")
-    if found.lost / flights > SAID:
-        return f"{_words(found)}; measure both from motor to motor", diagnostics
-    return None, diagnostics
+        return
+    lost = found.lost / sum(len(c.flights) for c in fit.dataset.configurations)
+    advice = "measure both from motor to motor"
+    if lost > REFUSED:
+        raise FrameError(f"{_sentence(found)}; {advice} and correct them").about(kind=kind)
+    measured = {"lever_ratio_loss": found.lost, "lever_ratio": found.best}
+    sentence = f"{_sentence(found)}; {advice}" if lost > SAID else None
+    yield doubt_or_passed(kind, sentence, measured)
 
 
-def _words(found: LeverRatio) -> str:
+def _sentence(found: LeverRatio) -> str:
+    """Explain which ratio fits better, and why."""
     cause = "the rotors' positions are wrong along one axis"
     if abs(np.log(found.best * found.declared)) < ALIKE:
         cause = "x and y of the rotors' positions are swapped"
@@ -152,3 +143,6 @@ def _words(found: LeverRatio) -> str:
         f"declared, but the flight fits far better with {found.best:.2f} (log-likelihood "
         f"+{found.lost:.0f}): {cause}"
     )
+
+
+CHECKS: Final = (lever_arms,)

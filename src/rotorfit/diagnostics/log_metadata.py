@@ -1,65 +1,35 @@
-"""What the logs themselves say of vehicle and motors, beside the experiment file."""
-
-from collections.abc import Sequence
-from pathlib import Path
+"""Note what the logs themselves say of vehicle and motors, beside the experiment file."""
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight
-from rotorfit.diagnostics.filtered_imu import lowpass_sentence
-from rotorfit.errors import ExperimentError
+from rotorfit.diagnostics.sensor_faults import lowpass_sentence
 from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.findings import Finding, note
 from rotorfit.logs.simulators import SITL, simulated_sentence
 from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve
 
 
-def agreed_motors(declared: MotorsEntry, flights: Sequence[LoadedFlight]) -> MotorsEntry:
-    """Return the motors of all flights: as declared, completed by the logs' parameters.
-
-    Raises
-    ------
-    ExperimentError
-        If the logs complete them differently.
-    """
-    if not flights:
-        return declared
-    first = flights[0]
-    for other in flights:
-        if other.motors != first.motors:
-            one, two = (Path(f.entry.file).name for f in (first, other))
-            raise ExperimentError(
-                f"{one} and {two} have other motor parameters in their logs "
-                f"({_words(first)}; {_words(other)}), and [motors] has no law: give the one that "
-                "holds for all, or identify them apart"
-            )
-    return first.motors
-
-
-def _words(flight: LoadedFlight) -> str:
-    told = flight.log.motors
-    return "none" if told is None else told.words
-
-
-def log_metadata_notes(declared: MotorsEntry, dataset: Dataset) -> tuple[str, ...]:
-    """Return what was taken from the logs, and which of them no vehicle flew, in words."""
+def log_metadata(declared: MotorsEntry, dataset: Dataset) -> tuple[Finding, ...]:
+    """Note what was taken from the logs, and which of them a simulator flew."""
     flights = [flight for c in dataset.configurations for flight in c.flights]
-    said = [simulated_sentence(f.log.simulator) for f in flights if f.log.simulator]
-    said += [_yaw_of_sitl(f) for f in flights if f.log.simulator == SITL]
-    said.append(lowpass_sentence(dataset) or "")
-    told = flights[0].log.motors
-    if told is not None and declared.law is None and dataset.motors.law is not None:
+    simulated = [simulated_sentence(f.log.simulator) for f in flights if f.log.simulator]
+    yaw = [_yaw_of_sitl(f) for f in flights if f.log.simulator == SITL]
+    logged, law = flights[0].log.motors, ""
+    if logged is not None and declared.law is None and dataset.motors.law is not None:
         battery = ""
         if dataset.motors.law.voltage is not None:
             battery = f", at {dataset.motors.law.voltage.nominal:g} V"
-        said.append(
-            f"the law from command to rotor speed is the one in the log ({told.words}{battery}): "
+        law = (
+            f"the law from command to rotor speed is the one in the log ({logged.words}{battery}): "
             "only as good as these settings; a law under [motors] replaces it"
         )
-    return tuple(dict.fromkeys(word for word in said if word))
+    every = [*simulated, *yaw, lowpass_sentence(dataset) or "", law]
+    return tuple(note("log-metadata", sentence) for sentence in dict.fromkeys(every) if sentence)
 
 
 def _yaw_of_sitl(flight: LoadedFlight) -> str:
-    """Return by how much its yaw torque changes more than one that goes with squared speed.
+    """Explain by how much SITL's yaw torque changes more than one proportional to squared speed.
 
-    With thrust T = (1 - f) c + f c^2 of a command c, and torque in proportion to c T, the torque
+    With thrust T = (1 - f) c + f c^2 of a command c, and torque proportional to c T, the torque
     changes with T by c + T / T', where the mean is c.
     """
     law = flight.motors.law

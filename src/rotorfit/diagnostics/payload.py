@@ -7,14 +7,17 @@ by s, while the payload was weighed and measured without it. So a wrong arm show
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
 from rotorfit.experiment.payload import MOMENTS, added_moments, tolerances
+from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import joint_numbers
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
@@ -66,18 +69,23 @@ class PayloadCheck:
         return float(2.0 * stats.norm.sf(abs(self.arm - 1.0) / self.arm_std))
 
 
+def known_payloads(fit: Fit) -> Iterator[Finding]:
+    """Check that known payloads agree with the flights."""
+    mass_std = {c.entry.name: c.entry.mass_std for c in fit.dataset.configurations}
+    for check in payload_checks(fit.configurations, mass_std):
+        measured = {
+            f"payload_chi2@{check.name}": check.chi2,
+            f"payload_probability@{check.name}": check.probability,
+            f"arm_factor@{check.name}": check.arm,
+            f"arm_factor_half_width@{check.name}": 1.96 * check.arm_std,
+        }
+        yield doubt_or_passed("payload", payload_sentence(check), measured)
+
+
 def payload_checks(
     configurations: Sequence[JointConfiguration], mass_std: Mapping[str, float]
 ) -> list[PayloadCheck]:
-    """Return one check for every configuration with a known payload; fits all bodies freely.
-
-    Parameters
-    ----------
-    configurations
-        As they were fitted together.
-    mass_std
-        Deviation of each configuration's mass [kg].
-    """
+    """Fit all bodies freely, and check every configuration with a known payload."""
     if all(c.payload_of is None for c in configurations):
         return []
     free = [dataclasses.replace(c, payload=(), payload_of=None) for c in configurations]
@@ -87,7 +95,7 @@ def payload_checks(
 
 
 def _check(configuration: JointConfiguration, numbers: Numbers) -> PayloadCheck:
-    """Return the check of one payload against freely fitted bodies."""
+    """Check one payload against freely fitted bodies."""
     loaded, bare = (
         [numbers.index(f"{name}@{owner}") for name in MOMENTS]
         for owner in (configuration.name, configuration.payload_of)
@@ -120,7 +128,7 @@ def _check(configuration: JointConfiguration, numbers: Numbers) -> PayloadCheck:
 def _covariance(
     configuration: JointConfiguration, numbers: Numbers, places: tuple[list[int], list[int]]
 ) -> Float[np.ndarray, "9 9"]:
-    """Return the covariance of (B - A) - payload, in which the bodies share the rotors."""
+    """Compute the covariance of (B - A) - payload, in which the bodies share the rotors."""
     loaded, bare = places
     both = [*loaded, *bare]
     # What no flight determines has no finite interval: here it is known to ten times itself.
@@ -135,7 +143,7 @@ def _covariance(
 
 
 def payload_sentence(check: PayloadCheck) -> str | None:
-    """Return what disagrees in words; None where nothing does."""
+    """Explain what disagrees; None where nothing does."""
     if min(check.probability, check.arm_probability) > SUSPICIOUS:
         return None
     if check.arm_probability <= SUSPICIOUS and check.rest_probability > LIKELY:
@@ -154,3 +162,6 @@ def payload_sentence(check: PayloadCheck) -> str | None:
         f"{check.flown[worst]:.3g} +- {1.96 * check.std[worst]:.1g}: weigh it and measure its "
         "place from the body origin again, or leave payload_of out"
     )
+
+
+CHECKS: Final = (known_payloads,)

@@ -7,15 +7,17 @@ their mean power at one frequency, over all stretches, beside that at the freque
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from scipy import signal, stats
 
 from rotorfit.dataset.dataset import Dataset
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.banded_problem import solved
-from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
+from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.reduction.flight_bands import retimed
@@ -57,12 +59,18 @@ class Peak:
     probability: float
 
 
-def residual_peaks(
-    dataset: Dataset, fit: BandedEstimate, joint: Sequence[JointConfiguration]
-) -> list[Peak]:
-    """Return the highest peak of every configuration whose flights are long enough."""
-    every = theta_of(fit.problem.map, fit.estimate.values, joint)
-    each = solved(dataset.model.tensor, every, fit.problem.noisy)[0]
+def residual_peaks(fit: Fit) -> Iterator[Finding]:
+    """Check the residuals of every configuration for narrow peaks."""
+    for peak in highest_peaks(fit):
+        measured = {f"residual_peak@{peak.configuration}": peak.ratio}
+        yield doubt_or_passed("residual-peak", peak_sentence(peak), measured)
+
+
+def highest_peaks(fit: Fit) -> list[Peak]:
+    """Find the highest peak of every configuration whose flights are long enough."""
+    dataset, estimate = fit.dataset, fit.estimate
+    every = theta_of(estimate.problem.map, estimate.estimate.values, fit.configurations)
+    each = solved(dataset.model.tensor, every, estimate.problem.noisy)[0]
     peaks: list[Peak] = []
     for configured, G in zip(dataset.configurations, each, strict=True):
         prepared = [flight.prepared for flight in configured.flights]
@@ -90,7 +98,7 @@ def _errors(
 def _binned(
     stretches: Iterator[tuple[Float[np.ndarray, "n k"], float]],
 ) -> tuple[Float[np.ndarray, "f k"], Float[np.ndarray, " f"]]:
-    """Return summed power per bin, every stretch over its own mean power, and lines per bin."""
+    """Sum the power per bin, every stretch over its own mean power, and count the lines per bin."""
     count = int(EDGES[-1] / BIN)
     power, lines = np.zeros((count, len(AXES))), np.zeros(count)
     for errors, rate in stretches:
@@ -109,7 +117,7 @@ def _binned(
 def _highest(
     power: Float[np.ndarray, "f k"], lines: Float[np.ndarray, " f"], configuration: str
 ) -> Peak | None:
-    """Return the highest bin against its surroundings; None where there is nothing to compare."""
+    """Find the highest bin over its surroundings; None where there is nothing to compare."""
     bins = range(AROUND + 1, len(lines) - AROUND)
     offsets = np.array([o for o in range(-AROUND, AROUND + 1) if abs(o) > 1])
     best: Peak | None = None
@@ -132,7 +140,7 @@ def _highest(
 
 
 def peak_sentence(peak: Peak) -> str | None:
-    """Return a peak in words; None where chance could make it, or it is not high."""
+    """Explain a peak; None where chance could make it, or it is not high."""
     if peak.ratio < HIGHEST_RATIO or peak.probability > UNLIKELY:
         return None
     return (
@@ -140,3 +148,6 @@ def peak_sentence(peak: Peak) -> str | None:
         f"peak at {peak.frequency:.1f} Hz, {peak.ratio:.0f} times its surroundings: look for a "
         "loose part, a propeller out of balance or a swinging load"
     )
+
+
+CHECKS: Final = (residual_peaks,)

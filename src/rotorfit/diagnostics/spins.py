@@ -17,12 +17,12 @@ import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.dataset.checks.declared_rotors import BAND, reversed_rotor
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import FrameError
 from rotorfit.estimation.factors import Factors
+from rotorfit.findings import Finding
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import EDGES, excited_bands
 
@@ -59,45 +59,27 @@ class _Fit:
 
     log_left: Float[np.ndarray, " b"]
     log_left_by_drag: Float[np.ndarray, " b"]
-    flown: Bool[np.ndarray, " b"]
+    excited: Bool[np.ndarray, " b"]
     rows: Int[np.ndarray, " b"]
 
 
-def refuse_wrong_spins(
-    dataset: Dataset, joint: Sequence[JointConfiguration], numbers: Numbers
-) -> None:
-    """Raise where yaw contradicts the declared spins.
-
-    Parameters
-    ----------
-    dataset
-        The flights.
-    joint, numbers
-        The configurations, and the numbers with their final intervals.
-
-    Raises
-    ------
-    FrameError
-        With the spins that would fit.
-    """
+def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
+    """Refuse declared spins that yaw contradicts."""
+    dataset = fit.dataset
     if not dataset.timing_identifiable:
         return  # nobody flies: what yaw does is the autopilot's answer to gusts and noise
-    words = better_spins(dataset.vehicle, dataset.yaw_bands()) or negative_drag(
-        [c.name for c in joint], numbers
+    sentence = better_spins(dataset.vehicle, dataset.yaw_bands()) or negative_drag(
+        [c.name for c in fit.configurations], fit.numbers
     )
-    if words is not None:
-        raise FrameError(words)
+    if sentence is not None:
+        raise FrameError(sentence).about(kind="wrong-spin")
+    yield Finding(kind="wrong-spin", severity="passed")
 
 
 def better_spins(declared: Vehicle, bands: Sequence[Factors]) -> str | None:
-    """Return which other spins explain yaw much better; None where none do, or yaw is not flown.
+    """Name the spins that explain yaw much better; None where none do, or yaw is not flown.
 
-    Parameters
-    ----------
-    declared
-        The vehicle with the spins to be looked at.
-    bands
-        Factors of the signals of yaw (`model.signals.yaw_signals`) of each configuration.
+    `bands`: factors of the signals of yaw (`model.signals.yaw_signals`) of each configuration.
     """
     plain = _fits(declared, bands)
     gains: list[tuple[float, str]] = []
@@ -118,21 +100,21 @@ def better_spins(declared: Vehicle, bands: Sequence[Factors]) -> str | None:
 
 
 def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None:
-    """Return that the propellers turn the other way, where a drag below zero says so."""
+    """Explain that the propellers turn the other way, where drag is negative; None elsewhere."""
     for name in configurations:
         low, high = numbers.interval(f"kd_over_Izz@{name}")
         if high < 0.0:
-            return _reversed_said("kd / Izz", name, low, high)
+            return _reversed_sentence("kd / Izz", name, low, high)
         # Where nobody yaws, an autopilot's answer to gusts looks like reversed rotors' spin-up.
         if low > 0.0 or not (numbers.rho(f"Jr_over_Izz@{name}") or 0.0) > LEAST_EXCITATION:
             continue
         low, high = numbers.interval(f"Jr_over_Izz@{name}")
         if high + 0.5 * (CERTAIN - 1.0) * (high - low) < 0.0:
-            return _reversed_said("Jr / Izz", name, low, high)
+            return _reversed_sentence("Jr / Izz", name, low, high)
     return None
 
 
-def _reversed_said(name: str, configuration: str, low: float, high: float) -> str:
+def _reversed_sentence(name: str, configuration: str, low: float, high: float) -> str:
     return (
         f"{name} of {configuration} comes out below zero ({low:.3g} to {high:.3g}), which no rotor "
         f"has: the propellers turn the other way than declared: {REVERSED}"
@@ -150,12 +132,12 @@ def _other_spins(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
 
 
 def _fits(vehicle: Vehicle, bands: Sequence[Factors]) -> list[_Fit]:
-    """Return the fit of every configuration to its yaw, with the spins of a vehicle."""
+    """Fit the yaw of every configuration with the spins of a vehicle."""
     return [_fit(_yaw(factors, vehicle)) for factors in bands]
 
 
 def _yaw(factors: Factors, vehicle: Vehicle) -> _Yaw:
-    """Return the yaw row in the band that a vehicle answers its rotors in."""
+    """Select the yaw row in the band in which a vehicle responds to its rotors."""
     factors = factors.select((factors.band[:, 1] > BAND[0]) & (factors.band[:, 0] < BAND[1]))
     n, s = vehicle.axes, vehicle.spins
     squares, spin_up = np.split(factors.R[:, :, 1:], [len(s)], axis=2)
@@ -175,7 +157,7 @@ def _yaw(factors: Factors, vehicle: Vehicle) -> _Yaw:
 
 
 def _fit(yaw: _Yaw) -> _Fit:
-    """Return what drives with coefficients over zero leave of yaw, each band weighted by that."""
+    """Fit yaw by drives with positive coefficients, each band weighted by its residual."""
     left = _reweighted(yaw)
     total = (yaw.target**2).sum(axis=1)
     rows = yaw.factors.rows
@@ -183,13 +165,13 @@ def _fit(yaw: _Yaw) -> _Fit:
     return _Fit(
         log_left=np.log(_per_row(left, rows, yaw.band)),
         log_left_by_drag=np.log(_per_row(drag, rows, yaw.band)),
-        flown=excited_bands(yaw.factors, total[:, None], left[:, None])[:, 0],
+        excited=excited_bands(yaw.factors, total[:, None], left[:, None])[:, 0],
         rows=rows,
     )
 
 
 def _reweighted(yaw: _Yaw) -> Float[np.ndarray, " b"]:
-    """Return the power of each block that is left, the bands weighted by it."""
+    """Compute the residual power of each block, the bands weighted by it."""
     weight, left = np.ones(len(yaw.band)), (yaw.target**2).sum(axis=1)
     for _ in range(PASSES):
         left = _left(yaw, weight)
@@ -206,7 +188,7 @@ def _per_row(
 
 
 def _left(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]:
-    """Return the power of each block that is left; what varies with all thrust is left out.
+    """Compute the residual power of each block, without the part that varies with all thrust.
 
     Thrust acts on a centre of mass that is off the centre, and on motors that lean.
     """
@@ -219,22 +201,25 @@ def _left(yaw: _Yaw, weight: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]
     if size > 0.0:
         columns = columns - np.outer(thrust, thrust @ columns / size)
     length = np.maximum(np.linalg.norm(columns[:, :-1], axis=0), _TINY)
-    answer, _ = scipy.optimize.nnls(columns[:, :-1] / length, columns[:, -1])
-    errors = columns[:, -1] - columns[:, :-1] @ (answer / length)
+    found, _ = scipy.optimize.nnls(columns[:, :-1] / length, columns[:, -1])
+    errors = columns[:, -1] - columns[:, :-1] @ (found / length)
     return (errors.reshape(shape[:2]) ** 2).sum(axis=1) / weight
 
 
 def _gain(plain: Sequence[_Fit], other: Sequence[_Fit], *, by_drag: bool = False) -> float:
-    """Return the log of how many times less another pattern leaves, over the rows of flown bands.
+    """Compute the log of how many times less another pattern leaves, over rows of excited bands.
 
-    Flown is a band where either explains it: what nothing explains tells nothing.
+    A band is excited where either pattern explains it.
     """
     gain = rows = 0.0
     for one, two in zip(plain, other, strict=True):
-        flown = one.flown | two.flown
+        excited = one.excited | two.excited
         less = one.log_left - two.log_left
         if by_drag:
             less = one.log_left_by_drag - two.log_left_by_drag
-        gain += float((less * one.rows)[flown].sum())
-        rows += float(one.rows[flown].sum())
+        gain += float((less * one.rows)[excited].sum())
+        rows += float(one.rows[excited].sum())
     return gain / rows if rows > 0.0 else 0.0
+
+
+REFUSALS: Final = (refuse_wrong_spins,)

@@ -22,9 +22,9 @@ from rotorfit.model.parameters import (
     PARAMETERS,
     inertia_about,
 )
-from rotorfit.results.about_com import body_verdict, relative_width, twin_of
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.verdicts import body_verdict, relative_width, twin_of
 
 Origin = Literal["identified", "weak", "given", "removed", "assumed", "from-ratio", "law"]
 

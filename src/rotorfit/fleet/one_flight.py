@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.diagnostics.kt_from_weight import kt_from_weight
 from rotorfit.errors import RotorfitError, RotorfitWarning
 from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment, single_flight_experiment
 from rotorfit.experiment.read_options import read_options_of
-from rotorfit.fit.intervals.kt_from_weight import kt_from_weight
 from rotorfit.fit.intervals.numbers import correlation_of
 from rotorfit.fleet.entries import Entry
 from rotorfit.fleet.kept_factors import factor_arrays
@@ -77,7 +77,7 @@ def _identified(found: Identified) -> Entry:
         record=_record(found),
         failure=None,
         hardware=found.dataset.configurations[0].flights[0].log.circumstances.hardware,
-        factors={} if found.factors is None else factor_arrays(found.factors, found.dataset),
+        factors={} if found.fit is None else factor_arrays(found.fit.factors, found.dataset),
     )
 
 

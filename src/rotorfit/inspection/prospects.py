@@ -9,10 +9,10 @@ from scipy import stats
 
 from rotorfit.dataset.checks.declared_rotors import Response, response
 from rotorfit.dataset.weight_balance import held_up, turning
+from rotorfit.diagnostics.kt_from_weight import INFLOW_STD, WeighedThrust
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance
-from rotorfit.fit.intervals.kt_from_weight import INFLOW_STD, WeighedThrust
 from rotorfit.fit.rows.row_fits import RowFits, angular_log_likelihood, fit_rows
 from rotorfit.inspection.guessed_rotors import guessed_vehicles
 from rotorfit.inspection.motor_lateness import LOOK

@@ -17,9 +17,18 @@ from rotorfit.model.parameters import COM, INERTIA_COM
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import WANTABLE
-from rotorfit.results.about_com import body_verdict, twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
-from rotorfit.results.verdicts import ADVICE, ADVISED, FLOWN, NUISANCE, WEAK, judge, motion_for
+from rotorfit.results.verdicts import (
+    ADVICE,
+    ADVISED,
+    FLOWN,
+    NUISANCE,
+    WEAK,
+    body_verdict,
+    judge,
+    motion_for,
+    twin_of,
+)
 from rotorfit.simulation.manoeuvres import Manoeuvre
 
 SAME_PLACE: Final = 1e-3

@@ -7,9 +7,8 @@ from rotorfit.formatting.digits import Number, known, number_of
 from rotorfit.model.parameters import COM, INERTIA_COM
 from rotorfit.report.intervals import axis_of, axis_range, interval_bar
 from rotorfit.report.number_words import title_of, unit_words
-from rotorfit.results.about_com import body_verdict, relative_width, twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
-from rotorfit.results.verdicts import ADVICE, motion_for
+from rotorfit.results.verdicts import ADVICE, body_verdict, motion_for, relative_width, twin_of
 
 COM_FIRST = (*COM, *INERTIA_COM)
 

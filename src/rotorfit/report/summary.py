@@ -12,9 +12,8 @@ from rotorfit.report.number_words import (
     title_of,
     unit_words,
 )
-from rotorfit.results.about_com import body_verdict, twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
-from rotorfit.results.verdicts import WEAK
+from rotorfit.results.verdicts import WEAK, body_verdict, twin_of
 
 SUBJECTS = {
     "kt": "thrust coefficient",

@@ -10,9 +10,8 @@ from rotorfit.model.parameters import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
 from rotorfit.report.number_words import VERDICT_MEANING, percent
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
-from rotorfit.results.about_com import twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
-from rotorfit.results.verdicts import NUISANCE, WEAK
+from rotorfit.results.verdicts import NUISANCE, WEAK, twin_of
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
 DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")

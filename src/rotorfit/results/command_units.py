@@ -4,8 +4,8 @@ import dataclasses
 from typing import Final
 
 from rotorfit.dataset.dataset import Dataset
+from rotorfit.findings import doubt
 from rotorfit.model.parameters import EFFECTIVE_UNITS
-from rotorfit.results.parameter_tables import Tables
 from rotorfit.results.result import IdentificationResult
 
 _PER_MASS: Final = " per kg"
@@ -24,21 +24,21 @@ RELATIVE_LAW: Final = (
 )
 
 
-def of_commanded_speed(tables: Tables, dataset: Dataset) -> Tables:
-    """Return the tables with the units and the doubts that commands instead of speeds bring."""
+def in_command_units(result: IdentificationResult, dataset: Dataset) -> IdentificationResult:
+    """Convert a result to the units of commands, where no law makes speeds of them."""
     motors = dataset.motors
     if motors.speed == "measured" or not motors.law_is_relative or dataset.speeds_commanded:
-        return tables
+        return result
+    relative = doubt("no-speed-law", NO_LAW if motors.law is None else RELATIVE_LAW)
     return dataclasses.replace(
-        tables,
+        result,
         parameters=tuple(
-            dataclasses.replace(p, unit=effective_unit(p.name, p.unit)) for p in tables.parameters
+            dataclasses.replace(p, unit=effective_unit(p.name, p.unit)) for p in result.parameters
         ),
         derived=tuple(
-            dataclasses.replace(d, unit=effective_unit(d.name, d.unit)) for d in tables.derived
+            dataclasses.replace(d, unit=effective_unit(d.name, d.unit)) for d in result.derived
         ),
-        warnings=(*tables.warnings, NO_LAW if motors.law is None else RELATIVE_LAW),
-    )
+    ).found(relative)
 
 
 def effective_unit(name: str, unit: str) -> str:

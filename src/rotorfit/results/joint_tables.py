@@ -4,82 +4,103 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
+from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import HEIGHTS, LEAST_EXCITATION
 from rotorfit.fit.intervals.joint_numbers import SHARED_NUMBERS, number_scale
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
+from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import BIAS_STD, ROTOR_SPREAD_STD, JointConfiguration
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.reduction.frequency_bands import STRETCH
-from rotorfit.reduction.motor_timing import MotorTiming
+from rotorfit.results.assemble import assembled
 from rotorfit.results.parameter_tables import (
     RATIOS,
     ROW_ORDER,
-    Tables,
-    excitation_warnings,
     given_parameter,
     judgements,
     motor_parameters,
     number_derived,
     number_parameter,
+    with_timing_total,
 )
-from rotorfit.results.result import Derived, Parameter
-from rotorfit.results.rotor_spread import assumed_rotors
+from rotorfit.results.result import Derived, IdentificationResult, Parameter
 from rotorfit.results.verdicts import ADVICE, Judgement
 
 
-def joint_tables(
-    numbers: Numbers,
-    fit: BandedEstimate,
-    configurations: Sequence[JointConfiguration],
-    entries: Sequence[ConfigurationEntry],
-    *,
-    motors: MotorsEntry,
-    timing: MotorTiming | None,
-) -> Tables:
-    """Return parameters and derived numbers of all configurations, each with its verdict."""
-    judged = _judgements(numbers, configurations)
-    judged |= {
-        name: judgement
-        for name, judgement in assumed_rotors(fit, configurations).items()
-        if judged[name].verdict != "not-identified"
-    }
+def joint_parameters(fit: Fit) -> list[Parameter]:
+    """Judge every parameter of a joint fit, in the order of the table."""
+    judged = _judged(fit)
+    entries = [c.entry for c in fit.dataset.configurations]
     parameters = [
-        _parameter(name, numbers, judged, entries) for name in numbers.names if _is_parameter(name)
+        _parameter(name, fit.numbers, judged, entries)
+        for name in fit.numbers.names
+        if _is_parameter(name)
     ]
-    parameters += motor_parameters(motors, timing)
+    parameters += motor_parameters(fit.dataset.motors, fit.dataset.motor_timing)
     parameters += [given_parameter("mass", e.mass, e.mass_std, e) for e in entries]
     order = {entry.name: i for i, entry in enumerate(entries)}
     parameters.sort(key=lambda p: (order.get(p.configuration or "", -1), ROW_ORDER.index(p.name)))
+    return parameters
+
+
+def _judged(fit: Fit) -> dict[str, Judgement]:
+    """Judge every number; a rotor's coefficient that the prior decides is named so."""
+    judged = _judgements(fit.numbers, fit.configurations)
+    return judged | {
+        name: judgement
+        for name, judgement in assumed_rotors(fit.estimate, fit.configurations).items()
+        if judged[name].verdict != "not-identified"
+    }
+
+
+def joint_result(fit: Fit, experiment: Experiment) -> IdentificationResult:
+    """Tabulate a joint fit: parameters and derived numbers of all configurations, with verdicts."""
+    numbers, estimate = fit.numbers, fit.estimate
+    parameters = joint_parameters(fit)
+    entries = [c.entry for c in fit.dataset.configurations]
     known = [
         p.full_name for p in parameters if p.value is not None and p.full_name in numbers.names
     ]
-    return Tables(
+    return assembled(
+        experiment,
+        fit.dataset,
         parameters=tuple(parameters),
-        derived=tuple(_derived_numbers(numbers, judged, entries)),
+        derived=with_timing_total(
+            _derived_numbers(numbers, _judged(fit), entries), fit.dataset.motor_timing
+        ),
         covariance_names=tuple(known),
         covariance=numbers.covariance(known),
-        settings={
+        used={
             "noise": "variances of the six accelerations, per phase and band",
             "band": "0 to 30 Hz",
             "stretch": f"{STRETCH:g} s",
             "rotor_spread_prior": ROTOR_SPREAD_STD,
             "accel_bias_prior": list(BIAS_STD.values()),
+            **fit.choice.settings,
+            **_response_setting(fit.configurations[0]),
         },
-        warnings=excitation_warnings(
-            numbers, configurations[0].vehicle, several=len(configurations) > 1
-        ),
         diagnostics={
-            "condition": fit.estimate.condition_number,
-            "log_likelihood": fit.log_likelihood,
-            "iterations": float(fit.iterations),
+            "condition": estimate.estimate.condition_number,
+            "log_likelihood": estimate.log_likelihood,
+            "iterations": float(estimate.iterations),
             **{f"excitation_{key}": value for key, value in numbers.excitation.items()},
-            # Over a velocity that is felt, not known: told, but no finding with an interval.
-            **{k: v for k, v in fit.estimate.by_name.items() if k.startswith("climb_drag@")},
+            # Over a velocity that is felt, not known: no number with an interval.
+            **{k: v for k, v in estimate.estimate.by_name.items() if k.startswith("climb_drag@")},
         },
     )
+
+
+def _response_setting(c: JointConfiguration) -> dict[str, dict[str, tuple[float, ...]]]:
+    """Return the autopilot's response beyond the nominal one, where the flights show it."""
+    response = c.answer
+    if response == NOMINAL_RESPONSE:
+        return {}
+    return {"autopilot_answer": {"beyond_usual": response.beyond, "half_width": response.open}}
 
 
 def _is_parameter(name: str) -> bool:
@@ -163,3 +184,51 @@ def _derived_numbers(
         for name in DERIVED
         if (name in SHARED_NUMBERS) == (entry is None)
     ]
+
+
+MOSTLY_ASSUMED = 0.5
+"""Deviation after the flights over that before, from which a coefficient counts as assumed. A
+quadrotor's are told to 0.2 of it; of six or eight rotors 0.6 and more is left at best."""
+
+
+def assumed_rotors(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> dict[str, Judgement]:
+    """Return the verdict on those coefficients that the flights do not tell, by name."""
+    vehicle = configurations[0].vehicle
+    spread = spread_names(vehicle)
+    names = tuple(dict.fromkeys(spread))
+    if not set(names) or not set(names) <= set(fit.estimate.names):
+        return {}
+    at = [fit.estimate.names.index(name) for name in names]
+    after = fit.estimate.covariance[np.ix_(at, at)]
+    before = np.diag([fit.problem.prior_std[name] ** 2 for name in names])
+    left = np.sqrt(_own_variance(spread, names, after) / _own_variance(spread, names, before))
+    grouped = any(rotor.group is not None for rotor in vehicle.rotors)
+    judgement = _judgement(len(spread), grouped=grouped)
+    return {f"kt_{i}": judgement for i, share in enumerate(left, start=1) if share > MOSTLY_ASSUMED}
+
+
+def _own_variance(
+    spread: Sequence[str], names: Sequence[str], covariance: Float[np.ndarray, "s s"]
+) -> Float[np.ndarray, " N"]:
+    """Return the variance of each rotor's coefficient over the mean one."""
+    own = np.array([[float(name == mine) for name in names] for mine in spread])
+    own -= own.mean(axis=0)
+    return np.einsum("is,st,it->i", own, covariance, own)
+
+
+def _judgement(rotors: int, *, grouped: bool) -> Judgement:
+    """Return why the flights do not tell, and what to do."""
+    if grouped:
+        reason = "the mixer moves these groups of rotors together"
+        advice = "measure thrust on a stand, or choose other groups: the rotors of one spin, say"
+    elif rotors > 4:
+        reason = "the mixer moves these rotors together"
+        advice = 'give the rotors that are alike the same group (group = "..." in [airframe])'
+    else:
+        # Kept: with the CoM they make the trim of hover, and one without the other is none.
+        reason = "it cannot be told apart from the average rotor"
+        advice = "roll, pitch and yaw more briskly"
+        return Judgement(verdict="weak", reason=reason, advice=advice)
+    return Judgement(verdict="not-identified", reason=reason, advice=advice)

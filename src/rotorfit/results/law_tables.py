@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.findings import note
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.motor_law.command_response import Recording, answered_speed
@@ -20,8 +21,8 @@ from rotorfit.preprocessing.motors.thrust_curve import (
 )
 from rotorfit.reduction.motor_timing import told
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
-from rotorfit.results.parameter_tables import ROW_ORDER, Tables, found_time
-from rotorfit.results.result import Parameter
+from rotorfit.results.parameter_tables import ROW_ORDER, found_time
+from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.results.verdicts import judge
 
 ESTIMATOR: Final = (
@@ -72,15 +73,19 @@ def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[P
     return _law(fitted, rotor_count, known=known, times=times), (*times, speed)
 
 
-def with_law(tables: Tables, parameters: tuple[Parameter, ...], law: CommandLaw) -> Tables:
-    """Return the tables with what the motors' law gives, and what is to be said of it."""
-    there = {p.name for p in tables.parameters}
-    every = [*tables.parameters, *(p for p in parameters if p.name not in there)]
+def with_law(
+    result: IdentificationResult, parameters: tuple[Parameter, ...], law: CommandLaw
+) -> IdentificationResult:
+    """Add the motors' law and its parameters to a result."""
+    there = {p.name for p in result.parameters}
+    every = [*result.parameters, *(p for p in parameters if p.name not in there)]
     shared = [p for p in every if p.configuration is None]
     shared.sort(key=lambda p: ROW_ORDER.index(p.name))
     own = [p for p in every if p.configuration is not None]
-    said = () if law.nominal_voltage is not None else (NO_VOLTAGE,)
-    return replace(tables, parameters=(*shared, *own), warnings=(*tables.warnings, *said))
+    result = replace(result, parameters=(*shared, *own), command_law=law)
+    if law.nominal_voltage is not None:
+        return result
+    return result.found(note("law-without-voltage", NO_VOLTAGE))
 
 
 def _full_speed(fit: LawFit, x: Vector) -> float:

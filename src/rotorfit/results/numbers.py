@@ -60,3 +60,8 @@ class Derived:
     std: float | None
     interval: tuple[float, float] | None
     unit: str
+
+    @property
+    def full_name(self) -> str:
+        """Its name among those of all configurations, such as ``com_x@A``."""
+        return f"{self.name}@{self.configuration}" if self.configuration else self.name

@@ -1,26 +1,43 @@
 """The tables of a result from the paper's procedure: its values, its sigmas, what it removed."""
 
 from dataclasses import replace
+from typing import Final
 
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.total import EssentialEstimate
-from rotorfit.experiment.experiment import ConfigurationEntry
-from rotorfit.fit.rows.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings
+from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
+from rotorfit.findings import note
+from rotorfit.fit.rows.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_estimate
 from rotorfit.model.parameters import PARAMETERS, full_name
+from rotorfit.results.assemble import assembled
 from rotorfit.results.parameter_tables import (
-    Tables,
     given_parameter,
     motor_parameters,
     unit_of,
+    with_timing_total,
 )
-from rotorfit.results.result import Parameter
+from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.results.verdicts import judge, motion_for
+
+SIGMAS: Final = (
+    "the standard deviations are the paper's (eq. 19-21): they leave out bias and correlation "
+    "between samples, and real errors are many times larger"
+)
+
+
+def paper_result(experiment: Experiment, dataset: Dataset) -> IdentificationResult:
+    """Estimate by total least squares, the paper's way: its values, its sigmas, what it removed."""
+    settings = _settings(experiment)
+    return paper_tables(paper_estimate(dataset, settings=settings), settings, experiment, dataset)
 
 
 def paper_tables(
-    essential: EssentialEstimate, dataset: Dataset, *, settings: PaperSettings
-) -> Tables:
-    """Return the tables of the paper's estimate: its values, its sigmas, what it removed."""
+    essential: EssentialEstimate,
+    settings: PaperSettings,
+    experiment: Experiment,
+    dataset: Dataset,
+) -> IdentificationResult:
+    """Tabulate the paper's estimate with its own sigmas."""
     estimate = essential.estimate
     entries = [configured.entry for configured in dataset.configurations]
     parameters = [_paper_parameter(name, essential, entries[0]) for name in SHARED_FREE]
@@ -29,12 +46,14 @@ def paper_tables(
     for entry in entries:
         own = [_paper_parameter(name, essential, entry) for name in OWN_FREE]
         parameters += [given_parameter("mass", entry.mass, entry.mass_std, entry), *own]
-    return Tables(
+    return assembled(
+        experiment,
+        dataset,
         parameters=tuple(parameters),
-        derived=(),
+        derived=with_timing_total((), dataset.motor_timing),
         covariance_names=estimate.names,
         covariance=estimate.covariance,
-        settings={
+        used={
             "estimator": "total least squares (Six et al. 2020, eq. 14-22)",
             "row_weights": "one pass, by wrench component",
             "cutoff": settings.cutoff,
@@ -45,11 +64,19 @@ def paper_tables(
             "motor_lag": False,
             "removed_in_order": list(essential.removed),
         },
-        warnings=(
-            "the standard deviations are the paper's (eq. 19-21): they leave out bias and "
-            "correlation between samples, and real errors are many times larger",
-        ),
         diagnostics={"condition": estimate.condition_number},
+        findings=(note("paper-sigmas", SIGMAS),),
+    )
+
+
+def _settings(experiment: Experiment) -> PaperSettings:
+    """Return the paper's settings with what the experiment overrides."""
+    given = experiment.identification
+    default = PaperSettings()
+    keep_all = given.preset is None and given.r_sigma is None
+    return PaperSettings(
+        cutoff=given.cutoff or default.cutoff,
+        r_sigma=None if keep_all else given.r_sigma or default.r_sigma,
     )
 
 

@@ -1,15 +1,12 @@
 """The parameters and derived numbers of a result, with verdicts, from what an estimator gave."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-
-import numpy as np
-from jaxtyping import Float
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
+from rotorfit.findings import Evidence, Finding, doubt, note
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.model.parameters import (
     AIR,
     DERIVED,
@@ -45,23 +42,6 @@ RATIOS = {
     "Izz": ("kd_over_Izz", "kd"),
 }
 """The ratio that the yaw equation gives even where the number alone is lost, and with whom."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tables:
-    """What an estimator contributes to a result.
-
-    `factors`: what its fit was made of, for fitting again without samples.
-    """
-
-    parameters: tuple[Parameter, ...]
-    derived: tuple[Derived, ...]
-    covariance_names: tuple[str, ...]
-    covariance: Float[np.ndarray, "p p"]
-    settings: Mapping[str, object]
-    warnings: tuple[str, ...] = ()
-    diagnostics: Mapping[str, float] = field(default_factory=dict[str, float])
-    factors: FittedFactors | None = None
 
 
 def unit_of(info: ParameterInfo, entry: ConfigurationEntry) -> str:
@@ -149,29 +129,37 @@ def number_derived(
     )
 
 
-def excitation_warnings(
-    numbers: Numbers, vehicle: Vehicle, *, several: bool = False
-) -> tuple[str, ...]:
-    """Return what is to be doubted where a pilot flew little; and what the origin is.
+def little_excitation(fit: Fit) -> Iterator[Finding]:
+    """Note the axes that a pilot moved little."""
+    several = len(fit.configurations) > 1
+    return excitation_findings(fit.numbers, several=several)
 
-    Parameters
-    ----------
-    numbers
-        With the excitation of every axis.
-    vehicle
-        That was flown.
-    several
-        Whether there are several configurations, so that they must be named.
-    """
-    doubts: list[str] = []
+
+def excitation_findings(numbers: Numbers, *, several: bool = False) -> Iterator[Finding]:
+    """Note the axes with little excitation; of `several` configurations they are named."""
     for key, rho in numbers.excitation.items():
         axis, _, owner = key.partition("@")
         if LEAST_EXCITATION <= rho < 2.0 * LEAST_EXCITATION:
             where = f" in configuration {owner}" if several else ""
-            doubts.append(f"{axis}{where}: signal-to-noise only {rho:.1f}; {ADVICE[axis]}")
+            yield doubt(
+                "little-excitation",
+                f"{axis}{where}: signal-to-noise only {rho:.1f}; {ADVICE[axis]}",
+                evidence=(
+                    Evidence(name=f"excitation_{key}", value=rho, limit=2.0 * LEAST_EXCITATION),
+                ),
+                next_step=ADVICE[axis],
+            )
+
+
+def unknown_origin(fit: Fit) -> Iterator[Finding]:
+    """Note that the IMU is the origin, where its position is unknown."""
+    return origin_findings(fit.dataset.vehicle)
+
+
+def origin_findings(vehicle: Vehicle) -> Iterator[Finding]:
+    """Note that the IMU is the origin, where its position is unknown."""
     if vehicle.imu_position is None:
-        doubts.append(ORIGIN_IS_IMU)
-    return tuple(doubts)
+        yield note("origin", ORIGIN_IS_IMU)
 
 
 def motor_parameters(motors: MotorsEntry, timing: MotorTiming | None) -> list[Parameter]:
@@ -231,10 +219,12 @@ def found_time(name: str, value: float, std: float) -> Parameter:
     )
 
 
-def with_timing_total(tables: Tables, timing: MotorTiming | None) -> Tables:
-    """Return the tables with lag plus delay of commands, which is sharper than either alone."""
+def with_timing_total(
+    derived: Iterable[Derived], timing: MotorTiming | None
+) -> tuple[Derived, ...]:
+    """Add lag plus delay of commands, which is sharper than either alone."""
     if timing is None or timing.response.mean_lag == 0.0:
-        return tables
+        return tuple(derived)
     value, half = timing.response.mean_lag + timing.response.delay, 1.96 * timing.total_std
     total = Derived(
         name="motor_lag_total",
@@ -244,8 +234,7 @@ def with_timing_total(tables: Tables, timing: MotorTiming | None) -> Tables:
         interval=(value - half, value + half) if timing.told else None,
         unit="s",
     )
-    others = (d for d in tables.derived if d.name != total.name)
-    return replace(tables, derived=(total, *others))
+    return (total, *(d for d in derived if d.name != total.name))
 
 
 def given_parameter(

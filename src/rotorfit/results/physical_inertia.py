@@ -10,7 +10,7 @@ the second moments of its mass. About the centre of mass that is :math:`\tfrac12
 """
 
 import dataclasses
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,15 +19,17 @@ from jaxtyping import Float
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.consistent import nearest_consistent
 from rotorfit.experiment.payload import MOMENTS
+from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import SCALED
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import INERTIA, INERTIA_PLACES, inertia_matrix
-from rotorfit.results.parameter_tables import RATIOS, Tables
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.results.joint_tables import joint_parameters
+from rotorfit.results.result import IdentificationResult, Parameter
 
 IMPOSSIBLE = "no body has these moments of inertia: one exceeds the sum of the two others"
 ESTIMATE = "impossible_"
-"""Before the diagnostics that keep the estimates which were taken back."""
+"""Prefix of the diagnostics that keep withheld estimates."""
 FLY = "fly longer and livelier about all three axes, 20 s each, then identify all flights together"
 
 
@@ -115,91 +117,52 @@ def possible_sentence(moment: SecondMoment, configuration: str) -> str | None:
     )
 
 
-def without_impossible(tables: Tables, configurations: Sequence[str]) -> Tables:
-    """Return the tables without the inertia of these configurations, and without the scale of yaw.
+def impossible_inertia(fit: Fit) -> Iterator[Finding]:
+    """Check that every body can exist, and withhold an inertia that no body has.
 
     What the yaw equation gives, k_d / I_zz and J_r / I_zz, is sound whatever the other moments are,
-    and stays; I_zz, k_d and J_r hang on one scale, which the impossible body disproves for all
+    and stays; I_zz, k_d and J_r depend on one scale, which the impossible body disproves for all
     configurations.
     """
-    if not configurations:
-        return tables
-    sound = withhold(
-        tables, lambda name, owner: _disproved(name, owner, configurations), (IMPOSSIBLE, FLY)
-    )
-    known = {p.full_name for p in sound.parameters if p.value is not None}
-    # What `project_to_physical` begins at.
-    estimates = {
+    parameters = joint_parameters(fit)
+    for name in (c.name for c in fit.configurations):
+        moment = smallest_second_moment(fit.numbers, name)
+        yield body_finding(moment, name, parameters, fit.numbers.names)
+
+
+def body_finding(
+    moment: SecondMoment, configuration: str, parameters: Sequence[Parameter], names: Sequence[str]
+) -> Finding:
+    """Judge one body by its smallest second moment; `names` are those of all numbers."""
+    disproved = tuple(name for name in names if _disproved(name, configuration))
+    lost = {p.full_name for p in parameters if p.value is None}
+    # What is not reported needs no doubt.
+    shown = not lost & {f"{axis}@{configuration}" for axis in ("Ixx", "Iyy", "Izz")}
+    sentence = possible_sentence(moment, configuration) if shown else None
+    measured = {f"smallest_second_moment@{configuration}": moment.share}
+    if moment.impossible:
+        measured |= _estimates([p for p in parameters if p.full_name in disproved])
+    found = doubt_or_passed("impossible-inertia", sentence, measured, numbers=disproved)
+    if not moment.impossible:
+        return found
+    return dataclasses.replace(found, next_step=FLY, withheld_because=IMPOSSIBLE)
+
+
+def _disproved(full_name: str, configuration: str) -> bool:
+    """Return whether an impossible body of a configuration disproves a number."""
+    name, _, owner = full_name.partition("@")
+    return name in SCALED or (owner == configuration and name.startswith(INERTIA))
+
+
+def _estimates(withheld: Sequence[Parameter]) -> dict[str, float]:
+    """Return values and deviations of withheld moments, from which `project_to_physical` begins."""
+    return {
         f"{ESTIMATE}{what}_{p.full_name}": float(number)
-        for p in tables.parameters
-        if p.name in INERTIA and p.full_name not in known
+        for p in withheld
+        if p.name in INERTIA
         for what, number in (("value", p.value), ("std", p.std))
         if number is not None
     }
-    return dataclasses.replace(sound, diagnostics={**tables.diagnostics, **estimates})
-
-
-def withhold(
-    tables: Tables, disproved: Callable[[str, str | None], bool], why: tuple[str, str]
-) -> Tables:
-    """Return the tables without some numbers; those known as a ratio are said to be.
-
-    Parameters
-    ----------
-    tables
-        Of the estimate.
-    disproved
-        Whether the number of a name and configuration is taken back.
-    why
-        The reason, and what to do.
-    """
-    ratios = {(d.name, d.configuration) for d in tables.derived if d.value is not None}
-    parameters = tuple(
-        _taken_back(p, ratios, why) if disproved(p.name, p.configuration) else p
-        for p in tables.parameters
-    )
-    derived = tuple(
-        _emptied(d) if disproved(d.name, d.configuration) else d for d in tables.derived
-    )
-    known = {p.full_name for p in parameters if p.value is not None}
-    keep = [i for i, name in enumerate(tables.covariance_names) if name in known]
-    return dataclasses.replace(
-        tables,
-        parameters=parameters,
-        derived=derived,
-        covariance_names=tuple(tables.covariance_names[i] for i in keep),
-        covariance=tables.covariance[np.ix_(keep, keep)],
-    )
-
-
-def _disproved(name: str, configuration: str | None, impossible: Sequence[str]) -> bool:
-    """Return whether an impossible body disproves a number."""
-    return name in SCALED or (configuration in impossible and name.startswith(INERTIA))
-
-
-def _taken_back(
-    parameter: Parameter, ratios: Collection[tuple[str, str | None]], why: tuple[str, str]
-) -> Parameter:
-    """Return a parameter without its value, as a ratio where (name, configuration) is known."""
-    if parameter.verdict in ("given", "removed"):
-        return parameter
-    ratio, partner = RATIOS.get(parameter.name, ("", None))
-    owners = {owner for name, owner in ratios if name == ratio}
-    own = owners if parameter.configuration is None else owners & {parameter.configuration}
-    return dataclasses.replace(
-        parameter,
-        value=None,
-        std=None,
-        interval=None,
-        verdict="ratio-only" if own else "not-identified",
-        partner=partner if own else None,
-        reason=why[0],
-        advice=why[1],
-    )
-
-
-def _emptied(derived: Derived) -> Derived:
-    return dataclasses.replace(derived, value=None, std=None, interval=None)
 
 
 def project_to_physical(
@@ -207,7 +170,7 @@ def project_to_physical(
 ) -> Projected:
     """Return the body nearest to an estimate, in its own covariance, that can exist.
 
-    An inertia that was taken back because no body has it stands as it was estimated. A first moment
+    An inertia that was withheld because no body has it stands as it was estimated. A first moment
     or product that is not known stands as zero, give or take what a body of these moments of
     inertia can have.
 
@@ -225,7 +188,7 @@ def project_to_physical(
         in the result, several are there and none is named, or the projection needs a library that
         is not installed (the extra ``physical``).
     """
-    values, covariance, mass = _body(result, configuration)
+    values, covariance, mass = nine_moments(result, configuration)
     # In units of the mass and of a length of the body, so that all entries are of one size.
     length = float(np.sqrt(abs(values[3:6]).max() / mass))
     units = mass * np.array([length] * 3 + [length**2] * 6)
@@ -240,7 +203,7 @@ def project_to_physical(
     )
 
 
-def _body(
+def nine_moments(
     result: IdentificationResult, configuration: str | None
 ) -> tuple[Float[np.ndarray, " 9"], Float[np.ndarray, "9 9"], float]:
     """Return the nine moments of a configuration with their covariance, and its mass."""

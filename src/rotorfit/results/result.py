@@ -12,18 +12,25 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError, OutputError
+from rotorfit.findings import (
+    Finding,
+    doubt,
+    finding_from_plain,
+    finding_to_plain,
+    sentences,
+)
 from rotorfit.formatting.digits import with_interval
 from rotorfit.formatting.frame import DataFrame, frame
 from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS
-from rotorfit.results.about_com import body_verdict, twin_of
 from rotorfit.results.command_law import CommandLaw, law_from_plain, law_to_plain
 from rotorfit.results.numbers import Derived as Derived
 from rotorfit.results.numbers import Parameter as Parameter
 from rotorfit.results.numbers import Verdict as Verdict
 from rotorfit.results.samples import Estimated, Samples, draw_vehicles
+from rotorfit.results.verdicts import body_verdict, twin_of
 
 SCHEMA = 1
 RESULT_FILE = "a result of rotorfit identify"
@@ -84,12 +91,12 @@ class IdentificationResult:
         The whole resolved experiment.
     versions
         Of rotorfit and the libraries that did the arithmetic.
-    warnings
-        What to doubt, one sentence each.
+    findings
+        What every check found, those that passed included.
     axes
         Of every vector.
     diagnostics
-        The numbers behind the warnings.
+        The numbers behind the findings.
     command_law
         The motors' law from command to speed, where a log has both; None elsewhere.
     """
@@ -104,10 +111,19 @@ class IdentificationResult:
     covariance: Float[np.ndarray, "p p"]
     settings: Mapping[str, Any]
     versions: Mapping[str, str]
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     axes: str = "FLU"
     diagnostics: Mapping[str, float] = field(default_factory=dict[str, float])
     command_law: CommandLaw | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to doubt and to know, one sentence each: those of the findings."""
+        return sentences(self.findings)
+
+    def found(self, *findings: Finding) -> "IdentificationResult":
+        """Return the result with further findings."""
+        return dataclasses.replace(self, findings=(*self.findings, *findings))
 
     def parameter(self, name: str, configuration: str | None = None) -> Parameter:
         """Return one parameter; the configuration may be left out where there is one.
@@ -350,6 +366,7 @@ def _plain(result: IdentificationResult) -> dict[str, Any]:
         "settings": dict(result.settings),
         "versions": dict(result.versions),
         "warnings": list(result.warnings),
+        "findings": [finding_to_plain(one) for one in result.findings],
         "diagnostics": dict(result.diagnostics),
         "command_law": law_to_plain(result.command_law),
     }
@@ -394,12 +411,19 @@ def _from_plain(data: Any, path: Path) -> IdentificationResult:
             covariance=matrix.reshape(len(names), len(names)),
             settings=data["settings"],
             versions=data["versions"],
-            warnings=tuple(data["warnings"]),
+            findings=_findings(data),
             diagnostics=data.get("diagnostics", {}),
             command_law=law_from_plain(data.get("command_law")),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise OutputError(_no_result(path, f"at {error}")) from error
+
+
+def _findings(data: Mapping[str, Any]) -> tuple[Finding, ...]:
+    """Return the findings; an older result has their sentences alone."""
+    if "findings" not in data:
+        return tuple(doubt("warning", str(sentence)) for sentence in data["warnings"])
+    return tuple(finding_from_plain(one) for one in data["findings"])
 
 
 def _no_result(path: Path, why: str) -> str:

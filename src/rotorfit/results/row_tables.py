@@ -1,73 +1,107 @@
 """The tables of a result from the estimate row by row (``method = "ols"``)."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
-from rotorfit.experiment.experiment import ConfigurationEntry, MotorsEntry
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.dataset.dataset import Dataset
+from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.rows.row_fits import ROWS, RowFits
-from rotorfit.fit.rows.row_parameters import number_scale
+from rotorfit.fit.intervals.other_settings import widened
+from rotorfit.fit.rows.row_fits import ROWS, RowFits, fit_rows
+from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
 from rotorfit.model.parameters import DERIVED, PARAMETERS, SHARED, full_name
-from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.motor_timing import MotorTiming
+from rotorfit.results.assemble import assembled
 from rotorfit.results.parameter_tables import (
     RATIOS,
     ROW_ORDER,
     SHARED_DERIVED,
-    Tables,
-    excitation_warnings,
+    excitation_findings,
     given_parameter,
     judgements,
     motor_parameters,
     number_derived,
     number_parameter,
+    origin_findings,
     unit_of,
+    with_timing_total,
 )
-from rotorfit.results.result import Parameter
+from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.results.verdicts import ADVICE, Judgement
 
 
+def row_result(experiment: Experiment, dataset: Dataset) -> IdentificationResult:
+    """Estimate row by row, and tabulate the numbers with verdicts."""
+    fits = _rows_at(dataset)
+    return row_tables(_widened(dataset, fits), fits, experiment, dataset)
+
+
 def row_tables(
-    numbers: Numbers,
-    fits: RowFits,
-    entry: ConfigurationEntry,
-    *,
-    vehicle: Vehicle,
-    motors: MotorsEntry,
-    timing: MotorTiming | None,
-) -> Tables:
-    """Return the tables of the row by row estimate."""
-    mass = 1.0 if entry.mass == "unknown" else entry.mass
+    numbers: Numbers, fits: RowFits, experiment: Experiment, dataset: Dataset
+) -> IdentificationResult:
+    """Tabulate numbers with their final intervals, with verdicts."""
+    configured = dataset.configurations[0]
+    entry, vehicle = configured.entry, dataset.vehicle
     judged = judgements(
-        numbers, lambda name: number_scale(numbers, name, mass=mass, arm=vehicle.arm)
+        numbers, lambda name: number_scale(numbers, name, mass=configured.mass, arm=vehicle.arm)
     )
     parameters = [
         *_row_parameters(numbers, judged, entry),
-        *motor_parameters(motors, timing),
+        *motor_parameters(experiment.motors, dataset.motor_timing),
         given_parameter("mass", entry.mass, entry.mass_std, entry),
     ]
     parameters.sort(key=lambda p: ROW_ORDER.index(p.name))
     known = [p.name for p in parameters if p.value is not None and p.name in numbers.names]
-    return Tables(
+    derived = [
+        number_derived(
+            name,
+            numbers,
+            judged,
+            owner=None if name in SHARED_DERIVED else entry.name,
+            entry=entry,
+        )
+        for name in DERIVED
+    ]
+    return assembled(
+        experiment,
+        dataset,
         parameters=tuple(parameters),
-        derived=tuple(
-            number_derived(
-                name,
-                numbers,
-                judged,
-                owner=None if name in SHARED_DERIVED else entry.name,
-                entry=entry,
-            )
-            for name in DERIVED
-        ),
+        derived=with_timing_total(derived, dataset.motor_timing),
         covariance_names=tuple(full_name(name, entry.name) for name in known),
         covariance=numbers.covariance(known),
-        settings={"noise": "per phase and band", "band": "0 to 30 Hz", "stretch": "20 s"},
-        warnings=excitation_warnings(numbers, vehicle),
+        used={"noise": "per phase and band", "band": "0 to 30 Hz", "stretch": "20 s"},
         diagnostics={
             **{f"excitation_{axis}": value for axis, value in fits.excitation.items()},
             **{f"condition_{row}": fits.fits[row].estimate.condition_number for row in ROWS},
         },
+        findings=(*excitation_findings(numbers), *origin_findings(vehicle)),
     )
+
+
+def _rows_at(dataset: Dataset, *, top: float = np.inf) -> RowFits:
+    """Fit every row by the bands that begin under an edge [Hz]."""
+    factors = dataset.bands(dataset.timing)[0]
+    factors = factors.select(factors.band[:, 0] < top)
+    return fit_rows(factors, dataset.model, mass=dataset.configurations[0].mass)
+
+
+def _numbers(dataset: Dataset, fits: RowFits) -> Numbers:
+    configured = dataset.configurations[0]
+    return row_numbers(
+        fits, dataset.vehicle, mass=configured.mass, mass_std=configured.entry.mass_std
+    )
+
+
+def _widened(dataset: Dataset, fits: RowFits) -> Numbers:
+    """Compute the numbers, their intervals widened by settings that could as well be others."""
+    numbers = _numbers(dataset, fits)
+
+    def shift(other: Dataset, top: float) -> Float[np.ndarray, " q"]:
+        return _numbers(other, _rows_at(other, top=top)).values - numbers.values
+
+    return replace(numbers, half_width=widened(numbers.half_width, dataset, shift, timed=False))
 
 
 def _row_parameters(

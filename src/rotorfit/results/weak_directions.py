@@ -6,7 +6,7 @@ and the root of largest over smallest eigenvalue is the condition number of colu
 10 and less is good; 255 is one axis flown at a time.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,9 @@ from jaxtyping import Float
 
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.experiment.payload import MOMENTS
+from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.fit.fit import Fit
+from rotorfit.results.joint_tables import joint_parameters
 from rotorfit.results.verdicts import ADVICE, motion_for
 
 ROTORS = ("kt", "kd", "Jr")
@@ -46,6 +49,20 @@ class WeakDirection:
         """Whether all parts change by one factor, so that their ratios are known all the same."""
         changes = np.array(list(self.parts.values()))
         return len(changes) > 1 and bool(np.ptp(changes) < SAME * np.abs(changes).max())
+
+
+def weak_directions(fit: Fit) -> Iterator[Finding]:
+    """Check whether the flights can tell the parameters of rotors and bodies apart."""
+    directions = body_directions(fit.estimate.estimate)
+    doubtful = {
+        p.full_name for p in joint_parameters(fit) if p.verdict not in ("identified", "given")
+    }
+    yield doubt_or_passed(
+        "weak-direction",
+        weak_sentence(directions, doubtful),
+        {"condition_bodies": condition_number(directions)},
+        numbers=tuple(directions[0].parts),
+    )
 
 
 def body_directions(estimate: Estimate) -> tuple[WeakDirection, ...]:

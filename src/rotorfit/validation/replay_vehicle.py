@@ -17,8 +17,8 @@ from rotorfit.model.parameters import (
     PARAMETERS,
 )
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.results.draws import Values, about_com, normal_draws, tensors
 from rotorfit.results.result import IdentificationResult
+from rotorfit.results.samples import Values, about_com, normal_draws, tensors
 
 NEEDED: Final = ("kt", "kd", *COM, *INERTIA_COM)
 ROTOR_CENTER: Final = ("rotor_center_x", "rotor_center_y")

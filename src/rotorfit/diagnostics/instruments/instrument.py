@@ -52,14 +52,14 @@ class Instrumented:
         By least squares, pulled by what the autopilot answers.
     std
         Of the ratio, by chance.
-    apart_std
+    difference_std
         Of what the ratio differs from that of an efficient estimate by chance.
     """
 
     ratio: float
     plain: float
     std: float
-    apart_std: float
+    difference_std: float
 
     @property
     def passed_on(self) -> float:
@@ -80,7 +80,7 @@ class Instrumented:
             Probability by chance, under which it does.
         """
         beyond = abs(self.ratio - 1.0) - self.passed_on
-        return beyond > float(stats.norm.isf(0.5 * unlikely)) * self.apart_std
+        return beyond > float(stats.norm.isf(0.5 * unlikely)) * self.difference_std
 
 
 def instrumented(
@@ -90,42 +90,36 @@ def instrumented(
     *,
     block: Int[np.ndarray, " l"],
 ) -> Instrumented | None:
-    """Return the response by an instrument; None where it does not tell.
+    """Estimate the response by an instrument; None where the reference is too weak.
 
-    Parameters
-    ----------
-    reference
-        Lines of what was asked for, in any unit.
-    predicted
-        Lines of what the rotors make by the model [rad/s^2].
-    error
-        Lines of what was measured less all that the model has [rad/s^2].
-    block
-        Which block each line is of.
+    `reference`: lines of the reference, in any unit; `predicted`, `error`: of the response that
+    the model predicts and of the rest of what was measured [rad/s^2]; `block`: of each line.
     """
     power = _sums(np.abs(reference) ** 2, block)
     h = np.abs(reference) ** 2 / np.maximum(power, _TINY)
-    told = (power > 0.0) & (h < MOST_LEVERAGE)
-    reference, predicted, error, h = (x[told] for x in (reference, predicted, error, h))
-    block = block[told]
+    usable = (power > 0.0) & (h < MOST_LEVERAGE)
+    reference, predicted, error, h = (x[usable] for x in (reference, predicted, error, h))
+    block = block[usable]
     if len(block) < FEWEST_LINES:
         return None
-    c = _sums(reference.conj() * predicted, block) / power[told]
+    c = _sums(reference.conj() * predicted, block) / power[usable]
     follows = (c * reference - h * predicted) / (1.0 - h)
     count = _sums(np.ones(len(block)), block)
     power = np.abs(error) ** 2 + EXACT * np.abs(predicted) ** 2
     w = count / np.maximum(_sums(power, block), _TINY)
-    told_by = float(w @ np.real(follows.conj() * predicted))
-    if not told_by > 0.0:
+    informative_power = float(w @ np.real(follows.conj() * predicted))
+    if not informative_power > 0.0:
         return None
-    off = float(w @ np.real(follows.conj() * error)) / told_by
+    off = float(w @ np.real(follows.conj() * error)) / informative_power
     plain = w * np.abs(predicted) ** 2
-    pull = float(w @ np.real(predicted.conj() * error)) / float(plain.sum())
-    asked = w * np.real(follows.conj() * (error - off * predicted)) / told_by
-    formal = 0.5 * float(w @ np.abs(follows) ** 2) / told_by**2
+    bias = float(w @ np.real(predicted.conj() * error)) / float(plain.sum())
+    asked = w * np.real(follows.conj() * (error - off * predicted)) / informative_power
+    formal = 0.5 * float(w @ np.abs(follows) ** 2) / informative_power**2
     variance = max(formal, float((asked**2).sum()), _of_blocks(asked, block))
     left = max(variance - 0.5 / float(plain.sum()), LEAST_FREE * variance)
-    return Instrumented(ratio=1.0 + off, plain=1.0 + pull, std=variance**0.5, apart_std=left**0.5)
+    return Instrumented(
+        ratio=1.0 + off, plain=1.0 + bias, std=variance**0.5, difference_std=left**0.5
+    )
 
 
 def _sums(values: np.ndarray, block: Int[np.ndarray, " l"]) -> np.ndarray:

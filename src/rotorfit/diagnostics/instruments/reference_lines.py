@@ -1,14 +1,14 @@
-"""Spectral lines of a flight that an instrument needs: what was asked for, made and missed."""
+"""Spectral lines of a flight that an instrument needs: reference, prediction and error."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
-from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.banded_problem import solved
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY, JointConfiguration, theta_of
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.flight_data import FlightData, Velocity
@@ -30,7 +30,7 @@ class ReferenceLines:
         What was measured, less all that the fit has [rad/s^2].
     block
         Of a stretch and a frequency band.
-    dataset
+    excited
         In which blocks a pilot moves the axis.
     """
 
@@ -38,24 +38,17 @@ class ReferenceLines:
     predicted: Complex[np.ndarray, "l 3"]
     error: Complex[np.ndarray, "l 3"]
     block: Int[np.ndarray, " l"]
-    dataset: Bool[np.ndarray, "l 3"]
+    excited: Bool[np.ndarray, "l 3"]
 
 
-def reference_lines(
-    dataset: Dataset, fit: BandedEstimate, joint: Sequence[JointConfiguration]
-) -> Iterator[tuple[str, ReferenceLines | None]]:
-    """Yield the lines of each configuration, None where no log says what was asked for.
-
-    Parameters
-    ----------
-    dataset
-        The flights.
-    fit, joint
-        Their fit, and its configurations.
-    """
-    theta = theta_of(fit.problem.map, fit.estimate.values, joint)
-    for k, (configured, c) in enumerate(zip(dataset.configurations, joint, strict=True)):
-        G, _ = solved(c.model.tensor, theta[k], fit.problem.noisy)
+def reference_lines(fit: Fit) -> Iterator[tuple[str, ReferenceLines | None]]:
+    """Yield the lines of each configuration; None where its logs have no reference."""
+    dataset, estimate = fit.dataset, fit.estimate
+    theta = theta_of(estimate.problem.map, estimate.estimate.values, fit.configurations)
+    for k, (configured, c) in enumerate(
+        zip(dataset.configurations, fit.configurations, strict=True)
+    ):
+        G, _ = solved(c.model.tensor, theta[k], estimate.problem.noisy)
         yield c.name, _lines(configured, c, dataset, G[[NOISY.index(name) for name in ANSWERED]])
 
 
@@ -65,7 +58,7 @@ def _lines(
     dataset: Dataset,
     G: Float[np.ndarray, "3 z"],
 ) -> ReferenceLines | None:
-    """Return the lines of one configuration, `G` making errors of its signals."""
+    """Compute the lines of one configuration; `G` maps its signals to errors."""
     if c.answered is None or all(f.prepared.data.reference is None for f in configured.flights):
         return None
     rows: list[Complex[np.ndarray, "l 9"]] = []
@@ -90,7 +83,7 @@ def _lines(
         predicted=every[:, 3:6],
         error=every[:, 6:],
         block=block,
-        dataset=(c.answered & moving[:, None])[block],
+        excited=(c.answered & moving[:, None])[block],
     )
 
 
@@ -102,7 +95,7 @@ def _columns(
     *,
     velocity: Velocity,
 ) -> Float[np.ndarray, "n 9"]:
-    """Return what was asked for, made and missed in some rows; where nothing was asked, nothing."""
+    """Compute reference, prediction and error in some rows; zeros where there is no reference."""
     Z = signal_matrix(data, c.vehicle, *rows, velocity=velocity)
     made = np.array([name.startswith(("O2_", "dH")) for name in c.model.layout.names])
     asked = np.zeros((len(Z), 3))

@@ -1,73 +1,57 @@
-"""The pilot as witness: what was asked for against the estimate, in numbers and words."""
+"""Test the response of every axis by the reference of pilot or mission."""
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
 from typing import Final
 
-from rotorfit.dataset.dataset import Dataset
 from rotorfit.diagnostics.instruments.instrument import Instrumented, instrumented
 from rotorfit.diagnostics.instruments.reference_lines import ReferenceLines, reference_lines
-from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.findings import Evidence, Finding, doubt_or_passed
+from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import AXES
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.results.parameter_tables import Tables
 
 TELLING: Final = 0.2
-"""Half-width of the ratio, beyond which the reference tells nothing."""
+"""Half-width of the ratio, beyond which the reference is not informative."""
 UNLIKELY: Final = 1e-3
 """Probability by chance of what is called a contradiction."""
 RESPONSES: Final = {"roll": "Ixx_over_kt", "pitch": "Iyy_over_kt", "yaw": "kd_over_Izz"}
 """The number that goes with the response of each axis."""
 
 
-def compare_with_reference(
-    tables: Tables,
-    dataset: Dataset,
-    numbers: Numbers,
-    *,
-    fit: BandedEstimate,
-    joint: Sequence[JointConfiguration],
-) -> Tables:
-    """Return the tables with what the pilot's or the mission's reference says of them.
-
-    Parameters
-    ----------
-    tables
-        Of the estimate.
-    dataset
-        The flights.
-    numbers
-        Of the estimate, with their final intervals.
-    fit, joint
-        The fit, and its configurations.
-    """
-    diagnostics: dict[str, float] = {}
-    doubts: list[str] = []
-    for name, lines in reference_lines(dataset, fit, joint):
-        found = {} if lines is None else _axes(lines)
-        told = {axis: one for axis, one in found.items() if one.half_width < TELLING}
-        diagnostics[f"reference_axes@{name}"] = float(len(told))
-        for axis, one in found.items():
-            diagnostics[f"reference_{axis}@{name}"] = one.ratio
-            diagnostics[f"reference_{axis}_half_width@{name}"] = one.half_width
-        doubts += [
-            _sentence(name, axis, one)
-            for axis, one in told.items()
-            if one.contradicts(UNLIKELY) and _matters(one, numbers, f"{RESPONSES[axis]}@{name}")
-        ]
-    return dataclasses.replace(
-        tables,
-        warnings=(*tables.warnings, *doubts),
-        diagnostics={**tables.diagnostics, **diagnostics},
-    )
+def compare_with_reference(fit: Fit) -> Iterator[Finding]:
+    """Compare the response of every axis with that to the pilot's or the mission's reference."""
+    for name, lines in reference_lines(fit):
+        found = {} if lines is None else axis_responses(lines)
+        yield from response_findings(name, found, fit.numbers)
 
 
-def _axes(lines: ReferenceLines) -> dict[str, Instrumented]:
-    """Return the response about each axis that the reference tells of."""
+def response_findings(
+    configuration: str, found: Mapping[str, Instrumented], numbers: Numbers
+) -> Iterator[Finding]:
+    """Yield what the responses of a configuration say of its numbers, by axis."""
+    informative = {axis: one for axis, one in found.items() if one.half_width < TELLING}
+    count = Evidence(name=f"reference_axes@{configuration}", value=float(len(informative)))
+    yield Finding(kind="reference", severity="passed", evidence=(count,))
+    for axis, one in found.items():
+        number = f"{RESPONSES[axis]}@{configuration}"
+        contradicts = axis in informative and one.contradicts(UNLIKELY)
+        sentence = _sentence(configuration, axis, one)
+        yield doubt_or_passed(
+            "reference-response",
+            sentence if contradicts and _matters(one, numbers, number) else None,
+            {
+                f"reference_{axis}@{configuration}": one.ratio,
+                f"reference_{axis}_half_width@{configuration}": one.half_width,
+            },
+            numbers=(number,),
+        )
+
+
+def axis_responses(lines: ReferenceLines) -> dict[str, Instrumented]:
+    """Estimate the response about each axis that the reference moves."""
     found: dict[str, Instrumented] = {}
     for k, axis in enumerate(AXES):
-        own = lines.dataset[:, k]
+        own = lines.excited[:, k]
         one = instrumented(
             lines.reference[own, k],
             lines.predicted[own, k],
@@ -94,3 +78,6 @@ def _sentence(name: str, axis: str, one: Instrumented) -> str:
         "again in calm air with "
         "larger, quicker sticks"
     )
+
+
+CHECKS: Final = (compare_with_reference,)

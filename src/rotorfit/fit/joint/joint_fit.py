@@ -10,7 +10,6 @@ from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
-from rotorfit.fit.intervals.kt_from_weight import WeighedThrust
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse, estimated_response
 from rotorfit.fit.joint.informative_bands import select_informative_bands, select_slow_bands
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
@@ -44,7 +43,6 @@ class FittedFactors:
 def joint_fit(
     dataset: Dataset,
     *,
-    weighed: WeighedThrust | None = None,
     top: float = np.inf,
     terms: Sequence[Term] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
@@ -57,8 +55,6 @@ def joint_fit(
     ----------
     dataset
         With the timing of the motors, and what the fit may move of it.
-    weighed
-        k_t from the weight, at which it is held.
     top
         Only bands that begin under this edge are fitted [Hz].
     terms
@@ -84,9 +80,7 @@ def joint_fit(
         )
         for factors, configured in zip(dataset.timed_bands, dataset.configurations, strict=True)
     ]
-    # Held there: what the flights say of it otherwise is in the interval.
-    held = {} if weighed is None else {"kt": (weighed.kt, 1e-4 * weighed.kt)}
-    more: dict[str, Any] = {"known": {**(known or {}), **held}, "terms": terms}
+    more: dict[str, Any] = {"known": known or {}, "terms": terms}
     commanded = dataset.motors.speed == "commanded"
     if begin is not None:
         return _fit_from(joint, begin, commanded=commanded, more=more)

@@ -9,13 +9,11 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.dataset.dataset import ConfigurationData, velocity_known
-from rotorfit.errors import ExperimentError, UnsettledError
+from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.experiment.model_terms import (
@@ -90,28 +88,6 @@ class Choice:
 
 Refit = Callable[[Sequence[Term], BandedEstimate], BandedEstimate]
 """The fit with other terms, begun at a fit."""
-
-
-def velocity_wanted(
-    terms: Sequence[Term] | None, configurations: Sequence[ConfigurationData]
-) -> bool:
-    """Return whether the model needs the velocity: chosen, or known and not decided yet.
-
-    Raises
-    ------
-    ExperimentError
-        If a term of the velocity is asked for and a flight does not have its velocity throughout.
-    """
-    asked = [name for name in OF_VELOCITY if terms is not None and name in terms]
-    unknown = [f for c in configurations for f in c.flights if not velocity_known([f])]
-    if not unknown or not asked:
-        return not unknown and (terms is None or bool(asked))
-    names = ", ".join(Path(flight.entry.file).name for flight in unknown)
-    raise ExperimentError(
-        f'terms has "{asked[0]}", but {names} has no velocity of the body throughout the flight: '
-        "log it (columns vel_x, vel_y, vel_z in body axes, or position and attitude of motion "
-        f'capture), or take "{asked[0]}" out'
-    )
 
 
 def chosen(

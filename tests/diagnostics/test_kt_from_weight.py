@@ -5,7 +5,7 @@ import pytest
 
 import made_fit
 from rotorfit.dataset.weight_balance import Held, held_up, pooled, turning
-from rotorfit.fit.intervals.kt_from_weight import WeighedThrust, absorbed_weight, kt_from_weight
+from rotorfit.diagnostics.kt_from_weight import WeighedThrust, absorbed_weight, kt_from_weight
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.preprocessing.flight_data import Segment
 
@@ -113,7 +113,7 @@ def test_the_weight_must_be_twice_as_sure():
     assert vague.is_surer_than(1.0, 0.201, timed=True)
 
 
-def swallowed(bias, half=0.1, *, reads=G, source="imu", name="accel_bias_z@A"):
+def absorbed(bias, half=0.1, *, reads=G, source="imu", name="accel_bias_z@A"):
     """Return what is said of a fitted bias [m/s^2] of 20 s in which the accelerometer reads so."""
     flight = made_fit.prepared(seconds=20.0, force=np.tile([0.0, 0.0, reads], (2000, 1)))
     numbers = Numbers(
@@ -130,21 +130,21 @@ def test_a_bias_that_gravity_contradicts_is_thrust():
     """0.4 m/s^2, or half of its half-width, and 1.96 * 1.5 / 20 of the velocity."""
     for half, limit in ((0.1, 0.4), (1.2, np.hypot(0.6, 1.96 * 1.5 / 20.0))):
         for sign in (1.0, -1.0):
-            assert swallowed(sign * (limit - 1e-3), half) is None
-            wrong = swallowed(sign * (limit + 1e-3), half)
+            assert absorbed(sign * (limit - 1e-3), half) is None
+            wrong = absorbed(sign * (limit + 1e-3), half)
             assert wrong.fitted == pytest.approx(sign * limit, abs=2e-3)
             assert wrong.read == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_bias_that_the_accelerometer_shows_over_gravity_is_one():
-    assert swallowed(2.0, reads=G + 2.0) is None
-    assert swallowed(0.0, reads=G + 2.0) is not None
+    assert absorbed(2.0, reads=G + 2.0) is None
+    assert absorbed(0.0, reads=G + 2.0) is not None
 
 
 def test_cameras_have_no_bias_along_the_vertical():
-    assert swallowed(0.39, source="mocap", reads=G + 2.0) is None
-    assert swallowed(0.41, source="mocap", reads=G + 2.0).read == 0.0
+    assert absorbed(0.39, source="mocap", reads=G + 2.0) is None
+    assert absorbed(0.41, source="mocap", reads=G + 2.0).read == 0.0
 
 
 def test_sideways_a_bias_may_be_a_turned_mounting():
-    assert swallowed(3.0, name="accel_bias_x@A") is None
+    assert absorbed(3.0, name="accel_bias_x@A") is None

@@ -5,7 +5,7 @@ at once. Where one comes later than the other, its samples are stamped late or s
 low-pass filter; one delay of the motors cannot serve both.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight
+from rotorfit.findings import Finding, doubt, doubt_or_passed
+from rotorfit.fit.fit import Fit
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import smooth, whole_samples
@@ -48,19 +50,19 @@ class Lateness:
     share: float
 
 
-def accelerometer_delay(dataset: Dataset) -> str | None:
-    """Return that accelerometer and gyro are apart in time in one of the flights, in words."""
-    if dataset.source != "imu":
-        return None
-    for configured in dataset.configurations:
-        for flight in configured.flights:
-            apart = _apart(flight, dataset)
-            if apart is not None:
-                return _words(Path(flight.entry.file).name, apart)
-    return None
+def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
+    """Check that accelerometer and gyro respond to the rotors at the same time."""
+    dataset = fit.dataset
+    flights = [f for c in dataset.configurations for f in c.flights if dataset.source == "imu"]
+    for flight in flights:
+        apart = _apart(flight, dataset)
+        if apart is not None:
+            sentence = _apart_sentence(Path(flight.entry.file).name, apart)
+            yield doubt("imu-clocks", sentence, flights=(flight.entry.written,))
+            return
 
 
-def _words(name: str, apart: float) -> str:
+def _apart_sentence(name: str, apart: float) -> str:
     late, early = ("accelerometer", "gyro") if apart > 0 else ("gyro", "accelerometer")
     return (
         f"{name}: the {late} follows the rotors {1e3 * abs(apart):.0f} ms later than the {early}, "
@@ -71,7 +73,7 @@ def _words(name: str, apart: float) -> str:
 
 
 def _apart(flight: LoadedFlight, dataset: Dataset) -> float | None:
-    """Return how much later than the gyro the accelerometer answers [s]; None where not surely."""
+    """Measure by how much the accelerometer responds later than the gyro [s]; None where unsure."""
     data = retimed(flight.prepared, dataset.timing)
     if data.seconds_used < SHORTEST:
         return None
@@ -84,7 +86,7 @@ def _apart(flight: LoadedFlight, dataset: Dataset) -> float | None:
 
 
 def latenesses(data: FlightData, vehicle: Vehicle) -> list[Lateness]:
-    """Return how late the upward force, roll and pitch come after the rotors' speeds."""
+    """Measure by how much upward force, roll and pitch follow the rotors' speeds."""
     reach = whole_samples(REACH * data.sample_rate)
     made = np.column_stack([vehicle.axes[:, 2], np.cross(vehicle.positions, vehicle.axes)[:, :2]])
     pairs: list[tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]] = []
@@ -92,11 +94,11 @@ def latenesses(data: FlightData, vehicle: Vehicle) -> list[Lateness]:
         if len(s) < 8 * reach or len(s) < 2.0 * data.sample_rate / SLOW:
             continue
         rows = slice(s.start, s.stop)
-        answer = np.column_stack(
+        response = np.column_stack(
             [data.specific_force[rows, 2], data.angular_acceleration[rows, :2]]
         )
         push = data.rotor_speed[rows] ** 2 @ made
-        pairs.append((_band(answer, data.sample_rate), _band(push, data.sample_rate)))
+        pairs.append((_band(response, data.sample_rate), _band(push, data.sample_rate)))
     if not pairs:
         return [Lateness(seconds=0.0, share=0.0)] * 3
     return [_lateness([(y[:, k], x[:, k]) for y, x in pairs], reach, data) for k in range(3)]
@@ -111,16 +113,9 @@ def _lateness(
     reach: int,
     data: FlightData,
 ) -> Lateness:
-    """Return the shift at which a push explains most of an answer, between samples by a parabola.
+    """Find the shift at which a push explains most of a response, between samples by a parabola.
 
-    Parameters
-    ----------
-    pairs
-        Answer and push of each stretch.
-    reach
-        How many samples to either side are tried.
-    data
-        Whose rate it is.
+    `pairs`: response and push of each stretch; `reach`: samples to either side that are tried.
     """
     shares = np.array([_share(pairs, shift, reach) for shift in range(-reach, reach + 1)])
     best = int(np.argmax(shares))
@@ -137,7 +132,7 @@ def _share(
     shift: int,
     reach: int,
 ) -> float:
-    """Return the share of an answer that a push explains which came `shift` samples earlier."""
+    """Compute the share of a response explained by a push `shift` samples earlier."""
     cross = size = total = 0.0
     for y, x in pairs:
         own, moved = y[reach : len(y) - reach], x[reach - shift : len(x) - reach - shift]
@@ -147,3 +142,52 @@ def _share(
     if size == 0.0 or total == 0.0 or cross <= 0.0:
         return 0.0
     return cross**2 / (size * total)
+
+
+EARLIEST: Final = -0.005
+"""Delay of commanded motors that clocks and filters of a log still make [s]."""
+USUAL_DELAY: Final = 0.012
+"""Of measured speeds against the motion, by filters and buses [s]."""
+
+
+def early_motors(fit: Fit) -> Iterator[Finding]:
+    """Check that commanded motors with a given lag do not respond before the command."""
+    motors, timing = fit.dataset.motors, fit.dataset.motor_timing
+    if motors.speed != "commanded" or motors.lag is None or timing is None:
+        return
+    std = timing.delay_std or timing.total_std
+    sentence = early_sentence(motors.lag, timing.response.delay, std)
+    yield doubt_or_passed("motors-early", sentence, numbers=("motor_delay",))
+
+
+def early_sentence(lag: float, delay: float, std: float) -> str | None:
+    """Explain that motors are early; None where their delay may be over `EARLIEST` [s]."""
+    if delay + 1.96 * std > EARLIEST:
+        return None
+    return (
+        f"with the lag of {1e3 * lag:.0f} ms that is given, the motors answer "
+        f"{-1e3 * delay:.0f} ms before the command (motor_delay), which is impossible: the lag "
+        "given is longer than the motors'; leave it out, or give lag_std. Until then do not "
+        "trust inertia, or doubts about other sensors"
+    )
+
+
+def late_speeds(fit: Fit) -> Iterator[Finding]:
+    """Check that measured speeds are stamped near the motion that they make."""
+    dataset = fit.dataset
+    if dataset.motors.speed != "measured" or dataset.source != "imu":
+        return
+    if dataset.motor_timing is None:
+        return
+    delay = dataset.motor_timing.response.delay
+    order = "after" if delay < 0 else "before"
+    sentence = (
+        f"the measured rotor speeds come {1e3 * abs(delay):.0f} ms {order} the motion that they "
+        "make (motor_delay), which is corrected: the ESC telemetry is stamped late or by "
+        "another clock; check that the log's clocks agree"
+    )
+    late = abs(delay) > USUAL_DELAY
+    yield doubt_or_passed("speeds-late", sentence if late else None, numbers=("motor_delay",))
+
+
+CHECKS: Final = (early_motors, late_speeds, accelerometer_delay)

@@ -1,0 +1,243 @@
+"""Compare accelerometer and thrust with gravity: what holds a vehicle up is its weight."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from rotorfit.dataset.dataset import ConfigurationData
+from rotorfit.dataset.weight_balance import (
+    Held,
+    held_together,
+    held_up,
+    hovering,
+    pooled,
+    turning,
+)
+from rotorfit.findings import Finding, doubt_or_passed
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.logs.files import file_name
+from rotorfit.model.parameters import ACCEL_BIAS_STD, DRAG
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.flight_data import FlightData
+
+UNLIKELY = 1e-4
+"""Probability of chance alone below which two opinions differ."""
+LEAST_THRUST_ERROR = 0.01
+"""Thrust that misses the weight by less than this share is not worth words: so much do tilt, wind
+and a propeller's inflow make."""
+LEAST_SAG = 0.05
+"""The same for the change of thrust at one rotor speed during a flight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoverThrust:
+    """What the thrust of the estimate makes of the weight in one flight.
+
+    Attributes
+    ----------
+    configuration
+        That flew.
+    flight
+        File of the flight.
+    thrust
+        Mean upward thrust over the weight.
+    sag
+        The same in the second half of the flight over that in the first, less one; None where
+        they are too short.
+    sag_std
+        Of the sag.
+    """
+
+    configuration: str
+    flight: str
+    thrust: Held
+    sag: float | None
+    sag_std: float
+
+
+def accelerometer_against_gravity(fit: Fit) -> Iterator[Finding]:
+    """Check that the accelerometer reads gravity, over all of the flights that is hover."""
+    if fit.dataset.source != "imu":
+        return
+    sentences: list[str] = []
+    measured: dict[str, float] = {}
+    for configured in fit.dataset.configurations:
+        data = [flight.prepared.data for flight in configured.flights]
+        held = held_together(held_up(turning(hovering(one)), one.specific_force) for one in data)
+        if held is None:
+            continue
+        measured[f"accelerometer_over_gravity@{configured.entry.name}"] = held.ratio
+        limit = ACCEL_BIAS_STD / GRAVITY + 1.96 * held.std
+        if abs(held.ratio - 1.0) > limit:
+            sentences.append(
+                f"{configured.entry.name}: where its flights hover the accelerometer reads "
+                f"{held.ratio * GRAVITY:.2f} +- {1.96 * held.std * GRAVITY:.2f} m/s^2 where "
+                f"gravity is {GRAVITY:.2f}: calibrate it; a bias is estimated and removed, but "
+                "a wrong scale goes straight into kt and all inertia"
+            )
+    yield doubt_or_passed("accelerometer-against-gravity", "; ".join(sentences) or None, measured)
+
+
+def thrust_consistency(fit: Fit) -> Iterator[Finding]:
+    """Compare the thrust of every flight with its weight, with other flights, and over time."""
+    if not fit.mass_known:
+        return
+    found = hover_thrusts(fit.dataset.configurations, fit.numbers, fit.dataset.vehicle)
+    yield thrust_against_weight(found, fit.numbers)
+    yield hovers_differ(found)
+    yield thrust_sags(found, commanded=fit.dataset.motors.speed == "commanded")
+
+
+def hover_thrusts(
+    configurations: Sequence[ConfigurationData], numbers: Numbers, vehicle: Vehicle
+) -> list[HoverThrust]:
+    """Estimate the thrust that holds each flight up, over its weight."""
+    kt = numbers.values[numbers.index("kt")]
+    own = [f"kt_{i + 1}" for i in range(len(vehicle.rotors))]
+    each = np.array([numbers.values[numbers.index(n)] if n in numbers.names else kt for n in own])
+    found: list[HoverThrust] = []
+    for configured in configurations:
+        for flight in configured.flights:
+            data = flight.prepared.data
+            thrust = (data.rotor_speed**2 * each) @ vehicle.axes
+            air = _air_force(data, numbers, configured.entry.name, vehicle)
+            force = (thrust + air) / configured.mass
+            whole = held_up(flight.turning, force)
+            if whole is None:
+                continue
+            sag, sag_std = _sag(
+                *(held_up(flight.turning.half(late), force) for late in (False, True))
+            )
+            found.append(
+                HoverThrust(
+                    configuration=configured.entry.name,
+                    flight=flight.entry.file,
+                    thrust=whole,
+                    sag=sag,
+                    sag_std=sag_std,
+                )
+            )
+    return found
+
+
+def _air_force(
+    data: FlightData, numbers: Numbers, configuration: str, vehicle: Vehicle
+) -> Float[np.ndarray, "n 3"]:
+    """Compute the air force along the body axes by the estimate [N]; zeros without velocity."""
+
+    def value(name: str) -> float:
+        return float(numbers.values[numbers.index(name)]) if name in numbers.names else 0.0
+
+    if data.velocity is None:
+        return np.zeros((len(data.time), 3))
+    v, n = np.nan_to_num(data.velocity), vehicle.axes
+    drag = v * [value(f"{name}@{configuration}") for name in DRAG]
+    rising = v @ n.T + data.angular_velocity @ np.cross(vehicle.positions, n).T
+    lost = value("inflow") * (data.rotor_speed * rising) @ n
+    lift = value("translational_lift") * (v[:, :1] ** 2 + v[:, 1:2] ** 2) * [0.0, 0.0, 1.0]
+    return lift - drag - lost
+
+
+def _sag(first: Held | None, second: Held | None) -> tuple[float | None, float]:
+    if first is None or second is None or first.ratio <= 0.0:
+        return None, np.inf
+    return second.ratio / first.ratio - 1.0, float(np.hypot(first.std, second.std))
+
+
+def thrust_against_weight(found: Sequence[HoverThrust], numbers: Numbers) -> Finding:
+    """Check that the estimated thrust carries the weight.
+
+    k_t comes from changes of thrust, the weight is known without them: the accelerometer's scale,
+    or thrust that is not proportional to the squared speed, makes them disagree.
+    """
+    kind = "thrust-against-weight"
+    if not found:
+        return doubt_or_passed(kind, None)
+    held = pooled([one.thrust for one in found])
+    i = numbers.index("kt")
+    std = float(np.hypot(held.std, numbers.half_width[i] / 1.96 / abs(numbers.values[i])))
+    error = held.ratio - 1.0
+    sentence = None
+    if abs(error) > max(LEAST_THRUST_ERROR, unlikely_deviations() * std):
+        sentence = (
+            f"the thrust found is {held.ratio:.3f} +- {1.96 * std:.3f} times the weight it "
+            "carries: the accelerometer's scale is wrong, or thrust is not proportional to the "
+            "square of rotor speed; kt and all inertia are off by about as much"
+        )
+    return doubt_or_passed(kind, sentence, {"thrust_over_weight": held.ratio}, numbers=("kt",))
+
+
+def hovers_differ(found: Sequence[HoverThrust]) -> Finding:
+    """Check that no flight needs more thrust for its weight than another."""
+    kind = "hovers-differ"
+    if len(found) < 2:
+        return doubt_or_passed(kind, None)
+    *_, high = low, *_ = sorted(found, key=lambda one: one.thrust.ratio)
+    if low.thrust.ratio <= 0.0:
+        return doubt_or_passed(kind, None)
+    ratio = high.thrust.ratio / low.thrust.ratio
+    std = float(np.hypot(low.thrust.std, high.thrust.std))
+    measured = {"largest_hover_ratio": ratio}
+    if ratio - 1.0 <= max(LEAST_THRUST_ERROR, unlikely_deviations() * std):
+        return doubt_or_passed(kind, None, measured)
+    first, second = (_of_flight(f, found) for f in (high, low))
+    if high.configuration == low.configuration:
+        cause = "the battery (give the law its voltage), the propellers or the load changed"
+    else:
+        cause = (
+            "one of the masses is wrong, battery or propellers changed, or they are two different "
+            "vehicles, which need an experiment each; weigh both again"
+        )
+    sentence = (
+        f"{first} hovers on {100 * (ratio - 1.0):.1f} % more thrust for its mass than {second} "
+        f"(+- {196 * std:.1f} %): {cause}"
+    )
+    return doubt_or_passed(
+        kind, sentence, measured, flights=(file_name(high.flight), file_name(low.flight))
+    )
+
+
+def thrust_sags(found: Sequence[HoverThrust], *, commanded: bool) -> Finding:
+    """Check that one rotor speed (or command) gives the same thrust late in a flight as early.
+
+    `commanded`: rotor speed is known by commands alone, which a sagging battery belies.
+    """
+    kind = "thrust-sags"
+    known = [one for one in found if one.sag is not None]
+    if not known:
+        return doubt_or_passed(kind, None)
+    # The halves' means are half a flight apart.
+    worst = max(known, key=lambda one: abs(one.sag or 0.0) / one.sag_std)
+    change = 2.0 * (worst.sag or 0.0)
+    measured = {"thrust_change": change}
+    if abs(change) <= max(LEAST_SAG, 2.0 * unlikely_deviations() * worst.sag_std):
+        return doubt_or_passed(kind, None, measured)
+    way = "less" if change > 0 else "more"
+    battery = "log rotor speed, or the battery's voltage and give it to the law; or "
+    sentence = (
+        f"{_of_flight(worst, found)}: the same motor data give {100 * abs(change):.0f} % {way} "
+        f"thrust at the end of the flight than at its beginning: {battery if commanded else ''}"
+        "drag carried part of the weight in climb or descent: fly slower"
+    )
+    return doubt_or_passed(kind, sentence, measured, flights=(file_name(worst.flight),))
+
+
+def _of_flight(one: HoverThrust, found: Sequence[HoverThrust]) -> str:
+    """Return a flight's name, with its configuration where there are several."""
+    name = file_name(one.flight)
+    several = len({other.configuration for other in found}) > 1
+    return f"{one.configuration} ({name})" if several else name
+
+
+def unlikely_deviations() -> float:
+    """Return the number of deviations that chance alone does not reach."""
+    return float(stats.norm.isf(0.5 * UNLIKELY))
+
+
+CHECKS: Final = (accelerometer_against_gravity, thrust_consistency)

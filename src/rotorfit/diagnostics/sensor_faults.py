@@ -1,0 +1,108 @@
+"""Widen intervals by known faults of the sensors: a low-pass on board, an estimated velocity.
+
+A low-pass of the gyro delays and weakens the motion by which IMU and rotors are compared; a fit
+takes it for lag and delay of the motors, which are not of its shape.
+
+An autopilot's estimate of its velocity by GPS is wrong by decimetres a second, slowly. A
+coefficient over a velocity with errors comes out too small, by the share of the errors in its
+variance (errors in variables).
+"""
+
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.dataset.dataset import ConfigurationData, Dataset
+from rotorfit.fit.fit import Fit
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.timing.onboard_filter import filter_delay, lowpass_of
+
+FLOWN_AT: Final = 3.0
+"""About where quick rolls and nods are [Hz]."""
+LENGTH: Final = 2e-4
+"""What the wrong shape moves a centre by [m], .2 mm in ArduPilot's simulator at 20 Hz."""
+ERROR: Final = 0.3
+"""Standard deviation of an estimate's error along each axis [m/s]: PX4's was off by .2 to .5 in its
+simulator, whose true velocity is in the log."""
+ESTIMATES: Final = ("ulog", "dataflash")
+"""Formats whose velocity is the autopilot's estimate."""
+OVER: Final = {"drag_x": 0, "drag_y": 1, "drag_z": 2, "inflow": 2}
+"""Coefficients, and the axis of the velocity that they are over."""
+LARGEST: Final = 0.9
+"""Share of the errors, beyond which the velocity is nothing else."""
+MOMENTS: Final = ("Ixx", "Iyy", "Izz")
+PLACES: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
+
+
+def lowpass_sentence(dataset: Dataset) -> str | None:
+    """Explain that the motors' times include the delay of a low-pass; None where there is none."""
+    cutoff = lowpass_of(dataset)
+    if cutoff is None:
+        return None
+    return (
+        f"the gyro is low-passed on board at {cutoff:g} Hz: {1e3 * filter_delay(cutoff):.0f} ms of "
+        "motor_lag and motor_delay together are the filter's, not the motors'; for the motors' "
+        "own, log the IMU raw (ArduPilot: bit 19 of LOG_BITMASK)"
+    )
+
+
+def allow_for_gyro_lowpass(fit: Fit) -> Fit:
+    """Widen inertia and places by the fault of taking a low-pass of the gyro for a motor lag."""
+    return fit.with_half_width(lowpass_half_width(fit.numbers, fit.dataset))
+
+
+def lowpass_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray, " q"]:
+    """Compute the half-widths with the fault of taking a low-pass of the gyro for a motor lag."""
+    cutoff, timing = lowpass_of(dataset), dataset.timing
+    half = numbers.half_width.copy()
+    if cutoff is None or timing is None:
+        return half
+    passed = 1.0 / np.sqrt(1.0 + (FLOWN_AT / cutoff) ** 4)
+    taken = 1.0 / np.sqrt(1.0 + (2.0 * np.pi * FLOWN_AT * timing.mean_lag) ** 2)
+    for i, name in enumerate(numbers.names):
+        base = name.partition("@")[0]
+        if base.startswith(MOMENTS):
+            half[i] += abs(taken - passed) * abs(numbers.values[i])
+        elif base in PLACES:
+            half[i] += LENGTH
+    return half
+
+
+def velocity_estimated(dataset: Dataset) -> bool:
+    """Return whether a velocity in the model is an autopilot's estimate."""
+    flights = [flight for c in dataset.configurations for flight in c.flights]
+    return dataset.velocity == "known" and any(flight.log.format in ESTIMATES for flight in flights)
+
+
+def allow_for_velocity_errors(fit: Fit) -> Fit:
+    """Widen coefficients over an estimated velocity by the errors of that estimate."""
+    return fit.with_half_width(velocity_half_width(fit.numbers, fit.dataset))
+
+
+def velocity_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray, " q"]:
+    """Compute the half-widths with the errors of an estimated velocity."""
+    half = numbers.half_width.copy()
+    if not velocity_estimated(dataset):
+        return half
+    for i, name in enumerate(numbers.names):
+        base, _, owner = name.partition("@")
+        if base not in OVER:
+            continue
+        own = [c for c in dataset.configurations if owner in ("", c.entry.name)]
+        variance = _variance(own, OVER[base])
+        share = LARGEST if variance <= 0.0 else min(ERROR**2 / variance, LARGEST)
+        half[i] += abs(numbers.values[i]) * share / (1.0 - share)
+    return half
+
+
+def _variance(configurations: list[ConfigurationData], axis: int) -> float:
+    """Compute the variance of a velocity over the used samples, its errors included."""
+    parts = [
+        data.velocity[s.start : s.stop, axis]
+        for c in configurations
+        for data in (flight.prepared.data for flight in c.flights)
+        if data.velocity is not None
+        for s in data.segments
+    ]
+    return float(np.concatenate(parts).var()) if parts else 0.0

@@ -1,0 +1,121 @@
+"""The fit of an experiment's flights: what every step of the recipe takes and returns."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.dataset.dataset import Dataset
+from rotorfit.errors import UnsettledError
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.experiment.model_terms import Term
+from rotorfit.findings import Finding
+from rotorfit.fit.intervals.joint_numbers import joint_numbers, physical
+from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.joint.joint_fit import FittedFactors, joint_fit
+from rotorfit.fit.joint.joint_problem import JointConfiguration, at_values
+from rotorfit.fit.joint.term_choice import Choice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """The flights of an experiment, and what they say of their vehicle.
+
+    Attributes
+    ----------
+    dataset
+        The flights, with the timing of their motors.
+    terms, choice
+        Optional terms of the model, and why those.
+    estimate
+        The maximum of the joint likelihood.
+    configurations
+        Factors of every configuration, with the bands that are informative.
+    numbers
+        Physical numbers with 95 % intervals.
+    findings
+        Of the steps so far.
+    """
+
+    dataset: Dataset
+    terms: tuple[Term, ...]
+    choice: Choice
+    estimate: BandedEstimate
+    configurations: tuple[JointConfiguration, ...]
+    numbers: Numbers
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def mass_known(self) -> bool:
+        """Whether every configuration was weighed."""
+        return all(c.entry.mass != "unknown" for c in self.dataset.configurations)
+
+    @property
+    def factors(self) -> FittedFactors:
+        """The fit without samples."""
+        return FittedFactors(
+            configurations=self.configurations,
+            terms=self.terms,
+            values=self.estimate.estimate.by_name,
+        )
+
+    def found(self, *findings: Finding) -> "Fit":
+        """Return the fit with further findings."""
+        return dataclasses.replace(self, findings=(*self.findings, *findings))
+
+    def with_half_width(self, half_width: Float[np.ndarray, " q"]) -> "Fit":
+        """Return the fit with other half-widths of its numbers."""
+        numbers = dataclasses.replace(self.numbers, half_width=half_width)
+        return dataclasses.replace(self, numbers=numbers)
+
+
+def refit(fit: Fit, dataset: Dataset, **settings: Any) -> Fit:
+    """Fit a dataset with the terms of a fit, and compute its numbers.
+
+    `settings` are those of `joint_fit`.
+    """
+    estimate, joint = joint_fit(dataset, terms=fit.terms, **settings)
+    return dataclasses.replace(
+        fit,
+        dataset=dataset,
+        estimate=estimate,
+        configurations=tuple(joint),
+        numbers=numbers_of(dataset, estimate, joint),
+    )
+
+
+def numbers_of(
+    dataset: Dataset, estimate: BandedEstimate, joint: list[JointConfiguration]
+) -> Numbers:
+    """Compute the physical numbers of a joint estimate, with intervals."""
+    mass_std = {c.entry.name: c.entry.mass_std for c in dataset.configurations}
+    return joint_numbers(estimate, joint, mass_std)
+
+
+def shift_of(
+    fit: Fit, dataset: Dataset, *, begin: Mapping[str, float] | None = None, **settings: Any
+) -> Float[np.ndarray, " q"]:
+    """Compute how far the numbers move where the dataset, or the settings of its fit, are others.
+
+    `begin`: where the other fit begins; None: where this one ended.
+    """
+    begin = fit.estimate.estimate.by_name if begin is None else begin
+    try:
+        estimate, joint = joint_fit(dataset, begin=begin, terms=fit.terms, **settings)
+    except UnsettledError as error:
+        # It wanders off from the numbers: by so much at least they are open.
+        return _values_at(error.reached, fit.estimate, fit.configurations) - fit.numbers.values
+    return _values_at(estimate.estimate.by_name, estimate, joint) - fit.numbers.values
+
+
+def _values_at(
+    reached: Mapping[str, float],
+    estimate: BandedEstimate,
+    joint: list[JointConfiguration] | tuple[JointConfiguration, ...],
+) -> Float[np.ndarray, " q"]:
+    """Compute the numbers of an estimate at other values of its free parameters."""
+    phi = at_values(estimate.problem, reached, estimate.estimate.values)
+    return np.array(list(physical(phi, estimate.problem.map, joint).values()))

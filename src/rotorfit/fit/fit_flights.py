@@ -1,0 +1,109 @@
+"""Fit the flights: the terms of the model, and intervals by other settings."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.dataset.dataset import Dataset
+from rotorfit.errors import UnsettledError
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.findings import Finding, doubt, note
+from rotorfit.fit.fit import Fit, numbers_of, shift_of
+from rotorfit.fit.intervals.other_settings import widened
+from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
+from rotorfit.fit.joint.term_choice import chosen
+from rotorfit.fit.timing.timing_fit import timed_again
+
+FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
+    (),
+    ("rotor_drag",),
+    ("rotor_drag", "twist"),
+    ("rotor_drag", "twist", "rotor_inertia"),
+    ("rotor_drag", "twist", "rotor_inertia", "rotor_spread"),
+    ("rotor_drag", "twist", "rotor_inertia", "rotor_spread", "climb_drag"),
+)
+"""What is left out of the model, in this order, where a fit does not settle: what flights tell
+least first."""
+
+
+def fit_flights(dataset: Dataset, wanted: Sequence[Term] | None) -> Fit:
+    """Fit the flights with the terms that the user wants, or those that they ask for (None)."""
+    estimate, joint, present, unsettled = _settled(dataset, wanted)
+
+    def refit(terms: Sequence[Term], at: BandedEstimate) -> BandedEstimate:
+        return joint_estimate(joint, [], terms=terms, begin=at.estimate.by_name)
+
+    choice, estimate = chosen(wanted, estimate, joint, refit=refit, present=present)
+    if set(choice.terms) - set(present):
+        dataset = timed_again(dataset, choice.terms)
+        # The signals are made anew at that timing: where it stood before is no place to begin.
+        free, ended = dataset.free_timing, estimate.estimate.by_name
+        begin = ended if free is None else free.others(ended)
+        estimate, joint = joint_fit(dataset, terms=choice.terms, begin=begin)
+    added = tuple(note("term-added", sentence) for sentence in choice.sentences)
+    return Fit(
+        dataset=dataset,
+        terms=tuple(choice.terms),
+        choice=choice,
+        estimate=estimate,
+        configurations=tuple(joint),
+        numbers=numbers_of(dataset, estimate, joint),
+        findings=(*unsettled, *added),
+    )
+
+
+def _settled(
+    dataset: Dataset, wanted: Sequence[Term] | None
+) -> tuple[BandedEstimate, list[JointConfiguration], tuple[Term, ...], tuple[Finding, ...]]:
+    """Fit with all default terms, or the most of them with which the fit settles.
+
+    Terms that the user asks for are kept, and a fit that does not settle with them is refused.
+    """
+    if wanted is not None:
+        return *joint_fit(dataset, terms=wanted, begin=dataset.reached), tuple(wanted), ()
+    usual: list[Term] = [
+        t for t in DEFAULT_TERMS if t != "climb_drag" or dataset.velocity == "climb"
+    ]
+    for dropped in FEWER_TERMS:
+        terms: tuple[Term, ...] = tuple(t for t in usual if t not in dropped)
+        try:
+            estimate, joint = joint_fit(dataset, terms=terms, begin=dataset.reached)
+        except UnsettledError:
+            if dropped == FEWER_TERMS[-1]:
+                raise
+            continue
+        return estimate, joint, terms, (_left_out(dropped),) if dropped else ()
+    raise UnsettledError("no terms to try")
+
+
+def _left_out(dropped: tuple[Term, ...]) -> Finding:
+    return doubt(
+        "terms-left-out",
+        "the flights hardly determine all parameters: the fit settles only without "
+        f"{' and '.join(dropped)}, which are left out; fly more motion about every axis",
+    )
+
+
+def widen_by_settings(fit: Fit, **settings: Any) -> Fit:
+    """Widen the intervals by what settings shift that could as well be others.
+
+    `settings` of `joint_fit` are those with which the fit was made.
+    """
+
+    def shift(other: Dataset, top: float) -> Float[np.ndarray, " q"]:
+        return shift_of(fit, other, top=top, **settings)
+
+    timed = fit.dataset.free_timing is not None
+    half = widened(fit.numbers.half_width, fit.dataset, shift, timed=timed)
+    return fit.with_half_width(half)
+
+
+def widen_to_reach(fit: Fit, other: Fit, *, with_interval: bool) -> Fit:
+    """Widen the intervals so that they hold the numbers of another model, or their intervals."""
+    apart = np.abs(fit.numbers.values - other.numbers.values)
+    reach = apart + other.numbers.half_width if with_interval else apart
+    return fit.with_half_width(np.maximum(fit.numbers.half_width, reach))

@@ -1,0 +1,135 @@
+"""Assemble a result from an estimate, its flights and its findings."""
+
+import dataclasses
+import platform
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from rotorfit import version
+from rotorfit.dataset.dataset import Dataset, LoadedFlight
+from rotorfit.dataset.load import resolved_method
+from rotorfit.experiment.experiment import Experiment
+from rotorfit.findings import Finding, diagnostics_of
+from rotorfit.results.parameter_tables import RATIOS
+from rotorfit.results.result import Derived, FlightRecord, IdentificationResult, Parameter
+
+
+def assembled(
+    experiment: Experiment,
+    dataset: Dataset,
+    *,
+    parameters: tuple[Parameter, ...],
+    derived: tuple[Derived, ...],
+    covariance_names: tuple[str, ...],
+    covariance: Float[np.ndarray, "p p"],
+    used: Mapping[str, object],
+    diagnostics: Mapping[str, float],
+    findings: tuple[Finding, ...] = (),
+) -> IdentificationResult:
+    """Assemble a result; `used` are the settings that the estimator chose."""
+    resolved = experiment.model_dump(mode="json", exclude_none=True)
+    return IdentificationResult(
+        name=experiment.name,
+        method=resolved_method(experiment),
+        parameters=parameters,
+        derived=derived,
+        flights=tuple(
+            _record(flight, configured.entry.name)
+            for configured in dataset.configurations
+            for flight in configured.flights
+        ),
+        covariance_names=covariance_names,
+        covariance=covariance,
+        settings={**resolved, "used": dict(used)},
+        versions={
+            "rotorfit": version.__version__,
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": platform.python_version(),
+        },
+        findings=findings,
+        diagnostics=diagnostics,
+    )
+
+
+def _record(flight: LoadedFlight, configuration: str) -> FlightRecord:
+    recorded, zero = flight.recorded, flight.recorded.start
+    return FlightRecord(
+        file=flight.entry.written,
+        sha256=flight.log.sha256,
+        configuration=configuration,
+        seconds_used=recorded.seconds,
+        samples_used=recorded.samples,
+        used=tuple((start - zero, end - zero) for start, end in recorded.spans),
+        cuts=tuple((c.start - zero, c.end - zero, c.reason) for c in flight.prepared.cuts),
+        warnings=(*flight.log.warnings, *flight.prepared.warnings),
+    )
+
+
+def with_diagnosis(
+    result: IdentificationResult, findings: Sequence[Finding]
+) -> IdentificationResult:
+    """Add findings to a result, and withhold the numbers that they disprove."""
+    result = dataclasses.replace(
+        result.found(*findings),
+        diagnostics={**result.diagnostics, **diagnostics_of(findings)},
+    )
+    for finding in findings:
+        if finding.withheld_because is not None:
+            result = withheld(result, finding)
+    return result
+
+
+def withheld(result: IdentificationResult, finding: Finding) -> IdentificationResult:
+    """Withhold the numbers of a finding; those known as a ratio get that verdict."""
+    ratios = {(d.name, d.configuration) for d in result.derived if d.value is not None}
+    parameters = tuple(
+        _without_value(p, ratios, finding) if p.full_name in finding.numbers else p
+        for p in result.parameters
+    )
+    derived = tuple(
+        dataclasses.replace(d, value=None, std=None, interval=None)
+        if d.full_name in finding.numbers
+        else d
+        for d in result.derived
+    )
+    known = {p.full_name for p in parameters if p.value is not None}
+    keep = [i for i, name in enumerate(result.covariance_names) if name in known]
+    return dataclasses.replace(
+        result,
+        parameters=parameters,
+        derived=derived,
+        covariance_names=tuple(result.covariance_names[i] for i in keep),
+        covariance=result.covariance[np.ix_(keep, keep)],
+    )
+
+
+def _without_value(
+    parameter: Parameter, ratios: Collection[tuple[str, str | None]], finding: Finding
+) -> Parameter:
+    """Return a parameter without its value, as a ratio where (name, configuration) is known."""
+    if parameter.verdict in ("given", "removed"):
+        return parameter
+    ratio, partner = RATIOS.get(parameter.name, ("", None))
+    owners = {owner for name, owner in ratios if name == ratio}
+    own = owners if parameter.configuration is None else owners & {parameter.configuration}
+    return dataclasses.replace(
+        parameter,
+        value=None,
+        std=None,
+        interval=None,
+        verdict="ratio-only" if own else "not-identified",
+        partner=partner if own else None,
+        reason=finding.withheld_because,
+        advice=finding.next_step,
+    )
+
+
+def with_setting(result: IdentificationResult, **used: Any) -> IdentificationResult:
+    """Add to the settings that were used."""
+    settings = {**result.settings, "used": {**result.settings["used"], **used}}
+    return dataclasses.replace(result, settings=settings)
