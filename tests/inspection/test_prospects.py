@@ -10,8 +10,7 @@ from rotorfit.inspection.guessed_rotors import guessed_vehicles
 from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.prospects import PROSPECT, _weighed, prospects
 from rotorfit.logs import read_log
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import to_flight_log
 from rotorfit.simulation.experiment_files import table_text

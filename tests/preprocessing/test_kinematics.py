@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError
-from rotorfit.preprocessing.mocap.kinematics import (
+from rotorfit.preprocessing.kinematics import (
     bryant_angles,
     bryant_matrix,
     bryant_matrix_rate,
@@ -15,7 +15,7 @@ from rotorfit.preprocessing.mocap.kinematics import (
     motion_from_bryant,
     motion_from_quaternions,
 )
-from rotorfit.preprocessing.splines import low_pass, smooth_motors, spline_derivatives
+from rotorfit.preprocessing.signals import low_pass, smooth_motors, spline_derivatives
 
 RATE = 200.0
 TIME = np.arange(400) / RATE

@@ -9,8 +9,7 @@ from scipy import stats
 
 from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.dataset.weight_balance import Held, held_together, held_up, hovering, pooled, turning
-from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.estimation.partial import left_out
+from rotorfit.estimation.banded import BandedEstimate, shift_without
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration
@@ -18,7 +17,7 @@ from rotorfit.fit.rows.row_fits import fit_rows
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import ACCEL_BIAS_STD, DRAG
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
 
 UNLIKELY = 1e-4
@@ -78,7 +77,7 @@ def without_mean(fit: BandedEstimate, numbers: Numbers) -> tuple[str | None, dic
     mean = bands[:, 0] == 0.0
     if not mean.any():
         return None, {}
-    shift, names = left_out(fit, mean), fit.estimate.names
+    shift, names = shift_without(fit, mean), fit.estimate.names
     chosen = [i for i, n in enumerate(names) if n.partition("@")[0] in ("kt", "kd", *MOMENTS)]
     size = np.abs(shift.values[chosen]) / shift.std[chosen]
     half = np.array([numbers.half_width[numbers.index(names[i])] for i in chosen])

@@ -17,7 +17,7 @@ from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import smooth, whole_samples
-from rotorfit.reduction.flight_bands import retimed
+from rotorfit.reduction.frequency_bands import retimed
 
 APART: Final = 0.008
 """Between accelerometer and gyro from which it is said [s]. Sound real logs have up to 1 ms, an

@@ -12,7 +12,7 @@ from rotorfit.dataset.dataset import Dataset, levelled_flights
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
-from rotorfit.preprocessing.imu_tilt import LEAST_LEAN, ImuTilt, lean
+from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt
 
 Fitted = tuple[BandedEstimate, Sequence[JointConfiguration]]
 
@@ -27,8 +27,8 @@ def estimate_imu_tilt(dataset: Dataset, fitted: Callable[[Dataset], Fitted]) -> 
     fitted
         The fit of flights, and its configurations with what counts.
     """
-    tilt = lean([f.prepared.data for c in dataset.configurations for f in c.flights])
-    if dataset.source != "imu" or tilt.angle < LEAST_LEAN:
+    tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
+    if dataset.source != "imu" or tilt.angle < LEAST_TILT:
         return None
     level = levelled_flights(dataset, tilt)
     first, second = fitted(dataset), fitted(level)

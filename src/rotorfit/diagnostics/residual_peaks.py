@@ -18,8 +18,7 @@ from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.reduction.flight_bands import retimed
-from rotorfit.reduction.frequency_bands import EDGES, STRETCH
+from rotorfit.reduction.frequency_bands import EDGES, STRETCH, retimed
 from rotorfit.reduction.reduce import split_segment
 
 BIN = 0.5

@@ -16,7 +16,7 @@ import numpy as np
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 AIR: Final = 1.2
 """Density of air [kg/m^3]."""

@@ -22,7 +22,7 @@ def _cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
     file = Path(flight.entry.file).name
     found: list[tuple[float, str]] = []
     for name, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
-        cut = flight.recorded.cut_off[name]
+        cut = flight.recorded.saturation[name]
         if cut.share > LEAST_SHARE:
             sensor = "gyro" if name == "gyro" else "accelerometer"
             words = (

@@ -11,12 +11,18 @@ flight and frequency band) is estimated from the residuals themselves, and theta
 :math:`\sum_b n_b \sum_k \log v_{bk}(\theta)`, the likelihood with those variances put in. Since
 :math:`|N^{-1/2} e| = |(M N M^T)^{-1/2} B z|`, this is structured errors in variables with the noise
 of every band unknown.
+
+How the estimate moves without a part of the blocks is one Gauss-Newton step, no second fit. Two
+estimates that share data do not scatter independently: the variance of their difference is taken
+from the blocks' influences (one-step jackknife), and is at least the difference of the covariances
+(Hausman, Econometrica 46(6), 1978), which is what the formal noise alone makes.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import UnsettledError
@@ -31,17 +37,12 @@ from rotorfit.estimation.banded_equations import (
     root_of,
     selected,
 )
-from rotorfit.estimation.banded_problem import (
-    BandedProblem as BandedProblem,
-)
-from rotorfit.estimation.banded_problem import (
-    power_of,
-    signal_power,
-    solutions,
-)
-from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
+from rotorfit.estimation.banded_problem import BandedProblem as BandedProblem
+from rotorfit.estimation.banded_problem import power_of, signal_power, solutions
+from rotorfit.estimation.damped_steps import damped_step, extrapolated, reduced_damping
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import borrowed_rows
+from rotorfit.estimation.reweighted import scatter_covariance
 
 MOST_ITERATIONS = 400
 SMALLEST_STEP = 1e-3
@@ -116,7 +117,7 @@ class NormalEquations:
     @property
     def step(self) -> Float[np.ndarray, " f"]:
         """The step of these blocks alone, at rest in directions that nothing is known of."""
-        return resting_inverse(self.information) @ self.scores.sum(axis=0)
+        return pseudo_inverse(self.information) @ self.scores.sum(axis=0)
 
 
 def banded(
@@ -147,8 +148,10 @@ def banded(
     damping, rise, costs = 1e-3, 2.0, [state.cost]
     path: tuple[Float[np.ndarray, " f"], ...] = ()
     for iteration in range(1, MOST_ITERATIONS + 1):
-        asked = corrected_equations(problem, state)
-        taken = damped_step(root_of(problem, state, asked.plain), asked.score, damping)
+        equations = corrected_equations(problem, state)
+        taken = damped_step(
+            root_of(problem, state, equations.information), equations.score, damping
+        )
         trial = evaluated_or_none(problem, state.phi + taken.step)
         # With the variances of the last point: where these squares fall, the likelihood rises,
         # for log x <= x - 1; and blocks that borrow their variance cannot hold up the last steps.
@@ -156,7 +159,7 @@ def banded(
         won = -np.inf if trial is None else before - trial.over(state.variance)
         if trial is not None and won >= 0.0:
             state, rise = trial, 2.0
-            damping = eased(damping, won, taken.foretold)
+            damping = reduced_damping(damping, won, taken.predicted_gain)
         else:
             damping, rise = damping * rise, rise * 2.0
         small = bool(np.all(np.abs(taken.step) <= close * taken.std))
@@ -204,9 +207,9 @@ def _settled_with_noise(
     squares over the variances of the last point, without the regressors' share.
     """
     for iteration in range(1, MOST_ITERATIONS + 1):
-        asked = corrected_equations(problem, state)
-        step = _corrected_step(asked.plain, asked.taken, asked.score)
-        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(asked.plain)))) <= close:
+        equations = corrected_equations(problem, state)
+        step = _corrected_step(equations.information, equations.noise_information, equations.score)
+        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(equations.information)))) <= close:
             return state, iteration
         before = state.over(state.variance)
         for fraction in STEP_FRACTIONS:
@@ -234,10 +237,10 @@ def _corrected_step(
 
 def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> BandedEstimate:
     """Return the estimate at the minimum, with covariance and influences."""
-    asked = corrected_equations(problem, state)
-    svd = scaled_singular(root_of(problem, state, asked.plain), problem.map.names)
+    equations = corrected_equations(problem, state)
+    svd = scaled_singular(root_of(problem, state, equations.information), problem.map.names)
     root = svd.inverse_root
-    share, V = np.linalg.eigh(root.T @ asked.taken @ root)
+    share, V = np.linalg.eigh(root.T @ equations.noise_information @ root)
     widening = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), UNKNOWN)
     kept = (V * widening) @ V.T
     inverse = root @ kept @ root.T
@@ -251,7 +254,7 @@ def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> Band
             weak_directions=svd.Vt[::-1][:3],
             weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
         ),
-        influence=asked.scores @ inverse,
+        influence=equations.scores @ inverse,
         variance=state.variance,
         signal_power=signal_power(problem),
         residual_power=power_of(state.residual),
@@ -264,11 +267,13 @@ def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> Band
 
 def normal_equations(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> NormalEquations:
     """Return the equations of the chosen blocks, with the variances of the whole fit."""
-    asked = corrected_equations(*selected(fit.problem, _state_of(fit), blocks))
-    scores = np.zeros((len(blocks) + 1, len(asked.pull)))
-    scores[:-1][blocks] = asked.scores
-    scores[-1] = asked.pull
-    return NormalEquations(information=asked.plain - asked.taken, scores=scores)
+    equations = corrected_equations(*selected(fit.problem, _state_of(fit), blocks))
+    scores = np.zeros((len(blocks) + 1, len(equations.prior_score)))
+    scores[:-1][blocks] = equations.scores
+    scores[-1] = equations.prior_score
+    return NormalEquations(
+        information=equations.information - equations.noise_information, scores=scores
+    )
 
 
 def _state_of(fit: BandedEstimate) -> State:
@@ -286,10 +291,10 @@ def part_equations(
 
     The prior is in neither of the former.
     """
-    asked = corrected_equations(fit.problem, _state_of(fit))
+    equations = corrected_equations(fit.problem, _state_of(fit))
     information = part_information(fit.problem, _state_of(fit), parts)
-    scores = np.array([asked.scores[part].sum(axis=0) for part in parts])
-    return information, scores, asked.pull
+    scores = np.array([equations.scores[part].sum(axis=0) for part in parts])
+    return information, scores, equations.prior_score
 
 
 def steps_without(
@@ -299,11 +304,14 @@ def steps_without(
 
     In one pass: what all others ask for is a sum before the part and one behind it.
     """
-    information, scores, pull = part_equations(fit, parts)
+    information, scores, prior_score = part_equations(fit, parts)
     prior = np.diag(fit.problem.prior[1] ** -2.0)
     rest = zip(_sums_of_others(information), _sums_of_others(scores), strict=True)
     return np.array(
-        [NormalEquations(information=H + prior, scores=np.array([s, pull])).step for H, s in rest]
+        [
+            NormalEquations(information=H + prior, scores=np.array([s, prior_score])).step
+            for H, s in rest
+        ]
     )
 
 
@@ -325,7 +333,7 @@ def parameter_scale(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, 
     return np.where(size > 0.0, size, 1.0)
 
 
-def resting_inverse(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
+def pseudo_inverse(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
     """Return the inverse of an information; directions that nothing is known of rest."""
     size = parameter_scale(information)
     scale = np.outer(size, size)
@@ -369,6 +377,79 @@ def response_sensitivity(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:
     problem, phi = fit.problem, fit.estimate.values
     if problem.feedback is None:
         return np.zeros((0, len(phi)))
-    doubtful = problem.feedback.doubtful()
-    asked = feedback_scores(problem, doubtful, solutions(problem, phi)).sum(axis=0)
-    return asked @ fit.estimate.covariance
+    doubtful = problem.feedback.uncertain_part()
+    equations = feedback_scores(problem, doubtful, solutions(problem, phi)).sum(axis=0)
+    return equations @ fit.estimate.covariance
+
+
+UNDETERMINED = 1e-10
+"""Eigenvalue of the unit-diagonal information under which a direction counts as lost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shift:
+    """By how much numbers move, and how much of that chance explains.
+
+    Attributes
+    ----------
+    values, covariance
+        Of the shift.
+    """
+
+    values: Float[np.ndarray, " q"]
+    covariance: Float[np.ndarray, "q q"]
+
+    @property
+    def std(self) -> Float[np.ndarray, " q"]:
+        """Standard deviation of each shift that chance alone makes."""
+        return np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
+
+
+def shift_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
+    """Return how the free parameters move when some blocks are left out.
+
+    Parameters
+    ----------
+    fit
+        Of all blocks.
+    blocks
+        True for those to leave out.
+    """
+    whole = normal_equations(fit, np.ones_like(blocks))
+    rest = normal_equations(fit, ~blocks)
+    scale = parameter_scale(whole.information)
+    inverse, inverse_rest = _inverse(whole.information, scale), _inverse(rest.information, scale)
+    influence = (rest.scores @ inverse_rest - whole.scores @ inverse)[:-1]
+    formal = inverse_rest - inverse
+    return Shift(
+        values=rest.scores.sum(axis=0) @ inverse_rest,
+        covariance=_at_least(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal),
+    )
+
+
+def _scatter(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
+    """Return the covariance that the scatter within a group of blocks makes (jackknife).
+
+    About their mean: what the two groups differ by is the shift, not chance.
+    """
+    if len(influence) < 2:
+        return influence.T @ influence
+    return scatter_covariance(influence)
+
+
+def _inverse(
+    H: Float[np.ndarray, "f f"], scale: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, "f f"]:
+    """Return the inverse, in which directions that the equations lost are infinitely uncertain."""
+    values, vectors = scipy.linalg.eigh(H / np.outer(scale, scale))
+    values = np.maximum(values, UNDETERMINED)
+    return (vectors / values) @ vectors.T / np.outer(scale, scale)
+
+
+def _at_least(
+    covariance: Float[np.ndarray, "q q"], floor: Float[np.ndarray, "q q"]
+) -> Float[np.ndarray, "q q"]:
+    """Return the covariance, scaled up where its variances are under those of the floor."""
+    variance = np.maximum(np.diagonal(covariance), np.finfo(float).tiny)
+    factor = np.sqrt(np.maximum(np.diagonal(floor) / variance, 1.0))
+    return covariance * np.outer(factor, factor)

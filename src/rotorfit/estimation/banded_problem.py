@@ -27,7 +27,7 @@ class Part:
     ----------
     configuration, place
         Whose they are, and which of its parts.
-    own, blocks
+    local, blocks
         The blocks among those of their configuration, and among all.
     moved
         Free parameters that move their theta or their signals.
@@ -35,7 +35,7 @@ class Part:
 
     configuration: int
     place: int
-    own: slice
+    local: slice
     blocks: slice
     moved: Int[np.ndarray, " q"]
 
@@ -69,7 +69,7 @@ class BandedProblem:
         Where a controller answers the errors, by the same parts.
     moving
         Free parameters that move the signals, in the order of the factors' slopes.
-    tied
+    error_correlation
         How much of each error (row) comes with the others (column), and is taken off it: strictly
         lower triangular up to the order of the errors, one per configuration; nothing by default.
     error_correlation_std
@@ -86,7 +86,7 @@ class BandedProblem:
     counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
     feedback: Feedback | None = None
     moving: tuple[str, ...] = ()
-    tied: tuple[Float[np.ndarray, "k k"], ...] = ()
+    error_correlation: tuple[Float[np.ndarray, "k k"], ...] = ()
     error_correlation_std: tuple[float, ...] = ()
 
     @cached_property
@@ -101,7 +101,7 @@ class BandedProblem:
             Part(
                 configuration=c,
                 place=t,
-                own=slice(first - firsts[c], last - firsts[c]),
+                local=slice(first - firsts[c], last - firsts[c]),
                 blocks=slice(first, last),
                 moved=moved[number],
             )
@@ -150,12 +150,12 @@ class BandedProblem:
         """Return how far the signals are moved at `phi`."""
         return phi[self.places]
 
-    def untied(self, c: int, G: Float[np.ndarray, "t k *f"]) -> Float[np.ndarray, "t k *f"]:
+    def decorrelated(self, c: int, G: Float[np.ndarray, "t k *f"]) -> Float[np.ndarray, "t k *f"]:
         """Return what makes the errors of configuration `c` without what comes with the others."""
-        if not self.tied:
+        if not self.error_correlation:
             return G
         rows = G.reshape(*G.shape[:2], -1)
-        return (rows - self.tied[c] @ rows).reshape(G.shape)
+        return (rows - self.error_correlation[c] @ rows).reshape(G.shape)
 
 
 def power_of(rows: Float[np.ndarray, "b m k"]) -> Float[np.ndarray, "b k"]:

@@ -84,7 +84,7 @@ def information(
     return np.einsum("fkz,kzy,gky->fg", model.slope, weighted, model.slope, optimize=True)
 
 
-def pull(
+def score(
     model: Linearised, factors: Factors, variance: Float[np.ndarray, "b k"]
 ) -> Float[np.ndarray, " f"]:
     """Return J^T e / v where the signals do not fit: information^-1 times it is minus the shift."""

@@ -18,7 +18,7 @@ class Step:
 
     step: Float[np.ndarray, " f"]
     std: Float[np.ndarray, " f"]
-    foretold: float
+    predicted_gain: float
 
 
 def damped_step(
@@ -44,11 +44,11 @@ def damped_step(
     return Step(
         step=(moved / s) @ Vt / lengths,
         std=np.linalg.norm(Vt / s[:, None], axis=0) / lengths,
-        foretold=float(moved @ (2.0 * asked / s - moved)),
+        predicted_gain=float(moved @ (2.0 * asked / s - moved)),
     )
 
 
-def eased(damping: float, won: float, foretold: float) -> float:
+def reduced_damping(damping: float, won: float, predicted_gain: float) -> float:
     """Return the damping after a step that won so much of what was foretold.
 
     References
@@ -56,7 +56,7 @@ def eased(damping: float, won: float, foretold: float) -> float:
     Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05, Technical University of
     Denmark, 1999.
     """
-    ratio = min(won / max(foretold, float(np.finfo(float).tiny)), 1.0)
+    ratio = min(won / max(predicted_gain, float(np.finfo(float).tiny)), 1.0)
     return max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), LEAST_DAMPING)
 
 

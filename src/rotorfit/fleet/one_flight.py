@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import RotorfitError, RotorfitWarning
-from rotorfit.estimation.propagate import numerical_jacobian
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment, single_flight_experiment
 from rotorfit.experiment.read_options import read_options_of

@@ -124,7 +124,7 @@ def _response_setting(
 def _unmoved(dataset: Dataset, fit: BandedEstimate) -> dict[str, float]:
     """Return where a fit ended, but for the timing, at which the signals are made anew."""
     free, ended = dataset.free_timing, fit.estimate.by_name
-    return ended if free is None else free.others(ended)
+    return ended if free is None else free.without_times(ended)
 
 
 def _by_weight(

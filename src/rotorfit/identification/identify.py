@@ -147,7 +147,7 @@ def _with_command_law(
     tables: Tables, dataset: Dataset, tell: Progress
 ) -> tuple[Tables, CommandLaw | None]:
     """Return the tables with the motors' law, where commands stand beside measured speeds."""
-    flights = [f.answers for c in dataset.configurations for f in c.flights]
+    flights = [f.command_responses for c in dataset.configurations for f in c.flights]
     recording = bounded_recording(flights)
     if recording is None:
         return tables, None

@@ -89,7 +89,7 @@ def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | N
     Parameters
     ----------
     flights
-        Of each its stretches (`answered_commands`).
+        Of each its stretches (`command_responses`).
     """
     listed = [(k, a) for k, answers in enumerate(flights) for a in answers]
     if not listed:
@@ -145,7 +145,7 @@ def _counting(answer: MeasuredResponse) -> Bool[np.ndarray, " m"]:
     return every & (time >= answer.command_time[0] + SETTLING)
 
 
-def answered_speed(
+def speed_response(
     recording: Recording,
     settled: Float[np.ndarray, " n"],
     settled_slopes: Float[np.ndarray, "n p"],

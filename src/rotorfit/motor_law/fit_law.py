@@ -23,10 +23,13 @@ from rotorfit.motor_law.block_jackknife import (
     jackknife,
     widest,
 )
-from rotorfit.motor_law.command_response import Recording, Timing, answered_speed, recording_of
-from rotorfit.motor_law.law_forms import FORMS, FormName
-from rotorfit.motor_law.law_model import Layout, predicted, timing_of
-from rotorfit.preprocessing.motors.command_response import MeasuredResponse, spans_of, within
+from rotorfit.motor_law.command_response import Recording, Timing, recording_of, speed_response
+from rotorfit.motor_law.law_model import FORMS, FormName, Layout, predicted, timing_of
+from rotorfit.preprocessing.motors.command_response import (
+    MeasuredResponse,
+    response_spans,
+    responses_within,
+)
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
@@ -156,7 +159,7 @@ def bounded_recording(answers: Sequence[Sequence[MeasuredResponse]]) -> Recordin
     flights = [one for one in answers if one]
     # So many that the fit takes seconds, however many flights there are.
     most = MOST_SPEEDS // max(len(flights), 1)
-    return recording_of([within(one, spans_of(one), most=most) for one in flights])
+    return recording_of([responses_within(one, response_spans(one), most=most) for one in flights])
 
 
 def fit_law(recording: Recording) -> FittedLaw:
@@ -234,7 +237,7 @@ def _first(layout: Layout, recording: Recording) -> Float[np.ndarray, " p"]:
 
     def unlike(delay: float) -> float:
         timing = Timing(log_lag=np.log(FIRST_LAG), log_ratio=0.0, delay=delay)
-        speed, _ = answered_speed(recording, settled, none, timing)
+        speed, _ = speed_response(recording, settled, none, timing)
         return -float(np.corrcoef(speed, recording.speed)[0, 1])
 
     x[0] = np.log(float(np.median(recording.speed)) / float(np.median(settled)))

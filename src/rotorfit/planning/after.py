@@ -20,7 +20,7 @@ from rotorfit.planning.wanted import WANTABLE
 from rotorfit.results.about_com import body_verdict, twin_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
 from rotorfit.results.verdicts import ADVICE, ADVISED, FLOWN, NUISANCE, WEAK, judge, motion_for
-from rotorfit.simulation.manoeuvres import Manoeuvre
+from rotorfit.simulation.pilot import Manoeuvre
 
 SAME_PLACE: Final = 1e-3
 """Rotors nearer than this are the same [m]."""

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy import fft, signal
 
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.quaternions import rotated, rotated_back, running_product, small_turns
+from rotorfit.preprocessing.kinematics import rotated, rotated_back, running_product, small_turns
 
 SLOWEST: Final = 0.1
 """What changes more slowly is left out [Hz]: there the errors of the gyro and of the accelerometer,
@@ -22,7 +22,7 @@ integrated, are the larger part."""
 STEPS_PER_SECOND: Final = 100.0
 
 
-def felt_climb(data: FlightData) -> Float[np.ndarray, " n"]:
+def climb_velocity(data: FlightData) -> Float[np.ndarray, " n"]:
     """Return the velocity along the body's z axis [m/s], zero outside the segments.
 
     Parameters

@@ -13,10 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.preprocessing.flight_data import FlightData, HeldCommands, Segment
-from rotorfit.preprocessing.motors.motor_columns import MotorModel, clock_jumps, with_motors
+from rotorfit.preprocessing.motors.motor_model import MotorModel, clock_jumps, with_motors
 from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.preprocessing.sensor_limits import CutOff, cut_off
-from rotorfit.preprocessing.signals import central_difference, whole_samples
+from rotorfit.preprocessing.signals import Saturation, central_difference, saturation, whole_samples
 from rotorfit.preprocessing.thinning import Stretch, Thinning, kept_rows, low_pass, stretches
 
 FEWEST_PER_PERIOD: Final = 8.0
@@ -47,7 +46,7 @@ class AsRecorded:
     samples: int
     seconds: float
     spans: tuple[tuple[float, float], ...]
-    cut_off: Mapping[str, CutOff]
+    saturation: Mapping[str, Saturation]
 
 
 def as_recorded(prepared: PreparedFlight) -> AsRecorded:
@@ -61,9 +60,9 @@ def as_recorded(prepared: PreparedFlight) -> AsRecorded:
         spans=tuple(
             (float(data.time[s.start]), float(data.time[s.stop - 1])) for s in data.segments
         ),
-        cut_off={
-            "gyro": cut_off(_used(data, data.angular_velocity), "gyro"),
-            "accel": cut_off(_used(data, data.specific_force), "accel"),
+        saturation={
+            "gyro": saturation(_used(data, data.angular_velocity), "gyro"),
+            "accel": saturation(_used(data, data.specific_force), "accel"),
         },
     )
 

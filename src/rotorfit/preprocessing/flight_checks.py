@@ -1,17 +1,133 @@
 """What makes a flight unusable, and what makes it doubtful: every message in one place."""
 
 import contextlib
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY, Motion, fast_rows
+from rotorfit.preprocessing.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.preprocessing.clocks import UniformChannels
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.motors.still_rotors import StillRotor
+from rotorfit.preprocessing.signals import true_runs, whole_samples
+
+LONGEST_STILL: Final = 1.0
+"""A motor channel that stays the same for so long while the others move is stuck [s]."""
+SAME: Final = 1e-9
+"""Change of a sample to the next, over the largest value, that filters leave of nothing."""
+MOVING: Final = 0.3
+"""Share of their usual deviation from which the other rotors count as moving."""
+STEPS: Final = 3.0
+"""Steps of a coarse channel by which the others must deviate: less is rounded away."""
+FLAT: Final = 0.01
+"""Deviation over that of the others, below which a channel is noise about a constant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrozenChannel:
+    """A rotor whose motor channel stands still.
+
+    Attributes
+    ----------
+    rotor
+        From 1, in the log's order.
+    value
+        At which it stands, in the longest stretch.
+    share
+        Of the flight.
+    rows
+        Start and stop (exclusive) of the longest stretch.
+    """
+
+    rotor: int
+    value: float
+    share: float
+    rows: tuple[int, int]
+
+
+def frozen_channels(
+    values: Float[np.ndarray, "n N"],
+    stretches: Sequence[tuple[int, int]],
+    sample_rate: float,
+    *,
+    measured: bool,
+    step: float = 0.0,
+) -> tuple[FrozenChannel, ...]:
+    """Return the rotors that stand still while the others move.
+
+    Parameters
+    ----------
+    values
+        Motor channel on a uniform clock.
+    stretches
+        Start and stop (exclusive) of the flight in it.
+    sample_rate
+        Of the clock [Hz].
+    measured
+        Whether it is measured speed. Commands stay at their ends for as long as the pilot wants.
+    step
+        Smallest step of the channel, 0 where unknown.
+    """
+    if values.shape[1] < 3 or not stretches:
+        return ()
+    flown = np.concatenate([values[a:b] for a, b in stretches])
+    usual = flown.std(axis=0)
+    longest = whole_samples(LONGEST_STILL * sample_rate)
+    found: list[FrozenChannel] = []
+    for i in range(values.shape[1]):
+        others = np.delete(usual, i)
+        least = max(MOVING * float(np.median(others)), STEPS * step)
+        if usual[i] < FLAT * float(np.median(others)) and usual[i] > 0.0:
+            runs = list(stretches)
+        else:
+            runs = _runs(values, stretches, i, longest=longest, least=least)
+        if not measured:
+            runs = _inside(runs, values, flown, i)
+        if runs:
+            a, b = max(runs, key=lambda run: run[1] - run[0])
+            share = sum(stop - start for start, stop in runs) / len(flown)
+            middle = float(np.median(values[a:b, i]))
+            found.append(FrozenChannel(rotor=i + 1, value=middle, share=share, rows=(a, b)))
+    return tuple(found)
+
+
+def _runs(
+    values: Float[np.ndarray, "n N"],
+    stretches: Sequence[tuple[int, int]],
+    i: int,
+    *,
+    longest: int,
+    least: float,
+) -> list[tuple[int, int]]:
+    """Return where one column stays the same for long while the others deviate by `least`."""
+    column = values[:, i]
+    same: Bool[np.ndarray, " n"] = np.zeros(len(column), dtype=bool)
+    for a, b in stretches:
+        same[a : b - 1] = np.abs(np.diff(column[a:b])) <= SAME * float(np.abs(column[a:b]).max())
+    return [
+        (a, b + 1)
+        for a, b in true_runs(same)
+        if b - a >= longest
+        and float(np.median(np.delete(values[a:b], i, axis=1).std(axis=0))) > max(least, 0.0)
+    ]
+
+
+def _inside(
+    runs: list[tuple[int, int]],
+    values: Float[np.ndarray, "n N"],
+    flown: Float[np.ndarray, "m N"],
+    i: int,
+) -> list[tuple[int, int]]:
+    """Return the stretches in which a command is not at the end that others reach, too."""
+    low, high = np.delete(flown, i, axis=1).min(), np.delete(flown, i, axis=1).max()
+    if float(np.ptp(flown[:, i])) == 0.0 and flown[0, i] <= low:
+        return runs  # it never leaves the lower end: another output drives this motor
+    return [(a, b) for a, b in runs if low < float(np.median(values[a:b, i])) < high]
+
 
 FASTEST_TURN = 40.0
 """The gyros of multirotors end at 2000 deg/s, 35 rad/s; more is another unit [rad/s]."""
@@ -221,7 +337,7 @@ def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
 
 
 def still_doubts(
-    still: tuple[StillRotor, ...], time: Float[np.ndarray, " n"], *, measured: bool
+    still: tuple[FrozenChannel, ...], time: Float[np.ndarray, " n"], *, measured: bool
 ) -> tuple[str, ...]:
     """Return a doubt for each motor channel that stands still for a moment; too long is refused.
 
@@ -237,7 +353,7 @@ def still_doubts(
     return tuple(_still_words(rotor, time, measured=measured) for rotor in said)
 
 
-def _still_words(rotor: StillRotor, time: Float[np.ndarray, " n"], *, measured: bool) -> str:
+def _still_words(rotor: FrozenChannel, time: Float[np.ndarray, " n"], *, measured: bool) -> str:
     a, b = rotor.rows
     what, unit = ("measured speed", " rad/s") if measured else ("command", "")
     cause = "its ESC telemetry is dead or stuck" if measured else "another output drives this motor"

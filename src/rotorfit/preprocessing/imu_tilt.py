@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from rotorfit.preprocessing.climb_velocity import felt_climb
+from rotorfit.preprocessing.climb_velocity import climb_velocity
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.prepare import PreparedFlight
 
-LEAST_LEAN: Final = float(np.radians(5.0))
+LEAST_TILT: Final = float(np.radians(5.0))
 """Below it a bias within the usual explains the lean (sound logs: up to 4.5 degrees)."""
 
 
@@ -49,7 +49,7 @@ class ImuTilt:
         return float(np.arccos(np.clip(self.rotation_imu_to_body[2, 2], -1.0, 1.0)))
 
 
-def lean(flights: Sequence[FlightData]) -> ImuTilt:
+def mean_force_tilt(flights: Sequence[FlightData]) -> ImuTilt:
     """Return how the IMU would sit if the mean specific force of the flights were along z.
 
     Parameters
@@ -65,7 +65,7 @@ def lean(flights: Sequence[FlightData]) -> ImuTilt:
     return ImuTilt(roll=float(np.arctan2(y, np.hypot(x, z))), pitch=float(np.arctan2(x, z)))
 
 
-def lean_words(tilt: ImuTilt) -> str:
+def tilt_phrase(tilt: ImuTilt) -> str:
     """Return a mounting such as "10.1 degrees nose down"."""
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     parts = [
@@ -93,4 +93,6 @@ def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
         angular_acceleration=data.angular_acceleration @ R.T,
         velocity=None if data.velocity is None else data.velocity @ R.T,
     )
-    return dataclasses.replace(prepared, data=dataclasses.replace(turned, climb=felt_climb(turned)))
+    return dataclasses.replace(
+        prepared, data=dataclasses.replace(turned, climb=climb_velocity(turned))
+    )

@@ -11,21 +11,19 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.speed_law import law_doubts
-from rotorfit.preprocessing.airborne.airborne_part import (
+from rotorfit.preprocessing.airborne import (
+    ON_THE_GROUND,
     SHORTEST_FLIGHT,
     Motion,
     airborne_rows,
+    aloft,
+    ground_contact,
+    ground_said,
     misfit,
     phase_edges,
     rest_rows,
 )
-from rotorfit.preprocessing.airborne.ground_contact import (
-    ON_THE_GROUND,
-    aloft,
-    ground_contact,
-    ground_said,
-)
-from rotorfit.preprocessing.climb_velocity import felt_climb
+from rotorfit.preprocessing.climb_velocity import climb_velocity
 from rotorfit.preprocessing.clocks import (
     JITTER_STEPS,
     UniformChannels,
@@ -34,6 +32,7 @@ from rotorfit.preprocessing.clocks import (
 )
 from rotorfit.preprocessing.flight_checks import (
     doubts_about,
+    frozen_channels,
     refuse_absurd_sensors,
     refuse_blows,
     refuse_empty_window,
@@ -47,18 +46,15 @@ from rotorfit.preprocessing.flight_checks import (
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.mocap.pose_velocity import known_velocity
-from rotorfit.preprocessing.motors.motor_columns import (
+from rotorfit.preprocessing.motors.motor_model import (
     MotorModel,
     clock_jumps,
-    following_rotors,
-    with_motors,
-)
-from rotorfit.preprocessing.motors.motor_model import (
     first_order_lag,
+    following_rotors,
     speed_from_command,
     white_noise_std,
+    with_motors,
 )
-from rotorfit.preprocessing.motors.still_rotors import still_rotors
 from rotorfit.preprocessing.signals import central_difference, hampel, whole_samples
 
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
@@ -215,7 +211,7 @@ def prepared_from(
         standing = ground_contact(motion, flights, stretches=uniform.stretches)
         flights = aloft(motion, flights, standing)
     measured = motors.speed == "measured"
-    found = still_rotors(
+    found = frozen_channels(
         uniform.values["motor"],
         flights,
         uniform.sample_rate,
@@ -238,7 +234,7 @@ def prepared_from(
         segments=_inner_segments(flights if measured else _settled(flights, uniform), uniform),
         rotor_speed_std=_rotor_speed_std(recorded.speed_step, motors, speed, flights),
     )
-    data = dataclasses.replace(data, climb=felt_climb(data))
+    data = dataclasses.replace(data, climb=climb_velocity(data))
     return PreparedFlight(
         data=data,
         phases=phases_of(data),

@@ -48,7 +48,7 @@ class FreeTiming:
             return MotorResponse(lag=lag, delay=delay)
         return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
 
-    def others(self, values: Mapping[str, float]) -> dict[str, float]:
+    def without_times(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return where a fit ended, but for the times, at which its signals are made anew."""
         return {name: value for name, value in values.items() if name not in self.names}
 
@@ -90,12 +90,12 @@ class TimedBands:
     """
 
     at: MotorResponse
-    made_of: tuple[object, ...]
+    inputs: tuple[object, ...]
     factors: tuple[Factors, ...]
 
-    def serve(self, made_of: tuple[object, ...]) -> bool:
+    def matches(self, inputs: tuple[object, ...]) -> bool:
         """Return whether factors of these very things would be the same."""
-        return all(own is other for own, other in zip(self.made_of, made_of, strict=True))
+        return all(own is other for own, other in zip(self.inputs, inputs, strict=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ class MotorTiming:
     free
         Which times a fit finds again together with everything else (`FreeTiming.names`): those that
         the flights tell.
-    beside
+    additional
         Times by which the signals' slopes are made, too: one may be set free later.
     reached
         Where the other parameters of the fit that found it ended: the next one begins there.
@@ -126,17 +126,17 @@ class MotorTiming:
     lag_std: float | None = None
     delay_std: float | None = None
     free: tuple[str, ...] = ()
-    beside: tuple[str, ...] = ()
+    additional: tuple[str, ...] = ()
     reached: Mapping[str, float] | None = None
     bands: TimedBands | None = field(default=None, repr=False, compare=False)
 
     @property
-    def told(self) -> bool:
+    def identifiable(self) -> bool:
         """Whether lag plus delay is known better than by its own size, or by motors' usual lag."""
-        return told(self.response.mean_lag + self.response.delay, self.total_std)
+        return is_time_identifiable(self.response.mean_lag + self.response.delay, self.total_std)
 
 
-def told(value: float, std: float) -> bool:
+def is_time_identifiable(value: float, std: float) -> bool:
     """Return whether a time is known better than by its own size, or by motors' usual lag.
 
     Parameters

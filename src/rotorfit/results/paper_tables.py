@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from rotorfit.dataset.dataset import Dataset
-from rotorfit.estimation.total import EssentialEstimate
+from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry
 from rotorfit.fit.rows.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings
 from rotorfit.model.parameters import PARAMETERS, full_name

@@ -7,7 +7,7 @@ from typing import Final
 from rotorfit.fit.intervals.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR
 from rotorfit.results.numbers import Verdict
-from rotorfit.simulation.manoeuvres import Manoeuvre
+from rotorfit.simulation.pilot import Manoeuvre
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""

@@ -12,12 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.simulation.body import State
-from rotorfit.simulation.motors import allocation
-from rotorfit.simulation.pilot import Reference
-from rotorfit.simulation.truth import GRAVITY, Truth
-from rotorfit.simulation.vectors import (
+from rotorfit.simulation.body import (
     Matrix,
+    State,
     Vector,
     clip,
     no_type_check,
@@ -27,6 +24,9 @@ from rotorfit.simulation.vectors import (
     times,
     yaw_of,
 )
+from rotorfit.simulation.motors import allocation
+from rotorfit.simulation.pilot import Reference
+from rotorfit.simulation.truth import GRAVITY, Truth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

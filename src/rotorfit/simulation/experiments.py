@@ -30,14 +30,13 @@ from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.simulation.flight import Scenario, simulate_flight
-from rotorfit.simulation.record import SimulatedFlight
 from rotorfit.simulation.scenarios import (
     SimulatedVehicle,
     layout_vehicle,
     paper_vehicle,
     variant,
 )
-from rotorfit.simulation.sensors import PERFECT, Sensors
+from rotorfit.simulation.sensors import PERFECT, Sensors, SimulatedFlight
 from rotorfit.simulation.truth import GRAVITY, with_payload
 
 ScenarioName = Literal["paper", "single", "hexa", "payload-pair"]

@@ -13,9 +13,13 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.body import (
     RigidBody,
     State,
+    Vector,
     Wrench,
     accelerations,
+    cross,
+    no_type_check,
     rigid_body,
+    rotation,
     step,
     with_drag,
 )
@@ -37,10 +41,16 @@ from rotorfit.simulation.motors import (
     wrenches,
 )
 from rotorfit.simulation.pilot import Reference, Sticks, plan_flight
-from rotorfit.simulation.record import SimulatedFlight, from_wxyz, gyro_noise, measure
-from rotorfit.simulation.sensors import PERFECT, Sensors, gauss_markov
+from rotorfit.simulation.sensors import (
+    PERFECT,
+    Sensors,
+    SimulatedFlight,
+    from_wxyz,
+    gauss_markov,
+    gyro_noise,
+    measure,
+)
 from rotorfit.simulation.truth import GRAVITY, Truth
-from rotorfit.simulation.vectors import Vector, cross, no_type_check, rotation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,9 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.simulation.body import Wrench
+from rotorfit.simulation.body import Wrench, no_type_check
 from rotorfit.simulation.truth import Truth
-from rotorfit.simulation.vectors import no_type_check
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

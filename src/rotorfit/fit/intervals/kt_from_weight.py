@@ -17,7 +17,7 @@ from rotorfit.dataset.weight_balance import Held, held_together, held_up, pooled
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import ACCEL_BIAS_STD
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 INFLOW_STD = 0.02
 """Share by which a propeller in motion differs from the same in hover."""

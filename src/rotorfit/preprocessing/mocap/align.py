@@ -19,10 +19,9 @@ from scipy.spatial.transform import Rotation
 from rotorfit.errors import FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.preprocessing.clocks import JITTER_STEPS, uniform_channels, usable_samples
+from rotorfit.preprocessing.kinematics import continuous_quaternions, motion_from_quaternions
 from rotorfit.preprocessing.mocap.camera import camera_clock, poses
-from rotorfit.preprocessing.mocap.kinematics import continuous_quaternions, motion_from_quaternions
-from rotorfit.preprocessing.signals import whole_samples
-from rotorfit.preprocessing.splines import low_pass
+from rotorfit.preprocessing.signals import low_pass, whole_samples
 
 CUTOFF = 8.0
 """Of the low-pass on both rates [Hz], or a quarter of the slower rate."""

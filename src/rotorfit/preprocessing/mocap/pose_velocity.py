@@ -14,11 +14,9 @@ from scipy.spatial.transform import Rotation
 from rotorfit.errors import FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.preprocessing.clocks import usable_samples
-from rotorfit.preprocessing.mocap.camera import camera_clock, restamped
-from rotorfit.preprocessing.mocap.kinematics import continuous_quaternions
-from rotorfit.preprocessing.mocap.pose_spikes import without_spikes
-from rotorfit.preprocessing.signals import whole_samples
-from rotorfit.preprocessing.splines import low_pass, spline_derivatives
+from rotorfit.preprocessing.kinematics import continuous_quaternions
+from rotorfit.preprocessing.mocap.camera import camera_clock, restamped, without_spikes
+from rotorfit.preprocessing.signals import low_pass, spline_derivatives, whole_samples
 
 CUTOFF: Final = 10.0
 """Low-pass on the position [Hz]: a velocity that moves drag lies far under it."""

@@ -13,16 +13,14 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.speed_law import law_doubts, speed_from_command
-from rotorfit.preprocessing.airborne.airborne_part import (
+from rotorfit.preprocessing.airborne import (
     GRAVITY,
+    ON_THE_GROUND,
     SHORTEST_FLIGHT,
     Motion,
     airborne_rows,
-    fast_rows,
-)
-from rotorfit.preprocessing.airborne.ground_contact import (
-    ON_THE_GROUND,
     aloft,
+    fast_rows,
     ground_contact,
     ground_said,
 )
@@ -35,6 +33,7 @@ from rotorfit.preprocessing.clocks import (
 )
 from rotorfit.preprocessing.flight_checks import (
     flown_doubts,
+    frozen_channels,
     refuse_empty_window,
     refuse_idle_motors,
     refuse_missing_battery,
@@ -42,6 +41,11 @@ from rotorfit.preprocessing.flight_checks import (
     still_doubts,
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
+from rotorfit.preprocessing.kinematics import (
+    BodyMotion,
+    continuous_quaternions,
+    motion_from_quaternions,
+)
 from rotorfit.preprocessing.mocap.camera import (
     NOTED_JITTER,
     CameraClock,
@@ -49,14 +53,7 @@ from rotorfit.preprocessing.mocap.camera import (
     camera_clock,
     tracked,
 )
-from rotorfit.preprocessing.mocap.kinematics import (
-    BodyMotion,
-    continuous_quaternions,
-    motion_from_quaternions,
-)
-from rotorfit.preprocessing.motors.motor_columns import MotorModel, with_motors
-from rotorfit.preprocessing.motors.motor_model import white_noise_std
-from rotorfit.preprocessing.motors.still_rotors import still_rotors
+from rotorfit.preprocessing.motors.motor_model import MotorModel, white_noise_std, with_motors
 from rotorfit.preprocessing.prepare import (
     Cut,
     PreparedFlight,
@@ -65,8 +62,14 @@ from rotorfit.preprocessing.prepare import (
     window_rows,
     with_likely_lag,
 )
-from rotorfit.preprocessing.signals import hampel, smooth, true_runs, whole_samples
-from rotorfit.preprocessing.splines import low_pass, spline_at
+from rotorfit.preprocessing.signals import (
+    hampel,
+    low_pass,
+    smooth,
+    spline_at,
+    true_runs,
+    whole_samples,
+)
 
 HIGHEST_CUTOFF = 25.0
 """Of the low-pass on every column [Hz]; differentiated twice, a pose holds nothing above."""
@@ -188,7 +191,7 @@ def prepare_mocap(
 def _still(data: FlightData, frames: _Frames, *, measured: bool) -> tuple[str, ...]:
     """Return the doubts about motor channels that stand still in flight."""
     flown = [(s.start, s.stop) for s in data.segments]
-    found = still_rotors(frames.motors, flown, frames.rate, measured=measured)
+    found = frozen_channels(frames.motors, flown, frames.rate, measured=measured)
     return still_doubts(found, data.time, measured=measured)
 
 

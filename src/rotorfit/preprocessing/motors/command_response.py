@@ -54,8 +54,8 @@ class MeasuredResponse:
     speed: Float[np.ndarray, " m"]
 
 
-def answered_commands(
-    log: FlightLog, *, left_out: Sequence[int] = ()
+def command_responses(
+    log: FlightLog, *, excluded: Sequence[int] = ()
 ) -> tuple[MeasuredResponse, ...]:
     """Return commands and speeds of every rotor that has both; none where the log lacks either.
 
@@ -77,13 +77,13 @@ def answered_commands(
     pieces = _pieces(speed)
     found: list[MeasuredResponse] = []
     for i in range(command.values.shape[1]):
-        if i not in left_out:
+        if i not in excluded:
             asked, told = _known(command, i), _fresh(*_known(speed, i))
             found += [a for span in pieces for a in _answers(i, asked, told, volts, span)]
     return tuple(found)
 
 
-def within(
+def responses_within(
     answers: Sequence[MeasuredResponse], spans: Sequence[Span], *, most: int = MOST_SPEEDS
 ) -> tuple[MeasuredResponse, ...]:
     """Return the answers in some spans of time, each span on its own.
@@ -109,7 +109,7 @@ def _inside(
     return tuple(cut for cut in cuts if cut is not None)
 
 
-def spans_of(answers: Sequence[MeasuredResponse]) -> list[Span]:
+def response_spans(answers: Sequence[MeasuredResponse]) -> list[Span]:
     """Return the spans of time in which there are speeds, those of all rotors together."""
     spans = {
         (float(a.speed_time[0]), float(np.nextafter(a.speed_time[-1], np.inf))) for a in answers

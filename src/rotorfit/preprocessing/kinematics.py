@@ -1,9 +1,9 @@
-r"""Motion capture to motion: position and attitude to what a strapped-down IMU would measure.
+r"""Attitudes, and from motion capture to what a strapped-down IMU would measure.
 
 Six et al. 2020, eq. 3-7. With the position :math:`\zeta` of the body origin, R from body to world
 and gravity g along -z: the specific force is :math:`R^{-1}(\ddot\zeta - g)`; angular velocity and
-acceleration follow from the attitude's first and second derivative. Quaternions have no gimbal
-lock and are used throughout; the paper's Bryant angles stand beside them and agree.
+acceleration follow from the attitude's first and second derivative. Quaternions (scalar first) have
+no gimbal lock and are used throughout; the paper's Bryant angles serve for comparison.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,51 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
-from rotorfit.preprocessing.splines import spline_derivatives
+from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.preprocessing.signals import spline_derivatives
+
+Vectors = Float[np.ndarray, "*m 3"]
+Quaternions = Float[np.ndarray, "*m 4"]
+
+
+def small_turns(angles: Vectors) -> Quaternions:
+    """Return the quaternions of small rotation vectors [rad]."""
+    half = 0.5 * np.linalg.norm(angles, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(half), 0.5 * angles * np.sinc(half / np.pi)], axis=-1)
+
+
+def running_product(q: Quaternions) -> Quaternions:
+    """Return q_1, q_1 q_2, q_1 q_2 q_3, ... in as many steps as the length has digits."""
+    step = 1
+    while step < len(q):
+        q = np.concatenate([q[:step], _product(q[:-step], q[step:])])
+        step *= 2
+    return q
+
+
+def rotated(q: Quaternions, v: Vectors) -> Vectors:
+    """Return vectors of the body in the axes that q turns it from."""
+    across = _cross(q[..., 1:], v)
+    return v + 2.0 * (q[..., :1] * across + _cross(q[..., 1:], across))
+
+
+def rotated_back(q: Quaternions, v: Vectors) -> Vectors:
+    """Return vectors of those axes in the axes of the body."""
+    return rotated(q * [1.0, -1.0, -1.0, -1.0], v)
+
+
+def _product(p: Quaternions, q: Quaternions) -> Quaternions:
+    a, b = p[..., 1:], q[..., 1:]
+    scalar = p[..., :1] * q[..., :1] - (a * b).sum(axis=-1, keepdims=True)
+    vector = p[..., :1] * b + q[..., :1] * a + _cross(a, b)
+    return np.concatenate([scalar, vector], axis=-1)
+
+
+def _cross(a: Vectors, b: Vectors) -> Vectors:
+    """Return a x b; NumPy's own takes four times as long."""
+    (x, y, z), (u, v, w) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
 
 STEEPEST = np.radians(85.0)
 """Where Bryant angles are given up: at a pitch of 90 degrees psi and phi are one angle."""
