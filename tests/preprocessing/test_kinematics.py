@@ -2,17 +2,19 @@
 
 import numpy as np
 import pytest
+from bryant import (
+    bryant_angles,
+    bryant_matrix,
+    bryant_matrix_rate,
+    motion_from_bryant,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError
 from rotorfit.preprocessing.kinematics import (
-    bryant_angles,
-    bryant_matrix,
-    bryant_matrix_rate,
     continuous_quaternions,
-    motion_from_bryant,
     motion_from_quaternions,
 )
 from rotorfit.preprocessing.signals import low_pass, smooth_motors, spline_derivatives

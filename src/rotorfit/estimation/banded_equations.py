@@ -72,7 +72,7 @@ class Evaluated(State):
     rest: float
 
     def over(self, variance: Float[np.ndarray, "b k"]) -> float:
-        """Return the squares over given variances, and the rest.
+        """Sum the squares over given variances, and the rest.
 
         Half its slope is the corrected score, in every block, so that a step along that lowers it.
         """
@@ -102,18 +102,12 @@ class CorrectedEquations:
 
     @property
     def score(self) -> Float[np.ndarray, " f"]:
-        """What all of them ask for."""
+        """Sum of all scores."""
         return self.scores.sum(axis=0) + self.prior_score
 
 
 def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated:
-    """Return residuals, variances and cost at `phi`.
-
-    Raises
-    ------
-    EstimationError
-        If the equations cannot be solved for the noisy signals there.
-    """
+    """Evaluate residuals, variances and cost at `phi`; raise where nothing solves the equations."""
     found = solved_each(problem, phi)
     rest = prior_cost(problem, phi) - 2.0 * feedback_gain(problem, phi, found)
     cost = rest
@@ -151,7 +145,7 @@ def _errors(
     phi: Float[np.ndarray, " f"],
     found: Sequence[Float[np.ndarray, "_ k z"]],
 ) -> Float[np.ndarray, "b m k"]:
-    """Return the errors of all blocks; `found` is what makes them of each part's signals."""
+    """Compute the errors of all blocks; `found`: G of each part."""
     lifts = [factors.lift(problem.moves(phi)).T for factors in problem.factors]
     blocks = sum(len(factors) for factors in problem.factors)
     e = np.empty((blocks, problem.factors[0].columns.shape[1], len(problem.noisy)))
@@ -165,7 +159,7 @@ def _errors(
 def known_noise_variance(
     problem: BandedProblem, c: int, G: Float[np.ndarray, "t k z"]
 ) -> Float[np.ndarray, "b k"]:
-    """Return what known noise of the regressors adds to the variance of every block's errors."""
+    """Compute the variance that known noise of the regressors adds to every block's errors."""
     noise = problem.factors[c].noise
     share = np.zeros((len(problem.factors[c]), G.shape[1]))
     for part in problem.every_part:
@@ -175,7 +169,7 @@ def known_noise_variance(
 
 
 def evaluated_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated | None:
-    """Return the same, None where the equations cannot be solved."""
+    """Evaluate at `phi`; None where nothing solves the equations."""
     try:
         return evaluated(problem, phi)
     except EstimationError:
@@ -183,7 +177,7 @@ def evaluated_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> E
 
 
 def prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
-    """Return minus twice the logarithm of the prior."""
+    """Compute minus twice the logarithm of the prior."""
     mean, std = problem.prior
     known = np.isfinite(std)
     return float(np.sum(((phi - mean)[known] / std[known]) ** 2))
@@ -194,7 +188,7 @@ def feedback_gain(
     phi: Float[np.ndarray, " f"],
     found: Sequence[Float[np.ndarray, "_ k z"]],
 ) -> float:
-    """Return what the answers of a controller add to the log-likelihood; `found` is G of each."""
+    """Compute the controller's part of the log-likelihood; `found`: G of each configuration."""
     if problem.feedback is None:
         return 0.0
     moves = problem.moves(phi)
@@ -208,9 +202,9 @@ def feedback_gain(
 def feedback_scores(
     problem: BandedProblem, feedback: Feedback, found: Sequence[Solution]
 ) -> Float[np.ndarray, "b e f"]:
-    """Return the derivative of the gain by the free parameters, by block and answered error.
+    """Differentiate the gain by the free parameters, by block and error.
 
-    `feedback` is that of the problem, or one with other answers.
+    `feedback` is that of the problem, or one with other responses.
     """
     blocks = sum(len(factors) for factors in problem.factors)
     scores = np.zeros((blocks, len(feedback.errors), len(problem.map.names)))
@@ -222,7 +216,7 @@ def feedback_scores(
 def _response_scores(
     problem: BandedProblem, feedback: Feedback, number: int, found: Sequence[Solution]
 ) -> Float[np.ndarray, "b e q"]:
-    """Return the same of one part, by the parameters that move it."""
+    """Differentiate the gain of one part by the parameters that move it."""
     part = problem.every_part[number]
     G, dG = (each[part.place] for each in found[part.configuration])
     scores = feedback.slope(number, G, dG.transpose(1, 0, 2))
@@ -231,7 +225,7 @@ def _response_scores(
 
 
 def decorrelated_solutions(problem: BandedProblem, found: Sequence[Solution]) -> list[Solution]:
-    """Return what makes the errors without what comes with others, and its slope."""
+    """Subtract the correlated part of each error from G and its slope."""
     return [
         (problem.decorrelated(c, G), problem.decorrelated(c, dG)) for c, (G, dG) in enumerate(found)
     ]
@@ -240,9 +234,9 @@ def decorrelated_solutions(problem: BandedProblem, found: Sequence[Solution]) ->
 def lifted_slopes(
     problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Solution]
 ) -> list[Float[np.ndarray, "k a _"]]:
-    """Return d u / d phi of each part, by the columns of its factors and what moves it.
+    """Compute d u / d phi of each part, by the columns of its factors and its moving parameters.
 
-    `found` is of the errors that are looked at (`decorrelated_solutions`).
+    `found`: G and slope of the errors in question (`decorrelated_solutions`).
     """
     lifts = [factors.lift(problem.moves(phi)) for factors in problem.factors]
     each = [dG @ lift.T for lift, (_, dG) in zip(lifts, found, strict=True)]
@@ -257,7 +251,7 @@ def lifted_slopes(
 
 
 def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquations:
-    """Return the linearised equations at a state."""
+    """Linearise the equations at a state."""
     responding = solutions(problem, state.phi)
     found = decorrelated_solutions(problem, responding)
     slopes = lifted_slopes(problem, state.phi, found)
@@ -296,9 +290,9 @@ def part_information(
     *,
     corrected: bool = True,
 ) -> Float[np.ndarray, "p f f"]:
-    """Return the information of choices of the blocks, without the prior's.
+    """Compute the information of choices of blocks, without the prior's.
 
-    `corrected`: less what of it is only known noise of the regressors.
+    `corrected`: less the part that is only known noise of the regressors.
     """
     found = decorrelated_solutions(problem, solutions(problem, state.phi))
     slopes = lifted_slopes(problem, state.phi, found)
@@ -324,7 +318,7 @@ def _noise_information(
     weight: Float[np.ndarray, "b k"],
     dG: Float[np.ndarray, "k q z"],
 ) -> Float[np.ndarray, "q q"]:
-    """Return what of the information of blocks is only the regressors' known noise."""
+    """Compute the part of blocks' information that is only the regressors' known noise."""
     weighed: Float[np.ndarray, "k z"] = weight.T @ noise
     found: Float[np.ndarray, "q q"] = (dG * weighed[:, None] @ dG.transpose(0, 2, 1)).sum(axis=0)
     return found
@@ -335,7 +329,7 @@ def _information(
     weight: Float[np.ndarray, "b k"],
     dU: Float[np.ndarray, "k a q"],
 ) -> Float[np.ndarray, "q q"]:
-    """Return the information of blocks of one part, by their Gram matrices."""
+    """Compute the information of blocks of one part, by their Gram matrices."""
     S = np.tensordot(weight, gram, axes=(0, 0))
     found: Float[np.ndarray, "q q"] = (dU.transpose(0, 2, 1) @ S @ dU).sum(axis=0)
     return found
@@ -344,13 +338,7 @@ def _information(
 def root_of(
     problem: BandedProblem, state: State, information: Float[np.ndarray, "f f"]
 ) -> Float[np.ndarray, "f f"]:
-    """Return an upper triangular R of which R^T R is the information `information` of all blocks.
-
-    Raises
-    ------
-    EstimationError
-        If a parameter is not moved at all.
-    """
+    """Factor the information of all blocks into R^T R, R upper triangular."""
     lengths = np.sqrt(np.diagonal(information))
     if not (lengths > 0.0).all():
         raise EstimationError("the flights do not move a parameter at all; remove its term")
@@ -363,7 +351,7 @@ def root_of(
 
 
 def _root_of_rows(problem: BandedProblem, state: State) -> Float[np.ndarray, "f f"]:
-    """Return the same, from the rows: twice as many digits, at many times the cost."""
+    """Compute that root from the rows: twice as many digits, at many times the cost."""
     parts = [np.diag(1.0 / problem.prior[1])]
     found = decorrelated_solutions(problem, solutions(problem, state.phi))
     slopes = lifted_slopes(problem, state.phi, found)
@@ -381,7 +369,7 @@ def _root_of_rows(problem: BandedProblem, state: State) -> Float[np.ndarray, "f 
 def selected(
     problem: BandedProblem, state: State, blocks: Bool[np.ndarray, " b"]
 ) -> tuple[BandedProblem, State]:
-    """Return the problem and the state of some blocks, with the variances of all of them."""
+    """Select blocks of the problem and of the state, with the variances of all of them."""
     keep = split_blocks(blocks, problem.factors)
     each = [blocks[part.blocks] for part in problem.every_part]
     counts = [int(own.sum()) for own in each]

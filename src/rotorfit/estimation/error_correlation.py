@@ -23,7 +23,7 @@ LEAST_LEFT: Final = 1e-9
 
 
 def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
-    """Return the parameters' shifts by independent deviations of the correlation's shares."""
+    """Compute the parameters' shifts by independent deviations of the correlation's shares."""
     problem, covariance = fit.problem, fit.estimate.covariance
     shifts = [np.zeros((0, len(covariance)))]
     if any(shares.any() for shares in problem.error_correlation):
@@ -44,7 +44,7 @@ def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
 def _information(
     fit: BandedEstimate, slopes: Sequence[Float[np.ndarray, "k a _"]], c: int, t: int
 ) -> tuple[Float[np.ndarray, "s f"], Float[np.ndarray, "s s"]]:
-    """Return the information between error t's shares and the parameters, and of the shares."""
+    """Compute the information between error t's shares and the parameters, and of the shares."""
     problem = fit.problem
     others = np.flatnonzero(problem.error_correlation[c][t])
     between = np.zeros((len(others), len(problem.map.names)))

@@ -74,7 +74,7 @@ class Estimate:
         return dict(zip(self.names, self.values.tolist(), strict=True))
 
     def value(self, name: str) -> float:
-        """Return the value of one free parameter."""
+        """Look up the value of one free parameter."""
         return float(self.values[self.names.index(name)])
 
 
@@ -84,7 +84,7 @@ def equation_rows(
     parameter_map: tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p f"]],
     weights: Float[np.ndarray, " j"],
 ) -> Float[np.ndarray, "b m g"]:
-    """Return the equations [d/d phi | constant] of each block, reduced to j z rows.
+    """Reduce the equations [d/d phi | constant] of each block to j z rows.
 
     An orthogonal transform of the block's dense rows padded with zeros: same singular values,
     same solutions. Column g = f + 1 is the known part.
@@ -98,7 +98,7 @@ def equation_rows(
 
 
 def problem_rows(problem: LinearProblem) -> Float[np.ndarray, "m g"]:
-    """Return the weighted equations [d/d phi | constant] of the whole problem, reduced."""
+    """Reduce the weighted equations [d/d phi | constant] of the whole problem."""
     parts = [
         equation_rows(
             factors.total[None],
@@ -135,14 +135,7 @@ class ScaledSingular:
 
 
 def scaled_singular(rows: Float[np.ndarray, "m f"], names: tuple[str, ...]) -> ScaledSingular:
-    """Return the singular values and vectors of column-scaled equations.
-
-    Raises
-    ------
-    EstimationError
-        If there are fewer equations than parameters, or a column is zero: the flight does not
-        move that parameter at all.
-    """
+    """Decompose column-scaled equations; raise if too few or if a column is zero."""
     if rows.shape[0] < rows.shape[1]:
         raise EstimationError(
             f"{rows.shape[0]} equations cannot determine {rows.shape[1]} parameters; "
@@ -157,13 +150,7 @@ def scaled_singular(rows: Float[np.ndarray, "m f"], names: tuple[str, ...]) -> S
 
 
 def refuse_free_direction(svd: ScaledSingular, names: tuple[str, ...]) -> None:
-    """Raise where a direction of the parameters is known to no more than rounding.
-
-    Raises
-    ------
-    EstimationError
-        With the parameter that has the largest part in that direction.
-    """
+    """Raise where a direction of the parameters is known to no more than rounding."""
     if svd.s[-1] > svd.s[0] * 1e-13:
         return
     worst = names[int(np.argmax(np.abs(svd.Vt[-1])))]
@@ -197,17 +184,10 @@ class FreeDirection:
 
 
 def free_directions(problem: LinearProblem, *, below: float = FREE) -> tuple[FreeDirection, ...]:
-    """Return the directions of parameters that the known equations leave free.
+    """Find the directions of parameters that the known equations leave free.
 
     The null space of the observation matrix without its known column: the argument of Six et al.
     2020, eq. 23, for any flight, vehicle and number of configurations.
-
-    Parameters
-    ----------
-    problem
-        The equations; columns that are zero are an error, not a direction.
-    below
-        Largest relative singular value of a free direction.
     """
     names = problem.map.names
     svd = scaled_singular(problem_rows(problem)[:, : len(names)], names)
@@ -225,17 +205,10 @@ def numerical_jacobian(
     at: Float[np.ndarray, " f"],
     scale: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, "g f"]:
-    """Return d function / d argument by central differences over a small part of each scale.
+    """Differentiate a function by central differences over a thousandth of each scale.
 
-    Parameters
-    ----------
-    function
-        Smooth near `at`.
-    at
-        Where.
-    scale
-        A length of each argument over which the function changes little, such as its standard
-        deviation; zeros are replaced by a part of the argument itself.
+    A scale is a length over which the function changes little, such as a standard deviation; zeros
+    are replaced by the size of the argument.
     """
     step = 1e-3 * np.where(scale > 0, scale, np.maximum(np.abs(at), 1.0))
     columns = [

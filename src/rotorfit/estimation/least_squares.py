@@ -30,11 +30,6 @@ def ordinary(problem: LinearProblem) -> Estimate:
     Solved by singular values of the column-scaled equations, so that the units of the parameters
     do not matter. The covariance takes the equations' errors as independent and of equal variance
     once weighted; `block_covariance` does not.
-
-    Raises
-    ------
-    EstimationError
-        If the equations do not determine the parameters to more than rounding.
     """
     rows = problem_rows(problem)
     f = len(problem.map.names)
@@ -110,12 +105,6 @@ def total(problem: LinearProblem) -> Estimate:
 
     The right singular vector of the smallest singular value of [d/d phi | constant], divided by
     its last entry. In the units it is given: total least squares is not invariant to them.
-
-    Raises
-    ------
-    EstimationError
-        If that vector has no part along the known column: no solution exists. If the equations
-        leave a direction of the parameters free: no solution is the only one.
     """
     Wt = problem_rows(problem)
     names = problem.map.names

@@ -38,7 +38,7 @@ class Form:
 
 
 def _offset_power(u: Vector, b: float, p: float) -> tuple[Vector, Vector, Vector]:
-    """Return p log(b + (1 - b) u), and its derivatives by b and p."""
+    """Compute p log(b + (1 - b) u), and its derivatives by b and p."""
     base = np.maximum(b + (1.0 - b) * u, TINY)
     return p * np.log(base), np.where(base > TINY, p * (1.0 - u) / base, 0.0), np.log(base)
 
@@ -148,7 +148,7 @@ class Layout:
 
 
 def law_of(recording: Recording, layout: Layout, values: Float[np.ndarray, " p"]) -> SpeedLaw:
-    """Return the law that some parameters make, of the mean rotor."""
+    """Build the law of the mean rotor from parameters."""
     curve = FORMS[layout.form].curve(float(np.exp(values[0])), values[layout.curve])
     if not layout.voltage or recording.nominal_voltage is None:
         return SpeedLaw(curve=curve)
@@ -166,7 +166,7 @@ def timing_of(layout: Layout, x: Float[np.ndarray, " p"]) -> Timing:
 def scales_of(
     layout: Layout, values: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
-    """Return the factor of each rotor's speed, and of each flight's where there is no voltage."""
+    """Compute the factor of each rotor's speed, and of each flight's where there is no voltage."""
     rotors, flights = _log_scales(layout, values)
     return np.exp(rotors), np.exp(flights)
 
@@ -174,7 +174,7 @@ def scales_of(
 def _log_scales(
     layout: Layout, values: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
-    """Return the logarithms of the same."""
+    """Compute the logarithms of these factors."""
     x = values[layout.factors]
     rotors = _contrast(np.arange(layout.rotors), layout.rotors) @ x[: layout.rotors - 1]
     flights = np.zeros(layout.flights)
@@ -186,7 +186,7 @@ def _log_scales(
 def predicted(
     recording: Recording, layout: Layout, x: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]:
-    """Return the speeds that the parameters predict, and the slopes."""
+    """Predict the speeds by the parameters, with the slopes."""
     logarithm, curve = FORMS[layout.form].logarithm(recording.command, x[layout.curve])
     bending = [*curve.T]
     if layout.voltage and recording.voltage is not None:
@@ -217,7 +217,7 @@ def predicted(
 def _scaling(
     layout: Layout, rotor: Int[np.ndarray, " n"], flight: Int[np.ndarray, " n"]
 ) -> Float[np.ndarray, "n c"]:
-    """Return the columns of the rotors' factors, and of the flights' where there is no voltage."""
+    """Build the columns of the rotors' factors, and of the flights' where there is no voltage."""
     columns = [_contrast(rotor, layout.rotors)]
     if not layout.voltage:
         columns.append(_contrast(flight, layout.flights))
@@ -225,6 +225,6 @@ def _scaling(
 
 
 def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n c"]:
-    """Return columns of factors whose logarithms sum to zero: the last has what the others lack."""
+    """Build columns of factors whose logarithms sum to zero: the last has what the others lack."""
     columns = np.vstack([np.eye(count - 1), -np.ones((1, count - 1))])
     return columns[member]

@@ -23,13 +23,7 @@ STEPS_PER_SECOND: Final = 100.0
 
 
 def climb_velocity(data: FlightData) -> Float[np.ndarray, " n"]:
-    """Return the velocity along the body's z axis [m/s], zero outside the segments.
-
-    Parameters
-    ----------
-    data
-        With its segments; the row before and behind each is filled, too.
-    """
+    """Integrate the velocity along body z [m/s]; zero outside the segments' rows and neighbours."""
     climb = np.zeros(len(data.time))
     for segment in data.segments:
         rows = slice(max(segment.start - 1, 0), segment.stop + 1)
@@ -42,7 +36,7 @@ def climb_velocity(data: FlightData) -> Float[np.ndarray, " n"]:
 def _along_z(
     force: Float[np.ndarray, "n 3"], rates: Float[np.ndarray, "n 3"], sample_rate: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the velocity of one segment along z, without what is slow."""
+    """Integrate the velocity of one segment along z, without slow changes."""
     group = max(round(sample_rate / STEPS_PER_SECOND), 1)
     count = len(force) // group
     if count < 2:
@@ -58,7 +52,7 @@ def _along_z(
     v = np.asarray(signal.detrend(v, axis=0))
     lines: Float[np.ndarray, "m 3"] = np.asarray(fft.dct(v, axis=0, norm="ortho"))
     lines[: int(2.0 * SLOWEST * count * step) + 1] = 0.0
-    felt: Float[np.ndarray, "m 3"] = np.asarray(fft.idct(lines, axis=0, norm="ortho"))
-    along = rotated_back(attitude, felt)[:, 2]
+    velocity: Float[np.ndarray, "m 3"] = np.asarray(fft.idct(lines, axis=0, norm="ortho"))
+    along = rotated_back(attitude, velocity)[:, 2]
     middle = (np.arange(count) + 0.5) * group - 0.5
     return np.interp(np.arange(len(force)), middle, along)

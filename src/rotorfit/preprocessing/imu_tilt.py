@@ -50,13 +50,7 @@ class ImuTilt:
 
 
 def mean_force_tilt(flights: Sequence[FlightData]) -> ImuTilt:
-    """Return how the IMU would sit if the mean specific force of the flights were along z.
-
-    Parameters
-    ----------
-    flights
-        Each counts for as long as it is.
-    """
+    """Compute the IMU's tilt if the mean specific force of all flights' samples is along z."""
     total = np.zeros(3)
     for data in flights:
         for s in data.segments:
@@ -66,7 +60,7 @@ def mean_force_tilt(flights: Sequence[FlightData]) -> ImuTilt:
 
 
 def tilt_phrase(tilt: ImuTilt) -> str:
-    """Return a mounting such as "10.1 degrees nose down"."""
+    """Describe a mounting: "10.1 degrees nose down"."""
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     parts = [
         f"{abs(angle):.1f} degrees {words[angle > 0]}"
@@ -80,10 +74,7 @@ def tilt_phrase(tilt: ImuTilt) -> str:
 
 
 def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
-    """Return a flight with what the IMU measured turned into the rotors' axes.
-
-    The velocity with it: it was given in the axes of the IMU.
-    """
+    """Turn a flight's IMU signals, and the velocity given in its axes, into the rotors' axes."""
     R = tilt.rotation_imu_to_body
     data = prepared.data
     turned = dataclasses.replace(

@@ -31,19 +31,12 @@ SLACK = 1e-3
 def hampel(
     values: Float[np.ndarray, "n k"],
 ) -> tuple[Float[np.ndarray, "n k"], Bool[np.ndarray, " n"]]:
-    """Return the values with spikes replaced by the median of their seven neighbours.
+    """Replace spikes by the median of their seven neighbours, and mark the samples.
 
     A sample is a spike if it is further from that median than six robust standard deviations.
     Those are taken over 51 samples (over seven, they would jump about and flag ordinary noise),
     and never much below the column's own nor below a thousandth of its range, so that quantised
     stretches and the crests of a smooth signal are left alone.
-
-    Returns
-    -------
-    values
-        A copy; the array that was given where nothing was found.
-    spikes
-        Which samples had a spike in any column.
 
     References
     ----------
@@ -72,7 +65,7 @@ def hampel(
 
 
 def whole_samples(count: float) -> int:
-    """Return how many whole samples are in a count of them, a rate times a duration.
+    """Count the whole samples in a rate times a duration.
 
     A rate is known up to rounding, which grows with the time at which its clock begins: where the
     count is a whole number, it must not decide about one sample more or less.
@@ -83,7 +76,7 @@ def whole_samples(count: float) -> int:
 def _running_median(
     values: Float[np.ndarray, " n"], width: int, rows: slice
 ) -> Float[np.ndarray, " m"]:
-    """Return the median over `width` samples around each of some rows."""
+    """Compute the median over `width` samples around each of some rows."""
     half = width // 2
     first, last = max(rows.start - half, 0), min(rows.stop + half, len(values))
     median = ndimage.median_filter(values[first:last], width, mode="nearest")
@@ -93,7 +86,7 @@ def _running_median(
 def central_difference(
     values: Float[np.ndarray, "n k"], sample_rate: float
 ) -> Float[np.ndarray, "n k"]:
-    """Return the difference over two samples, per second; one-sided at both ends.
+    """Difference over two samples, per second; one-sided at both ends.
 
     This is the mean of the derivative over the two samples it spans. Averaging the other columns
     of an equation with [1 4 1]/6 (Simpson's rule over the same span) keeps the equation true to
@@ -111,8 +104,8 @@ def central_difference(
 def smooth(
     values: Float[np.ndarray, "n k"], sample_rate: float, cutoff: float
 ) -> Float[np.ndarray, "n k"]:
-    """Return the values through a zero-phase second-order low-pass (for looking, not fitting)."""
-    sos = _low_pass(sample_rate, cutoff)
+    """Filter by a zero-phase second-order low-pass (for looking, not fitting)."""
+    sos = _butterworth(sample_rate, cutoff)
     pad = min(9, len(values) - 1)
     if len(values) < LONG:
         return signal.sosfiltfilt(sos, values, axis=0, padlen=pad)
@@ -126,19 +119,19 @@ def smooth(
 
 
 def fading_rows(sos: Float[np.ndarray, "s 6"]) -> int:
-    """Return how many rows it takes a filter's answer to fade to rounding."""
+    """Count the rows in which a filter's response fades to rounding."""
     _, poles, _ = signal.sos2zpk(sos)
     return int(np.ceil(np.log(1e-17) / np.log(np.abs(poles).max())))
 
 
 @cache
-def _low_pass(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
-    """Return a second-order Butterworth filter; logs with many gaps ask for it often."""
+def _butterworth(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
+    """Design a second-order Butterworth filter (cached: logs with many gaps ask for it often)."""
     return signal.butter(2, min(cutoff, 0.45 * sample_rate), fs=sample_rate, output="sos")
 
 
 def true_runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
-    """Return start and stop (exclusive) of every run of true values."""
+    """Find start and stop (exclusive) of every run of true values."""
     padded = np.concatenate([[0], flags.astype(np.int8), [0]])
     change = np.diff(padded)
     starts = np.flatnonzero(change == 1)
@@ -162,7 +155,7 @@ class Saturation:
 
 
 def saturation(values: Float[np.ndarray, "n 3"], sensor: Literal["gyro", "accel"]) -> Saturation:
-    """Return what a sensor's end cut off of its readings in flight."""
+    """Measure how much of a sensor's readings in flight its range cut off."""
     return Saturation(
         share=share_at_limit(values, LEAST_LIMIT[sensor]),
         largest=max(float(values.max(initial=0.0)), -float(values.min(initial=0.0))),
@@ -170,7 +163,7 @@ def saturation(values: Float[np.ndarray, "n 3"], sensor: Literal["gyro", "accel"
 
 
 def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1) -> float:
-    """Return the share of samples that a sensor's end cut off, see `at_limit`."""
+    """Compute the share of samples at a sensor's limit, see `at_limit`."""
     stuck = at_limit(values, least, repeats=repeats)
     return float(stuck.mean()) if len(stuck) else 0.0
 
@@ -178,19 +171,11 @@ def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: i
 def at_limit(
     values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1
 ) -> Bool[np.ndarray, " n"]:
-    """Return which samples a sensor's end cut off.
+    """Mark samples that a sensor's range cut off; sizes below `least` are no limit.
 
-    Such stand at one extreme three times in a row or more, and come to it or leave it steeply. A
-    rounded peak stands still for a while, too, but a step of the resolution above its neighbours.
-
-    Parameters
-    ----------
-    values
-        Of a channel.
-    least
-        Sizes below are no sensor's end.
-    repeats
-        How often the recorder writes each sample.
+    Such stand at one extreme three times in a row or more (times `repeats`, if the recorder writes
+    each sample so often), and come to it or leave it steeply. A rounded peak stands still for a
+    while, too, but a step of the resolution above its neighbours.
     """
     stuck = np.zeros(len(values), dtype=bool)
     for column in values.T:
@@ -202,8 +187,8 @@ def at_limit(
             if abs(extreme) < least:
                 continue
             for a, b in true_runs(np.abs(column - extreme) <= 1e-4 * abs(extreme)):
-                beside = steps[[k for k in (a - 1, b - 1) if 0 <= k < len(steps)]]
-                stuck[a:b] |= b - a >= LIMIT_RUN * repeats and bool((beside > steep).any())
+                neighbours = steps[[k for k in (a - 1, b - 1) if 0 <= k < len(steps)]]
+                stuck[a:b] |= b - a >= LIMIT_RUN * repeats and bool((neighbours > steep).any())
     return stuck
 
 
@@ -215,7 +200,7 @@ DEGREE = 5
 def low_pass(
     values: Float[np.ndarray, "n k"], sample_rate: float, cutoff: float
 ) -> Float[np.ndarray, "n k"]:
-    r"""Return the values through a zero-phase Butterworth low-pass, forward and backward in one.
+    r"""Filter by a zero-phase Butterworth low-pass, forward and backward in one.
 
     Its gain is :math:`1 / (1 + (\sqrt 2 - 1)(f/f_c)^8)`, 3 dB at the cut-off, whatever the sample
     rate: two channels on different clocks see the same filter, which a recursive filter would not
@@ -242,7 +227,7 @@ def low_pass(
 def spline_derivatives(
     values: Float[np.ndarray, "n k"], sample_rate: float
 ) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
-    """Return first and second time derivative at the samples, of the quintic spline through them.
+    """Differentiate the quintic spline through the samples, once and twice.
 
     Near the ends they are not to be used: a few samples hold what the spline does not know.
     """
@@ -255,7 +240,7 @@ def spline_at(
     values: Float[np.ndarray, "n k"],
     rows: Float[np.ndarray, " m"],
 ) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, "m k"]]:
-    """Return values and derivatives per sample at fractional rows; beyond the ends, at the ends."""
+    """Interpolate values and derivatives per sample at fractional rows, held beyond the ends."""
     spline = interpolate.make_interp_spline(np.arange(len(values)), values, k=DEGREE)
     inside = np.clip(rows, 0.0, len(values) - 1.0)
     return spline(inside), spline(inside, nu=1)
@@ -264,19 +249,7 @@ def spline_at(
 def smooth_motors(
     speed: Float[np.ndarray, "n N"], sample_rate: float, *, lag: float, delay: float
 ) -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, "n N"]]:
-    """Return rotor speed and acceleration, `delay` later and behind a first-order lag.
-
-    Parameters
-    ----------
-    speed
-        Low-passed, without gaps [rad/s].
-    sample_rate
-        Of the samples [Hz].
-    lag
-        Time constant [s].
-    delay
-        By how much the motors act later than recorded [s].
-    """
+    """Delay and lag low-passed rotor speed without gaps; return speed and acceleration."""
     if lag > 0:
         speed = _lagged(speed, 1.0 / (sample_rate * lag))
     rows = np.arange(len(speed)) - delay * sample_rate
@@ -285,7 +258,7 @@ def smooth_motors(
 
 
 def _lagged(speed: Float[np.ndarray, "n N"], step: float) -> Float[np.ndarray, "n N"]:
-    """Return a smooth signal behind a lag; `step` is the sample period over the time constant.
+    """Filter a smooth signal by a lag; `step` is the sample period over the time constant.
 
     Exact for what is linear between samples, where a held command would come half a sample later.
     """

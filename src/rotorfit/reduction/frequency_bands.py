@@ -39,21 +39,16 @@ _TINY: Final = float(np.finfo(float).tiny)
 
 
 def slow_bands(factors: Factors) -> Bool[np.ndarray, "b 3"]:
-    """Return which blocks of roll, pitch and yaw are not above the band in which a pilot flies."""
+    """Mark blocks of roll, pitch and yaw that are not above the band in which a pilot flies."""
     return np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
 
 
 def excited_bands(
     factors: Factors, signal: Float[np.ndarray, "b k"], residual: Float[np.ndarray, "b k"]
 ) -> Bool[np.ndarray, "b k"]:
-    """Return in which blocks a pilot moves an axis; a band is judged over all of a flight.
+    """Mark blocks in which a pilot moves an axis; a band is judged over all of a flight.
 
-    Parameters
-    ----------
-    factors
-        The blocks.
-    signal, residual
-        Sums of squares of angular accelerations and of their errors, one column per axis.
+    `signal`, `residual`: sums of squares of angular accelerations and of their errors, per axis.
     """
     flown = np.zeros(signal.shape, dtype=bool)
     for band in _bands_of_flights(factors):
@@ -62,35 +57,27 @@ def excited_bands(
 
 
 def followed_bands(
-    factors: Factors, signal: Float[np.ndarray, "b m"], made: Float[np.ndarray, "b m"]
+    factors: Factors, signal: Float[np.ndarray, "b m"], cause: Float[np.ndarray, "b m"]
 ) -> Bool[np.ndarray, " b"]:
-    """Return in which blocks a signal follows what should make it, at any gain of the band.
-
-    Parameters
-    ----------
-    factors
-        The blocks.
-    signal, made
-        Their rows of the signal, and of what should make it.
-    """
+    """Mark blocks in which a signal follows its cause `cause`, at any gain of the band."""
     followed = np.zeros(len(factors), dtype=bool)
     for band in _bands_of_flights(factors):
-        power = float((made[band] ** 2).sum())
-        explained = float((made[band] * signal[band]).sum()) ** 2 / max(power, _TINY)
+        power = float((cause[band] ** 2).sum())
+        explained = float((cause[band] * signal[band]).sum()) ** 2 / max(power, _TINY)
         followed[band] = explained > LEAST_RATIO * ((signal[band] ** 2).sum() - explained)
     return followed
 
 
 def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.ndarray, "b k"]:
-    """Return which blocks count: those flown, and all of an axis that is nowhere flown.
+    """Mark blocks that count: those flown, and all of an axis that is nowhere flown.
 
-    And the band with the mean: trim is the same whoever steers, and tells of the centre of mass.
+    And the band with the mean: trim does not depend on who steers, and holds the centre of mass.
     """
     return flown | ~flown.any(axis=0) | (factors.band[:, 0] == 0.0)[:, None]
 
 
 def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
-    """Yield which blocks are of one flight and about one frequency, wide ones apart.
+    """Yield the blocks of one flight and about one frequency, wide ones separately.
 
     The ten lines of a short stretch reach far: about 5 Hz, they hold the pilot's motion at 1 Hz.
     """
@@ -118,24 +105,10 @@ def flight_bands(
     body: Sequence[tuple[Lines, ...]] | None = None,
     top: float = np.inf,
 ) -> Factors:
-    """Return the band factors of all flights, calm and lively phases apart.
+    """Reduce all flights of a configuration to band factors, calm and lively phases separately.
 
-    Parameters
-    ----------
-    flights
-        Of one configuration.
-    vehicle
-        Its geometry.
-    response
-        Lag and delay of the motors; None leaves each flight as it was prepared.
-    velocity
-        What of the body's velocity is among the signals.
-    free
-        What a fit may move of the timing, for the signals' slopes by it.
-    body
-        Lines of the body's signals (`Dataset.reduced`), of each flight.
-    top
-        Only bands that begin under this edge are made [Hz].
+    `response`: None leaves each flight as it was prepared; `free`: times by which slopes are made;
+    `body`: each flight's lines of the body's signals; `top`: bands begin under this edge [Hz].
     """
     return stack_recordings(
         [
@@ -163,7 +136,7 @@ def prepared_bands(
     body: tuple[Lines, ...] | None = None,
     top: float = np.inf,
 ) -> Factors:
-    """Return the band factors of one flight, see `flight_bands`."""
+    """Reduce one flight to band factors, see `flight_bands`."""
     moved = [] if free is None else _moved(prepared, free)
     data, plan = banded_data(prepared, response)
     return band_factors(
@@ -174,7 +147,7 @@ def prepared_bands(
 def banded_data(
     prepared: PreparedFlight, response: MotorResponse | None
 ) -> tuple[FlightData, BandPlan]:
-    """Return one flight at a timing of its motors, in its phases, and how these are cut."""
+    """Retime a flight's motors, and plan how its phases are cut."""
     data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
     top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
     edges = (*(edge for edge in EDGES if edge < top), top)
@@ -184,18 +157,18 @@ def banded_data(
 def _moved(
     prepared: PreparedFlight, free: FreeTiming
 ) -> list[tuple[FlightData, FlightData, float]]:
-    """Return the flight with each free time a step later and earlier, and how far that is apart."""
+    """Retime the flight a step later and earlier by each free time, with the step between."""
     moved: list[tuple[FlightData, FlightData, float]] = []
     for name in free.names:
         later, earlier = (free.moved({name: side * STEPS[name]}) for side in (1.0, -1.0))
         # A lag ends at nothing.
-        apart = later.mean_lag - earlier.mean_lag if name == "motor_lag" else 2.0 * STEPS[name]
-        moved.append((retimed(prepared, later), retimed(prepared, earlier), apart))
+        distance = later.mean_lag - earlier.mean_lag if name == "motor_lag" else 2.0 * STEPS[name]
+        moved.append((retimed(prepared, later), retimed(prepared, earlier), distance))
     return moved
 
 
 def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:
-    """Return a flight with its motor data at another lag and delay; None leaves it."""
+    """Apply another lag and delay to a flight's motor data; None leaves it."""
     if response is None:
         return prepared.data
     return with_motors(prepared.data, prepared.motor_channel, response)

@@ -37,22 +37,14 @@ Columns = dict[str, Float[np.ndarray, " n"]]
 
 
 def file_names(plan: ExperimentPlan) -> list[str]:
-    """Return the names of all files of an experiment."""
+    """List the names of all files of an experiment."""
     return [*(flight.file for flight in planned_flights(plan)), EXPERIMENT_FILE, TRUTH_FILE]
 
 
 def experiment_files(
     plan: ExperimentPlan, *, progress: Callable[[str], None] | None = None
 ) -> dict[str, str]:
-    """Fly an experiment, and return its files by their names.
-
-    Parameters
-    ----------
-    plan
-        From `plan_experiment`.
-    progress
-        Told in a few words what is being done.
-    """
+    """Fly an experiment, and return its files by their names; `progress` gets a few words."""
     tell = progress or _silent
     files: dict[str, str] = {}
     flights = planned_flights(plan)
@@ -69,7 +61,7 @@ def _silent(words: str) -> None:
 
 
 def table_text(plan: ExperimentPlan, flight: SimulatedFlight) -> str:
-    """Return a flight as a flight table (CSV); cells without a sample are empty."""
+    """Write a flight as a flight table (CSV); cells without a sample are empty."""
     channels: tuple[LoggedChannel, ...] = ("gyro", "accel")
     if plan.measures_speed:
         channels = (*channels, "rotor_speed")
@@ -99,7 +91,7 @@ def _named(channel: str, values: Float[np.ndarray, "n k"]) -> Columns:
 
 
 def _text(columns: Columns) -> str:
-    """Return columns as CSV."""
+    """Write columns as CSV."""
     text = StringIO()
     table = np.column_stack(list(columns.values()))
     np.savetxt(text, table, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
@@ -107,7 +99,7 @@ def _text(columns: Columns) -> str:
 
 
 def experiment_text(plan: ExperimentPlan) -> str:
-    """Return the experiment file that a user would write for these flights."""
+    """Write the experiment file that a user would write for these flights."""
     vehicle = plan.configurations[0].simulated.vehicle
     rotors = "\n".join(
         f'  {{ position = {list(rotor.position)}, spin = "{rotor.spin}" }},'
@@ -158,7 +150,7 @@ validation = ["{configuration.name}2.csv"]
 
 
 def true_values(plan: ExperimentPlan) -> dict[str, object]:
-    """Return what flew, by the names in results: what is shared, and each configuration's own."""
+    """Collect the truth by the names in results: what is shared, and each configuration's own."""
     shared: dict[str, float] = {}
     own: dict[str, dict[str, float]] = {}
     for c in plan.configurations:
@@ -175,7 +167,7 @@ def true_values(plan: ExperimentPlan) -> dict[str, object]:
 
 
 def configuration_truth(plan: ExperimentPlan, flown: FlownConfiguration) -> dict[str, float]:
-    """Return everything that is true of one configuration, its sensors and its log included."""
+    """Collect everything that is true of one configuration, its sensors and its log included."""
     truth, vehicle = flown.simulated
     values = true_parameters(truth, rotors=len(vehicle.rotors))
     values |= zip(("motor_lag", "motor_delay"), plan.lag_of_log, strict=True)
@@ -184,11 +176,11 @@ def configuration_truth(plan: ExperimentPlan, flown: FlownConfiguration) -> dict
 
 
 def true_parameters(truth: Truth, *, rotors: int) -> dict[str, float]:
-    """Return the parameters of a vehicle, with the numbers derived from them; kt is the mean."""
+    """Collect the parameters of a vehicle and the numbers derived from them; kt is the mean."""
     values = truth.parameters()
-    own_kt: list[float] = truth.rotor_kt(rotors).tolist()
-    values["kt"] = fsum(own_kt) / rotors
-    values |= {f"kt_{number}": kt for number, kt in enumerate(own_kt, start=1)}
+    rotor_kt: list[float] = truth.rotor_kt(rotors).tolist()
+    values["kt"] = fsum(rotor_kt) / rotors
+    values |= {f"kt_{number}": kt for number, kt in enumerate(rotor_kt, start=1)}
     values |= {f"com_{axis}": values[f"ms{axis}"] / truth.mass for axis in "xyz"}
     values["kd_over_Izz"] = values["kd"] / values["Izz_com"]
     values["Jr_over_Izz"] = values["Jr"] / values["Izz_com"]
@@ -252,13 +244,7 @@ def simulate(
 
 
 def write_all(folder: Path, files: Mapping[str, str]) -> None:
-    """Write files beside their places first, then move all of them there.
-
-    Raises
-    ------
-    OutputError
-        If one cannot be written; none is then replaced.
-    """
+    """Write files beside their places first, then move all of them there, or none."""
     unfinished = folder / ".unfinished"
     try:
         unfinished.mkdir(exist_ok=True)

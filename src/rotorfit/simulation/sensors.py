@@ -61,7 +61,7 @@ def measured(
     bias: tuple[float, ...] = (0.0,),
     resolution: float = 0.0,
 ) -> Float[np.ndarray, "n k"]:
-    """Return what a sensor logs of a quantity: bias and noise added, then rounded to its steps."""
+    """Log a quantity as a sensor: bias and noise added, then rounded to its steps."""
     values = exact + np.array(bias) + std * rng.normal(size=exact.shape)
     return np.round(values / resolution) * resolution if resolution > 0 else values
 
@@ -73,17 +73,7 @@ def at_place(
     *,
     position: tuple[float, float, float],
 ) -> Float[np.ndarray, "n 3"]:
-    """Return the specific force at a place of the body: a + dw x r + w x (w x r).
-
-    Parameters
-    ----------
-    specific_force
-        At the body origin, body axes [m/s^2].
-    angular_velocity, angular_acceleration
-        Body axes [rad/s, rad/s^2].
-    position
-        Of the place from the body origin, body axes [m].
-    """
+    """Compute the specific force at a place [m] of the body: a + dw x r + w x (w x r)."""
     w, r = angular_velocity, np.array(position)
     return specific_force + np.cross(angular_acceleration, r) + np.cross(w, np.cross(w, r))
 
@@ -96,19 +86,7 @@ def gauss_markov(
     sample_rate: float,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "n k"]:
-    """Return a stationary first-order Gauss-Markov process.
-
-    Parameters
-    ----------
-    std
-        Standard deviation of each column.
-    bandwidth
-        Corner frequency [Hz].
-    samples, sample_rate
-        Number of samples, and how many of them a second [Hz].
-    rng
-        Source of the numbers.
-    """
+    """Generate a stationary first-order Gauss-Markov process with a corner frequency [Hz]."""
     keep = float(np.exp(-2 * np.pi * bandwidth / sample_rate))
     noise = rng.normal(size=(samples, std.size))
     noise[1:] *= np.sqrt(1 - keep**2)
@@ -212,17 +190,7 @@ class SimulatedFlight:
 
 
 def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> SimulatedFlight:
-    """Return the same flight, measured by other sensors or with other noise.
-
-    Parameters
-    ----------
-    flight
-        Its exact states stay as they are.
-    sensors
-        The new sensors.
-    seed
-        Of the noise; the same seed gives the same noise.
-    """
+    """Measure the same flight by other sensors or with other noise."""
     rngs = _generators(seed)
     s, place = sensors, flight.vehicle.imu_position or (0.0, 0.0, 0.0)
     a, w = flight.specific_force, flight.angular_velocity
@@ -254,19 +222,19 @@ def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> Simulate
 
 
 def gyro_noise(sensors: Sensors, samples: int, *, seed: int) -> Float[np.ndarray, "n 3"]:
-    """Return the noise that `measure` will add to the gyro of a flight [rad/s]."""
+    """Generate the noise that `measure` will add to the gyro of a flight [rad/s]."""
     return sensors.gyro_std * _generators(seed)[0].normal(size=(samples, 3))
 
 
 def _generators(seed: int) -> list[np.random.Generator]:
-    """Return one for each of gyro, accelerometer, rotors, position and attitude."""
+    """Seed a generator for each of gyro, accelerometer, rotors, position and attitude."""
     return np.random.default_rng(seed).spawn(5)
 
 
 def _frames(
     flight: SimulatedFlight, sensors: Sensors
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p 3"], Rotation]:
-    """Return when frames of the motion capture are logged, and the exact pose they show.
+    """Find the times at which motion capture frames are logged, and the exact pose they show.
 
     Before the flight begins, its first pose.
     """
@@ -284,11 +252,11 @@ def _frames(
 
 
 def from_wxyz(attitude_wxyz: Float[np.ndarray, "n 4"]) -> Rotation:
-    """Return rotations from quaternions with the scalar first."""
+    """Convert quaternions with the scalar first to rotations."""
     return Rotation.from_quat(np.roll(attitude_wxyz, -1, axis=1))
 
 
 def to_wxyz(rotations: Rotation) -> Float[np.ndarray, "n 4"]:
-    """Return quaternions with the scalar first, of the sign that keeps it positive."""
+    """Convert rotations to quaternions with the scalar first and not negative."""
     wxyz = np.roll(rotations.as_quat(), 1, axis=1)
     return np.where(wxyz[:, :1] < 0, -wxyz, wxyz)

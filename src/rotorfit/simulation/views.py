@@ -28,17 +28,7 @@ POSE = ("position", "attitude")
 def exact_flight_data(
     flight: SimulatedFlight, vehicle: Vehicle, *, specific_force_at: Place = "origin"
 ) -> FlightData:
-    """Return exact states with exact derivatives, while airborne.
-
-    Parameters
-    ----------
-    flight
-        The flight.
-    vehicle
-        What is believed of the vehicle: the place of its IMU.
-    specific_force_at
-        ``"origin"``: at the body origin; ``"imu"``: at the vehicle's IMU.
-    """
+    """Collect exact states and derivatives while airborne; specific force at origin or IMU."""
     if vehicle.positions.shape[0] != flight.rotor_speed.shape[1]:
         raise ExperimentError(
             f"the flight has {flight.rotor_speed.shape[1]} rotors, the vehicle "
@@ -63,16 +53,9 @@ def exact_flight_data(
 def sampled_flight_data(
     flight: SimulatedFlight, *, signals: Literal["exact", "measured"] = "exact"
 ) -> FlightData:
-    """Return samples with central differences for the two derivatives, while airborne.
+    """Collect samples with central differences while airborne; specific force at the IMU.
 
     The specific force is the one at the accelerometer's place. Nothing is filtered.
-
-    Parameters
-    ----------
-    flight
-        The flight.
-    signals
-        ``"exact"``: samples without sensor errors; ``"measured"``: as the sensors logged them.
     """
     measured = signals == "measured"
     w = flight.gyro if measured else flight.angular_velocity
@@ -103,15 +86,7 @@ def to_flight_log(
     *,
     channels: Sequence[LoggedChannel] = ("gyro", "accel", "rotor_speed", "command"),
 ) -> FlightLog:
-    """Return the flight as a log in memory, as if a reader had found it.
-
-    Parameters
-    ----------
-    flight
-        The flight, as its sensors measured it.
-    channels
-        Which of the channels the log has.
-    """
+    """Convert the measured flight to a log in memory, as if a reader had found it."""
     values = {name: _logged(flight, name) for name in channels}
     content = sha256(flight.time.tobytes())
     for table in values.values():
@@ -140,7 +115,7 @@ def to_flight_log(
 
 
 def runs(where: Bool[np.ndarray, " n"]) -> tuple[Segment, ...]:
-    """Return the stretches of consecutive True."""
+    """Find the stretches of consecutive True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
     return tuple(
         Segment(start=int(a), stop=int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)
@@ -171,7 +146,7 @@ def _logged(flight: SimulatedFlight, channel: LoggedChannel) -> Float[np.ndarray
 def _central_difference(
     values: Float[np.ndarray, "n k"], sample_rate: float
 ) -> Float[np.ndarray, "n k"]:
-    """Return (x[n+1] - x[n-1]) / 2 dt; the first and the last row repeat their neighbours."""
+    """Compute (x[n+1] - x[n-1]) / 2 dt; the end rows repeat their neighbours."""
     inner = (values[2:] - values[:-2]) * (sample_rate / 2)
     return np.concatenate([inner[:1], inner, inner[-1:]])
 
@@ -193,16 +168,9 @@ IMU_AND_COMMAND: Final[tuple[LoggedChannel, ...]] = ("gyro", "accel", "command")
 def flight_table(
     flight: SimulatedFlight, *, channels: Sequence[LoggedChannel] = IMU_AND_SPEED
 ) -> str:
-    """Return a flight as measured, as the text of a flight table (CSV).
+    """Write the measured flight as a flight table (CSV); nan where a channel has no sample.
 
     Where a channel has no sample at the time of a row, its cells hold nan.
-
-    Parameters
-    ----------
-    flight
-        The flight.
-    channels
-        What the table has beside ``time``, in this order.
     """
     log = to_flight_log(flight, channels=channels)
     time = reduce(np.union1d, [recorded.time for recorded in log.channels.values()])
@@ -233,7 +201,7 @@ def write_flight_table(
 
 
 def column_names(channel: str, columns: int) -> list[str]:
-    """Return the names of a channel's columns in a flight table."""
+    """List the names of a channel's columns in a flight table."""
     if channel in _PER_ROTOR:
         return [f"{_PER_ROTOR[channel]}_{number}" for number in range(1, columns + 1)]
     return list(_COLUMNS[channel])

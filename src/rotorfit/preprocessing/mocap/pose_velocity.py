@@ -29,10 +29,7 @@ LONGEST_BRIDGE: Final = 0.3
 
 
 def known_velocity(log: FlightLog) -> Channel | None:
-    """Return the velocity in body axes that a log has, else that of its pose; None without.
-
-    One that cannot be used is none: it is no reason to refuse the flight.
-    """
+    """Take the body-axes velocity of a log, else of its pose; None where neither is usable."""
     try:
         if "velocity" in log.channels:
             return usable_samples(log.channels["velocity"], "velocity")
@@ -42,13 +39,7 @@ def known_velocity(log: FlightLog) -> Channel | None:
 
 
 def velocity_of_pose(log: FlightLog) -> Channel | None:
-    """Return the velocity in body axes [m/s] from position and attitude; None without both.
-
-    Raises
-    ------
-    FlightError
-        If the pose cannot be used: too few frames, or times that are not those of cameras.
-    """
+    """Differentiate position and turn it into body axes [m/s]; None without both."""
     if not {"position", "attitude"} <= set(log.channels):
         return None
     place = usable_samples(log.channels["position"], "position")
@@ -79,7 +70,7 @@ def velocity_of_pose(log: FlightLog) -> Channel | None:
 def _bridged(
     time: Float[np.ndarray, " n"], velocity: Float[np.ndarray, "n 3"], rate: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m 3"]]:
-    """Return the velocity with straight lines over short losses of frames."""
+    """Interpolate the velocity over short losses of frames."""
     steps = np.diff(time)
     short = np.flatnonzero((steps > 1.5 / rate) & (steps < LONGEST_BRIDGE + 2.0 * MARGIN / CUTOFF))
     more: list[Float[np.ndarray, " k"]] = [
@@ -92,7 +83,7 @@ def _bridged(
 def _between(
     at: Float[np.ndarray, " m"], time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "m k"]:
-    """Return the values at other times, on straight lines."""
+    """Interpolate values at other times."""
     result = np.empty((len(at), values.shape[1]))
     for k in range(values.shape[1]):
         result[:, k] = np.interp(at, time, values[:, k])
@@ -106,7 +97,7 @@ def _in_body(
     *,
     source: str,
 ) -> Channel:
-    """Return world vectors in body axes, by the attitude between its samples."""
+    """Turn world vectors into body axes, by the attitude between its samples."""
     q = continuous_quaternions(attitude.values)
     known: Bool[np.ndarray, " n"] = (time >= attitude.time[0]) & (time <= attitude.time[-1])
     time, world = time[known], world[known]
