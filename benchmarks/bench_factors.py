@@ -9,7 +9,7 @@ import factors_speed as speed
 import numpy as np
 import pytest
 
-from rotorfit.estimation.total import total
+from rotorfit.estimation.least_squares import total
 from rotorfit.model.regressor import regressor
 from rotorfit.reduction.reduce import time_factors
 

@@ -28,8 +28,7 @@ from rotorfit.simulation import (
     write_flight_table,
 )
 from rotorfit.simulation.experiment_files import true_parameters
-from rotorfit.simulation.tables import IMU_AND_SPEED
-from rotorfit.simulation.views import LoggedChannel
+from rotorfit.simulation.views import IMU_AND_SPEED, LoggedChannel
 
 COLUMNS: Final[Mapping[str, str]] = {
     "gyro": "gyro_x gyro_y gyro_z",

@@ -19,9 +19,8 @@ import os
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -35,8 +34,7 @@ import numpy as np
 from rotorfit.errors import FlightWarning, RotorfitError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.identification import estimates
-from rotorfit.identification.identify import identify
+from rotorfit.identification.identify import identify_flights
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation import (
     Scenario,
@@ -188,40 +186,25 @@ def write_experiment(
     return path
 
 
-@contextmanager
-def listening(heard: list[Numbers]) -> Iterator[None]:
-    """Keep what the recipe computed before verdicts withhold a part of it."""
-    original = estimates.joint_tables
-
-    def heard_tables(numbers: Numbers, *rest: object, **settings: object) -> object:
-        heard.append(numbers)
-        return original(numbers, *rest, **settings)  # type: ignore[arg-type]
-
-    estimates.joint_tables = heard_tables  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        estimates.joint_tables = original
-
-
 def one_run(
     job: tuple[str, float, int], *, setting: Setting
 ) -> tuple[tuple[str, float, int], list[Found]]:
     """Fly and identify once."""
     disturbance, level, seed = job
-    truth, heard = flown_truth(disturbance), list[Numbers]()
-    with tempfile.TemporaryDirectory() as name, warnings.catch_warnings(), listening(heard):
+    truth = flown_truth(disturbance)
+    with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore", FlightWarning)
         path = write_experiment(Path(name), truth, setting, level=level, seed=seed)
         try:
-            result = identify(load_experiment(path))
+            found = identify_flights(load_experiment(path))
         except RotorfitError as error:
             print(f"{disturbance} x {level} seed {seed} refused: {error}", file=sys.stderr)
             return job, []
         except (ValueError, np.linalg.LinAlgError) as error:
             print(f"{disturbance} x {level} seed {seed} BROKE: {error}", file=sys.stderr)
             return job, []
-    return job, _found(job, truth, heard[0], result)
+    assert found.fit is not None
+    return job, _found(job, truth, found.fit.numbers, found.result)
 
 
 def _found(

@@ -26,8 +26,8 @@ import scipy.linalg
 
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.least_squares import total
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.estimation.total import total
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_matrix
 from rotorfit.model.vehicle import Rotor, Vehicle

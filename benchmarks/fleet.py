@@ -41,7 +41,7 @@ from rotorfit.fleet.run import PAGE, Workers, fleet_files, read_fleet, types_of
 from rotorfit.fleet.tables import ROWS, table_file
 from rotorfit.fleet.work import Desk, worked
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
-from rotorfit.simulation.tables import write_flight_table
+from rotorfit.simulation.views import write_flight_table
 
 VEHICLES = 2
 

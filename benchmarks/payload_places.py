@@ -25,7 +25,7 @@ from rotorfit.planning.bound import (
 )
 from rotorfit.planning.noise import assumptions_for
 from rotorfit.planning.vehicle import rough_vehicle
-from rotorfit.simulation.manoeuvres import Manoeuvre
+from rotorfit.simulation.pilot import Manoeuvre
 
 MASS, SECONDS, TOTAL = 1.285, 40.0, 0.16
 KNOWN: Final = {"Ixx": 0.0182, "Iyy": 0.0186, "Izz": 0.0288}

@@ -44,8 +44,8 @@ from rotorfit.export.vehicle import VehicleModel
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.identification.identify import identify
 from rotorfit.simulation.controller import Gains
+from rotorfit.simulation.experiment_files import simulate
 from rotorfit.simulation.experiments import FULL_SPEED, plan_experiment
-from rotorfit.simulation.folder import simulate
 from rotorfit.simulation.truth import Truth
 from rotorfit.validation.model_flight import BEFORE, STEPS, is_lost
 

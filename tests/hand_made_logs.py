@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
+from rotorfit.preprocessing.motors.motor_model import MotorModel
 from rotorfit.preprocessing.prepare import prepare
 
 G = 9.80665

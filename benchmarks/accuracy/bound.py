@@ -18,9 +18,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy.signal import windows
 
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.joint.joint_map import joint_map
 from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior, rotor_drag_std

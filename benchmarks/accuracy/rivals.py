@@ -14,9 +14,8 @@ from scipy import signal
 
 from rotorfit.errors import RotorfitError
 from rotorfit.estimation.estimate import Estimate, LinearProblem
-from rotorfit.estimation.ordinary import block_covariance, ordinary
+from rotorfit.estimation.least_squares import block_covariance, component_weights, ordinary, total
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
-from rotorfit.estimation.total import component_weights, total
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA
 from rotorfit.model.regressor import regressor
 from rotorfit.preprocessing.flight_data import FlightData

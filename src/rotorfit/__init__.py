@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from rotorfit.planning.wanted import wanted_accuracy as wanted_accuracy
     from rotorfit.preprocessing.flight_data import FlightData as FlightData
     from rotorfit.preprocessing.flight_data import Segment as Segment
-    from rotorfit.preprocessing.motors.motor_columns import MotorModel as MotorModel
+    from rotorfit.preprocessing.motors.motor_model import MotorModel as MotorModel
     from rotorfit.preprocessing.prepare import PreparedFlight as PreparedFlight
     from rotorfit.preprocessing.prepare import prepare as prepare
     from rotorfit.report.figures import figure_texts as figure_texts
@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from rotorfit.results.result import IdentificationResult as IdentificationResult
     from rotorfit.results.result import Parameter as Parameter
     from rotorfit.results.samples import Samples as Samples
-    from rotorfit.simulation.folder import simulate as simulate
+    from rotorfit.simulation.experiment_files import simulate as simulate
     from rotorfit.validation.validate import fitted_comparisons as fitted_comparisons
     from rotorfit.validation.validate import validate_file as validate_file
     from rotorfit.validation.validate import validation_comparisons as validation_comparisons
@@ -87,7 +87,7 @@ else:
         "rotorfit.export.write": ("write_export",),
         "rotorfit.preprocessing.flight_data": ("FlightData", "Segment"),
         "rotorfit.logs.flight_log": ("Channel", "FlightLog"),
-        "rotorfit.preprocessing.motors.motor_columns": ("MotorModel",),
+        "rotorfit.preprocessing.motors.motor_model": ("MotorModel",),
         "rotorfit.preprocessing.prepare": ("PreparedFlight", "prepare"),
         "rotorfit.results.command_law": ("CommandLaw", "LawNumber", "LawPoint"),
         "rotorfit.results.compare": ("Comparison", "compare_results"),
@@ -124,7 +124,7 @@ else:
         "rotorfit.report.plan_text": ("plan_text",),
         "rotorfit.report.text": ("result_text",),
         "rotorfit.results.samples": ("Samples",),
-        "rotorfit.simulation.folder": ("simulate",),
+        "rotorfit.simulation.experiment_files": ("simulate",),
     }
     _MODULES = ("plot",)
     _MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}

@@ -6,7 +6,7 @@ import pytest
 
 from rotorfit.cli import simulate as command
 from rotorfit.errors import OutputError
-from rotorfit.simulation import folder
+from rotorfit.simulation import experiment_files
 
 FILES = ["A1.csv", "A2.csv", "experiment.toml", "truth.json"]
 QUICK = ("simulate", "single", "--seconds", "15", "--variant", "real")
@@ -64,16 +64,16 @@ def test_interrupted_flights_leave_nothing(monkeypatch, run, tmp_path):
 
 def test_failed_writing_replaces_nothing(monkeypatch, tmp_path):
     (tmp_path / "a.csv").write_text("old")
-    whole = folder.write_whole
+    whole = experiment_files.write_whole
 
     def full_disk(path, content, *, force):
         if path.name == "b.csv":
             raise OutputError("no space left")
         whole(path, content, force=force)
 
-    monkeypatch.setattr(folder, "write_whole", full_disk)
+    monkeypatch.setattr(experiment_files, "write_whole", full_disk)
     with pytest.raises(OutputError, match="no space left"):
-        folder.write_all(tmp_path, {"a.csv": "new", "b.csv": "new"})
+        experiment_files.write_all(tmp_path, {"a.csv": "new", "b.csv": "new"})
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.csv": "old"}
 
 

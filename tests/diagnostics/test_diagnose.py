@@ -8,7 +8,7 @@ import pytest
 import flown
 from rotorfit.dataset.weight_balance import Held, held_up, pooled, turning
 from rotorfit.diagnostics.hover_thrust import HoverThrust, hovers_differ, thrust_sags
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.simulation import (
     Scenario,
     paper_vehicle,

@@ -15,7 +15,7 @@ from rotorfit.simulation import (
     variant,
     write_flight_table,
 )
-from rotorfit.simulation.manoeuvres import MANOEUVRES
+from rotorfit.simulation.pilot import MANOEUVRES
 
 KNOWN_DELAY = "[motors]\ndelay = 0.0\n"
 

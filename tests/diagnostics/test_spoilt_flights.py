@@ -12,10 +12,10 @@ from rotorfit.diagnostics.vehicle_size import AIR, figure_of_merit, largest_radi
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.table import write_table
-from rotorfit.preprocessing.imu_tilt import ImuTilt, lean, levelled
+from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled, mean_force_tilt
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import paper_vehicle, to_flight_log
-from rotorfit.simulation.tables import flight_table
+from rotorfit.simulation.views import flight_table
 
 IMU = [f"{name}_{axis}" for name in ("gyro", "accel") for axis in "xyz"]
 ROTORS = [f"rotor_{i}" for i in range(1, 5)]
@@ -118,7 +118,7 @@ def test_levelling_undoes_a_tilt(flight):
         )
         back = levelled(mounted, tilt).data
         np.testing.assert_allclose(back.specific_force, data.data.specific_force, atol=1e-12)
-        seen, before = lean([mounted.data]), lean([data.data])
+        seen, before = mean_force_tilt([mounted.data]), mean_force_tilt([data.data])
         assert abs(before.angle) < np.radians(1.5)
         np.testing.assert_allclose(
             [seen.roll, seen.pitch], [tilt.roll, tilt.pitch], atol=1.6 * before.angle + 1e-3

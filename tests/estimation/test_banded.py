@@ -25,7 +25,7 @@ from rotorfit.estimation.banded_equations import (
 )
 from rotorfit.estimation.banded_problem import solutions
 from rotorfit.estimation.factors import Factors, time_block_factors, triangular_factors
-from rotorfit.estimation.feedback import Answers, Feedback
+from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.estimation.parameter_map import parameter_map
 
 
@@ -97,12 +97,12 @@ def random_answers(rng, blocks):
     moves, share, doubt = (
         rng.normal(size=s) + 1j * rng.normal(size=s) for s in (shape, shape[:2], shape[:2])
     )
-    return Answers(
+    return ClosedLoopResponses(
         rows=rng.integers(10, 30, size=(blocks, 2)),
         moves=moves,
-        share=share,
-        doubt=doubt,
-        late=np.zeros((blocks, 0), dtype=complex),
+        complementary_sensitivity=share,
+        uncertainty=doubt,
+        log_effect_slopes=np.zeros((blocks, 0), dtype=complex),
     )
 
 
@@ -130,7 +130,7 @@ def in_parts_and_apart(seed, *, noise):
         prior_std={name: 2.0 for name in "pqrs"},
         counted=(np.array([[True, False]]), np.ones((3, 2), dtype=bool)),
         feedback=Feedback(
-            errors=(0, 1), inputs=(2, 3), answers=(random_answers(rng, 1), random_answers(rng, 3))
+            errors=(0, 1), inputs=(2, 3), responses=(random_answers(rng, 1), random_answers(rng, 3))
         ),
     )
     together = replace(
@@ -160,13 +160,13 @@ def test_parts_of_one_configuration_are_as_configurations_of_their_own(noise):
             state.residual,
             state.variance,
             state.squares,
-            asked.plain,
-            asked.taken,
+            asked.information,
+            asked.noise_information,
             asked.scores,
             part_information(problem, state, chosen),
-            some.plain,
+            some.information,
             some.scores,
-            root_of(problem, state, asked.plain),
+            root_of(problem, state, asked.information),
         )
 
     for one, other in zip(all_of(together), all_of(apart), strict=True):
@@ -176,7 +176,7 @@ def test_parts_of_one_configuration_are_as_configurations_of_their_own(noise):
 def test_rows_give_the_root_of_the_information_of_every_part(monkeypatch):
     together, _ = in_parts_and_apart(3, noise=False)
     state = evaluated(together, np.array([0.2, -0.4, 0.7, 0.1]))
-    plain = corrected_equations(together, state).plain
+    plain = corrected_equations(together, state).information
     monkeypatch.setattr("rotorfit.estimation.banded_equations.SMALLEST_PIVOT", np.inf)
     R = root_of(together, state, plain)
     np.testing.assert_allclose(R.T @ R, plain, rtol=1e-10, atol=1e-10 * plain.max())

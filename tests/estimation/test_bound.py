@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.estimation.banded import BandedProblem, banded
-from rotorfit.estimation.bound import information, linearised, pull
+from rotorfit.estimation.bound import information, linearised, score
 from rotorfit.estimation.factors import time_block_factors
 from rotorfit.estimation.parameter_map import parameter_map
 
@@ -84,11 +84,11 @@ def test_the_pull_of_wrong_signals_is_a_newton_step():
     factors = time_block_factors(signals(TRUE + small), block_rows=500)
     variance = np.full((len(factors), 2), 0.2)
     model = model_at(TRUE)
-    step = -np.linalg.solve(information(model, factors, variance), pull(model, factors, variance))
+    step = -np.linalg.solve(information(model, factors, variance), score(model, factors, variance))
     np.testing.assert_allclose(step, small, rtol=1e-3)
 
 
 def test_exact_signals_do_not_pull():
     factors = time_block_factors(signals(TRUE), block_rows=500)
     variance = np.full((len(factors), 2), 0.2)
-    assert np.abs(pull(model_at(TRUE), factors, variance)).max() == pytest.approx(0.0, abs=1e-7)
+    assert np.abs(score(model_at(TRUE), factors, variance)).max() == pytest.approx(0.0, abs=1e-7)

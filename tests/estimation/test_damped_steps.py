@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
+from rotorfit.estimation.damped_steps import damped_step, extrapolated, reduced_damping
 
 
 def test_adamped_step_solves_the_equations_with_a_score_of_its_own():
@@ -12,17 +12,17 @@ def test_adamped_step_solves_the_equations_with_a_score_of_its_own():
     taken = damped_step(A, A.T @ b + extra, 0.0)
     step, std = taken.step, taken.std
     squares = [float((A @ x - b) @ (A @ x - b) - 2.0 * extra @ x) for x in (0.0 * step, step)]
-    assert taken.foretold == pytest.approx(squares[0] - squares[1], rel=1e-9)
+    assert taken.predicted_gain == pytest.approx(squares[0] - squares[1], rel=1e-9)
     np.testing.assert_allclose(step, np.linalg.solve(A.T @ A, A.T @ b + extra), rtol=1e-9)
     np.testing.assert_allclose(std, np.sqrt(np.diag(np.linalg.inv(A.T @ A))), rtol=1e-9)
 
 
 def test_damping_falls_to_a_third_where_all_that_was_foretold_is_won():
-    assert eased(3.0, 5.0, 5.0) == pytest.approx(1.0)
-    assert eased(3.0, 50.0, 5.0) == pytest.approx(1.0)
-    assert eased(3.0, 2.5, 5.0) == pytest.approx(3.0)
-    assert eased(3.0, 0.0, 5.0) == pytest.approx(6.0)
-    assert eased(1e-9, 5.0, 5.0) == 1e-9
+    assert reduced_damping(3.0, 5.0, 5.0) == pytest.approx(1.0)
+    assert reduced_damping(3.0, 50.0, 5.0) == pytest.approx(1.0)
+    assert reduced_damping(3.0, 2.5, 5.0) == pytest.approx(3.0)
+    assert reduced_damping(3.0, 0.0, 5.0) == pytest.approx(6.0)
+    assert reduced_damping(1e-9, 5.0, 5.0) == 1e-9
 
 
 def test_steps_that_shrink_by_one_share_are_followed_to_their_end():

@@ -41,7 +41,7 @@ def two_lines(seed, *, heard=0.0):
 
 def tied(problem, share=SHARE, *, std=np.inf):
     tie = np.array([[0.0, 0.0], [share, 0.0]])
-    return replace(problem, tied=(tie,), error_correlation_std=(std,))
+    return replace(problem, error_correlation=(tie,), error_correlation_std=(std,))
 
 
 def test_values_and_deviations_are_those_of_generalised_least_squares():

@@ -22,7 +22,7 @@ from rotorfit.estimation.banded_equations import (
 )
 from rotorfit.estimation.banded_problem import solutions, solved_each
 from rotorfit.estimation.factors import Factors, time_block_factors, triangular_factors
-from rotorfit.estimation.feedback import Answers, Feedback
+from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.estimation.parameter_map import parameter_map
 
 ROWS = 4000
@@ -53,12 +53,12 @@ def two_axes(seed):
     )
     names = ("m", "a", "b", "c")
     free = {"p": {(0, "a"): 1.0}, "q": {(0, "b"): 1.0}, "r": {(0, "c"): 1.0}}
-    answers = Answers(
+    answers = ClosedLoopResponses(
         rows=rng.integers(0, 30, size=(4, 2)),
         moves=complex_normal(rng, 4, 2, 2),
-        share=complex_normal(rng, 4, 2),
-        doubt=complex_normal(rng, 4, 2),
-        late=complex_normal(rng, 4, 2),
+        complementary_sensitivity=complex_normal(rng, 4, 2),
+        uncertainty=complex_normal(rng, 4, 2),
+        log_effect_slopes=complex_normal(rng, 4, 2),
     )
     return BandedProblem(
         factors=(factors,),
@@ -67,7 +67,7 @@ def two_axes(seed):
         noisy=(0, 1),
         prior_mean={"slow": 0.3},
         prior_std={"slow": 0.5},
-        feedback=Feedback(errors=(0, 1), inputs=(2, 3), answers=(answers,)),
+        feedback=Feedback(errors=(0, 1), inputs=(2, 3), responses=(answers,)),
         moving=("slow", "late"),
     )
 
@@ -101,7 +101,7 @@ def test_scores_of_the_answers_are_the_derivative_of_what_they_gain(seed):
 @given(seed=st.integers(0, 10_000), share=st.sampled_from([0.0, 0.7, -2.0]))
 def test_all_scores_together_are_the_derivative_of_the_likelihood(seed, share):
     """Of moved signals, their answers, what is known beforehand, errors that come together."""
-    problem = replace(two_axes(seed), tied=(np.array([[0.0, 0.0], [share, 0.0]]),))
+    problem = replace(two_axes(seed), error_correlation=(np.array([[0.0, 0.0], [share, 0.0]]),))
     phi = 0.1 * np.random.default_rng(seed + 1).normal(size=5)
     score = corrected_equations(problem, evaluated(problem, phi)).score
     slope = slope_of(lambda at: log_likelihood(problem, at), phi)
@@ -110,9 +110,9 @@ def test_all_scores_together_are_the_derivative_of_the_likelihood(seed, share):
 
 def test_what_is_in_doubt_stands_for_what_is_answered():
     problem = two_axes(7)
-    (own,) = problem.feedback.doubtful().answers
-    (was,) = problem.feedback.answers
-    np.testing.assert_array_equal(own.share, was.doubt)
+    (own,) = problem.feedback.uncertain_part().responses
+    (was,) = problem.feedback.responses
+    np.testing.assert_array_equal(own.complementary_sensitivity, was.uncertainty)
     np.testing.assert_array_equal(own.moves, was.moves)
 
 
@@ -134,12 +134,12 @@ def answers_of(factors, share, *, doubt=1.0, late=None):
     def column(value):
         return np.broadcast_to(np.asarray(value, dtype=complex).reshape(-1, 1), (b, 1)).copy()
 
-    return Answers(
+    return ClosedLoopResponses(
         rows=factors.rows[:, None].copy(),
         moves=np.ones((b, 1, 1), dtype=complex),
-        share=column(share),
-        doubt=column(doubt),
-        late=np.zeros((b, 0), dtype=complex) if late is None else late[:, None],
+        complementary_sensitivity=column(share),
+        uncertainty=column(doubt),
+        log_effect_slopes=np.zeros((b, 0), dtype=complex) if late is None else late[:, None],
     )
 
 
@@ -158,7 +158,7 @@ def axis_problem(Z, *, answered, doubt=1.0):
         prior_mean={},
         prior_std={},
         feedback=Feedback(
-            errors=(0,), inputs=(1,), answers=(answers_of(factors, answered, doubt=doubt),)
+            errors=(0,), inputs=(1,), responses=(answers_of(factors, answered, doubt=doubt),)
         ),
     )
 
@@ -257,7 +257,7 @@ def late_problem(seed, share, *, assumed, doubt=1.0):
         noisy=(0,),
         prior_mean={},
         prior_std={},
-        feedback=Feedback(errors=(0,), inputs=(1,), answers=(answers,)),
+        feedback=Feedback(errors=(0,), inputs=(1,), responses=(answers,)),
         moving=("late",),
     )
 
@@ -297,8 +297,8 @@ def test_an_answer_that_is_wrong_moves_inertia_and_lateness_by_the_answers_shift
 def test_inputs_without_effect_answer_nothing():
     """Where an estimate may run away to, of flights in which nobody steers."""
     problem = axis_problem(closed_loop(1, gain=1.0), answered=1.0)
-    (own,) = problem.feedback.answers
-    none = replace(problem.feedback, answers=(replace(own, moves=0.0 * own.moves),))
+    (own,) = problem.feedback.responses
+    none = replace(problem.feedback, responses=(replace(own, moves=0.0 * own.moves),))
     one, other = (banded(replace(problem, feedback=f), START).estimate for f in (none, None))
     np.testing.assert_allclose(one.values, other.values, atol=2e-3 * float(one.std[0]))
 

@@ -11,9 +11,13 @@ from rotorfit.estimation.banded import (
     log_likelihood,
     normal_equations,
 )
-from rotorfit.estimation.banded_equations import corrected_equations, evaluated, known_share
+from rotorfit.estimation.banded_equations import (
+    corrected_equations,
+    evaluated,
+    known_noise_variance,
+)
 from rotorfit.estimation.factors import Factors, triangular_factors
-from rotorfit.estimation.feedback import Answers, Feedback
+from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.estimation.parameter_map import parameter_map
 
 ROWS, BLOCKS = 400, 5
@@ -176,20 +180,20 @@ def test_where_most_is_noise_nothing_moves_from_its_start():
 def test_what_noise_adds_to_the_errors_is_its_variance_times_the_squared_slope():
     y, x = points()
     problem = slope_problem(y, x, noise=0.25)
-    found = known_share(problem, 0, np.array([[[1.0, -3.0]]]))
+    found = known_noise_variance(problem, 0, np.array([[[1.0, -3.0]]]))
     np.testing.assert_allclose(found, np.full((BLOCKS, 1), 2.25))
 
 
 def answered(problem, rows):
     """Return the problem with as many rows of each block answered through x."""
-    answers = Answers(
+    answers = ClosedLoopResponses(
         rows=np.full((BLOCKS, 1), rows),
         moves=np.ones((BLOCKS, 1, 1), dtype=complex),
-        share=np.ones((BLOCKS, 1), dtype=complex),
-        doubt=np.ones((BLOCKS, 1), dtype=complex),
-        late=np.zeros((BLOCKS, 0), dtype=complex),
+        complementary_sensitivity=np.ones((BLOCKS, 1), dtype=complex),
+        uncertainty=np.ones((BLOCKS, 1), dtype=complex),
+        log_effect_slopes=np.zeros((BLOCKS, 0), dtype=complex),
     )
-    return replace(problem, feedback=Feedback(errors=(0,), inputs=(1,), answers=(answers,)))
+    return replace(problem, feedback=Feedback(errors=(0,), inputs=(1,), responses=(answers,)))
 
 
 def test_squares_are_without_what_known_noise_adds():

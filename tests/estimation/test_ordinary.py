@@ -12,7 +12,7 @@ from plain_problem import dense_rows, plain_problem, wrench_problem
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import problem_rows
 from rotorfit.estimation.factors import stack_factors
-from rotorfit.estimation.ordinary import block_covariance, block_scores, ordinary
+from rotorfit.estimation.least_squares import block_covariance, block_scores, ordinary
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.estimate import LinearProblem, problem_rows
 from rotorfit.estimation.factors import time_block_factors
-from rotorfit.estimation.ordinary import ordinary
+from rotorfit.estimation.least_squares import ordinary, total
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.estimation.total import total
 
 NAMES = ("mass", "msx", "Ixx", "Iyy", "kt")
 

@@ -3,10 +3,15 @@
 import numpy as np
 import pytest
 
-from rotorfit.estimation.banded import BandedProblem, banded, normal_equations, steps_without
+from rotorfit.estimation.banded import (
+    BandedProblem,
+    banded,
+    normal_equations,
+    shift_without,
+    steps_without,
+)
 from rotorfit.estimation.factors import Factors, time_block_factors
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.estimation.partial import left_out
 
 BLOCKS, ROWS = 40, 60
 
@@ -49,13 +54,13 @@ def test_one_step_is_the_fit_without_those_blocks():
     )
     again = banded(rest, np.array([1.0, 0.0]))
     moved = again.estimate.values - fit.estimate.values
-    shift = left_out(fit, LAST)
+    shift = shift_without(fit, LAST)
     np.testing.assert_allclose(shift.values, moved, atol=0.05 * np.abs(moved).max())
 
 
 def test_the_shift_is_as_large_as_it_says():
     shifts = [
-        left_out(banded(line_problem(seed), np.array([2.0, 0.5])), LAST) for seed in range(150)
+        shift_without(banded(line_problem(seed), np.array([2.0, 0.5])), LAST) for seed in range(150)
     ]
     scores = np.array([s.values / s.std for s in shifts])
     assert scores.std() == pytest.approx(1.0, abs=0.15)
@@ -63,7 +68,7 @@ def test_the_shift_is_as_large_as_it_says():
 
 
 def test_a_part_that_differs_is_seen():
-    shift = left_out(banded(line_problem(3, jump=0.3), np.array([2.0, 0.5])), LAST)
+    shift = shift_without(banded(line_problem(3, jump=0.3), np.array([2.0, 0.5])), LAST)
     assert shift.values[0] / shift.std[0] < -5.0
     assert abs(shift.values[1] / shift.std[1]) < 4.0
 

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedProblem, banded
+from rotorfit.estimation.banded import BandedProblem, _at_least, banded, shift_without
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.estimation.partial import _at_least, left_out
-from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 
 
@@ -83,7 +82,7 @@ def test_a_part_left_out_moves_the_mean_to_that_of_the_rest_with_its_scatter():
     A block that stays has 1/4 - 1/8 more of a say than before, one that goes 1/8 less.
     """
     stay, go = np.array([0.1, -0.1, 0.05, -0.05]), np.array([0.14, 0.02, -0.1, -0.06])
-    shift = left_out(levels([*stay, *go]), np.arange(8) >= 4)
+    shift = shift_without(levels([*stay, *go]), np.arange(8) >= 4)
     assert shift.values[0] == pytest.approx(stay.mean() - np.mean([*stay, *go]), abs=1e-4)
     scatter = (stay.var(ddof=1) + go.var(ddof=1)) * 4 / 8**2
     assert shift.std[0] == pytest.approx(np.sqrt(scatter), rel=0.01)
@@ -91,7 +90,7 @@ def test_a_part_left_out_moves_the_mean_to_that_of_the_rest_with_its_scatter():
 
 def test_the_shift_scatters_at_least_as_the_noise_of_the_blocks_makes_it():
     """All means alike: 0.2^2 / 200 of the rest less 0.2^2 / 400 of all."""
-    shift = left_out(levels([0.01, -0.01] * 4), np.arange(8) >= 4)
+    shift = shift_without(levels([0.01, -0.01] * 4), np.arange(8) >= 4)
     assert shift.std[0] == pytest.approx(0.2 * np.sqrt(1 / 200 - 1 / 400), rel=1e-3)
 
 

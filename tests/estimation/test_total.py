@@ -11,10 +11,10 @@ from plain_problem import dense_rows, plain_problem, wrench_problem
 
 from rotorfit.errors import EstimationError
 from rotorfit.estimation.factors import stack_factors
-from rotorfit.estimation.ordinary import ordinary
-from rotorfit.estimation.total import (
+from rotorfit.estimation.least_squares import (
     component_weights,
     essential_total,
+    ordinary,
     relative_std,
     total,
     weighted_total,

@@ -8,7 +8,7 @@ from rotorfit.dataset.dataset import load_flight
 from rotorfit.experiment.experiment import single_flight_experiment
 from rotorfit.identification.identify import identify
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
-from rotorfit.simulation.tables import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
+from rotorfit.simulation.views import IMU_AND_COMMAND, IMU_AND_SPEED, write_flight_table
 
 AIRFRAME = """[airframe]
 rotors = [

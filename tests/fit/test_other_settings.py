@@ -8,7 +8,7 @@ import pytest
 import flown
 from rotorfit.fit.intervals.other_settings import longer_arms, moved_imu
 from rotorfit.simulation import layout_vehicle
-from rotorfit.simulation.folder import simulate
+from rotorfit.simulation.experiment_files import simulate
 
 TRUE_IMU = (0.02, -0.01, 0.03)
 ARM = 0.25

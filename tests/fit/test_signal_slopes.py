@@ -23,7 +23,7 @@ from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import rotor_columns
 from rotorfit.preprocessing.flight_data import Segment
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.flight_bands import prepared_bands
+from rotorfit.reduction.frequency_bands import prepared_bands
 from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming
 
 RATE = 200.0

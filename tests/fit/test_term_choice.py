@@ -13,7 +13,7 @@ from rotorfit.export.vehicle_model import terms_left_out
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
-from rotorfit.simulation.tables import IMU_AND_SPEED
+from rotorfit.simulation.views import IMU_AND_SPEED
 from rotorfit.validation.validate import validate_file
 
 LOGGED = (*IMU_AND_SPEED, "velocity")

@@ -27,7 +27,7 @@ from rotorfit.fit.timing.timing_fit import (
 )
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, skew_of, told
+from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, is_time_identifiable, skew_of
 
 MS = 1e-3
 COMMANDED = MotorsEntry(speed="commanded")
@@ -543,7 +543,7 @@ def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(monkeypatch):
     ],
 )
 def test_a_time_is_told_where_half_of_its_interval_is_under_its_size_or_35_ms(value, std, known):
-    assert told(value, std) is known
+    assert is_time_identifiable(value, std) is known
 
 
 @pytest.mark.parametrize(

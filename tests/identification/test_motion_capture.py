@@ -9,7 +9,7 @@ from rotorfit.errors import LogError
 from rotorfit.results.compare import compare_results
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation import write_flight_table as write_table
-from rotorfit.simulation.folder import simulate
+from rotorfit.simulation.experiment_files import simulate
 
 POSE = ("position", "attitude")
 IMU_AND_POSE = ("gyro", "accel", "rotor_speed", *POSE)

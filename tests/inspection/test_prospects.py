@@ -5,13 +5,12 @@ import pytest
 
 import flown
 import made_fit
-from rotorfit.fit.intervals.kt_from_weight import kt_from_weight
+from rotorfit.diagnostics.kt_from_weight import kt_from_weight
 from rotorfit.inspection.guessed_rotors import guessed_vehicles
 from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.prospects import PROSPECT, _weighed, prospects
 from rotorfit.logs import read_log
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import to_flight_log
 from rotorfit.simulation.experiment_files import table_text

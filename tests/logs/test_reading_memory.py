@@ -17,7 +17,7 @@ from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.logs import read_log
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.flight_bands import flight_bands
+from rotorfit.reduction.frequency_bands import flight_bands
 
 LIMIT = 3.0
 REPETITIONS = (2, 6)

@@ -13,7 +13,7 @@ from rotorfit.cli.main import main
 from rotorfit.errors import FlightError
 from rotorfit.logs import read_log
 from rotorfit.logs.ulog.scan import scan_file
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
+from rotorfit.preprocessing.motors.motor_model import MotorModel
 from rotorfit.preprocessing.prepare import prepare
 
 pytestmark = pytest.mark.flights

@@ -13,9 +13,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rotorfit.estimation.estimate import LinearProblem
-from rotorfit.estimation.ordinary import ordinary
+from rotorfit.estimation.least_squares import ordinary, total, weighted_total
 from rotorfit.estimation.parameter_map import parameter_map
-from rotorfit.estimation.total import total, weighted_total
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
 from rotorfit.model.vehicle import Vehicle

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rotorfit.estimation.estimate import LinearProblem
+from rotorfit.estimation.estimate import LinearProblem, free_directions
 from rotorfit.estimation.factors import stack_factors
-from rotorfit.estimation.identifiability import free_directions
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.model.regressor import regressor
 from rotorfit.reduction.reduce import time_factors

@@ -5,7 +5,7 @@ import pytest
 from motor_answers import motor_answers
 from scipy.integrate import solve_ivp
 
-from rotorfit.motor_law.command_response import Timing, answered_speed, recording_of
+from rotorfit.motor_law.command_response import Timing, recording_of, speed_response
 from rotorfit.motor_law.law_model import Layout, predicted
 from rotorfit.preprocessing.motors.command_response import MeasuredResponse
 
@@ -33,7 +33,7 @@ def test_speeds_are_those_of_an_ode_solver(up, down, delay):
     answer = one_answer(3)
     settled = 1000.0 * answer.command
     timing = Timing(log_lag=np.log(up), log_ratio=np.log(down / up), delay=delay)
-    speed, _ = answered_speed(recording_of([[answer]]), settled, NONE, timing)
+    speed, _ = speed_response(recording_of([[answer]]), settled, NONE, timing)
 
     expected, now = [], settled[0]
     edges = [*answer.command_time, 1.1]
@@ -78,7 +78,7 @@ def test_a_stretch_knows_nothing_of_the_one_before():
     alone = recording_of([[one_answer(4)]])
     both = recording_of([[one_answer(3), one_answer(4)]])
     timing = Timing(log_lag=np.log(0.05), log_ratio=0.0, delay=0.0)
-    speed, _ = answered_speed(alone, 1000.0 * alone.command, NONE, timing)
-    joined, _ = answered_speed(both, 1000.0 * both.command, np.zeros((80, 0)), timing)
+    speed, _ = speed_response(alone, 1000.0 * alone.command, NONE, timing)
+    joined, _ = speed_response(both, 1000.0 * both.command, np.zeros((80, 0)), timing)
     # The second stretch is 1e4 s later on the clock of both: its times are rounded to 1e-12 s.
     assert joined[-len(speed) :] == pytest.approx(speed, rel=1e-9)

@@ -37,7 +37,7 @@ from rotorfit.simulation import (
     sampled_flight_data,
     simulate_flight,
 )
-from rotorfit.simulation.manoeuvres import MANOEUVRES
+from rotorfit.simulation.pilot import MANOEUVRES
 
 KNOWN = {
     "Ixx": 0.0182,

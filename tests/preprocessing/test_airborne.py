@@ -17,8 +17,8 @@ from hand_made_logs import (
 )
 from rotorfit.errors import FlightError
 from rotorfit.logs.read import read_log
-from rotorfit.preprocessing.airborne.airborne_part import phase_edges
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
+from rotorfit.preprocessing.airborne import phase_edges
+from rotorfit.preprocessing.motors.motor_model import MotorModel
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import (
     STILL,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from rotorfit.preprocessing.climb_velocity import felt_climb
+from rotorfit.preprocessing.climb_velocity import climb_velocity
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 
 RATE, SECONDS = 200.0, 20.0
@@ -54,7 +54,7 @@ def missed(found, true):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_it_is_the_velocity_along_the_bodys_z_axis(seed):
     data, true = swinging(seed)
-    assert missed(felt_climb(data), true) < 0.15
+    assert missed(climb_velocity(data), true) < 0.15
 
 
 def test_faults_of_the_sensors_hardly_matter():
@@ -64,19 +64,19 @@ def test_faults_of_the_sensors_hardly_matter():
         specific_force=data.specific_force + np.array([0.2, -0.2, 0.2]),
         angular_velocity=data.angular_velocity + np.array([0.01, -0.01, 0.01]),
     )
-    assert missed(felt_climb(worse), true) < 0.15
+    assert missed(climb_velocity(worse), true) < 0.15
 
 
 def test_what_is_slow_is_left_out():
     data, true = swinging(4)
     drift = 0.5 * np.sin(2.0 * np.pi * 0.05 * TIME)
     rise = data.specific_force + np.gradient(drift, TIME)[:, None] * UP / 9.81
-    assert missed(felt_climb(replace(data, specific_force=rise)), true) < 0.2
+    assert missed(climb_velocity(replace(data, specific_force=rise)), true) < 0.2
 
 
 def test_outside_the_segments_and_in_a_blink_there_is_none():
     data, _ = swinging(5)
     some = (Segment(start=400, stop=1400), Segment(start=2000, stop=2001))
-    found = felt_climb(replace(data, segments=some))
+    found = climb_velocity(replace(data, segments=some))
     assert np.flatnonzero(found[:1500])[[0, -1]] == pytest.approx([399, 1400])
     assert not found[1500:].any()

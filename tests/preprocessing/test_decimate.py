@@ -9,10 +9,8 @@ from scipy import signal
 import made_fit
 from rotorfit.preprocessing.decimate import as_recorded, decimated
 from rotorfit.preprocessing.flight_data import FlightData, Segment
-from rotorfit.preprocessing.motors.motor_columns import MotorModel, with_motors
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.preprocessing.sensor_limits import cut_off
-from rotorfit.preprocessing.signals import central_difference
+from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse, with_motors
+from rotorfit.preprocessing.signals import central_difference, saturation
 from rotorfit.preprocessing.thinning import low_pass
 
 TOP = 30.0
@@ -215,10 +213,10 @@ def test_what_a_sensors_end_cut_off_is_found_in_every_sample():
     swing = np.clip(10.0 * np.sin(2.0 * np.pi * 4.7 * at) * np.ones((1, 7)), -7.5, 7.5)
     prepared = flight(1000.0, swing)
     recorded = as_recorded(prepared)
-    assert recorded.cut_off["gyro"].share == pytest.approx(0.45, abs=0.02)
-    assert recorded.cut_off["gyro"].largest == 7.5
+    assert recorded.saturation["gyro"].share == pytest.approx(0.45, abs=0.02)
+    assert recorded.saturation["gyro"].largest == 7.5
     assert (recorded.samples, recorded.start) == (4998, 5.0)
     assert recorded.seconds == pytest.approx(4.998)
     assert recorded.spans == ((pytest.approx(5.001), pytest.approx(9.998)),)
     fewer = decimated(prepared, MEASURED, top=TOP).data
-    assert cut_off(fewer.angular_velocity, "gyro").share == 0.0
+    assert saturation(fewer.angular_velocity, "gyro").share == 0.0

@@ -8,8 +8,7 @@ import pytest
 import flown
 from rotorfit.errors import FlightError
 from rotorfit.logs import read_log
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY, Motion
-from rotorfit.preprocessing.airborne.ground_contact import aloft, ground_contact
+from rotorfit.preprocessing.airborne import GRAVITY, Motion, aloft, ground_contact
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import write_flight_table
 

@@ -2,20 +2,22 @@
 
 import numpy as np
 import pytest
+from bryant import (
+    bryant_angles,
+    bryant_matrix,
+    bryant_matrix_rate,
+    motion_from_bryant,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError
-from rotorfit.preprocessing.mocap.kinematics import (
-    bryant_angles,
-    bryant_matrix,
-    bryant_matrix_rate,
+from rotorfit.preprocessing.kinematics import (
     continuous_quaternions,
-    motion_from_bryant,
     motion_from_quaternions,
 )
-from rotorfit.preprocessing.splines import low_pass, smooth_motors, spline_derivatives
+from rotorfit.preprocessing.signals import low_pass, smooth_motors, spline_derivatives
 
 RATE = 200.0
 TIME = np.arange(400) / RATE

@@ -9,8 +9,8 @@ from hand_made_logs import flight_log, with_channel
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.preprocessing.mocap.prepare_mocap import prepare_mocap
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
-from rotorfit.preprocessing.splines import low_pass
+from rotorfit.preprocessing.motors.motor_model import MotorModel
+from rotorfit.preprocessing.signals import low_pass
 from rotorfit.simulation import (
     Scenario,
     Sensors,

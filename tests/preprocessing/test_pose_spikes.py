@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.preprocessing.mocap.pose_spikes import without_spikes
+from rotorfit.preprocessing.mocap.camera import without_spikes
 
 RATE = 100.0
 TIME = np.arange(2000) / RATE

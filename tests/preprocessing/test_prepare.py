@@ -25,8 +25,12 @@ from rotorfit.logs.speed_law import (
     TableLaw,
     VoltageFactor,
 )
-from rotorfit.preprocessing.motors.motor_columns import MotorModel, with_motors
-from rotorfit.preprocessing.motors.motor_model import MotorResponse, first_order_lag
+from rotorfit.preprocessing.motors.motor_model import (
+    MotorModel,
+    MotorResponse,
+    first_order_lag,
+    with_motors,
+)
 from rotorfit.preprocessing.prepare import Cut, prepare
 from rotorfit.simulation import (
     PERFECT,

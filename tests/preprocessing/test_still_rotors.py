@@ -5,8 +5,8 @@ import pytest
 
 from hand_made_logs import HOVER, channel, hover_thrust, motion_log, with_channel
 from rotorfit.errors import FlightError
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
-from rotorfit.preprocessing.motors.still_rotors import still_rotors
+from rotorfit.preprocessing.flight_checks import frozen_channels
+from rotorfit.preprocessing.motors.motor_model import MotorModel
 from rotorfit.preprocessing.prepare import prepare
 
 COMMANDED = MotorModel(speed="commanded")
@@ -99,13 +99,13 @@ def test_a_calm_hover_in_coarse_steps_is_no_fault(resolution):
     rng = np.random.default_rng(2)
     values = 400.0 + resolution * np.round(0.4 * rng.normal(size=(4000, 4)))
     values[1000:1600, 0] = 400.0
-    found = still_rotors(values, [(0, 4000)], 200.0, measured=True, step=resolution)
+    found = frozen_channels(values, [(0, 4000)], 200.0, measured=True, step=resolution)
     assert found == ()
-    (told,) = still_rotors(values, [(0, 4000)], 200.0, measured=True)
+    (told,) = frozen_channels(values, [(0, 4000)], 200.0, measured=True)
     assert told.rotor == 1
     assert told.rows == pytest.approx((1000, 1600), abs=10)
 
 
 def test_rotors_that_all_stand_still_tell_nothing():
     values = np.full((4000, 4), 400.0)
-    assert still_rotors(values, [(0, 4000)], 200.0, measured=True) == ()
+    assert frozen_channels(values, [(0, 4000)], 200.0, measured=True) == ()

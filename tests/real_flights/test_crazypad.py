@@ -7,7 +7,7 @@ from rotorfit.errors import LogError
 from rotorfit.logs import read_log
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
+from rotorfit.preprocessing.motors.motor_model import MotorModel
 from rotorfit.preprocessing.prepare import prepare
 
 CRAZYFLIE = Vehicle(rotors=layout_rotors("quad-x", arm=0.046, order="crazyflie"))

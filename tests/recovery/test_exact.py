@@ -7,7 +7,7 @@ import pytest
 
 import flown
 from rotorfit.estimation.estimate import LinearProblem
-from rotorfit.estimation.ordinary import ordinary
+from rotorfit.estimation.least_squares import ordinary
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.model.regressor import regressor
 from rotorfit.reduction.reduce import time_factors

@@ -7,9 +7,9 @@ import pytest
 
 import made_fit
 from rotorfit.estimation.estimate import Estimate, LinearProblem
+from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.estimation.reweighted import BandedFit
-from rotorfit.estimation.total import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, FlightEntry, MotorsEntry
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.rows.paper_fit import PaperSettings

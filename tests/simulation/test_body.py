@@ -9,13 +9,14 @@ from rotorfit.simulation.body import (
     Wrench,
     accelerations,
     derivative,
+    quaternion_from_euler,
     rigid_body,
+    rotation,
     step,
     with_drag,
 )
 from rotorfit.simulation.scenarios import paper_vehicle
 from rotorfit.simulation.truth import GRAVITY, Truth, steiner, tensor_elements
-from rotorfit.simulation.vectors import quaternion_from_euler, rotation
 
 number = st.floats(-3.0, 3.0)
 vector = st.tuples(number, number, number)

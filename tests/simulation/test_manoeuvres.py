@@ -7,8 +7,7 @@ import pytest
 
 from rotorfit.errors import ExperimentError
 from rotorfit.simulation import STILL, Scenario, Stick, paper_vehicle, simulate_flight
-from rotorfit.simulation.manoeuvres import MANOEUVRES
-from rotorfit.simulation.pilot import movement
+from rotorfit.simulation.pilot import MANOEUVRES, movement
 
 RATE = 100.0
 

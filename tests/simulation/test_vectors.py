@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from rotorfit.simulation.vectors import (
+from rotorfit.simulation.body import (
     cross,
     quaternion_from_euler,
     rotation,

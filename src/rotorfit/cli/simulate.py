@@ -9,7 +9,12 @@ from pathlib import Path
 from rotorfit.cli.outputs import refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import say, show
-from rotorfit.simulation.experiment_files import EXPERIMENT_FILE, experiment_files, file_names
+from rotorfit.simulation.experiment_files import (
+    EXPERIMENT_FILE,
+    experiment_files,
+    file_names,
+    write_all,
+)
 from rotorfit.simulation.experiments import (
     SECONDS,
     ExperimentPlan,
@@ -17,7 +22,6 @@ from rotorfit.simulation.experiments import (
     ScenarioName,
     plan_experiment,
 )
-from rotorfit.simulation.folder import write_all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,14 +34,13 @@ from rotorfit.preprocessing.mocap.joined_poses import with_poses
 from rotorfit.preprocessing.mocap.prepare_mocap import prepare_mocap
 from rotorfit.preprocessing.motors.command_response import (
     MeasuredResponse,
-    answered_commands,
-    within,
+    command_responses,
+    responses_within,
 )
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.preprocessing.prepare import PreparedFlight, on_one_clock, prepared_from
-from rotorfit.reduction.flight_bands import banded_data, flight_bands
-from rotorfit.reduction.frequency_bands import EDGES
+from rotorfit.reduction.frequency_bands import EDGES, banded_data, flight_bands
 from rotorfit.reduction.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming, TimedBands
 from rotorfit.reduction.reduce import Lines, body_lines, yaw_factors
 
@@ -56,8 +55,9 @@ class LoadedFlight:
     `prepared`: of a fast log with fewer samples; `recorded`: what is said of all of them.
     `motors`: as declared, completed by the log's parameters.
     `speeds_commanded`: its commands are rotor speeds [rad/s], not shares of full output.
-    `telemetry`: how measured speeds go with the commands, where the log has both; `answers`: the
-    two themselves, in flight. `battery`: mean voltage over what is used [V], where it was logged.
+    `telemetry`: how measured speeds go with the commands, where the log has both;
+    `command_responses`: the two themselves, in flight.
+    `battery`: mean voltage over what is used [V], where it was logged.
     """
 
     entry: FlightEntry
@@ -67,7 +67,7 @@ class LoadedFlight:
     motors: MotorsEntry = field(default_factory=MotorsEntry)
     speeds_commanded: bool = False
     telemetry: Telemetry | None = None
-    answers: tuple[MeasuredResponse, ...] = ()
+    command_responses: tuple[MeasuredResponse, ...] = ()
     battery: float | None = None
 
     @cached_property
@@ -154,7 +154,7 @@ class Dataset:
     @property
     def timing_identifiable(self) -> bool:
         """Whether lag and delay are given, or the flights tell them."""
-        return self.motor_timing is None or self.motor_timing.told
+        return self.motor_timing is None or self.motor_timing.identifiable
 
     @property
     def reached(self) -> Mapping[str, float] | None:
@@ -175,7 +175,7 @@ class Dataset:
     def _timed_already(self) -> TimedBands | None:
         """The bands that the timing was found with, where they are of these flights."""
         bands = None if self.motor_timing is None else self.motor_timing.bands
-        return bands if bands is not None and bands.serve(self._made_of) else None
+        return bands if bands is not None and bands.matches(self._made_of) else None
 
     @property
     def _made_of(self) -> tuple[object, ...]:
@@ -192,16 +192,16 @@ class Dataset:
 
         With `beside`, what it may move after a call of `freed`.
         """
-        timing = MotorTiming(response=response, total_std=0.0, free=free, beside=beside)
+        timing = MotorTiming(response=response, total_std=0.0, free=free, additional=beside)
         return dataclasses.replace(self, motor_timing=timing)
 
     def freed(self) -> "Dataset":
         """Return the same where a fit moves the times beside, too; no signals are made anew."""
         found, free = self.motor_timing, self.free_timing
         assert found is not None and free is not None
-        bands = TimedBands(at=free.at, made_of=self._made_of, factors=self._every_slope)
-        names = (*found.free, *found.beside)
-        timing = dataclasses.replace(found, free=names, beside=(), bands=bands)
+        bands = TimedBands(at=free.at, inputs=self._made_of, factors=self._every_slope)
+        names = (*found.free, *found.additional)
+        timing = dataclasses.replace(found, free=names, additional=(), bands=bands)
         return dataclasses.replace(self, motor_timing=timing)
 
     def reduced(self) -> "Dataset":
@@ -247,7 +247,7 @@ class Dataset:
         bands, found = self._timed_already, self.motor_timing
         if bands is not None:
             return bands.factors
-        if found is None or not found.beside:
+        if found is None or not found.additional:
             return self.bands(self.timing, free=self.free_timing)
         return tuple(one.first_slopes(len(found.free)) for one in self._every_slope)
 
@@ -256,14 +256,14 @@ class Dataset:
         """The same with the slopes by the times beside, too."""
         found, free = self.motor_timing, self.free_timing
         assert found is not None and free is not None
-        names = (*found.free, *found.beside)
+        names = (*found.free, *found.additional)
         return self.bands(free.at, free=dataclasses.replace(free, names=names))
 
     def found_with(self) -> TimedBands:
         """Return the timed bands for other fits of the same flights."""
         free = self.free_timing
         assert free is not None
-        return TimedBands(at=free.at, made_of=self._made_of, factors=self.timed_bands)
+        return TimedBands(at=free.at, inputs=self._made_of, factors=self.timed_bands)
 
     def yaw_bands(self) -> tuple[Factors, ...]:
         """Return the band factors of yaw alone at that timing, every rotor for itself."""
@@ -310,7 +310,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     motors = motors if speeds_commanded else completed_motors(motors, log)
     motor_model = motor_model_of(motors)
     seen = telemetry(log) if motors.speed == "measured" else None
-    answers = () if seen is None else answered_commands(log, left_out=_not_answering(seen))
+    responses = () if seen is None else command_responses(log, excluded=_not_answering(seen))
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
@@ -337,7 +337,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         recorded=recorded,
         speeds_commanded=speeds_commanded,
         telemetry=seen,
-        answers=within(answers, recorded.spans),
+        command_responses=responses_within(responses, recorded.spans),
         motors=motors,
         battery=_voltage(battery, recorded.spans),
     )

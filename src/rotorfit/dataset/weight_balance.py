@@ -13,9 +13,9 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData, Segment
-from rotorfit.preprocessing.quaternions import rotated, running_product, small_turns
+from rotorfit.preprocessing.kinematics import rotated, running_product, small_turns
 from rotorfit.reduction.reduce import split_segment
 
 LONGEST_WINDOW = 10.0

@@ -19,7 +19,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import smooth, whole_samples
-from rotorfit.reduction.flight_bands import retimed
+from rotorfit.reduction.frequency_bands import retimed
 
 APART: Final = 0.008
 """Between accelerometer and gyro from which it is said [s]. Sound real logs have up to 1 ms, an

@@ -23,7 +23,7 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import ACCEL_BIAS_STD, DRAG
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
 
 UNLIKELY = 1e-4

@@ -22,7 +22,7 @@ from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
 from rotorfit.fit.timing.timing_fit import find_timing
-from rotorfit.preprocessing.imu_tilt import LEAST_LEAN, ImuTilt, lean, lean_words
+from rotorfit.preprocessing.imu_tilt import LEAST_TILT, ImuTilt, mean_force_tilt, tilt_phrase
 
 LEAST_SHARE: Final = 1e-3
 """Of the flight that must be cut off: real flights without a fault have none."""
@@ -34,8 +34,8 @@ def estimate_imu_tilt(dataset: Dataset, fitted: Callable[[Dataset], Fitted]) -> 
 
     `fitted` fits a dataset, and gives its configurations with their informative bands.
     """
-    tilt = lean([f.prepared.data for c in dataset.configurations for f in c.flights])
-    if dataset.source != "imu" or tilt.angle < LEAST_LEAN:
+    tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
+    if dataset.source != "imu" or tilt.angle < LEAST_TILT:
         return None
     level = levelled_flights(dataset, tilt)
     first, second = fitted(dataset), fitted(level)
@@ -77,8 +77,8 @@ def mounting_sentence(tilt: ImuTilt) -> str:
     """Explain that the IMU is mounted turned, and that its readings are turned back."""
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     return (
-        f"the IMU is mounted {lean_words(tilt)} relative to the plane of the rotors: in flight the "
-        "thrust is tilted by that angle in the IMU's axes, and the flight fits far better with it. "
+        f"the IMU is mounted {tilt_phrase(tilt)} relative to the plane of the rotors: in flight "
+        "the thrust is tilted by that angle in the IMU's axes, and the flight fits far better with it. "
         "The readings are turned back; measure the mounting, and declare it under [airframe] "
         f"(imu_tilt_deg = [{roll:.1f}, {pitch:.1f}])"
     )
@@ -86,13 +86,13 @@ def mounting_sentence(tilt: ImuTilt) -> str:
 
 def lean_sentence(dataset: Dataset) -> str | None:
     """Explain that the thrust leans in the IMU's axes for a cause that the flight does not show."""
-    tilt = lean([f.prepared.data for c in dataset.configurations for f in c.flights])
-    if dataset.source != "imu" or tilt.angle < LEAST_LEAN:
+    tilt = mean_force_tilt([f.prepared.data for c in dataset.configurations for f in c.flights])
+    if dataset.source != "imu" or tilt.angle < LEAST_TILT:
         return None
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     return (
-        f"in flight the thrust is tilted as if the IMU were mounted {lean_words(tilt)} (good logs: "
-        "up to 4.5 degrees); the flight does not show whether it is, or whether a biased "
+        f"in flight the thrust is tilted as if the IMU were mounted {tilt_phrase(tilt)} (good "
+        "logs: up to 4.5 degrees); the flight does not show whether it is, or whether a biased "
         "accelerometer or drag in fast flight is the cause: measure the mounting and declare it "
         f"under [airframe] (imu_tilt_deg = [{roll:.1f}, {pitch:.1f}]); until then do not trust "
         "kd, Jr and the inertia about z"
@@ -111,7 +111,7 @@ def cut_off(flight: LoadedFlight) -> list[tuple[float, str]]:
     file = Path(flight.entry.file).name
     found: list[tuple[float, str]] = []
     for name, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
-        cut = flight.recorded.cut_off[name]
+        cut = flight.recorded.saturation[name]
         if cut.share > LEAST_SHARE:
             sensor = "gyro" if name == "gyro" else "accelerometer"
             words = (

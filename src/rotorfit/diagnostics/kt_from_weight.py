@@ -24,7 +24,7 @@ from rotorfit.fit.fit_flights import widen_by_settings, widen_to_reach
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import ACCEL_BIAS_STD
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.results.verdicts import ADVICE
 
 INFLOW_STD = 0.02

@@ -20,8 +20,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import theta_of
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.reduction.flight_bands import retimed
-from rotorfit.reduction.frequency_bands import EDGES, STRETCH
+from rotorfit.reduction.frequency_bands import EDGES, STRETCH, retimed
 from rotorfit.reduction.reduce import split_segment
 
 BIN = 0.5

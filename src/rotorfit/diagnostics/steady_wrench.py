@@ -8,7 +8,7 @@ from scipy import stats
 
 from rotorfit.dataset.dataset import ConfigurationData
 from rotorfit.diagnostics.hover_thrust import UNLIKELY, unlikely_deviations
-from rotorfit.estimation.partial import left_out
+from rotorfit.estimation.banded import shift_without
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
@@ -37,7 +37,7 @@ def missing_constant_wrench(fit: Fit) -> Iterator[Finding]:
     mean = bands[:, 0] == 0.0
     if not mean.any():
         return
-    shift, names = left_out(estimate, mean), estimate.estimate.names
+    shift, names = shift_without(estimate, mean), estimate.estimate.names
     chosen = [i for i, n in enumerate(names) if n.partition("@")[0] in ("kt", "kd", *MOMENTS)]
     size = np.abs(shift.values[chosen]) / shift.std[chosen]
     half = np.array([fit.numbers.half_width[fit.numbers.index(names[i])] for i in chosen])

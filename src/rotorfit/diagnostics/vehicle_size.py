@@ -28,7 +28,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 AIR: Final = 1.2
 """Density of air [kg/m^3]."""

@@ -11,12 +11,18 @@ flight and frequency band) is estimated from the residuals themselves, and theta
 :math:`\sum_b n_b \sum_k \log v_{bk}(\theta)`, the likelihood with those variances put in. Since
 :math:`|N^{-1/2} e| = |(M N M^T)^{-1/2} B z|`, this is structured errors in variables with the noise
 of every band unknown.
+
+How the estimate moves without a part of the blocks is one Gauss-Newton step, no second fit. Two
+estimates that share data do not scatter independently: the variance of their difference is taken
+from the blocks' influences (one-step jackknife), and is at least the difference of the covariances
+(Hausman, Econometrica 46(6), 1978), which is what the formal noise alone makes.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import UnsettledError
@@ -31,17 +37,12 @@ from rotorfit.estimation.banded_equations import (
     root_of,
     selected,
 )
-from rotorfit.estimation.banded_problem import (
-    BandedProblem as BandedProblem,
-)
-from rotorfit.estimation.banded_problem import (
-    power_of,
-    signal_power,
-    solutions,
-)
-from rotorfit.estimation.damped_steps import damped_step, eased, extrapolated
+from rotorfit.estimation.banded_problem import BandedProblem as BandedProblem
+from rotorfit.estimation.banded_problem import power_of, signal_power, solutions
+from rotorfit.estimation.damped_steps import damped_step, extrapolated, reduced_damping
 from rotorfit.estimation.estimate import Estimate, scaled_singular
 from rotorfit.estimation.factors import borrowed_rows
+from rotorfit.estimation.reweighted import scatter_covariance
 
 MOST_ITERATIONS = 400
 SMALLEST_STEP = 1e-3
@@ -115,31 +116,17 @@ class NormalEquations:
 
     @property
     def step(self) -> Float[np.ndarray, " f"]:
-        """The step of these blocks alone, at rest in directions that nothing is known of."""
-        return resting_inverse(self.information) @ self.scores.sum(axis=0)
+        """The step of these blocks alone, zero in directions that are not known."""
+        return pseudo_inverse(self.information) @ self.scores.sum(axis=0)
 
 
 def banded(
     problem: BandedProblem, start: Float[np.ndarray, " f"], *, close: float = SMALLEST_STEP
 ) -> BandedEstimate:
-    """Return the estimate, by Levenberg-Marquardt steps on the likelihood.
+    """Maximise the likelihood by Levenberg-Marquardt steps; `close` ends it, in deviations.
 
-    The damping follows how much of the foretold gain each step makes (Nielsen, Damping parameter
+    The damping follows how much of the predicted gain each step makes (Nielsen, Damping parameter
     in Marquardt's method, IMM-REP-1999-05, Technical University of Denmark, 1999).
-
-    Parameters
-    ----------
-    problem
-        Factors, tensors, map.
-    start
-        Free parameters to begin with; a crude guess is enough.
-    close
-        The iteration ends when no parameter moves by more than this share of its deviation.
-
-    Raises
-    ------
-    EstimationError
-        If the equations cannot be solved for the noisy signals, or the iteration does not settle.
     """
     state = evaluated(problem, start)
     if any(factors.noise is not None for factors in problem.factors):
@@ -147,25 +134,27 @@ def banded(
     damping, rise, costs = 1e-3, 2.0, [state.cost]
     path: tuple[Float[np.ndarray, " f"], ...] = ()
     for iteration in range(1, MOST_ITERATIONS + 1):
-        asked = corrected_equations(problem, state)
-        taken = damped_step(root_of(problem, state, asked.plain), asked.score, damping)
-        trial = evaluated_or_none(problem, state.phi + taken.step)
+        equations = corrected_equations(problem, state)
+        damped = damped_step(
+            root_of(problem, state, equations.information), equations.score, damping
+        )
+        trial = evaluated_or_none(problem, state.phi + damped.step)
         # With the variances of the last point: where these squares fall, the likelihood rises,
         # for log x <= x - 1; and blocks that borrow their variance cannot hold up the last steps.
         before = state.over(state.variance)
         won = -np.inf if trial is None else before - trial.over(state.variance)
         if trial is not None and won >= 0.0:
             state, rise = trial, 2.0
-            damping = eased(damping, won, taken.foretold)
+            damping = reduced_damping(damping, won, damped.predicted_gain)
         else:
             damping, rise = damping * rise, rise * 2.0
-        small = bool(np.all(np.abs(taken.step) <= close * taken.std))
+        small = bool(np.all(np.abs(damped.step) <= close * damped.std))
         costs.append(state.cost)
         if len(costs) > FEW_STEPS and iteration % 3 == 0:
-            state = _leapt(problem, state, path, taken.std)
+            state = _leapt(problem, state, path, damped.std)
         path = (*path[-1:], state.phi)
-        still = iteration > 2 * PATIENCE and min(costs[:-PATIENCE]) - min(costs) < LEAST_WIN
-        if small or still or damping > LARGEST_DAMPING:
+        stalled = iteration > 2 * PATIENCE and min(costs[:-PATIENCE]) - min(costs) < LEAST_WIN
+        if small or stalled or damping > LARGEST_DAMPING:
             return _finished(problem, state, iteration)
     raise UnsettledError(
         f"the fit did not settle in {MOST_ITERATIONS} steps; the flights hardly determine it: "
@@ -180,14 +169,14 @@ def _leapt(
     path: Sequence[Float[np.ndarray, " f"]],
     std: Float[np.ndarray, " f"],
 ) -> Evaluated:
-    """Return the point to which crawling steps lead, where it is likelier."""
+    """Extrapolate crawling steps, where the point they lead to is likelier."""
     phi = extrapolated((*path, state.phi), std)
     trial = None if phi is None else evaluated_or_none(problem, phi)
     return state if trial is None or trial.cost >= state.cost else trial
 
 
 def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
-    """Return the log-likelihood at `phi`, minus infinity where the equations have no solution."""
+    """Evaluate the log-likelihood at `phi`, minus infinity where nothing solves the equations."""
     state = evaluated_or_none(problem, phi)
     return -np.inf if state is None else -0.5 * state.cost
 
@@ -195,7 +184,7 @@ def log_likelihood(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> floa
 def _settled_with_noise(
     problem: BandedProblem, state: Evaluated, close: float
 ) -> tuple[Evaluated, int]:
-    """Return the point where the regressors' known noise no longer pulls, and after how many steps.
+    """Iterate to where the regressors' known noise adds no bias; count the steps.
 
     Noise n of the regressors makes J^T e differ from zero at the truth by its own product
     n_b dG N G^T; the corrected score takes that off (errors in variables with known N). The
@@ -204,9 +193,9 @@ def _settled_with_noise(
     squares over the variances of the last point, without the regressors' share.
     """
     for iteration in range(1, MOST_ITERATIONS + 1):
-        asked = corrected_equations(problem, state)
-        step = _corrected_step(asked.plain, asked.taken, asked.score)
-        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(asked.plain)))) <= close:
+        equations = corrected_equations(problem, state)
+        step = _corrected_step(equations.information, equations.noise_information, equations.score)
+        if float(np.max(np.abs(step) * np.sqrt(np.diagonal(equations.information)))) <= close:
             return state, iteration
         before = state.over(state.variance)
         for fraction in STEP_FRACTIONS:
@@ -220,24 +209,26 @@ def _settled_with_noise(
 
 
 def _corrected_step(
-    plain: Float[np.ndarray, "f f"], taken: Float[np.ndarray, "f f"], score: Float[np.ndarray, " f"]
+    plain: Float[np.ndarray, "f f"],
+    damped: Float[np.ndarray, "f f"],
+    score: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, " f"]:
-    """Return (plain - taken)^-1 score, at rest where the information is mostly noise."""
+    """Solve (information - noise) step = score, at rest where the information is mostly noise."""
     scale = 1.0 / np.sqrt(np.diagonal(plain))
     strength, Q = np.linalg.eigh(plain * np.outer(scale, scale))
     strength = np.maximum(strength, np.finfo(float).eps * strength[-1])
     root = scale[:, None] * Q / np.sqrt(strength)
-    share, V = np.linalg.eigh(root.T @ taken @ root)
+    share, V = np.linalg.eigh(root.T @ damped @ root)
     gain = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), 0.0)
     return root @ (V @ (gain * (V.T @ (root.T @ score))))
 
 
 def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> BandedEstimate:
-    """Return the estimate at the minimum, with covariance and influences."""
-    asked = corrected_equations(problem, state)
-    svd = scaled_singular(root_of(problem, state, asked.plain), problem.map.names)
+    """Complete the estimate at the minimum by covariance and influences."""
+    equations = corrected_equations(problem, state)
+    svd = scaled_singular(root_of(problem, state, equations.information), problem.map.names)
     root = svd.inverse_root
-    share, V = np.linalg.eigh(root.T @ asked.taken @ root)
+    share, V = np.linalg.eigh(root.T @ equations.noise_information @ root)
     widening = np.where(share < MOST_NOISE, 1.0 / (1.0 - np.minimum(share, MOST_NOISE)), UNKNOWN)
     kept = (V * widening) @ V.T
     inverse = root @ kept @ root.T
@@ -251,7 +242,7 @@ def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> Band
             weak_directions=svd.Vt[::-1][:3],
             weak_strengths=(svd.s[::-1] / svd.s[0])[:3],
         ),
-        influence=asked.scores @ inverse,
+        influence=equations.scores @ inverse,
         variance=state.variance,
         signal_power=signal_power(problem),
         residual_power=power_of(state.residual),
@@ -263,12 +254,14 @@ def _finished(problem: BandedProblem, state: Evaluated, iterations: int) -> Band
 
 
 def normal_equations(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> NormalEquations:
-    """Return the equations of the chosen blocks, with the variances of the whole fit."""
-    asked = corrected_equations(*selected(fit.problem, _state_of(fit), blocks))
-    scores = np.zeros((len(blocks) + 1, len(asked.pull)))
-    scores[:-1][blocks] = asked.scores
-    scores[-1] = asked.pull
-    return NormalEquations(information=asked.plain - asked.taken, scores=scores)
+    """Linearise the chosen blocks, with the variances of the whole fit."""
+    equations = corrected_equations(*selected(fit.problem, _state_of(fit), blocks))
+    scores = np.zeros((len(blocks) + 1, len(equations.prior_score)))
+    scores[:-1][blocks] = equations.scores
+    scores[-1] = equations.prior_score
+    return NormalEquations(
+        information=equations.information - equations.noise_information, scores=scores
+    )
 
 
 def _state_of(fit: BandedEstimate) -> State:
@@ -282,33 +275,36 @@ def _state_of(fit: BandedEstimate) -> State:
 def part_equations(
     fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]
 ) -> tuple[Float[np.ndarray, "p f f"], Float[np.ndarray, "p f"], Float[np.ndarray, " f"]]:
-    """Return information and score of each part of the blocks, and what the prior asks for.
+    """Compute information and score of each part of the blocks, and the prior's score.
 
     The prior is in neither of the former.
     """
-    asked = corrected_equations(fit.problem, _state_of(fit))
+    equations = corrected_equations(fit.problem, _state_of(fit))
     information = part_information(fit.problem, _state_of(fit), parts)
-    scores = np.array([asked.scores[part].sum(axis=0) for part in parts])
-    return information, scores, asked.pull
+    scores = np.array([equations.scores[part].sum(axis=0) for part in parts])
+    return information, scores, equations.prior_score
 
 
 def steps_without(
     fit: BandedEstimate, parts: Sequence[Bool[np.ndarray, " b"]]
 ) -> Float[np.ndarray, "p f"]:
-    """Return how far the parameters move without each part of the blocks, to first order.
+    """Compute the parameters' first-order step without each part of the blocks.
 
-    In one pass: what all others ask for is a sum before the part and one behind it.
+    In one pass: the sum of all others is one before the part and one behind it.
     """
-    information, scores, pull = part_equations(fit, parts)
+    information, scores, prior_score = part_equations(fit, parts)
     prior = np.diag(fit.problem.prior[1] ** -2.0)
     rest = zip(_sums_of_others(information), _sums_of_others(scores), strict=True)
     return np.array(
-        [NormalEquations(information=H + prior, scores=np.array([s, pull])).step for H, s in rest]
+        [
+            NormalEquations(information=H + prior, scores=np.array([s, prior_score])).step
+            for H, s in rest
+        ]
     )
 
 
 def _sums_of_others(parts: Float[np.ndarray, "p ..."]) -> Float[np.ndarray, "p ..."]:
-    """Return for each part the sum of all others, without taking any away again."""
+    """Sum all other parts for each part, without subtracting."""
     nothing = np.zeros_like(parts[:1])
     before = np.concatenate([nothing, np.cumsum(parts, axis=0)[:-1]])
     behind = np.concatenate([np.cumsum(parts[::-1], axis=0)[:-1][::-1], nothing])
@@ -316,7 +312,7 @@ def _sums_of_others(parts: Float[np.ndarray, "p ..."]) -> Float[np.ndarray, "p .
 
 
 def parameter_scale(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, " f"]:
-    """Return the root of the information of each parameter alone, for a matrix of order one.
+    """Take the root of each parameter's own information, to scale a matrix to order one.
 
     Less than nothing may be left of a parameter that the flight does not move, after what the noise
     of its signals makes up: that is as little, and 1 stands for nothing at all.
@@ -325,15 +321,15 @@ def parameter_scale(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, 
     return np.where(size > 0.0, size, 1.0)
 
 
-def resting_inverse(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
-    """Return the inverse of an information; directions that nothing is known of rest."""
+def pseudo_inverse(information: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
+    """Invert an information of parameters of any units; unknown directions become zero."""
     size = parameter_scale(information)
     scale = np.outer(size, size)
     return np.linalg.pinv(information / scale, hermitian=True) / scale
 
 
 def covariance_with_noise_uncertainty(fit: BandedEstimate) -> Float[np.ndarray, "f f"]:
-    r"""Return the covariance of the fit with what the blocks' estimated variances add to it.
+    r"""Add to the fit's covariance the uncertainty of the blocks' estimated variances.
 
     A variance from n rows is off by a share of sqrt(2 / n), so that blocks whose errors are small
     by chance count for too much, and claim too much: with the information J_k of block k,
@@ -342,9 +338,9 @@ def covariance_with_noise_uncertainty(fit: BandedEstimate) -> Float[np.ndarray, 
     """
     state = _state_of(fit)
     rows = np.concatenate([borrowed_rows(factors) for factors in fit.problem.factors])
-    doubtful = replace(state, variance=state.variance * (rows / 2.0)[:, None])
+    uncertain = replace(state, variance=state.variance * (rows / 2.0)[:, None])
     every = [np.ones(len(rows), dtype=bool)]
-    added = part_information(fit.problem, doubtful, every, corrected=False)[0]
+    added = part_information(fit.problem, uncertain, every, corrected=False)[0]
     covariance = fit.estimate.covariance
     # By a root, which keeps what hardly anything is known of from falling below zero by rounding.
     moved = covariance @ square_root(added)
@@ -353,7 +349,7 @@ def covariance_with_noise_uncertainty(fit: BandedEstimate) -> Float[np.ndarray, 
 
 
 def square_root(squares: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
-    """Return A with A A^T an information or a covariance, of parameters of any units."""
+    """Factor an information or a covariance of parameters of any units into A A^T."""
     size = parameter_scale(squares)
     strength, V = np.linalg.eigh(squares / np.outer(size, size))
     root: Float[np.ndarray, "f f"] = size[:, None] * V * np.sqrt(np.maximum(strength, 0.0))
@@ -361,14 +357,79 @@ def square_root(squares: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "f f"]:
 
 
 def response_sensitivity(fit: BandedEstimate) -> Float[np.ndarray, "e f"]:
-    """Return how far the estimate hangs on what is assumed of the controller, error by error.
+    """Compute the parameters' step by the controller's uncertain response, error by error.
 
-    The step of the parameters that its answer to each error alone asks for: by so much an estimate
-    is off where the controller does not answer that error, or twice as much as assumed.
+    By so much an estimate is off where the controller does not respond to that error, or twice as
+    much as assumed.
     """
     problem, phi = fit.problem, fit.estimate.values
     if problem.feedback is None:
         return np.zeros((0, len(phi)))
-    doubtful = problem.feedback.doubtful()
-    asked = feedback_scores(problem, doubtful, solutions(problem, phi)).sum(axis=0)
-    return asked @ fit.estimate.covariance
+    uncertain = problem.feedback.uncertain_part()
+    equations = feedback_scores(problem, uncertain, solutions(problem, phi)).sum(axis=0)
+    return equations @ fit.estimate.covariance
+
+
+UNDETERMINED = 1e-10
+"""Eigenvalue of the unit-diagonal information under which a direction counts as lost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shift:
+    """By how much numbers move, and how much of that chance explains.
+
+    Attributes
+    ----------
+    values, covariance
+        Of the shift.
+    """
+
+    values: Float[np.ndarray, " q"]
+    covariance: Float[np.ndarray, "q q"]
+
+    @property
+    def std(self) -> Float[np.ndarray, " q"]:
+        """Standard deviation of each shift by chance alone."""
+        return np.sqrt(np.maximum(np.diagonal(self.covariance), 0.0))
+
+
+def shift_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
+    """Compute the shift of the free parameters when some blocks are left out, in one step."""
+    whole = normal_equations(fit, np.ones_like(blocks))
+    rest = normal_equations(fit, ~blocks)
+    scale = parameter_scale(whole.information)
+    inverse, inverse_rest = _inverse(whole.information, scale), _inverse(rest.information, scale)
+    influence = (rest.scores @ inverse_rest - whole.scores @ inverse)[:-1]
+    formal = inverse_rest - inverse
+    return Shift(
+        values=rest.scores.sum(axis=0) @ inverse_rest,
+        covariance=_at_least(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal),
+    )
+
+
+def _scatter(influence: Float[np.ndarray, "b f"]) -> Float[np.ndarray, "f f"]:
+    """Estimate the covariance from the scatter within a group of blocks (jackknife).
+
+    About their mean: the difference between the groups is the shift, not chance.
+    """
+    if len(influence) < 2:
+        return influence.T @ influence
+    return scatter_covariance(influence)
+
+
+def _inverse(
+    H: Float[np.ndarray, "f f"], scale: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, "f f"]:
+    """Invert; directions that the equations lost become infinitely uncertain."""
+    values, vectors = scipy.linalg.eigh(H / np.outer(scale, scale))
+    values = np.maximum(values, UNDETERMINED)
+    return (vectors / values) @ vectors.T / np.outer(scale, scale)
+
+
+def _at_least(
+    covariance: Float[np.ndarray, "q q"], floor: Float[np.ndarray, "q q"]
+) -> Float[np.ndarray, "q q"]:
+    """Scale a covariance up where its variances are under those of the floor."""
+    variance = np.maximum(np.diagonal(covariance), np.finfo(float).tiny)
+    factor = np.sqrt(np.maximum(np.diagonal(floor) / variance, 1.0))
+    return covariance * np.outer(factor, factor)

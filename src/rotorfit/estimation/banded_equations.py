@@ -72,7 +72,7 @@ class Evaluated(State):
     rest: float
 
     def over(self, variance: Float[np.ndarray, "b k"]) -> float:
-        """Return the squares over given variances, and the rest.
+        """Sum the squares over given variances, and the rest.
 
         Half its slope is the corrected score, in every block, so that a step along that lowers it.
         """
@@ -95,34 +95,28 @@ class CorrectedEquations:
         What the prior asks for.
     """
 
-    plain: Float[np.ndarray, "f f"]
-    taken: Float[np.ndarray, "f f"]
+    information: Float[np.ndarray, "f f"]
+    noise_information: Float[np.ndarray, "f f"]
     scores: Float[np.ndarray, "b f"]
-    pull: Float[np.ndarray, " f"]
+    prior_score: Float[np.ndarray, " f"]
 
     @property
     def score(self) -> Float[np.ndarray, " f"]:
-        """What all of them ask for."""
-        return self.scores.sum(axis=0) + self.pull
+        """Sum of all scores."""
+        return self.scores.sum(axis=0) + self.prior_score
 
 
 def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated:
-    """Return residuals, variances and cost at `phi`.
-
-    Raises
-    ------
-    EstimationError
-        If the equations cannot be solved for the noisy signals there.
-    """
+    """Evaluate residuals, variances and cost at `phi`; raise where nothing solves the equations."""
     found = solved_each(problem, phi)
     rest = prior_cost(problem, phi) - 2.0 * feedback_gain(problem, phi, found)
     cost = rest
-    untied = [problem.untied(c, G) for c, G in enumerate(found)]
-    residual = _errors(problem, phi, untied)
+    decorrelated = [problem.decorrelated(c, G) for c, G in enumerate(found)]
+    residual = _errors(problem, phi, decorrelated)
     powers = split_blocks(power_of(residual), problem.factors)
     variances: list[Float[np.ndarray, "b k"]] = []
     squares: list[Float[np.ndarray, "b k"]] = []
-    for c, (factors, G) in enumerate(zip(problem.factors, untied, strict=True)):
+    for c, (factors, G) in enumerate(zip(problem.factors, decorrelated, strict=True)):
         power, rows, floor = powers[c], factors.rows[:, None], problem.floors[c]
         own = borrowed_mean_square(power, factors)
         v, floored = np.maximum(own, floor), own < floor
@@ -133,7 +127,7 @@ def evaluated(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated
         spare = np.minimum(power / v - rows, 0.0)
         cost += float(np.sum(spare, where=counted & floored))
         variances.append(np.where(counted, v, np.inf))
-        squares.append(power - rows * known_share(problem, c, G))
+        squares.append(power - rows * known_noise_variance(problem, c, G))
     if not np.isfinite(cost):
         raise EstimationError("the likelihood is not finite here")
     return Evaluated(
@@ -151,31 +145,31 @@ def _errors(
     phi: Float[np.ndarray, " f"],
     found: Sequence[Float[np.ndarray, "_ k z"]],
 ) -> Float[np.ndarray, "b m k"]:
-    """Return the errors of all blocks; `found` is what makes them of each part's signals."""
+    """Compute the errors of all blocks; `found`: G of each part."""
     lifts = [factors.lift(problem.moves(phi)).T for factors in problem.factors]
     blocks = sum(len(factors) for factors in problem.factors)
     e = np.empty((blocks, problem.factors[0].columns.shape[1], len(problem.noisy)))
     for part in problem.every_part:
         c = part.configuration
-        columns, u = problem.factors[c].columns[part.own], found[c][part.place] @ lifts[c]
+        columns, u = problem.factors[c].columns[part.local], found[c][part.place] @ lifts[c]
         np.matmul(columns, u.T, out=e[part.blocks])
     return e
 
 
-def known_share(
+def known_noise_variance(
     problem: BandedProblem, c: int, G: Float[np.ndarray, "t k z"]
 ) -> Float[np.ndarray, "b k"]:
-    """Return what known noise of the regressors adds to the variance of every block's errors."""
+    """Compute the variance that known noise of the regressors adds to every block's errors."""
     noise = problem.factors[c].noise
     share = np.zeros((len(problem.factors[c]), G.shape[1]))
     for part in problem.every_part:
         if part.configuration == c and noise is not None:
-            share[part.own] = noise[part.own] @ (G[part.place] ** 2).T
+            share[part.local] = noise[part.local] @ (G[part.place] ** 2).T
     return share
 
 
 def evaluated_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> Evaluated | None:
-    """Return the same, None where the equations cannot be solved."""
+    """Evaluate at `phi`; None where nothing solves the equations."""
     try:
         return evaluated(problem, phi)
     except EstimationError:
@@ -183,7 +177,7 @@ def evaluated_or_none(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> E
 
 
 def prior_cost(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> float:
-    """Return minus twice the logarithm of the prior."""
+    """Compute minus twice the logarithm of the prior."""
     mean, std = problem.prior
     known = np.isfinite(std)
     return float(np.sum(((phi - mean)[known] / std[known]) ** 2))
@@ -194,53 +188,55 @@ def feedback_gain(
     phi: Float[np.ndarray, " f"],
     found: Sequence[Float[np.ndarray, "_ k z"]],
 ) -> float:
-    """Return what the answers of a controller add to the log-likelihood; `found` is G of each."""
+    """Compute the controller's part of the log-likelihood; `found`: G of each configuration."""
     if problem.feedback is None:
         return 0.0
     moves = problem.moves(phi)
     gain = 0.0
     for part, G in enumerate(G for own in found for G in own):
         gain += problem.feedback.gain(part, G)
-        gain += float(problem.feedback.answers[part].drift.sum(axis=(0, 1)) @ moves)
+        gain += float(problem.feedback.responses[part].gain_slopes.sum(axis=(0, 1)) @ moves)
     return gain
 
 
 def feedback_scores(
     problem: BandedProblem, feedback: Feedback, found: Sequence[Solution]
 ) -> Float[np.ndarray, "b e f"]:
-    """Return the derivative of the gain by the free parameters, by block and answered error.
+    """Differentiate the gain by the free parameters, by block and error.
 
-    `feedback` is that of the problem, or one with other answers.
+    `feedback` is that of the problem, or one with other responses.
     """
     blocks = sum(len(factors) for factors in problem.factors)
     scores = np.zeros((blocks, len(feedback.errors), len(problem.map.names)))
     for number, part in enumerate(problem.every_part):
-        scores[part.blocks][:, :, part.moved] = _answered(problem, feedback, number, found)
+        scores[part.blocks][:, :, part.moved] = _response_scores(problem, feedback, number, found)
     return scores
 
 
-def _answered(
+def _response_scores(
     problem: BandedProblem, feedback: Feedback, number: int, found: Sequence[Solution]
 ) -> Float[np.ndarray, "b e q"]:
-    """Return the same of one part, by the parameters that move it."""
+    """Differentiate the gain of one part by the parameters that move it."""
     part = problem.every_part[number]
     G, dG = (each[part.place] for each in found[part.configuration])
     scores = feedback.slope(number, G, dG.transpose(1, 0, 2))
-    scores[:, :, part.at(problem.places)] += feedback.answers[number].drift
+    scores[:, :, part.at(problem.places)] += feedback.responses[number].gain_slopes
     return scores
 
 
-def untied_solutions(problem: BandedProblem, found: Sequence[Solution]) -> list[Solution]:
-    """Return what makes the errors without what comes with others, and its slope."""
-    return [(problem.untied(c, G), problem.untied(c, dG)) for c, (G, dG) in enumerate(found)]
+def decorrelated_solutions(problem: BandedProblem, found: Sequence[Solution]) -> list[Solution]:
+    """Subtract the correlated part of each error from G and its slope."""
+    return [
+        (problem.decorrelated(c, G), problem.decorrelated(c, dG)) for c, (G, dG) in enumerate(found)
+    ]
 
 
 def lifted_slopes(
     problem: BandedProblem, phi: Float[np.ndarray, " f"], found: Sequence[Solution]
 ) -> list[Float[np.ndarray, "k a _"]]:
-    """Return d u / d phi of each part, by the columns of its factors and what moves it.
+    """Compute d u / d phi of each part, by the columns of its factors and its moving parameters.
 
-    `found` is of the errors that are looked at (`untied_solutions`).
+    `found`: G and slope of the errors in question (`decorrelated_solutions`).
     """
     lifts = [factors.lift(problem.moves(phi)) for factors in problem.factors]
     each = [dG @ lift.T for lift, (_, dG) in zip(lifts, found, strict=True)]
@@ -255,32 +251,35 @@ def lifted_slopes(
 
 
 def corrected_equations(problem: BandedProblem, state: State) -> CorrectedEquations:
-    """Return the linearised equations at a state."""
-    answered = solutions(problem, state.phi)
-    found = untied_solutions(problem, answered)
+    """Linearise the equations at a state."""
+    responding = solutions(problem, state.phi)
+    found = decorrelated_solutions(problem, responding)
     slopes = lifted_slopes(problem, state.phi, found)
     mean, std = problem.prior
-    plain = np.diag(std**-2.0)
-    taken = np.zeros_like(plain)
-    scores = np.zeros((len(state.variance), len(plain)))
+    information = np.diag(std**-2.0)
+    noise_information = np.zeros_like(information)
+    scores = np.zeros((len(state.variance), len(information)))
     for number, (part, dU) in enumerate(zip(problem.every_part, slopes, strict=True)):
         factors, w = problem.factors[part.configuration], 1.0 / state.variance[part.blocks]
         square = np.ix_(part.moved, part.moved)
-        plain[square] += _information(factors.gram[part.own], w, dU)
+        information[square] += _information(factors.gram[part.local], w, dU)
         asked = (state.residual[part.blocks] * w[:, None, :]).transpose(0, 2, 1)
         by = dU.reshape(-1, len(part.moved))
-        own = -(asked @ factors.columns[part.own]).reshape(-1, len(by)) @ by
+        own = -(asked @ factors.columns[part.local]).reshape(-1, len(by)) @ by
         if factors.noise is not None:
             G, dG = (each[part.place] for each in found[part.configuration])
-            noise, rows = factors.noise[part.own], factors.rows[part.own, None]
+            noise, rows = factors.noise[part.local], factors.rows[part.local, None]
             shares = rows * noise @ (dG * G[:, None]).transpose(0, 2, 1)
             own += (w.T[:, :, None] * shares).sum(axis=0)
-            taken[square] += _taken(noise, rows * w, dG)
+            noise_information[square] += _noise_information(noise, rows * w, dG)
         if problem.feedback is not None:
-            own += _answered(problem, problem.feedback, number, answered).sum(axis=1)
+            own += _response_scores(problem, problem.feedback, number, responding).sum(axis=1)
         scores[part.blocks, part.moved] = own
     return CorrectedEquations(
-        plain=plain, taken=taken, scores=scores, pull=(mean - state.phi) * std**-2.0
+        information=information,
+        noise_information=noise_information,
+        scores=scores,
+        prior_score=(mean - state.phi) * std**-2.0,
     )
 
 
@@ -291,11 +290,11 @@ def part_information(
     *,
     corrected: bool = True,
 ) -> Float[np.ndarray, "p f f"]:
-    """Return the information of choices of the blocks, without the prior's.
+    """Compute the information of choices of blocks, without the prior's.
 
-    `corrected`: less what of it is only known noise of the regressors.
+    `corrected`: less the part that is only known noise of the regressors.
     """
-    found = untied_solutions(problem, solutions(problem, state.phi))
+    found = decorrelated_solutions(problem, solutions(problem, state.phi))
     slopes = lifted_slopes(problem, state.phi, found)
     size = len(problem.map.names)
     out = np.zeros((len(chosen), size, size))
@@ -306,20 +305,20 @@ def part_information(
             own = np.flatnonzero(blocks[part.blocks])
             if not len(own):
                 continue
-            out[p][square] += _information(factors.gram[part.own][own], w[own], dU)
+            out[p][square] += _information(factors.gram[part.local][own], w[own], dU)
             if factors.noise is not None and corrected:
-                dG, rows = found[part.configuration][1], factors.rows[part.own, None]
-                noise = factors.noise[part.own][own]
-                out[p][square] -= _taken(noise, (rows * w)[own], dG[part.place])
+                dG, rows = found[part.configuration][1], factors.rows[part.local, None]
+                noise = factors.noise[part.local][own]
+                out[p][square] -= _noise_information(noise, (rows * w)[own], dG[part.place])
     return out
 
 
-def _taken(
+def _noise_information(
     noise: Float[np.ndarray, "b z"],
     weight: Float[np.ndarray, "b k"],
     dG: Float[np.ndarray, "k q z"],
 ) -> Float[np.ndarray, "q q"]:
-    """Return what of the information of blocks is only the regressors' known noise."""
+    """Compute the part of blocks' information that is only the regressors' known noise."""
     weighed: Float[np.ndarray, "k z"] = weight.T @ noise
     found: Float[np.ndarray, "q q"] = (dG * weighed[:, None] @ dG.transpose(0, 2, 1)).sum(axis=0)
     return found
@@ -330,27 +329,21 @@ def _information(
     weight: Float[np.ndarray, "b k"],
     dU: Float[np.ndarray, "k a q"],
 ) -> Float[np.ndarray, "q q"]:
-    """Return the information of blocks of one part, by their Gram matrices."""
+    """Compute the information of blocks of one part, by their Gram matrices."""
     S = np.tensordot(weight, gram, axes=(0, 0))
     found: Float[np.ndarray, "q q"] = (dU.transpose(0, 2, 1) @ S @ dU).sum(axis=0)
     return found
 
 
 def root_of(
-    problem: BandedProblem, state: State, plain: Float[np.ndarray, "f f"]
+    problem: BandedProblem, state: State, information: Float[np.ndarray, "f f"]
 ) -> Float[np.ndarray, "f f"]:
-    """Return an upper triangular R of which R^T R is the information `plain` of all blocks.
-
-    Raises
-    ------
-    EstimationError
-        If a parameter is not moved at all.
-    """
-    lengths = np.sqrt(np.diagonal(plain))
+    """Factor the information of all blocks into R^T R, R upper triangular."""
+    lengths = np.sqrt(np.diagonal(information))
     if not (lengths > 0.0).all():
         raise EstimationError("the flights do not move a parameter at all; remove its term")
     try:
-        R = np.linalg.cholesky(plain / np.outer(lengths, lengths)).T
+        R = np.linalg.cholesky(information / np.outer(lengths, lengths)).T
     except np.linalg.LinAlgError:
         return _root_of_rows(problem, state)
     accurate = np.diagonal(R).min() > SMALLEST_PIVOT
@@ -358,12 +351,12 @@ def root_of(
 
 
 def _root_of_rows(problem: BandedProblem, state: State) -> Float[np.ndarray, "f f"]:
-    """Return the same, from the rows: twice as many digits, at many times the cost."""
+    """Compute that root from the rows: twice as many digits, at many times the cost."""
     parts = [np.diag(1.0 / problem.prior[1])]
-    found = untied_solutions(problem, solutions(problem, state.phi))
+    found = decorrelated_solutions(problem, solutions(problem, state.phi))
     slopes = lifted_slopes(problem, state.phi, found)
     for part, dU in zip(problem.every_part, slopes, strict=True):
-        columns = problem.factors[part.configuration].columns[part.own]
+        columns = problem.factors[part.configuration].columns[part.local]
         weights = 1.0 / np.sqrt(state.variance[part.blocks])
         for w, slope in zip(weights.T, dU, strict=True):
             rows = (columns * w[:, None, None]).reshape(-1, columns.shape[2])
@@ -376,7 +369,7 @@ def _root_of_rows(problem: BandedProblem, state: State) -> Float[np.ndarray, "f 
 def selected(
     problem: BandedProblem, state: State, blocks: Bool[np.ndarray, " b"]
 ) -> tuple[BandedProblem, State]:
-    """Return the problem and the state of some blocks, with the variances of all of them."""
+    """Select blocks of the problem and of the state, with the variances of all of them."""
     keep = split_blocks(blocks, problem.factors)
     each = [blocks[part.blocks] for part in problem.every_part]
     counts = [int(own.sum()) for own in each]

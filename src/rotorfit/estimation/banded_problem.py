@@ -27,7 +27,7 @@ class Part:
     ----------
     configuration, place
         Whose they are, and which of its parts.
-    own, blocks
+    local, blocks
         The blocks among those of their configuration, and among all.
     moved
         Free parameters that move their theta or their signals.
@@ -35,12 +35,12 @@ class Part:
 
     configuration: int
     place: int
-    own: slice
+    local: slice
     blocks: slice
     moved: Int[np.ndarray, " q"]
 
     def at(self, places: Sequence[int]) -> list[int]:
-        """Return where some parameters stand among those that move it."""
+        """Locate some parameters among those that move it."""
         return [int(np.flatnonzero(self.moved == place)[0]) for place in places]
 
 
@@ -69,7 +69,7 @@ class BandedProblem:
         Where a controller answers the errors, by the same parts.
     moving
         Free parameters that move the signals, in the order of the factors' slopes.
-    tied
+    error_correlation
         How much of each error (row) comes with the others (column), and is taken off it: strictly
         lower triangular up to the order of the errors, one per configuration; nothing by default.
     error_correlation_std
@@ -86,12 +86,12 @@ class BandedProblem:
     counted: tuple[Bool[np.ndarray, "_ k"], ...] = ()
     feedback: Feedback | None = None
     moving: tuple[str, ...] = ()
-    tied: tuple[Float[np.ndarray, "k k"], ...] = ()
+    error_correlation: tuple[Float[np.ndarray, "k k"], ...] = ()
     error_correlation_std: tuple[float, ...] = ()
 
     @cached_property
     def every_part(self) -> list[Part]:
-        """The parts of all configurations; theta and answers are in their order."""
+        """The parts of all configurations; theta and responses are in their order."""
         counts = self.parts or [(len(factors),) for factors in self.factors]
         owners = [(c, t) for c, own in enumerate(counts) for t in range(len(own))]
         ends = pairwise(accumulate((n for own in counts for n in own), initial=0))
@@ -101,7 +101,7 @@ class BandedProblem:
             Part(
                 configuration=c,
                 place=t,
-                own=slice(first - firsts[c], last - firsts[c]),
+                local=slice(first - firsts[c], last - firsts[c]),
                 blocks=slice(first, last),
                 moved=moved[number],
             )
@@ -110,13 +110,13 @@ class BandedProblem:
 
     @cached_property
     def thetas(self) -> list[slice]:
-        """Which thetas are those of each configuration's parts."""
+        """The thetas of each configuration's parts."""
         counts = [len(own) for own in self.parts] or [1] * len(self.factors)
         return [slice(*ends) for ends in pairwise(accumulate(counts, initial=0))]
 
     @cached_property
     def moved(self) -> list[Int[np.ndarray, "_ _"]]:
-        """Which free parameters move each part of each configuration, all in their order.
+        """The free parameters that move each part of each configuration, in their order.
 
         As many for all parts of one: others, which move nothing there, fill up.
         """
@@ -147,24 +147,24 @@ class BandedProblem:
         return np.array(mean), np.array(std)
 
     def moves(self, phi: Float[np.ndarray, " f"]) -> Float[np.ndarray, " t"]:
-        """Return how far the signals are moved at `phi`."""
+        """Select from `phi` how far the signals are moved."""
         return phi[self.places]
 
-    def untied(self, c: int, G: Float[np.ndarray, "t k *f"]) -> Float[np.ndarray, "t k *f"]:
-        """Return what makes the errors of configuration `c` without what comes with the others."""
-        if not self.tied:
+    def decorrelated(self, c: int, G: Float[np.ndarray, "t k *f"]) -> Float[np.ndarray, "t k *f"]:
+        """Subtract from `G` of configuration `c` the correlated part of each error."""
+        if not self.error_correlation:
             return G
         rows = G.reshape(*G.shape[:2], -1)
-        return (rows - self.tied[c] @ rows).reshape(G.shape)
+        return (rows - self.error_correlation[c] @ rows).reshape(G.shape)
 
 
 def power_of(rows: Float[np.ndarray, "b m k"]) -> Float[np.ndarray, "b k"]:
-    """Return the sum of squares of every column of each block."""
+    """Sum the squares of every column of each block."""
     return np.einsum("bmk,bmk->bk", rows, rows)
 
 
 def signal_power(problem: BandedProblem) -> Float[np.ndarray, "b k"]:
-    """Return the sum of squares of each noisy signal in every block."""
+    """Sum the squares of each noisy signal in every block."""
     noisy = list(problem.noisy)
     return np.concatenate([power_of(factors.R[:, :, noisy]) for factors in problem.factors])
 
@@ -172,14 +172,14 @@ def signal_power(problem: BandedProblem) -> Float[np.ndarray, "b k"]:
 def split_blocks(
     blocks: Shaped[np.ndarray, "b ..."], factors: Sequence[Factors]
 ) -> list[Shaped[np.ndarray, "_ ..."]]:
-    """Return what is told of every block, configuration by configuration."""
+    """Split an array over all blocks by configuration."""
     return np.split(blocks, np.cumsum([len(f) for f in factors])[:-1])
 
 
 def solved(
     tensor: Float[np.ndarray, "p j z"], theta: Float[np.ndarray, "*t p"], noisy: Sequence[int]
 ) -> tuple[Float[np.ndarray, "*t k z"], Float[np.ndarray, "*t k j"]]:
-    """Return M^-1 B and M^-1, of every theta."""
+    """Compute M^-1 B and M^-1, of every theta."""
     B: Float[np.ndarray, "*t k z"] = np.tensordot(theta, tensor, axes=1)
     unit = np.broadcast_to(np.eye(B.shape[-2]), (*B.shape[:-1], B.shape[-2]))
     both = np.concatenate([B, unit], axis=-1)
@@ -196,7 +196,7 @@ def solved_jacobian(
     dtheta: Float[np.ndarray, "t p f"],
     noisy: Sequence[int],
 ) -> tuple[Float[np.ndarray, "t k z"], Float[np.ndarray, "t k f z"]]:
-    """Return G = M^-1 B and d G / d phi = M^-1 (dB - dM G), of every theta."""
+    """Compute G = M^-1 B and d G / d phi = M^-1 (dB - dM G), of every theta."""
     G, inverse = solved(tensor, theta, noisy)
     t, k, z = G.shape
     A = np.ascontiguousarray(tensor.transpose(1, 0, 2))
@@ -209,7 +209,7 @@ def solved_jacobian(
 def solved_each(
     problem: BandedProblem, phi: Float[np.ndarray, " f"]
 ) -> list[Float[np.ndarray, "_ k z"]]:
-    """Return G of the parts of each configuration."""
+    """Compute G of the parts of each configuration."""
     theta = problem.map.theta(phi)
     each = zip(problem.tensors, problem.thetas, strict=True)
     return [solved(A, theta[own], problem.noisy)[0] for A, own in each]
@@ -220,7 +220,7 @@ Solution = tuple[Float[np.ndarray, "_ k z"], Float[np.ndarray, "_ k _ z"]]
 
 
 def solutions(problem: BandedProblem, phi: Float[np.ndarray, " f"]) -> list[Solution]:
-    """Return G and d G / d phi of each configuration: d (M^-1 B) = M^-1 (dB - dM M^-1 B)."""
+    """Compute G and d G / d phi of each configuration: d (M^-1 B) = M^-1 (dB - dM M^-1 B)."""
     theta, dtheta = problem.map.theta(phi), problem.map.jacobian(phi)
     return [
         solved_jacobian(

@@ -43,19 +43,7 @@ def linearised(
     configuration: int,
     noisy: Sequence[int],
 ) -> Linearised:
-    """Return the error and its slope: d(M^-1 B) = M^-1 (dB - dM M^-1 B).
-
-    Parameters
-    ----------
-    tensor
-        A_p of the configuration.
-    mapped, phi
-        The parameter map, and where to linearise.
-    configuration
-        Which of the map's.
-    noisy
-        The signals that carry the noise.
-    """
+    """Linearise the error: d(M^-1 B) = M^-1 (dB - dM M^-1 B)."""
     theta, dtheta = mapped.theta(phi)[configuration], mapped.jacobian(phi)[configuration]
     B: Float[np.ndarray, "k z"] = np.einsum("p,pjz->jz", theta, tensor)
     inverse: Float[np.ndarray, "k j"] = np.linalg.inv(B[:, list(noisy)])
@@ -69,25 +57,15 @@ def linearised(
 def information(
     model: Linearised, factors: Factors, variance: Float[np.ndarray, "b k"]
 ) -> Float[np.ndarray, "f f"]:
-    """Return the information of blocks of exact signals about the free parameters.
-
-    Parameters
-    ----------
-    model
-        The linearised error.
-    factors
-        Of the exact signals.
-    variance
-        Of each noisy signal's error per row of each block.
-    """
+    """Compute the information of exact signals, for error variances per row of each block."""
     weighted = _weighted_grams(factors, variance)
     return np.einsum("fkz,kzy,gky->fg", model.slope, weighted, model.slope, optimize=True)
 
 
-def pull(
+def score(
     model: Linearised, factors: Factors, variance: Float[np.ndarray, "b k"]
 ) -> Float[np.ndarray, " f"]:
-    """Return J^T e / v where the signals do not fit: information^-1 times it is minus the shift."""
+    """Compute J^T e / v where the signals do not fit: information^-1 score is minus the shift."""
     weighted = _weighted_grams(factors, variance)
     return np.einsum("fkz,kzy,ky->f", model.slope, weighted, model.error, optimize=True)
 
@@ -95,5 +73,5 @@ def pull(
 def _weighted_grams(
     factors: Factors, variance: Float[np.ndarray, "b k"]
 ) -> Float[np.ndarray, "k z z"]:
-    """Return sum_b R_b^T R_b / v_bk."""
+    """Compute sum_b R_b^T R_b / v_bk."""
     return np.einsum("bmz,bk,bmy->kzy", factors.R, 1.0 / variance, factors.R, optimize=True)

@@ -36,23 +36,11 @@ def nearest_consistent(
     covariance: Float[np.ndarray, "q q"],
     matrix: tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "q n n"]],
 ) -> Nearest:
-    r"""Return the x nearest to `values` with :math:`M_0 + \sum x_i M_i` positive semidefinite.
+    r"""Find the x nearest to `values` with :math:`M_0 + \sum x_i M_i` positive semidefinite.
 
     Minimises :math:`(x - \hat x)^T C^{-1} (x - \hat x)`: a quadratic programme over the cone of
-    semidefinite matrices (Wensing, Kim and Slotine 2017 for the inertia of bodies).
-
-    Parameters
-    ----------
-    values, covariance
-        The estimate and its covariance, which must be positive definite.
-    matrix
-        M_0 and the M_i, symmetric.
-
-    Raises
-    ------
-    EstimationError
-        If the covariance is singular, no point keeps the constraint, or Clarabel is not installed
-        (the extra ``physical``).
+    semidefinite matrices (Wensing, Kim and Slotine 2017 for the inertia of bodies). `matrix`: M_0
+    and the M_i. Needs Clarabel (the extra ``physical``).
     """
     constant, slopes = matrix
     std = np.sqrt(np.diagonal(covariance))
@@ -74,7 +62,7 @@ def _solved(
     at: Float[np.ndarray, "n n"],
     slopes: Float[np.ndarray, "q n n"],
 ) -> Float[np.ndarray, " q"]:
-    """Return the shortest step d in the metric with at + sum d_i slopes_i semidefinite."""
+    """Solve for the shortest step d in the metric with at + sum d_i slopes_i semidefinite."""
     try:
         clarabel: Any = import_module("clarabel")
     except ImportError as error:
@@ -98,7 +86,7 @@ def _solved(
 
 
 def _triangle(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, " t"]:
-    """Return the upper triangle column by column, off-diagonals times sqrt(2)."""
+    """Stack the upper triangle column by column, off-diagonals times sqrt(2)."""
     n = len(matrix)
     return np.array(
         [matrix[i, j] * (1.0 if i == j else np.sqrt(2.0)) for j in range(n) for i in range(j + 1)]

@@ -18,65 +18,48 @@ class Step:
 
     step: Float[np.ndarray, " f"]
     std: Float[np.ndarray, " f"]
-    foretold: float
+    predicted_gain: float
 
 
 def damped_step(
     root: Float[np.ndarray, "n f"], score: Float[np.ndarray, " f"], damping: float
 ) -> Step:
-    """Return a Levenberg-Marquardt step, columns scaled.
+    """Solve for a Levenberg-Marquardt step, columns scaled, with R^T R the information.
 
-    Parameters
-    ----------
-    root
-        R of which R^T R is the information.
-    score
-        Half the slope of what should rise.
-    damping
-        In units of the scaled information.
+    `score` is half the slope; the damping is in units of the scaled information.
     """
     lengths = np.linalg.norm(root, axis=0)
     _, s, Vt = np.linalg.svd(root / lengths, full_matrices=False)
-    told = s > SMALLEST_SHARE * s[0]
-    s, Vt = s[told], Vt[told]
-    asked = Vt @ (score / lengths)
-    moved = s / (s**2 + damping) * asked
+    known = s > SMALLEST_SHARE * s[0]
+    s, Vt = s[known], Vt[known]
+    projected = Vt @ (score / lengths)
+    moved = s / (s**2 + damping) * projected
     return Step(
         step=(moved / s) @ Vt / lengths,
         std=np.linalg.norm(Vt / s[:, None], axis=0) / lengths,
-        foretold=float(moved @ (2.0 * asked / s - moved)),
+        predicted_gain=float(moved @ (2.0 * projected / s - moved)),
     )
 
 
-def eased(damping: float, won: float, foretold: float) -> float:
-    """Return the damping after a step that won so much of what was foretold.
+def reduced_damping(damping: float, won: float, predicted_gain: float) -> float:
+    """Reduce the damping after a step that won so much of the predicted gain.
 
     References
     ----------
     Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05, Technical University of
     Denmark, 1999.
     """
-    ratio = min(won / max(foretold, float(np.finfo(float).tiny)), 1.0)
+    ratio = min(won / max(predicted_gain, float(np.finfo(float).tiny)), 1.0)
     return max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), LEAST_DAMPING)
 
 
 def extrapolated(
     path: Sequence[Float[np.ndarray, " f"]], std: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, " f"] | None:
-    """Return where steps that shrink, or grow, by one share each would end; None of too few.
+    """Extrapolate the last three points of steps that change by one share each; None of fewer.
 
-    Reweighting at each step is what EM algorithms do, and crawls along valleys as they do.
-
-    Parameters
-    ----------
-    path
-        The last points; three are looked at.
-    std
-        Of the parameters, their common scale.
-
-    References
-    ----------
-    Varadhan and Roland, Scandinavian J. of Statistics 35(2), 2008 (SQUAREM, third step length).
+    Reweighting at each step is what EM algorithms do, and crawls along valleys as they do (Varadhan
+    and Roland, Scandinavian J. of Statistics 35(2), 2008: SQUAREM, third step length).
     """
     if len(path) < 3:
         return None

@@ -1,10 +1,11 @@
-r"""What is open of an estimate because what ties its errors to others is estimated, too.
+r"""Covariance of an estimate that comes from estimating the correlation between its errors, too.
 
-The shares C of `BandedProblem.tied` are found beforehand and then held. Error t without what comes
-with the others is :math:`e_t - C_{ts} e_s`, linear in C, so that each share is one parameter more,
-with the other errors for its regressors: with the information H of the free parameters, D of the
-shares (with what is known of them beforehand) and B between them, the covariance of the parameters
-:math:`H^{-1}` grows by :math:`H^{-1} B (D - B^T H^{-1} B)^{-1} B^T H^{-1}` (block inverse).
+The shares C of `BandedProblem.error_correlation` are found beforehand and then held. Error t
+without its correlated part is :math:`e_t - C_{ts} e_s`, linear in C: each share is one parameter
+more, with the other errors for its regressors. With the information H of the free parameters, D of
+the shares (with what is known of them beforehand) and B between them, the covariance of the
+parameters, :math:`H^{-1}`, grows by
+:math:`H^{-1} B (D - B^T H^{-1} B)^{-1} B^T H^{-1}` (block inverse).
 """
 
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.estimation.banded_equations import lifted_slopes, untied_solutions
+from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_slopes
 from rotorfit.estimation.banded_problem import solutions
 
 LEAST_LEFT: Final = 1e-9
@@ -22,14 +23,14 @@ LEAST_LEFT: Final = 1e-9
 
 
 def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
-    """Return how far the parameters move with what is open of the ties: independent deviations."""
+    """Compute the parameters' shifts by independent deviations of the correlation's shares."""
     problem, covariance = fit.problem, fit.estimate.covariance
     shifts = [np.zeros((0, len(covariance)))]
-    if any(tied.any() for tied in problem.tied):
-        found = untied_solutions(problem, solutions(problem, fit.estimate.values))
+    if any(shares.any() for shares in problem.error_correlation):
+        found = decorrelated_solutions(problem, solutions(problem, fit.estimate.values))
         slopes = lifted_slopes(problem, fit.estimate.values, found)
-        for c, tied in enumerate(problem.tied):
-            for t in np.flatnonzero(tied.any(axis=1)).tolist():
+        for c, shares in enumerate(problem.error_correlation):
+            for t in np.flatnonzero(shares.any(axis=1)).tolist():
                 between, own = _information(fit, slopes, c, t)
                 own += np.eye(len(own)) / problem.error_correlation_std[c] ** 2
                 moved = between @ covariance
@@ -43,14 +44,14 @@ def error_correlation_shifts(fit: BandedEstimate) -> Float[np.ndarray, "n f"]:
 def _information(
     fit: BandedEstimate, slopes: Sequence[Float[np.ndarray, "k a _"]], c: int, t: int
 ) -> tuple[Float[np.ndarray, "s f"], Float[np.ndarray, "s s"]]:
-    """Return the information between the shares of error t and the parameters, and their own."""
+    """Compute the information between error t's shares and the parameters, and of the shares."""
     problem = fit.problem
-    others = np.flatnonzero(problem.tied[c][t])
+    others = np.flatnonzero(problem.error_correlation[c][t])
     between = np.zeros((len(others), len(problem.map.names)))
     own = np.zeros((len(others), len(others)))
     for part, dU in zip(problem.every_part, slopes, strict=True):
         if part.configuration == c:
-            columns = problem.factors[c].columns[part.own]
+            columns = problem.factors[c].columns[part.local]
             errors = fit.residual[part.blocks][:, :, others]
             weighed = errors.transpose(0, 2, 1) / fit.variance[part.blocks, t, None, None]
             own += (weighed @ errors).sum(axis=0)

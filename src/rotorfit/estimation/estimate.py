@@ -1,5 +1,6 @@
-"""The type every estimator returns, and the linear problem it is handed."""
+"""Linear problems and their estimates: singular values, free directions, numerical slopes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +74,7 @@ class Estimate:
         return dict(zip(self.names, self.values.tolist(), strict=True))
 
     def value(self, name: str) -> float:
-        """Return the value of one free parameter."""
+        """Look up the value of one free parameter."""
         return float(self.values[self.names.index(name)])
 
 
@@ -83,7 +84,7 @@ def equation_rows(
     parameter_map: tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p f"]],
     weights: Float[np.ndarray, " j"],
 ) -> Float[np.ndarray, "b m g"]:
-    """Return the equations [d/d phi | constant] of each block, reduced to j z rows.
+    """Reduce the equations [d/d phi | constant] of each block to j z rows.
 
     An orthogonal transform of the block's dense rows padded with zeros: same singular values,
     same solutions. Column g = f + 1 is the known part.
@@ -97,7 +98,7 @@ def equation_rows(
 
 
 def problem_rows(problem: LinearProblem) -> Float[np.ndarray, "m g"]:
-    """Return the weighted equations [d/d phi | constant] of the whole problem, reduced."""
+    """Reduce the weighted equations [d/d phi | constant] of the whole problem."""
     parts = [
         equation_rows(
             factors.total[None],
@@ -134,14 +135,7 @@ class ScaledSingular:
 
 
 def scaled_singular(rows: Float[np.ndarray, "m f"], names: tuple[str, ...]) -> ScaledSingular:
-    """Return the singular values and vectors of column-scaled equations.
-
-    Raises
-    ------
-    EstimationError
-        If there are fewer equations than parameters, or a column is zero: the flight does not
-        move that parameter at all.
-    """
+    """Decompose column-scaled equations; raise if too few or if a column is zero."""
     if rows.shape[0] < rows.shape[1]:
         raise EstimationError(
             f"{rows.shape[0]} equations cannot determine {rows.shape[1]} parameters; "
@@ -156,13 +150,7 @@ def scaled_singular(rows: Float[np.ndarray, "m f"], names: tuple[str, ...]) -> S
 
 
 def refuse_free_direction(svd: ScaledSingular, names: tuple[str, ...]) -> None:
-    """Raise where a direction of the parameters is known to no more than rounding.
-
-    Raises
-    ------
-    EstimationError
-        With the parameter that has the largest part in that direction.
-    """
+    """Raise where a direction of the parameters is known to no more than rounding."""
     if svd.s[-1] > svd.s[0] * 1e-13:
         return
     worst = names[int(np.argmax(np.abs(svd.Vt[-1])))]
@@ -170,3 +158,61 @@ def refuse_free_direction(svd: ScaledSingular, names: tuple[str, ...]) -> None:
         f"the equations leave a combination of parameters free (most of it {worst}); "
         "remove it, or fly a motion that separates it"
     )
+
+
+FREE = 1e-9
+"""Relative singular value of the column-scaled equations under which a direction is free: exact
+data leave rounding there, noisy data their noise."""
+SHARE = 0.05
+"""Parameters with a smaller share of a direction are not named in it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeDirection:
+    """A combination of parameters that the equations do not determine.
+
+    Attributes
+    ----------
+    strength
+        Its singular value relative to the largest, columns scaled to unit length.
+    parts
+        Its parameters and their relative changes along it, the largest 1.
+    """
+
+    strength: float
+    parts: dict[str, float]
+
+
+def free_directions(problem: LinearProblem, *, below: float = FREE) -> tuple[FreeDirection, ...]:
+    """Find the directions of parameters that the known equations leave free.
+
+    The null space of the observation matrix without its known column: the argument of Six et al.
+    2020, eq. 23, for any flight, vehicle and number of configurations.
+    """
+    names = problem.map.names
+    svd = scaled_singular(problem_rows(problem)[:, : len(names)], names)
+    found: list[FreeDirection] = []
+    for s, v in zip(svd.s, svd.Vt, strict=True):
+        if s <= below * svd.s[0]:
+            shares = v / v[np.argmax(np.abs(v))]
+            parts = {n: float(x) for n, x in zip(names, shares, strict=True) if abs(x) > SHARE}
+            found.append(FreeDirection(strength=float(s / svd.s[0]), parts=parts))
+    return tuple(found)
+
+
+def numerical_jacobian(
+    function: Callable[[Float[np.ndarray, " f"]], Float[np.ndarray, " g"]],
+    at: Float[np.ndarray, " f"],
+    scale: Float[np.ndarray, " f"],
+) -> Float[np.ndarray, "g f"]:
+    """Differentiate a function by central differences over a thousandth of each scale.
+
+    A scale is a length over which the function changes little, such as a standard deviation; zeros
+    are replaced by the size of the argument.
+    """
+    step = 1e-3 * np.where(scale > 0, scale, np.maximum(np.abs(at), 1.0))
+    columns = [
+        (function(at + shift) - function(at - shift)) / (2.0 * shift[i])
+        for i, shift in enumerate(np.diag(step))
+    ]
+    return np.column_stack(columns)

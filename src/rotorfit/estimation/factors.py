@@ -153,7 +153,7 @@ class Factors:
 
 
 def of_even_rows(parts: Sequence[Factors]) -> tuple[Factors, ...]:
-    """Return factors whose blocks all have the same number of rows, zeros below where need be.
+    """Pad blocks with zero rows to the same number of rows.
 
     Slopes of few samples need fewer rows than others.
     """
@@ -169,7 +169,7 @@ def of_even_rows(parts: Sequence[Factors]) -> tuple[Factors, ...]:
 
 
 def stack_factors(parts: Sequence[Factors]) -> Factors:
-    """Return all blocks of several factors, their segments numbered on."""
+    """Stack the blocks of several factors, numbering their segments on."""
     if not parts:
         raise EstimationError("no factors to stack: no stretch of flight was given")
     shifts = np.cumsum([0] + [int(part.segment.max(initial=-1)) + 1 for part in parts[:-1]])
@@ -189,13 +189,13 @@ def stack_factors(parts: Sequence[Factors]) -> Factors:
 def _all_or_none(
     parts: Sequence[Float[np.ndarray, "_ t m z"] | None],
 ) -> Float[np.ndarray, "b t m z"] | None:
-    """Return the slopes of all parts, None where any has none."""
+    """Stack the slopes of all parts, None where any has none."""
     there = [part for part in parts if part is not None]
     return np.concatenate(there) if len(there) == len(parts) else None
 
 
 def stack_recordings(parts: Sequence[Factors]) -> Factors:
-    """Return the same with every block marked by the part it comes from."""
+    """Stack the blocks of several factors, each marked by the part it comes from."""
     source = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     return replace(stack_factors(parts), source=source)
 
@@ -203,16 +203,9 @@ def stack_recordings(parts: Sequence[Factors]) -> Factors:
 def borrowed_mean_square(
     power: Float[np.ndarray, "b k"], factors: Factors
 ) -> Float[np.ndarray, "b k"]:
-    """Return each block's mean square, with half of its neighbours' where rows are few.
+    """Average each block's squares, with half of its neighbours' where rows are few.
 
     A band of two lines that happens to fit well must not get all the weight.
-
-    Parameters
-    ----------
-    power
-        Sum of squares over the rows of each block, one column per residual.
-    factors
-        The blocks.
     """
     return _with_neighbours(power, factors) / borrowed_rows(factors)[:, None]
 
@@ -235,13 +228,7 @@ def _with_neighbours(sums: Float[np.ndarray, "b k"], factors: Factors) -> Float[
 def time_block_factors(
     Z: Float[np.ndarray, "n z"], *, block_rows: int, segment: int = 0
 ) -> Factors:
-    """Return one factor per block of `block_rows` consecutive rows (the last may be shorter).
-
-    Raises
-    ------
-    EstimationError
-        If Z has no rows, or holds NaN or infinity.
-    """
+    """Return one factor per block of `block_rows` consecutive rows (the last may be shorter)."""
     n, width = Z.shape
     whole = n // block_rows
     parts: list[Float[np.ndarray, "b z z"]] = []
@@ -269,11 +256,6 @@ def triangular_factors(
 
     Cholesky of the column-scaled Gram matrix where that is accurate, else Householder QR. Blocks
     may have different numbers of rows.
-
-    Raises
-    ------
-    EstimationError
-        If a block holds NaN or infinity.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # found below, and said
         gram = np.array([rows.T @ rows for rows in blocks])

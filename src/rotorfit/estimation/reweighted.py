@@ -54,20 +54,7 @@ class BandedFit:
 def reweighted(
     problem: LinearProblem, *, prior_std: Mapping[str, float] | None = None
 ) -> BandedFit:
-    """Return the estimate whose band weights agree with its own residuals.
-
-    Parameters
-    ----------
-    problem
-        One configuration, its factors one per stretch of flight and frequency band.
-    prior_std
-        Standard deviation around zero of what is known of a parameter before the flight.
-
-    Raises
-    ------
-    EstimationError
-        If the flight does not move a parameter, or the known signal, at all.
-    """
+    """Return the estimate whose band weights agree with its own residuals."""
     J, y, rows = _block_equations(problem)
     names = problem.map.names
     information = _prior_information(names, prior_std or {})

@@ -10,7 +10,7 @@ from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.strict_tables import Vector
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.preprocessing.imu_tilt import ImuTilt
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
+from rotorfit.preprocessing.motors.motor_model import MotorModel
 
 
 def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from rotorfit.export.header import hash_comment, noted
 from rotorfit.export.units import listed, text
 from rotorfit.export.vehicle import BODY, LAG, ROTORS, VehicleModel, refuse_no_lag
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 NEEDS = (*BODY, *ROTORS, *LAG)
 FUNCTION = '''

@@ -14,7 +14,7 @@ import numpy as np
 from rotorfit.export.header import identifier, noted, xml_comment
 from rotorfit.export.units import elements, quaternion_wxyz, text, texts
 from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, ExportedRotor, VehicleModel
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 TIMESTEP = 0.002

@@ -15,7 +15,7 @@ from rotorfit.errors import OutputError
 from rotorfit.export.mjcf import write_mujoco
 from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_origin
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.simulation.controller import Autopilot, Gains, Memory, autopilot_of, control
 from rotorfit.simulation.motors import allocation
 from rotorfit.simulation.pilot import Reference

@@ -19,7 +19,7 @@ from rotorfit.export.units import frd, text
 from rotorfit.export.vehicle import ROTORS, VehicleModel
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.model.parameters import COM
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve, speeds, thrust_curve
 
 NEEDS = ("mass", *COM, *ROTORS)

@@ -15,7 +15,7 @@ import numpy as np
 from rotorfit.export.header import identifier, noted, xml_comment
 from rotorfit.export.units import elements, per_squared_rpm, roll_pitch_yaw, text, texts
 from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, VehicleModel
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 NEEDS = (*BODY, *ROTORS)
 GYM_SEATS = ((1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0))

@@ -17,7 +17,7 @@ from rotorfit.model.parameters import (
     inertia_about,
     inertia_matrix,
 )
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 BODY: Final = ("mass", *COM, *INERTIA_COM)
 ROTORS: Final = ("kt", "kd", "Izz_com")

@@ -42,7 +42,7 @@ def fit_flights(dataset: Dataset, wanted: Sequence[Term] | None) -> Fit:
         dataset = timed_again(dataset, choice.terms)
         # The signals are made anew at that timing: where it stood before is no place to begin.
         free, ended = dataset.free_timing, estimate.estimate.by_name
-        begin = ended if free is None else free.others(ended)
+        begin = ended if free is None else free.without_times(ended)
         estimate, joint = joint_fit(dataset, terms=choice.terms, begin=begin)
     added = tuple(note("term-added", sentence) for sentence in choice.sentences)
     return Fit(

@@ -19,12 +19,11 @@ import scipy.linalg
 from jaxtyping import Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import resting_inverse
+from rotorfit.estimation.banded import pseudo_inverse
 from rotorfit.estimation.banded_equations import corrected_equations, evaluated
 from rotorfit.estimation.banded_problem import BandedProblem
-from rotorfit.estimation.estimate import Estimate
+from rotorfit.estimation.estimate import Estimate, numerical_jacobian
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.joint.informative_bands import Pushes, error_correlation, pushes
@@ -127,7 +126,7 @@ def joined(flights: Sequence[Load]) -> Joined:
             asked = _asked(vehicle, load(), phi, differ)
             H, scores[i] = H + asked.information, asked.score
             trims.append(asked.trims)
-        covariance = resting_inverse(H)
+        covariance = pseudo_inverse(H)
         step = covariance @ (scores.sum(axis=0) + vehicle.precision * (vehicle.mean - phi))
         phi = phi + step
         if (np.abs(step) <= SMALLEST_STEP * np.sqrt(np.diagonal(covariance))).all():
@@ -160,7 +159,7 @@ def _pushed_alike(
     found: list[list[Pushes]] = []
     for load in flights:
         fitted = load()
-        problem = replace(_problem(fitted, UNSEEN), tied=())
+        problem = replace(_problem(fitted, UNSEEN), error_correlation=())
         error = evaluated(problem, _own_first(vehicle, fitted, problem, phi)).residual
         found.append(pushes(fitted.configurations[0], error))
     shares = error_correlation(found, vehicle.configuration.vehicle)
@@ -213,7 +212,7 @@ def _first(vehicle: _Vehicle, flights: Sequence[Load]) -> Float[np.ndarray, " f"
         asked = _asked(vehicle, fitted, own, UNSEEN)
         H = H + asked.information
         target = target + asked.information @ own + asked.score
-    return resting_inverse(H) @ target
+    return pseudo_inverse(H) @ target
 
 
 def _asked(
@@ -228,11 +227,11 @@ def _asked(
     shared = [i for i in range(len(names)) if i not in own]
     for _ in range(OWN_STEPS if own else 0):
         asked = corrected_equations(problem, evaluated(problem, at))
-        H = asked.plain - asked.taken
-        at[own] += resting_inverse(H[np.ix_(own, own)]) @ asked.score[own]
+        H = asked.information - asked.noise_information
+        at[own] += pseudo_inverse(H[np.ix_(own, own)]) @ asked.score[own]
     asked = corrected_equations(problem, evaluated(problem, at))
-    H = asked.plain - asked.taken
-    open_still = resting_inverse(H[np.ix_(own, own)])
+    H = asked.information - asked.noise_information
+    open_still = pseudo_inverse(H[np.ix_(own, own)])
     across = H[np.ix_(shared, own)] @ open_still
     information, score = np.zeros((len(phi), len(phi))), np.zeros(len(phi))
     places = [vehicle.names.index(names[i]) for i in shared]

@@ -155,7 +155,9 @@ def _add_motor_law(
     result: IdentificationResult, dataset: Dataset, report: Progress
 ) -> IdentificationResult:
     """Fit the motors' law, where commands stand beside measured speeds."""
-    recording = bounded_recording([f.answers for c in dataset.configurations for f in c.flights])
+    recording = bounded_recording(
+        [f.command_responses for c in dataset.configurations for f in c.flights]
+    )
     if recording is None:
         return result
     report("fitting the motors' law to commands and speeds")

@@ -24,8 +24,7 @@ from rotorfit.inspection.recording import (
 from rotorfit.inspection.settings import Setting, settings_for
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.preprocessing.mocap.camera import camera_clock
-from rotorfit.preprocessing.motors.motor_columns import MotorModel
-from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry, telemetry
 from rotorfit.preprocessing.prepare import PreparedFlight, prepare
 from rotorfit.reduction.motor_timing import LAG_PRIOR

@@ -23,8 +23,7 @@ from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.preprocessing.signals import smooth
-from rotorfit.reduction.flight_bands import retimed
-from rotorfit.reduction.frequency_bands import EDGES, STRETCH, slow_bands
+from rotorfit.reduction.frequency_bands import EDGES, STRETCH, retimed, slow_bands
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.results.result import Verdict

@@ -11,8 +11,7 @@ from scipy import signal
 from rotorfit.logs.flight_log import CHANNELS, Channel
 from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.sensor_limits import LEAST_LIMIT, share_at_limit
-from rotorfit.preprocessing.signals import true_runs
+from rotorfit.preprocessing.signals import LEAST_LIMIT, share_at_limit, true_runs
 
 Lack = Literal[
     "no gyro",

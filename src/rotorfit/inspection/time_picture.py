@@ -13,8 +13,7 @@ from rotorfit.formatting.series import Series, thinned
 from rotorfit.logs.flight_log import CHANNELS, COMPONENTS, Channel, FlightLog
 from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE, usable_samples
 from rotorfit.preprocessing.prepare import Cut
-from rotorfit.preprocessing.sensor_limits import LEAST_LIMIT, at_limit
-from rotorfit.preprocessing.signals import true_runs
+from rotorfit.preprocessing.signals import LEAST_LIMIT, at_limit, true_runs
 
 DRAWN: Final = ("gyro", "accel", "rotor_speed", "command")
 NAMES: Final = {

@@ -22,7 +22,7 @@ the velocity v of the origin is known, the drag of the frame, -d_x v_x, -d_y v_y
 (Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018), wherever it
 acts: at a point r it has the torque :math:`Q v` too, and of the point's own velocity the force
 :math:`Q^T \omega`, with six coefficients :math:`Q_{xy} = r_z d_y, Q_{xz} = -r_y d_z` and so on.
-Where it is not known, -d_z v_z over the velocity along z that the IMU feels (`felt_climb`).
+Where it is not known, -d_z v_z over the velocity along z that the IMU feels (`climb_velocity`).
 Linear damping of a turn about x and y; the thrust :math:`-k_u O_i u_i n_i` that a rotor loses where
 it moves by u_i along its own axis (the inflow ratio of blade elements, Leishman, Principles of
 Helicopter Aerodynamics, 2006, 3.2), and the thrust :math:`k_h (v_x^2 + v_y^2)` that all together

@@ -28,7 +28,7 @@ class Jackknife:
     held_out: Float[np.ndarray, " B"]
 
     def half_width(self, gradient: Float[np.ndarray, " p"]) -> float:
-        """Return half of the 95 % interval of a linear function of the parameters."""
+        """Compute half of the 95 % interval of a linear function of the parameters."""
         blocks = len(self.shifts)
         moved = self.shifts @ gradient
         std = np.sqrt((blocks - 1) / blocks * float(moved @ moved))
@@ -40,27 +40,14 @@ def jackknife(
     residuals: Float[np.ndarray, " m"],
     block: Int[np.ndarray, " m"],
 ) -> Jackknife:
-    r"""Return the jackknife of a least-squares fit over blocks of rows.
+    r"""Compute the jackknife of a least-squares fit (slopes J, residuals e) over blocks of rows.
 
     With G = J'J and, of one block, G_b and s_b = J_b' e_b, the fit to all other blocks is off by
     :math:`-(G - G_b)^{-1} s_b`, to first order, and the residuals of the block under that fit are
     :math:`e_b + J_b (G - G_b)^{-1} s_b`. The scatter of the former is the estimator CR3 of the
     covariance, which holds for any correlation within a block, and errs to the wide side where
-    blocks are few or unlike.
-
-    Parameters
-    ----------
-    slopes
-        J, of the prediction by the parameters.
-    residuals
-        e, measured less predicted, at the minimum.
-    block
-        To which each row belongs, 0, 1, ...
-
-    References
-    ----------
-    Bell and McCaffrey, Survey Methodology 28(2), 2002; MacKinnon, Nielsen and Webb, J. of Applied
-    Econometrics 38(5), 2023.
+    blocks are few or unlike (Bell and McCaffrey, Survey Methodology 28(2), 2002; MacKinnon,
+    Nielsen and Webb, J. of Applied Econometrics 38(5), 2023).
     """
     size = np.sqrt((slopes * slopes).sum(axis=0))
     J = slopes / np.where(size > 0.0, size, 1.0)
@@ -68,10 +55,10 @@ def jackknife(
     J, e, edges = J[order], residuals[order], np.flatnonzero(np.diff(block[order])) + 1
     parts = list(zip(np.split(J, edges), np.split(e, edges), strict=True))
     G = J.T @ J
-    asked = np.array([J_b.T @ e_b for J_b, e_b in parts])
+    scores = np.array([J_b.T @ e_b for J_b, e_b in parts])
     rest = G - np.array([J_b.T @ J_b for J_b, _ in parts])
     without = np.linalg.pinv(rest, hermitian=True, rcond=1e-10)
-    shifts = -(without @ asked[:, :, None])[:, :, 0]
+    shifts = -(without @ scores[:, :, None])[:, :, 0]
     left = [e_b - J_b @ shift for (J_b, e_b), shift in zip(parts, shifts, strict=True)]
     held_out = np.array([e_b @ e_b for e_b in left])
     return Jackknife(shifts=shifts / np.where(size > 0.0, size, np.inf), held_out=held_out)
@@ -80,32 +67,22 @@ def jackknife(
 def blocks_of(
     flight: Int[np.ndarray, " m"], time: Float[np.ndarray, " m"], seconds: float
 ) -> Int[np.ndarray, " m"]:
-    """Return the number of the block that each row is in: equal stretches of each flight's time.
-
-    Parameters
-    ----------
-    flight
-        Of each row.
-    time
-        On the clock of that flight [s].
-    seconds
-        Length of a block; a rest at the end that is shorter than half of one joins the last.
-    """
+    """Assign the rows to equal blocks of each flight's time; a short rest joins the last."""
     block = np.zeros(len(time), dtype=int)
-    taken = 0
+    first = 0
     for k in range(int(flight.max()) + 1):
         rows = flight == k
         since: Float[np.ndarray, " k"] = time[rows] - float(time[rows].min())
         last = max(round(float(since.max()) / seconds) - 1, 0)
         number: Int[np.ndarray, " k"] = np.minimum((since / seconds).astype(int), last)
         found = np.searchsorted(np.unique(number), number)
-        block[rows] = taken + found
-        taken = int(block[rows].max()) + 1
+        block[rows] = first + found
+        first = int(block[rows].max()) + 1
     return block
 
 
 def widest(jackknives: Sequence[Jackknife], gradient: Float[np.ndarray, " p"]) -> float:
-    """Return the largest half-width of those of several lengths of blocks.
+    """Return the largest half-width over several lengths of blocks.
 
     Correlation that outlasts a block shows as more scatter between longer ones.
     """

@@ -22,7 +22,7 @@ FASTEST: Final = 125.0
 distance, so that more of them tell no more (lags from 12 Hz are as sharp as from 500)."""
 MOST_ROUNDS: Final = 40
 SETTLED: Final = 1e-9
-APART: Final = 1e4
+STRETCH_DISTANCE: Final = 1e4
 """Between two stretches on the common clock: longer than any of them [s]."""
 
 
@@ -84,14 +84,8 @@ class Timing:
 
 
 def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | None:
-    """Return the answers of all flights on one clock; None where nothing is left.
-
-    Parameters
-    ----------
-    flights
-        Of each its stretches (`answered_commands`).
-    """
-    listed = [(k, a) for k, answers in enumerate(flights) for a in answers]
+    """Join the responses of all flights on one clock; None where nothing is left."""
+    listed = [(k, a) for k, responses in enumerate(flights) for a in responses]
     if not listed:
         return None
     stretches = [a for _, a in listed]
@@ -104,7 +98,7 @@ def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | N
     sizes = [len(a.command) for a in stretches]
     begins = np.zeros(sum(sizes), dtype=bool)
     begins[np.cumsum([0, *sizes[:-1]])] = True
-    offsets = [i * APART - float(a.command_time[0]) for i, a in enumerate(stretches)]
+    offsets = [i * STRETCH_DISTANCE - float(a.command_time[0]) for i, a in enumerate(stretches)]
     used = [_counting(a) for a in stretches]
     counts = [int(rows.sum()) for rows in used]
     flight = np.array([present.index(k) for k, _ in listed])
@@ -136,16 +130,16 @@ def recording_of(flights: Sequence[Sequence[MeasuredResponse]]) -> Recording | N
     )
 
 
-def _counting(answer: MeasuredResponse) -> Bool[np.ndarray, " m"]:
-    """Return which speeds of a stretch are fitted to."""
-    time = answer.speed_time
+def _counting(response: MeasuredResponse) -> Bool[np.ndarray, " m"]:
+    """Mark the speeds of a stretch that are fitted."""
+    time = response.speed_time
     step = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     stride = max(int(1.0 / (FASTEST * step)), 1) if step > 0.0 else 1
     every = np.arange(len(time)) % stride == 0
-    return every & (time >= answer.command_time[0] + SETTLING)
+    return every & (time >= response.command_time[0] + SETTLING)
 
 
-def answered_speed(
+def speed_response(
     recording: Recording,
     settled: Float[np.ndarray, " n"],
     settled_slopes: Float[np.ndarray, "n p"],
@@ -153,49 +147,32 @@ def answered_speed(
     *,
     two_way: bool = True,
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m q"]]:
-    r"""Return the speed at the instants of measurement, and its derivatives.
+    r"""Predict the speed at the instants of measurement [rad/s], and its derivatives.
 
     :math:`O(t) = g_k + (O_k - g_k) e^{-(t - t_k)/\tau}` while command k is in force, g_k being
-    the speed that it settles at, and tau that of the way it goes.
-
-    Parameters
-    ----------
-    recording
-        Commands and instants.
-    settled
-        Speed that each command settles at [rad/s].
-    settled_slopes
-        Its derivatives by the parameters of the law.
-    timing
-        Lag and delay.
-    two_way
-        Whether the slope by the log ratio is wanted.
-
-    Returns
-    -------
-    speed
-        [rad/s]
-    slopes
-        By the law's parameters, then log lag, log ratio (if wanted), delay.
+    the speed that it settles at, and tau that of the way it goes. Derivatives by the law's
+    parameters, then log lag, log ratio (if `two_way`), delay.
     """
     up = float(np.exp(timing.log_lag))
     down = float(np.exp(timing.log_lag + timing.log_ratio))
     step = np.diff(recording.command_time, append=recording.command_time[-1] + 1.0)
-    rising, kept, at_command = _at_commands(recording, settled, step, up=up, down=down)
+    rising, remaining, at_command = _at_commands(recording, settled, step, up=up, down=down)
     lag: Float[np.ndarray, " n"] = np.where(rising, up, down)
     away = at_command - settled
-    bent: Float[np.ndarray, " n"] = kept * step / lag * away  # by the logarithm of the lag in force
+    bent: Float[np.ndarray, " n"] = (
+        remaining * step / lag * away
+    )  # by the logarithm of the lag in force
     # A row for each parameter: contiguous, as the solver wants its columns.
     bending = settled_slopes.T
     p = len(bending)
     into = np.empty((p + 1 + int(two_way), len(settled)))
-    np.multiply(bending, 1.0 - kept, out=into[:p])
+    np.multiply(bending, 1.0 - remaining, out=into[:p])
     into[p] = bent
     if two_way:
         into[-1] = np.where(rising, 0.0, bent)
     start = np.zeros((len(into), int(recording.begins.sum())))
     start[:p] = bending[:, recording.begins]
-    moved = _solved(kept, into, start, recording.begins)
+    moved = _solved(remaining, into, start, recording.begins)
     k = np.searchsorted(recording.command_time, recording.time - timing.delay, side="right") - 1
     k = np.clip(k, 0, len(settled) - 1)
     since = np.maximum(recording.time - timing.delay - recording.command_time[k], 0.0)
@@ -221,35 +198,34 @@ def _at_commands(
     up: float,
     down: float,
 ) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return whether each command makes its rotor rise, and the speed at which it finds it.
+    """Tell whether each command makes its rotor rise, from which speed, and what share is left.
 
-    And between the two what share of the way to go is left when the next one comes.
-
-    As `flight.motors.two_way_lag`: Newton's iteration on a piecewise linear recursion.
+    The share of the way when the next one comes. As `motor_model.two_way_lag`: Newton's iteration
+    on a piecewise linear recursion.
     """
     rising = np.diff(settled, prepend=settled[:1]) >= 0.0
-    kept, speed = np.exp(-step / np.where(rising, up, down)), settled
+    remaining, speed = np.exp(-step / np.where(rising, up, down)), settled
     for _ in range(1 if up == down else MOST_ROUNDS):
-        into = (1.0 - kept) * settled
+        into = (1.0 - remaining) * settled
         begun = settled[None, recording.begins]
-        speed = _solved(kept, into[None], begun, recording.begins)[0]
+        speed = _solved(remaining, into[None], begun, recording.begins)[0]
         changed = (settled > speed) != rising
         if not (changed & (np.abs(settled - speed) > SETTLED * np.abs(settled))).any():
             break
         rising = rising ^ changed
-        kept = np.exp(-step / np.where(rising, up, down)) if up != down else kept
-    return rising, kept, speed
+        remaining = np.exp(-step / np.where(rising, up, down)) if up != down else remaining
+    return rising, remaining, speed
 
 
 def _solved(
-    kept: Float[np.ndarray, " n"],
+    remaining: Float[np.ndarray, " n"],
     into: Float[np.ndarray, "p n"],
     start: Float[np.ndarray, "p s"],
     begins: Bool[np.ndarray, " n"],
 ) -> Float[np.ndarray, "p n"]:
-    """Return x of x_k+1 = a_k x_k + b_k, anew from `start` where a stretch begins."""
-    bands = np.ones((2, len(kept)), order="F")
-    bands[1, :-1] = np.where(begins[1:], 0.0, -kept[:-1])
+    """Solve x_k+1 = a_k x_k + b_k, anew from `start` where a stretch begins."""
+    bands = np.ones((2, len(remaining)), order="F")
+    bands[1, :-1] = np.where(begins[1:], 0.0, -remaining[:-1])
     right = np.empty(into.shape)
     right[:, 1:] = into[:, :-1]
     right[:, begins] = start

@@ -23,10 +23,13 @@ from rotorfit.motor_law.block_jackknife import (
     jackknife,
     widest,
 )
-from rotorfit.motor_law.command_response import Recording, Timing, answered_speed, recording_of
-from rotorfit.motor_law.law_forms import FORMS, FormName
-from rotorfit.motor_law.law_model import Layout, predicted, timing_of
-from rotorfit.preprocessing.motors.command_response import MeasuredResponse, spans_of, within
+from rotorfit.motor_law.command_response import Recording, Timing, recording_of, speed_response
+from rotorfit.motor_law.law_model import FORMS, FormName, Layout, predicted, timing_of
+from rotorfit.preprocessing.motors.command_response import (
+    MeasuredResponse,
+    response_spans,
+    responses_within,
+)
 
 MOST_SPEEDS: Final = 80_000
 """Measured speeds that are fitted to, of all rotors and flights."""
@@ -95,7 +98,7 @@ class LawFit:
         return float(np.sqrt(self.held_out.mean()))
 
     def half_width(self, function: Callable[[Float[np.ndarray, " p"]], float]) -> float:
-        """Return half of the 95 % interval of a smooth function of the parameters."""
+        """Compute half of the 95 % interval of a smooth function of the parameters."""
         gradient = np.empty(len(self.values))
         for i in range(len(gradient)):
             step = 1e-6 * np.eye(len(gradient))[i]
@@ -127,13 +130,7 @@ class FittedLaw:
     def number(
         self, function: Callable[["LawFit", Float[np.ndarray, " p"]], float]
     ) -> tuple[float, float]:
-        """Return a number of the law and half of its interval, which holds that of every rival.
-
-        Parameters
-        ----------
-        function
-            Of a fit and its parameters, where all forms have such a number.
-        """
+        """Evaluate a number of the law, and half of an interval that holds every rival form's."""
         value = function(self.best, self.best.values)
         reach = self.best.half_width(lambda x: function(self.best, x))
         for rival in self.rivals:
@@ -145,35 +142,18 @@ class FittedLaw:
         return float(self.best.values[index]), self.best.half_width(lambda x: float(x[index]))
 
 
-def bounded_recording(answers: Sequence[Sequence[MeasuredResponse]]) -> Recording | None:
-    """Return the commands and measured speeds of all flights; None where none has both.
-
-    Parameters
-    ----------
-    answers
-        Of each flight; none of a flight whose log lacks either.
-    """
-    flights = [one for one in answers if one]
+def bounded_recording(responses: Sequence[Sequence[MeasuredResponse]]) -> Recording | None:
+    """Join the responses of all flights, not too many; None where none has both signals."""
+    flights = [one for one in responses if one]
     # So many that the fit takes seconds, however many flights there are.
     most = MOST_SPEEDS // max(len(flights), 1)
-    return recording_of([within(one, spans_of(one), most=most) for one in flights])
+    return recording_of([responses_within(one, response_spans(one), most=most) for one in flights])
 
 
 def fit_law(recording: Recording) -> FittedLaw:
-    """Return lag, delay and law of the motors.
-
-    Parameters
-    ----------
-    recording
-        In flight.
-
-    Raises
-    ------
-    EstimationError
-        If the commands and speeds tell no law, with the reason.
-    """
+    """Fit lag, delay and law of the motors; raise with the reason where speeds determine none."""
     recording = _turning(recording)
-    _refuse_little(recording)
+    _refuse_short(recording)
     rotors, flights = len(recording.rotors), int(recording.flight.max()) + 1
     general = Layout(
         form="offset power", voltage=False, two_way=False, rotors=rotors, flights=flights
@@ -186,18 +166,18 @@ def fit_law(recording: Recording) -> FittedLaw:
     fits = [_refitted(recording, replace(rough.layout, form=name), rough, scale) for name in FORMS]
     best = _likeliest(fits)
     others = tuple(fit for fit in fits if fit is not best)
-    apart = _refitted(recording, replace(best.layout, two_way=True), best, scale)
-    ratio, half = float(apart.values[-2]), apart.half_width(lambda x: float(x[-2]))
+    two_way = _refitted(recording, replace(best.layout, two_way=True), best, scale)
+    ratio, half = float(two_way.values[-2]), two_way.half_width(lambda x: float(x[-2]))
     return FittedLaw(
         recording=recording,
-        best=apart if abs(ratio) > half else best,
+        best=two_way if abs(ratio) > half else best,
         others=others,
         rivals=tuple(f for f in others if _surprise(f, best) < CLEAR),
     )
 
 
 def _turning(recording: Recording) -> Recording:
-    """Return the recording without speeds of rotors that stand."""
+    """Drop the speeds of rotors that stand."""
     if not len(recording.speed):
         return recording
     used = recording.speed > STOPPED * float(np.median(recording.speed))
@@ -211,7 +191,7 @@ def _turning(recording: Recording) -> Recording:
     )
 
 
-def _refuse_little(recording: Recording) -> None:
+def _refuse_short(recording: Recording) -> None:
     seconds = 0.0
     for k in np.unique(recording.speed_flight):
         seconds += float(np.ptp(recording.flight_time[recording.speed_flight == k]))
@@ -228,35 +208,35 @@ def _refuse_little(recording: Recording) -> None:
 
 
 def _first(layout: Layout, recording: Recording) -> Float[np.ndarray, " p"]:
-    """Return where the first fit begins: the delay at which speeds go with commands best."""
+    """Choose where the first fit begins: the delay at which speeds correlate with commands best."""
     x = np.zeros(layout.size)
     settled, none = recording.command + 0.1, np.zeros((len(recording.command), 0))
 
-    def unlike(delay: float) -> float:
+    def negative_correlation(delay: float) -> float:
         timing = Timing(log_lag=np.log(FIRST_LAG), log_ratio=0.0, delay=delay)
-        speed, _ = answered_speed(recording, settled, none, timing)
+        speed, _ = speed_response(recording, settled, none, timing)
         return -float(np.corrcoef(speed, recording.speed)[0, 1])
 
     x[0] = np.log(float(np.median(recording.speed)) / float(np.median(settled)))
     x[layout.curve] = FORMS[layout.form].start
-    x[-2], x[-1] = np.log(FIRST_LAG), min(FIRST_DELAYS, key=unlike)
+    x[-2], x[-1] = np.log(FIRST_LAG), min(FIRST_DELAYS, key=negative_correlation)
     return x
 
 
 def _refitted(recording: Recording, layout: Layout, fit: LawFit, scale: float) -> LawFit:
-    """Return the fit of another layout, begun where one ended; glitches count less."""
+    """Fit another layout, begun where one ended; glitches count less."""
     x = np.zeros(layout.size)
-    x[: layout.curve.stop] = _alike(layout.form, fit, recording.command)
+    x[: layout.curve.stop] = _converted(layout.form, fit, recording.command)
     rotors = layout.rotors - 1
     x[layout.factors][:rotors] = fit.values[fit.layout.factors][:rotors]
     x[-2 - int(layout.two_way)], x[-1] = fit.timing.log_lag, fit.timing.delay
     return _fitted(recording, layout, x, scale)
 
 
-def _alike(
+def _converted(
     form: FormName, fit: LawFit, command: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " p"]:
-    """Return log full speed and curve of a form that are nearest to a fit, at usual commands."""
+    """Convert a fit to log full speed and curve of another form, nearest at usual commands."""
     found = fit.values[: fit.layout.curve.stop]
     if form == fit.layout.form:
         return found
@@ -277,7 +257,7 @@ def _fitted(
     begin: Float[np.ndarray, " p"],
     scale: float = np.inf,
 ) -> LawFit:
-    """Return the fit of one form; speeds further off than some of `scale` [rad/s] count less."""
+    """Fit one form; speeds further off than some of `scale` [rad/s] count less."""
     lower, upper = _bounds(layout)
     last: list[tuple[bytes, tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]]] = []
 
@@ -328,7 +308,7 @@ def _judged(
     residuals: Float[np.ndarray, " m"],
     speed: Float[np.ndarray, " m"],
 ) -> LawFit:
-    """Return the fit with what its blocks of time say of it."""
+    """Complete the fit by its jackknives over blocks of time."""
     knives: list[Jackknife] = []
     held_out = np.full(1, np.inf)
     for seconds in BLOCKS:
@@ -351,12 +331,12 @@ def _judged(
 
 
 def _likeliest(fits: Sequence[LawFit]) -> LawFit:
-    """Return the fit that does best on what it did not see."""
+    """Select the fit that does best on unseen blocks."""
     return min(fits, key=lambda fit: fit.error)
 
 
 def _surprise(fit: LawFit, other: LawFit) -> float:
-    """Return the logarithm of the likelihood of one fit over another's, on what neither saw.
+    """Compute the log-likelihood of one fit over another's, on unseen blocks.
 
     Each block counts as one observation: within it residuals are correlated.
     """

@@ -1,13 +1,100 @@
-"""The speeds that a law with lag and delay predicts, over all its parameters."""
+"""Laws from command to rotor speed: their forms, and the speeds they predict with the slopes."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.logs.speed_law import SpeedLaw, VoltageFactor
-from rotorfit.motor_law.command_response import Recording, Timing, answered_speed
-from rotorfit.motor_law.law_forms import FORMS, FormName
+from rotorfit.logs.speed_law import Curve, PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.motor_law.command_response import Recording, Timing, speed_response
+
+FormName = Literal["linear", "power", "offset power", "sqrt"]
+Vector = Float[np.ndarray, " _"]
+TINY: Final = 1e-6
+"""Commands below are as it, in what goes with their logarithm."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """A curve of relative speed, 1 at full command.
+
+    Attributes
+    ----------
+    start, lower, upper
+        Of its parameters.
+    logarithm
+        From commands and parameters to the logarithm of the relative speed and its derivatives.
+    curve
+        With a speed at full command.
+    """
+
+    start: tuple[float, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    logarithm: Callable[[Vector, Vector], tuple[Vector, Float[np.ndarray, "n p"]]]
+    curve: Callable[[float, Vector], Curve]
+
+
+def _offset_power(u: Vector, b: float, p: float) -> tuple[Vector, Vector, Vector]:
+    """Compute p log(b + (1 - b) u), and its derivatives by b and p."""
+    base = np.maximum(b + (1.0 - b) * u, TINY)
+    return p * np.log(base), np.where(base > TINY, p * (1.0 - u) / base, 0.0), np.log(base)
+
+
+def _linear(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+    value, by_offset, _ = _offset_power(u, float(x[0]), 1.0)
+    return value, by_offset[:, None]
+
+
+def _power(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+    value, _, by_exponent = _offset_power(u, 0.0, float(x[0]))
+    return value, by_exponent[:, None]
+
+
+def _both(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+    value, *slopes = _offset_power(u, float(x[0]), float(x[1]))
+    return value, np.column_stack(slopes)
+
+
+def _sqrt(u: Vector, x: Vector) -> tuple[Vector, Float[np.ndarray, "n p"]]:
+    u = np.maximum(u, TINY)
+    thrust = x[0] * u**2 + (1.0 - x[0]) * u
+    return 0.5 * np.log(thrust), (0.5 * (u**2 - u) / thrust)[:, None]
+
+
+FORMS: Final[Mapping[FormName, Form]] = {
+    "linear": Form(
+        start=(0.1,),
+        lower=(-0.5,),
+        upper=(0.95,),
+        logarithm=_linear,
+        curve=lambda full, x: PowerLaw(full, float(x[0]), 1.0),
+    ),
+    "power": Form(
+        start=(0.7,),
+        lower=(0.1,),
+        upper=(3.0,),
+        logarithm=_power,
+        curve=lambda full, x: PowerLaw(full, 0.0, float(x[0])),
+    ),
+    "sqrt": Form(
+        start=(0.5,),
+        lower=(0.0,),
+        upper=(1.0,),
+        logarithm=_sqrt,
+        curve=lambda full, x: SquareRootLaw(full, float(x[0])),
+    ),
+    "offset power": Form(
+        start=(0.05, 0.7),
+        lower=(-0.5, 0.1),
+        upper=(0.95, 3.0),
+        logarithm=_both,
+        curve=lambda full, x: PowerLaw(full, float(x[0]), float(x[1])),
+    ),
+}
+"""By name, those with fewer parameters first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +148,7 @@ class Layout:
 
 
 def law_of(recording: Recording, layout: Layout, values: Float[np.ndarray, " p"]) -> SpeedLaw:
-    """Return the law that some parameters make, of the mean rotor."""
+    """Build the law of the mean rotor from parameters."""
     curve = FORMS[layout.form].curve(float(np.exp(values[0])), values[layout.curve])
     if not layout.voltage or recording.nominal_voltage is None:
         return SpeedLaw(curve=curve)
@@ -79,7 +166,7 @@ def timing_of(layout: Layout, x: Float[np.ndarray, " p"]) -> Timing:
 def scales_of(
     layout: Layout, values: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
-    """Return the factor of each rotor's speed, and of each flight's where there is no voltage."""
+    """Compute the factor of each rotor's speed, and of each flight's where there is no voltage."""
     rotors, flights = _log_scales(layout, values)
     return np.exp(rotors), np.exp(flights)
 
@@ -87,7 +174,7 @@ def scales_of(
 def _log_scales(
     layout: Layout, values: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " k"]]:
-    """Return the logarithms of the same."""
+    """Compute the logarithms of these factors."""
     x = values[layout.factors]
     rotors = _contrast(np.arange(layout.rotors), layout.rotors) @ x[: layout.rotors - 1]
     flights = np.zeros(layout.flights)
@@ -99,7 +186,7 @@ def _log_scales(
 def predicted(
     recording: Recording, layout: Layout, x: Float[np.ndarray, " p"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m p"]]:
-    """Return the speeds that the parameters predict, and the slopes."""
+    """Predict the speeds by the parameters, with the slopes."""
     logarithm, curve = FORMS[layout.form].logarithm(recording.command, x[layout.curve])
     bending = [*curve.T]
     if layout.voltage and recording.voltage is not None:
@@ -113,7 +200,7 @@ def predicted(
     rotors, flights = _log_scales(layout, x)
     logarithm = logarithm + (x[0] + rotors)[recording.rotor] + flights[recording.flight]
     settled = np.exp(np.minimum(logarithm, 30.0))
-    speed, slopes = answered_speed(
+    speed, slopes = speed_response(
         recording,
         settled,
         (settled * np.array(bending)).T,
@@ -130,7 +217,7 @@ def predicted(
 def _scaling(
     layout: Layout, rotor: Int[np.ndarray, " n"], flight: Int[np.ndarray, " n"]
 ) -> Float[np.ndarray, "n c"]:
-    """Return the columns of the rotors' factors, and of the flights' where there is no voltage."""
+    """Build the columns of the rotors' factors, and of the flights' where there is no voltage."""
     columns = [_contrast(rotor, layout.rotors)]
     if not layout.voltage:
         columns.append(_contrast(flight, layout.flights))
@@ -138,6 +225,6 @@ def _scaling(
 
 
 def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n c"]:
-    """Return columns of factors whose logarithms sum to zero: the last has what the others lack."""
+    """Build columns of factors whose logarithms sum to zero: the last has what the others lack."""
     columns = np.vstack([np.eye(count - 1), -np.ones((1, count - 1))])
     return columns[member]

@@ -29,7 +29,7 @@ from rotorfit.results.verdicts import (
     motion_for,
     twin_of,
 )
-from rotorfit.simulation.manoeuvres import Manoeuvre
+from rotorfit.simulation.pilot import Manoeuvre
 
 SAME_PLACE: Final = 1e-3
 """Rotors nearer than this are the same [m]."""

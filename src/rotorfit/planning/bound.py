@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
-from rotorfit.estimation.bound import Linearised, information, linearised, pull
+from rotorfit.estimation.bound import Linearised, information, linearised, score
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.experiment.payload import MOMENTS, PointMass, tolerances
 from rotorfit.fit.intervals.excitation import attenuation_allowance
 from rotorfit.fit.intervals.joint_numbers import (
@@ -44,7 +44,7 @@ from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import EDGES, PILOT_BAND, STRETCH
 from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.simulation import Scenario, Truth, exact_flight_data, simulate_flight
-from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre
+from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre
 
 SECONDS: Final = 30.0
 SAMPLE_RATE: Final = 100.0
@@ -209,7 +209,7 @@ def evidence(problem: Problem, data: FlightData, configuration: str) -> Evidence
     explained, residual = _power(factors, variance, noisy)
     return Evidence(
         information=information(model, factors, variance) / seconds,
-        timing=pull(model, late, variance) / (DELAY_STEP * seconds),
+        timing=score(model, late, variance) / (DELAY_STEP * seconds),
         explained={f"{axis}@{configuration}": p / seconds for axis, p in explained.items()},
         residual={f"{axis}@{configuration}": p / seconds for axis, p in residual.items()},
     )

@@ -59,7 +59,7 @@ from rotorfit.planning.wanted import WANTABLE, Wanted
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.verdicts import judge
-from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre
+from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre
 
 Speed = Literal["measured", "commanded"]
 Progress = Callable[[int, int], None]

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy import fft, signal
 
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.quaternions import rotated, rotated_back, running_product, small_turns
+from rotorfit.preprocessing.kinematics import rotated, rotated_back, running_product, small_turns
 
 SLOWEST: Final = 0.1
 """What changes more slowly is left out [Hz]: there the errors of the gyro and of the accelerometer,
@@ -22,14 +22,8 @@ integrated, are the larger part."""
 STEPS_PER_SECOND: Final = 100.0
 
 
-def felt_climb(data: FlightData) -> Float[np.ndarray, " n"]:
-    """Return the velocity along the body's z axis [m/s], zero outside the segments.
-
-    Parameters
-    ----------
-    data
-        With its segments; the row before and behind each is filled, too.
-    """
+def climb_velocity(data: FlightData) -> Float[np.ndarray, " n"]:
+    """Integrate the velocity along body z [m/s]; zero outside the segments' rows and neighbours."""
     climb = np.zeros(len(data.time))
     for segment in data.segments:
         rows = slice(max(segment.start - 1, 0), segment.stop + 1)
@@ -42,7 +36,7 @@ def felt_climb(data: FlightData) -> Float[np.ndarray, " n"]:
 def _along_z(
     force: Float[np.ndarray, "n 3"], rates: Float[np.ndarray, "n 3"], sample_rate: float
 ) -> Float[np.ndarray, " n"]:
-    """Return the velocity of one segment along z, without what is slow."""
+    """Integrate the velocity of one segment along z, without slow changes."""
     group = max(round(sample_rate / STEPS_PER_SECOND), 1)
     count = len(force) // group
     if count < 2:
@@ -58,7 +52,7 @@ def _along_z(
     v = np.asarray(signal.detrend(v, axis=0))
     lines: Float[np.ndarray, "m 3"] = np.asarray(fft.dct(v, axis=0, norm="ortho"))
     lines[: int(2.0 * SLOWEST * count * step) + 1] = 0.0
-    felt: Float[np.ndarray, "m 3"] = np.asarray(fft.idct(lines, axis=0, norm="ortho"))
-    along = rotated_back(attitude, felt)[:, 2]
+    velocity: Float[np.ndarray, "m 3"] = np.asarray(fft.idct(lines, axis=0, norm="ortho"))
+    along = rotated_back(attitude, velocity)[:, 2]
     middle = (np.arange(count) + 0.5) * group - 0.5
     return np.interp(np.arange(len(force)), middle, along)

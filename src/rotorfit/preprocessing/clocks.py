@@ -53,13 +53,7 @@ class UniformChannels:
 
 
 def usable_samples(channel: Channel, name: str) -> Channel:
-    """Return a channel's samples that are numbers, in time order, each time once.
-
-    Raises
-    ------
-    FlightError
-        If too few are left, or the clock runs backwards or stands still.
-    """
+    """Select a channel's finite samples, in time order, each time once; raise if too few."""
     values = np.asarray(channel.values, dtype=float)
     keep = np.isfinite(channel.time)
     for column in values.T:
@@ -97,22 +91,10 @@ def uniform_channels(
     clock: str,
     optional: tuple[str, ...] = (),
 ) -> UniformChannels:
-    """Return channels on the uniform clock of the one named `clock`.
+    """Resample channels to the uniform clock of the first one, named `clock`.
 
-    Parameters
-    ----------
-    channels
-        Usable samples, see `usable_samples`; or what returns them when their turn comes, so that
-        those of one channel at a time are in memory.
-    clock
-        Name of the channel whose rate is taken; the first.
-    optional
-        Channels that need not be there all the time; rows without them are NaN.
-
-    Raises
-    ------
-    FlightError
-        If the channels do not overlap in time.
+    A callable makes its usable samples only when its turn comes, to save memory; rows without an
+    `optional` channel are NaN.
     """
     names = sorted(channels, key=lambda name: name != clock)
     steps: dict[str, float] = {}
@@ -165,7 +147,7 @@ def _no_overlap(spans: Mapping[str, tuple[float, float]]) -> str:
 def _uniform_clock(
     t: Float[np.ndarray, " n"], step: float
 ) -> tuple[Float[np.ndarray, " m"], float]:
-    """Return a clock that is uniform within every stretch between gaps, and its rate."""
+    """Make a clock that is uniform within every stretch between gaps, and its rate."""
     steps = np.diff(t)
     near = steps <= GAP_STEPS * step
     # A single lost sample is not a gap: its step counts as two.
@@ -186,7 +168,7 @@ def _resample(
     x: Float[np.ndarray, "n k"],
     dt: float,
 ) -> Float[np.ndarray, "m k"]:
-    """Return samples at `time`: the recorded ones where they are there, else linear between."""
+    """Interpolate samples at `time`; where a time was recorded, its sample is kept."""
     if len(t) == len(time) and float(np.abs(t - time).max()) < JITTER_STEPS * dt:
         return x
     values = np.empty((len(time), x.shape[1]))
@@ -201,24 +183,24 @@ def _resample_piece(
     x: Float[np.ndarray, "n k"],
     jitter: float,
 ) -> Float[np.ndarray, "m k"]:
-    """Return samples at `time`, looking only at those around it."""
+    """Interpolate samples at `time` from those around it alone."""
     first = max(int(np.searchsorted(t, float(time[0]) - jitter)) - 1, 0)
     last = min(int(np.searchsorted(t, float(time[-1]), side="right")) + 1, len(t))
     t, x = t[first:last], x[first:last]
     nearest = np.clip(np.searchsorted(t, time - jitter), 0, len(t) - 1)
     there = np.flatnonzero(np.abs(t[nearest] - time) < jitter)
-    taken = nearest[there]
+    exact = nearest[there]
     values = np.empty((len(time), x.shape[1]))
     for k in range(x.shape[1]):
         values[:, k] = np.interp(time, t, x[:, k])
-        values[there, k] = x[taken, k]
+        values[there, k] = x[exact, k]
     return values
 
 
 def _covered(
     time: Float[np.ndarray, " m"], t: Float[np.ndarray, " n"], longest: float
 ) -> Bool[np.ndarray, " m"]:
-    """Return which times have recorded samples on both sides, no further apart than `longest`."""
+    """Mark times with recorded samples on both sides, no further apart than `longest`."""
     tolerance = 1e-9 + 1e-3 * longest
     covered = (time >= t[0] - tolerance) & (time <= t[-1] + tolerance)
     for rows in pieces(len(time)):
@@ -232,7 +214,7 @@ def _covered(
 def _split_at_jumps(
     valid: Bool[np.ndarray, " m"], time: Float[np.ndarray, " m"], jump: float
 ) -> tuple[tuple[int, int], ...]:
-    """Return the runs of valid rows, cut where the clock itself jumps."""
+    """Split valid rows into runs, also where the clock itself jumps."""
     cuts = np.flatnonzero(np.diff(time) > jump) + 1
     stretches: list[tuple[int, int]] = []
     for start, stop in true_runs(valid):

@@ -13,10 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.preprocessing.flight_data import FlightData, HeldCommands, Segment
-from rotorfit.preprocessing.motors.motor_columns import MotorModel, clock_jumps, with_motors
+from rotorfit.preprocessing.motors.motor_model import MotorModel, clock_jumps, with_motors
 from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.preprocessing.sensor_limits import CutOff, cut_off
-from rotorfit.preprocessing.signals import central_difference, whole_samples
+from rotorfit.preprocessing.signals import Saturation, central_difference, saturation, whole_samples
 from rotorfit.preprocessing.thinning import Stretch, Thinning, kept_rows, low_pass, stretches
 
 FEWEST_PER_PERIOD: Final = 8.0
@@ -47,11 +46,11 @@ class AsRecorded:
     samples: int
     seconds: float
     spans: tuple[tuple[float, float], ...]
-    cut_off: Mapping[str, CutOff]
+    saturation: Mapping[str, Saturation]
 
 
 def as_recorded(prepared: PreparedFlight) -> AsRecorded:
-    """Return what is said of a flight with every sample that was recorded."""
+    """Summarise a flight with every sample that was recorded."""
     data = prepared.data
     return AsRecorded(
         sample_rate=data.sample_rate,
@@ -61,9 +60,9 @@ def as_recorded(prepared: PreparedFlight) -> AsRecorded:
         spans=tuple(
             (float(data.time[s.start]), float(data.time[s.stop - 1])) for s in data.segments
         ),
-        cut_off={
-            "gyro": cut_off(_used(data, data.angular_velocity), "gyro"),
-            "accel": cut_off(_used(data, data.specific_force), "accel"),
+        saturation={
+            "gyro": saturation(_used(data, data.angular_velocity), "gyro"),
+            "accel": saturation(_used(data, data.specific_force), "accel"),
         },
     )
 
@@ -75,20 +74,11 @@ def _used(data: FlightData, values: Float[np.ndarray, "n 3"]) -> Float[np.ndarra
 
 
 def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> PreparedFlight:
-    """Return a flight with as many samples as lines up to `top` [Hz] need; slow logs as they are.
+    """Decimate a flight to the rate that lines up to `top` [Hz] need; slow logs stay as they are.
 
     Signals pass a linear-phase filter without delay, white noise keeps its density, and no sample
-    of a segment is made of what is outside of it. A command that was held becomes the mean of
-    those that it stands for, which is held as long as all of them.
-
-    Parameters
-    ----------
-    prepared
-        With derivatives that are central differences.
-    motors
-        By which it was prepared.
-    top
-        The highest frequency that is looked at.
+    of a segment is made of others outside it. Held commands become their mean, held as long as all
+    of them. Derivatives must be central differences.
     """
     data = prepared.data
     step = whole_samples(data.sample_rate / (FEWEST_PER_PERIOD * top))
@@ -132,7 +122,7 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
 
 
 def _thinning(data: FlightData, step: int, top: float) -> Thinning:
-    """Return the filter for lines up to `top` [Hz], and every `step`-th row of a flight."""
+    """Design the filter for lines up to `top` [Hz] that keeps every `step`-th row."""
     weights = low_pass(data.sample_rate, step, top)
     within = stretches(
         len(data.time),
@@ -145,13 +135,13 @@ def _thinning(data: FlightData, step: int, top: float) -> Thinning:
 
 
 def _times(data: FlightData, within: Sequence[Stretch]) -> Float[np.ndarray, " m"]:
-    """Return when the kept rows are [s], on the clocks of their stretches."""
+    """Compute the times of the kept rows [s], on the clocks of their stretches."""
     return np.concatenate(
         [data.time[s.start] + (np.array(s.kept) - s.start) / data.sample_rate for s in within]
     )
 
 
 def _placed(parts: Sequence[Segment], within: Sequence[Stretch]) -> tuple[Segment, ...]:
-    """Return parts of the recorded rows as parts of the kept ones."""
+    """Map segments of recorded rows to kept rows."""
     rows = [kept_rows(within, part.start, part.stop) for part in parts]
     return tuple(Segment(start=a, stop=b) for a, b in rows)

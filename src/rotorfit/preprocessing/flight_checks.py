@@ -1,17 +1,123 @@
 """What makes a flight unusable, and what makes it doubtful: every message in one place."""
 
 import contextlib
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError, LogError
 from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY, Motion, fast_rows
+from rotorfit.preprocessing.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.preprocessing.clocks import UniformChannels
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.motors.still_rotors import StillRotor
+from rotorfit.preprocessing.signals import true_runs, whole_samples
+
+LONGEST_CONSTANT: Final = 1.0
+"""A motor channel that stays the same for so long while the others move is stuck [s]."""
+SAME: Final = 1e-9
+"""Change of a sample to the next, over the largest value, that filters leave of nothing."""
+MOVING: Final = 0.3
+"""Share of their usual deviation from which the other rotors count as moving."""
+STEPS: Final = 3.0
+"""Steps of a coarse channel by which the others must deviate: less is rounded away."""
+FLAT: Final = 0.01
+"""Deviation over that of the others, below which a channel is noise about a constant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrozenChannel:
+    """A rotor whose motor channel stands still.
+
+    Attributes
+    ----------
+    rotor
+        From 1, in the log's order.
+    value
+        At which it stands, in the longest stretch.
+    share
+        Of the flight.
+    rows
+        Start and stop (exclusive) of the longest stretch.
+    """
+
+    rotor: int
+    value: float
+    share: float
+    rows: tuple[int, int]
+
+
+def frozen_channels(
+    values: Float[np.ndarray, "n N"],
+    stretches: Sequence[tuple[int, int]],
+    sample_rate: float,
+    *,
+    measured: bool,
+    step: float = 0.0,
+) -> tuple[FrozenChannel, ...]:
+    """Find motor channels that stay constant while the others move, as with a dead wire.
+
+    `step`: smallest step of the channel, 0 where unknown. Commands (not `measured`) rest at their
+    ends for as long as the pilot wants, and count only between them.
+    """
+    if values.shape[1] < 3 or not stretches:
+        return ()
+    flown = np.concatenate([values[a:b] for a, b in stretches])
+    usual = flown.std(axis=0)
+    longest = whole_samples(LONGEST_CONSTANT * sample_rate)
+    found: list[FrozenChannel] = []
+    for i in range(values.shape[1]):
+        others = np.delete(usual, i)
+        least = max(MOVING * float(np.median(others)), STEPS * step)
+        if usual[i] < FLAT * float(np.median(others)) and usual[i] > 0.0:
+            runs = list(stretches)
+        else:
+            runs = _runs(values, stretches, i, longest=longest, least=least)
+        if not measured:
+            runs = _inside(runs, values, flown, i)
+        if runs:
+            a, b = max(runs, key=lambda run: run[1] - run[0])
+            share = sum(stop - start for start, stop in runs) / len(flown)
+            middle = float(np.median(values[a:b, i]))
+            found.append(FrozenChannel(rotor=i + 1, value=middle, share=share, rows=(a, b)))
+    return tuple(found)
+
+
+def _runs(
+    values: Float[np.ndarray, "n N"],
+    stretches: Sequence[tuple[int, int]],
+    i: int,
+    *,
+    longest: int,
+    least: float,
+) -> list[tuple[int, int]]:
+    """Find where one column stays constant for long while the others deviate by `least`."""
+    column = values[:, i]
+    same: Bool[np.ndarray, " n"] = np.zeros(len(column), dtype=bool)
+    for a, b in stretches:
+        same[a : b - 1] = np.abs(np.diff(column[a:b])) <= SAME * float(np.abs(column[a:b]).max())
+    return [
+        (a, b + 1)
+        for a, b in true_runs(same)
+        if b - a >= longest
+        and float(np.median(np.delete(values[a:b], i, axis=1).std(axis=0))) > max(least, 0.0)
+    ]
+
+
+def _inside(
+    runs: list[tuple[int, int]],
+    values: Float[np.ndarray, "n N"],
+    flown: Float[np.ndarray, "m N"],
+    i: int,
+) -> list[tuple[int, int]]:
+    """Select the stretches in which a command is not at the end that others reach, too."""
+    low, high = np.delete(flown, i, axis=1).min(), np.delete(flown, i, axis=1).max()
+    if float(np.ptp(flown[:, i])) == 0.0 and flown[0, i] <= low:
+        return runs  # it never leaves the lower end: another output drives this motor
+    return [(a, b) for a, b in runs if low < float(np.median(values[a:b, i])) < high]
+
 
 FASTEST_TURN = 40.0
 """The gyros of multirotors end at 2000 deg/s, 35 rad/s; more is another unit [rad/s]."""
@@ -33,9 +139,9 @@ LEAST_WHOLE = 2.0
 MOST_TORN = 3.0
 """Gaps a second, beyond which a log is torn: sound logs have up to 0.01."""
 
-MOST_STILL = 0.25
+MOST_FROZEN = 0.25
 """Share of a flight in which a motor channel may stand still, beyond which it is refused."""
-LEAST_STILL = 0.02
+LEAST_FROZEN = 0.02
 """Share from which it is said."""
 
 
@@ -180,15 +286,7 @@ def refuse_idle_motors(motion: Motion) -> None:
 
 
 def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
-    """Raise unless the thrust points along +z and is of the size of the weight.
-
-    Parameters
-    ----------
-    motion
-        Of the flight.
-    takes_columns
-        Whether axes and units of this log can be declared.
-    """
+    """Raise unless the thrust points along +z and has the size of the weight."""
     fast = fast_rows(motion, motion.thrust)
     force = np.median(motion.specific_force[fast], axis=0).astype(float)
     size = float(np.linalg.norm(force))
@@ -220,24 +318,18 @@ def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
         )
 
 
-def still_doubts(
-    still: tuple[StillRotor, ...], time: Float[np.ndarray, " n"], *, measured: bool
+def frozen_channel_warnings(
+    still: tuple[FrozenChannel, ...], time: Float[np.ndarray, " n"], *, measured: bool
 ) -> tuple[str, ...]:
-    """Return a doubt for each motor channel that stands still for a moment; too long is refused.
-
-    Raises
-    ------
-    FlightError
-        Of the rotor whose channel stands still the longest.
-    """
-    if any(rotor.share > MOST_STILL for rotor in still):
+    """Warn of each motor channel that freezes for a moment; raise where one does for long."""
+    if any(rotor.share > MOST_FROZEN for rotor in still):
         worst = max(still, key=lambda rotor: rotor.share)
-        raise FlightError(_still_words(worst, time, measured=measured))
-    said = [rotor for rotor in still if rotor.share >= LEAST_STILL]
-    return tuple(_still_words(rotor, time, measured=measured) for rotor in said)
+        raise FlightError(_frozen_message(worst, time, measured=measured))
+    said = [rotor for rotor in still if rotor.share >= LEAST_FROZEN]
+    return tuple(_frozen_message(rotor, time, measured=measured) for rotor in said)
 
 
-def _still_words(rotor: StillRotor, time: Float[np.ndarray, " n"], *, measured: bool) -> str:
+def _frozen_message(rotor: FrozenChannel, time: Float[np.ndarray, " n"], *, measured: bool) -> str:
     a, b = rotor.rows
     what, unit = ("measured speed", " rad/s") if measured else ("command", "")
     cause = "its ESC telemetry is dead or stuck" if measured else "another output drives this motor"
@@ -252,8 +344,8 @@ def _still_words(rotor: StillRotor, time: Float[np.ndarray, " n"], *, measured: 
 
 
 @contextlib.contextmanager
-def slow_motors_said(motor_rate: float) -> Generator[None, None, None]:
-    """Give slow motor data as the reason where no flight is found in them [Hz]."""
+def explained_by_slow_motors(motor_rate: float) -> Generator[None, None, None]:
+    """Name slow motor data [Hz] as the reason where no flight is found in them."""
     try:
         yield
     except FlightError as error:
@@ -267,39 +359,39 @@ def slow_motors_said(motor_rate: float) -> Generator[None, None, None]:
         ) from error
 
 
-def doubts_about(
+def imu_warnings(
     data: FlightData, uniform: UniformChannels, bias: tuple[float, float, float] | None
 ) -> tuple[str, ...]:
-    """Return the doubts about a prepared flight, one sentence each."""
-    doubts: list[str] = []
+    """Warn of gyro bias, slow motor data and whatever `flight_warnings` finds."""
+    warnings: list[str] = []
     if bias is None:
-        doubts.append(
+        warnings.append(
             "no 1 s at rest found; gyro bias not removed: leave the vehicle still on the ground "
             "for two seconds before take-off"
         )
     elif max(map(abs, bias)) > 0.1:
-        doubts.append(
+        warnings.append(
             f"the gyro reads up to {max(map(abs, bias)):.2f} rad/s at rest (taken off); "
             "calibrate it"
         )
     motor_rate, gyro_rate = uniform.rates["motor"], uniform.rates["gyro"]
     if motor_rate < 0.4 * gyro_rate:
-        doubts.append(
+        warnings.append(
             f"motor data come at {motor_rate:.0f} Hz, the gyro at {gyro_rate:.0f} Hz: fast "
             f"motion is used only up to {0.4 * motor_rate:.0f} Hz; log motors faster"
         )
-    return (*doubts, *flown_doubts(data))
+    return (*warnings, *flight_warnings(data))
 
 
-def flown_doubts(data: FlightData) -> list[str]:
-    """Return the doubts about what was flown, whatever measured it."""
+def flight_warnings(data: FlightData) -> list[str]:
+    """Warn of thrust and speed outside the model's range, whatever measured the flight."""
     rows = data.used_rows
-    doubts = _thrust_doubts(data.rotor_speed[rows])
-    return doubts if data.velocity is None else doubts + _speed_doubts(data.velocity[rows])
+    warnings = _thrust_warnings(data.rotor_speed[rows])
+    return warnings if data.velocity is None else warnings + _speed_warnings(data.velocity[rows])
 
 
-def _thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
-    """Return a doubt where thrust leaves the near-hover scope of the model."""
+def _thrust_warnings(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
+    """Warn where thrust leaves the near-hover scope of the model."""
     thrust: Float[np.ndarray, " n"] = np.einsum("nr,nr->n", rotor_speed, rotor_speed)
     hover = float(np.median(thrust))
     far = float(((thrust > 1.8 * hover) | (thrust < 0.3 * hover)).mean())
@@ -311,8 +403,8 @@ def _thrust_doubts(rotor_speed: Float[np.ndarray, "n N"]) -> list[str]:
     ]
 
 
-def _speed_doubts(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
-    """Return a doubt where the vehicle flies so fast that drag counts."""
+def _speed_warnings(velocity: Float[np.ndarray, "n 3"]) -> list[str]:
+    """Warn where the vehicle flies so fast that drag counts."""
     speed = np.sqrt((velocity * velocity).sum(axis=1))
     known = speed[np.isfinite(speed)]
     fast = float(np.percentile(known, 95)) if len(known) else 0.0

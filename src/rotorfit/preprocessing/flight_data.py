@@ -86,7 +86,7 @@ class FlightData:
         Of the body relative to the ground, body axes [m/s], where the log has it.
     climb
         Velocity along the body's z axis as accelerometer and gyro feel it, without what is slow
-        (`felt_climb`) [m/s]; where nothing else tells a velocity.
+        (`climb_velocity`) [m/s]; where nothing else tells a velocity.
     lag_on
         What of a motor follows its command with a lag.
     reference

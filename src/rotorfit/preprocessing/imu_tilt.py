@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from rotorfit.preprocessing.climb_velocity import felt_climb
+from rotorfit.preprocessing.climb_velocity import climb_velocity
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.prepare import PreparedFlight
 
-LEAST_LEAN: Final = float(np.radians(5.0))
+LEAST_TILT: Final = float(np.radians(5.0))
 """Below it a bias within the usual explains the lean (sound logs: up to 4.5 degrees)."""
 
 
@@ -49,14 +49,8 @@ class ImuTilt:
         return float(np.arccos(np.clip(self.rotation_imu_to_body[2, 2], -1.0, 1.0)))
 
 
-def lean(flights: Sequence[FlightData]) -> ImuTilt:
-    """Return how the IMU would sit if the mean specific force of the flights were along z.
-
-    Parameters
-    ----------
-    flights
-        Each counts for as long as it is.
-    """
+def mean_force_tilt(flights: Sequence[FlightData]) -> ImuTilt:
+    """Compute the IMU's tilt if the mean specific force of all flights' samples is along z."""
     total = np.zeros(3)
     for data in flights:
         for s in data.segments:
@@ -65,8 +59,8 @@ def lean(flights: Sequence[FlightData]) -> ImuTilt:
     return ImuTilt(roll=float(np.arctan2(y, np.hypot(x, z))), pitch=float(np.arctan2(x, z)))
 
 
-def lean_words(tilt: ImuTilt) -> str:
-    """Return a mounting such as "10.1 degrees nose down"."""
+def tilt_phrase(tilt: ImuTilt) -> str:
+    """Describe a mounting: "10.1 degrees nose down"."""
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     parts = [
         f"{abs(angle):.1f} degrees {words[angle > 0]}"
@@ -80,10 +74,7 @@ def lean_words(tilt: ImuTilt) -> str:
 
 
 def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
-    """Return a flight with what the IMU measured turned into the rotors' axes.
-
-    The velocity with it: it was given in the axes of the IMU.
-    """
+    """Turn a flight's IMU signals, and the velocity given in its axes, into the rotors' axes."""
     R = tilt.rotation_imu_to_body
     data = prepared.data
     turned = dataclasses.replace(
@@ -93,4 +84,6 @@ def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
         angular_acceleration=data.angular_acceleration @ R.T,
         velocity=None if data.velocity is None else data.velocity @ R.T,
     )
-    return dataclasses.replace(prepared, data=dataclasses.replace(turned, climb=felt_climb(turned)))
+    return dataclasses.replace(
+        prepared, data=dataclasses.replace(turned, climb=climb_velocity(turned))
+    )

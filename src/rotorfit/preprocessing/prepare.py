@@ -11,21 +11,19 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.speed_law import law_doubts
-from rotorfit.preprocessing.airborne.airborne_part import (
+from rotorfit.preprocessing.airborne import (
+    ON_THE_GROUND,
     SHORTEST_FLIGHT,
     Motion,
     airborne_rows,
+    aloft,
+    ground_contact,
+    ground_warnings,
     misfit,
     phase_edges,
     rest_rows,
 )
-from rotorfit.preprocessing.airborne.ground_contact import (
-    ON_THE_GROUND,
-    aloft,
-    ground_contact,
-    ground_said,
-)
-from rotorfit.preprocessing.climb_velocity import felt_climb
+from rotorfit.preprocessing.climb_velocity import climb_velocity
 from rotorfit.preprocessing.clocks import (
     JITTER_STEPS,
     UniformChannels,
@@ -33,7 +31,10 @@ from rotorfit.preprocessing.clocks import (
     usable_samples,
 )
 from rotorfit.preprocessing.flight_checks import (
-    doubts_about,
+    explained_by_slow_motors,
+    frozen_channel_warnings,
+    frozen_channels,
+    imu_warnings,
     refuse_absurd_sensors,
     refuse_blows,
     refuse_empty_window,
@@ -42,23 +43,18 @@ from rotorfit.preprocessing.flight_checks import (
     refuse_missing_channels,
     refuse_torn_log,
     refuse_wrong_gravity,
-    slow_motors_said,
-    still_doubts,
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.mocap.pose_velocity import known_velocity
-from rotorfit.preprocessing.motors.motor_columns import (
+from rotorfit.preprocessing.motors.motor_model import (
     MotorModel,
     clock_jumps,
-    following_rotors,
-    with_motors,
-)
-from rotorfit.preprocessing.motors.motor_model import (
     first_order_lag,
+    following_rotors,
     speed_from_command,
     white_noise_std,
+    with_motors,
 )
-from rotorfit.preprocessing.motors.still_rotors import still_rotors
 from rotorfit.preprocessing.signals import central_difference, hampel, whole_samples
 
 LAGS_TRIED = (0.0, 0.025, 0.05, 0.1)
@@ -180,10 +176,9 @@ def prepare(
 
 
 def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> OneClock:
-    """Return the channels that are needed on the gyro's clock, the first half of `prepare`.
+    """Resample the needed channels to the gyro's clock: the first half of `prepare`.
 
-    Parameters and errors are those of `prepare`. Of a long log, whoever lets go of it before the
-    second half needs less memory.
+    A long log can be released before the second half, to save memory.
     """
     uniform, spikes = _uniform(log, rotor_count, motors)
     refuse_absurd_sensors(log, uniform)
@@ -199,7 +194,7 @@ def on_one_clock(log: FlightLog, *, rotor_count: int, motors: MotorModel) -> One
 def prepared_from(
     recorded: OneClock, *, arm: float, motors: MotorModel, window: Window = (None, None)
 ) -> PreparedFlight:
-    """Return the airborne part of what `on_one_clock` returned, the second half of `prepare`."""
+    """Prepare the airborne part from `on_one_clock`: the second half of `prepare`."""
     uniform = recorded.uniform
     speed = uniform.values["motor"]
     if motors.speed == "commanded" and motors.law is not None:
@@ -209,13 +204,13 @@ def prepared_from(
     refuse_wrong_gravity(motion, takes_columns=recorded.takes_columns)
     flights, standing = list(motion.stretches), []
     if window == (None, None):
-        with slow_motors_said(uniform.rates["motor"]):
+        with explained_by_slow_motors(uniform.rates["motor"]):
             flights = airborne_rows(with_likely_lag(motion, motors))
     else:
         standing = ground_contact(motion, flights, stretches=uniform.stretches)
         flights = aloft(motion, flights, standing)
     measured = motors.speed == "measured"
-    found = still_rotors(
+    found = frozen_channels(
         uniform.values["motor"],
         flights,
         uniform.sample_rate,
@@ -224,7 +219,7 @@ def prepared_from(
     )
     refuse_torn_log(uniform, flights)
     refuse_blows(uniform, flights)
-    still = still_doubts(found, uniform.time, measured=measured)
+    still = frozen_channel_warnings(found, uniform.time, measured=measured)
     bias = _gyro_bias(
         uniform, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
     )
@@ -238,7 +233,7 @@ def prepared_from(
         segments=_inner_segments(flights if measured else _settled(flights, uniform), uniform),
         rotor_speed_std=_rotor_speed_std(recorded.speed_step, motors, speed, flights),
     )
-    data = dataclasses.replace(data, climb=felt_climb(data))
+    data = dataclasses.replace(data, climb=climb_velocity(data))
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
@@ -249,10 +244,10 @@ def prepared_from(
         motor_rate=uniform.rates["motor"],
         cuts=_cuts(data, uniform, window, standing),
         warnings=(
-            *ground_said(uniform.time, standing),
-            *doubts_about(data, uniform, bias),
+            *ground_warnings(uniform.time, standing),
+            *imu_warnings(data, uniform, bias),
             *still,
-            *_law_doubts(data, uniform, motors),
+            *_law_warnings(data, uniform, motors),
         ),
     )
 
@@ -260,7 +255,7 @@ def prepared_from(
 def _turned(
     uniform: UniformChannels, speed: Float[np.ndarray, "n N"], motors: MotorModel
 ) -> Float[np.ndarray, "n N"]:
-    """Return the rotor speed by the motor model as it was declared."""
+    """Compute the rotor speed by the motor model as declared."""
     return following_rotors(
         speed,
         uniform.sample_rate,
@@ -273,7 +268,7 @@ def _turned(
 def _uniform(
     log: FlightLog, rotor_count: int, motors: MotorModel
 ) -> tuple[UniformChannels, dict[str, int]]:
-    """Return the channels that are needed, despiked, on the gyro's clock made uniform.
+    """Despike and resample the needed channels; count the replaced samples of each.
 
     And how many samples of each channel were replaced.
     """
@@ -309,7 +304,7 @@ def _uniform(
 
 
 def _reference(log: FlightLog) -> Channel | None:
-    """Return what was asked for; what cannot be used is none, and no reason to refuse a flight."""
+    """Return the reference rates if usable: their lack is no reason to refuse a flight."""
     if "reference" not in log.channels:
         return None
     try:
@@ -318,8 +313,10 @@ def _reference(log: FlightLog) -> Channel | None:
         return None
 
 
-def _law_doubts(data: FlightData, uniform: UniformChannels, motors: MotorModel) -> tuple[str, ...]:
-    """Return what to doubt of the motors' law for the commands in flight."""
+def _law_warnings(
+    data: FlightData, uniform: UniformChannels, motors: MotorModel
+) -> tuple[str, ...]:
+    """Warn where the commands in flight leave the motors' law."""
     if motors.law is None:
         return ()
     rows = data.used_rows
@@ -332,7 +329,7 @@ def _rotor_speed_std(
     speed: Float[np.ndarray, "n N"],
     flights: list[tuple[int, int]],
 ) -> float:
-    """Return the noise of measured rotor speed: its resolution's, or what the flight shows."""
+    """Estimate the noise of measured rotor speed from resolution and spectrum."""
     if motors.speed == "commanded":
         return 0.0
     return max(step / 12.0**0.5, white_noise_std(speed, flights))
@@ -343,7 +340,7 @@ def _differentiated(
     speed: Float[np.ndarray, "n N"],
     bias: tuple[float, float, float] | None,
 ) -> FlightData:
-    """Return the whole log as FlightData, without segments yet."""
+    """Collect the whole log as FlightData, without segments yet."""
     gyro = uniform.values["gyro"]
     return FlightData(
         sample_rate=uniform.sample_rate,
@@ -367,7 +364,7 @@ def _motion(
     arm: float,
     window: Window,
 ) -> Motion:
-    """Return what the search for flight looks at, within the window."""
+    """Collect the signals for the search of the flight, within the window."""
     return Motion(
         sample_rate=uniform.sample_rate,
         specific_force=uniform.values["accel"],
@@ -379,9 +376,9 @@ def _motion(
 
 
 def with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
-    """Return the motion with commands as late as the force says, where no lag was given.
+    """Lag commands as the force suggests, where no lag was given; for the search of flight only.
 
-    For the search only: a command that leads the force by 80 ms looks like contact in every flip.
+    A command that leads the force by 80 ms looks like contact in every flip.
     """
     if motors.speed == "measured" or motors.lag > 0:
         return motion
@@ -395,7 +392,7 @@ def with_likely_lag(motion: Motion, motors: MotorModel) -> Motion:
 
 
 def _windowed(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int], ...]:
-    """Return the stretches without gaps, cut to the start and end that the user gives."""
+    """Cut the stretches without gaps to the start and end that the user gives."""
     if window == (None, None):
         return uniform.stretches
     first, last = window_rows(uniform.time, uniform.sample_rate, window)
@@ -409,7 +406,7 @@ def _windowed(uniform: UniformChannels, window: Window) -> tuple[tuple[int, int]
 def window_rows(
     time: Float[np.ndarray, " n"], sample_rate: float, window: Window
 ) -> tuple[int, int]:
-    """Return first row and stop (exclusive) of the start and end that the user gives.
+    """Convert the user's start and end to first row and stop (exclusive).
 
     A start or end upon a sample means that sample, however its time is rounded.
     """
@@ -425,7 +422,7 @@ def window_rows(
 def _gyro_bias(
     uniform: UniformChannels, rest: Bool[np.ndarray, " n"]
 ) -> tuple[float, float, float] | None:
-    """Return the mean rate at rest, where at least half a second of rest was found."""
+    """Average the rates at rest, where at least half a second of rest was found."""
     if rest.sum() < 0.5 * uniform.sample_rate:
         return None
     x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
@@ -433,10 +430,7 @@ def _gyro_bias(
 
 
 def _settled(flights: list[tuple[int, int]], uniform: UniformChannels) -> list[tuple[int, int]]:
-    """Return the flights from where all that moves the rotors is in the log, if anything is left.
-
-    What they turned at before its first command would pass for a lag.
-    """
+    """Drop the beginnings of flights that depend on unlogged commands, if anything is left."""
     begins = np.array([start for start, _ in uniform.stretches])
     known = begins + whole_samples(SETTLING * uniform.sample_rate)
     shortest = max(whole_samples(SHORTEST_FLIGHT * uniform.sample_rate), 3)
@@ -448,14 +442,14 @@ def _settled(flights: list[tuple[int, int]], uniform: UniformChannels) -> list[t
 def _inner_segments(
     flights: list[tuple[int, int]], uniform: UniformChannels
 ) -> tuple[Segment, ...]:
-    """Return the flights without the two end samples that a central difference cannot serve."""
+    """Drop the end samples that a central difference cannot serve."""
     starts = {start for start, _ in uniform.stretches}
     stops = {stop for _, stop in uniform.stretches}
     return tuple(Segment(start=a + (a in starts), stop=b - (b in stops)) for a, b in flights)
 
 
 def phases_of(data: FlightData) -> tuple[Segment, ...]:
-    """Return the segments cut where the flight's character changes."""
+    """Cut the segments where the flight's character changes."""
     phases: list[Segment] = []
     for segment in data.segments:
         rates = data.angular_velocity[segment.start : segment.stop]
@@ -467,7 +461,7 @@ def phases_of(data: FlightData) -> tuple[Segment, ...]:
 def _cuts(
     data: FlightData, uniform: UniformChannels, window: Window, standing: list[tuple[int, int]]
 ) -> tuple[Cut, ...]:
-    """Return the stretches that are not used, with the reason."""
+    """List the unused stretches, with the reason."""
     reason = "not airborne" if window == (None, None) else "outside start and end"
     t = data.time
     cuts = [Cut(start=a, end=b, reason=f"gap in {name}") for a, b, name in uniform.gaps]

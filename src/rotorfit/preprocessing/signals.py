@@ -1,10 +1,22 @@
-"""Small tools on sampled signals: despiking, differences, zero-phase smoothing."""
+r"""Sampled signals: despiking, saturation, differences, smoothing, splines.
 
+Differences see a signal through a window: the second difference over three samples is
+:math:`x_{n+1} - 2 x_n + x_{n-1} = h^2 \int (1 - |u|) \ddot x(t + uh) du`, the derivative through
+two one-sample boxcars (a linear B-spline). An equation stays true if its other columns are averaged
+alike, with Numerov's [1 10 1]/12 (what [1 4 1]/6 is for the first central difference); but where a
+derivative is first turned by an attitude and then multiplied, the window no longer stands outside.
+So it is undone instead: dividing the differences by those averages is what an interpolating spline
+does, and a quintic one holds to the fourth order. All columns then belong to the same instant, and
+what still acts on each of them is the one low-pass.
+"""
+
+from dataclasses import dataclass
 from functools import cache
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import ndimage, signal
+from scipy import interpolate, ndimage, signal
 
 from rotorfit.logs.flight_log import LONG, pieces
 
@@ -19,19 +31,12 @@ SLACK = 1e-3
 def hampel(
     values: Float[np.ndarray, "n k"],
 ) -> tuple[Float[np.ndarray, "n k"], Bool[np.ndarray, " n"]]:
-    """Return the values with spikes replaced by the median of their seven neighbours.
+    """Replace spikes by the median of their seven neighbours, and mark the samples.
 
     A sample is a spike if it is further from that median than six robust standard deviations.
     Those are taken over 51 samples (over seven, they would jump about and flag ordinary noise),
     and never much below the column's own nor below a thousandth of its range, so that quantised
     stretches and the crests of a smooth signal are left alone.
-
-    Returns
-    -------
-    values
-        A copy; the array that was given where nothing was found.
-    spikes
-        Which samples had a spike in any column.
 
     References
     ----------
@@ -60,7 +65,7 @@ def hampel(
 
 
 def whole_samples(count: float) -> int:
-    """Return how many whole samples are in a count of them, a rate times a duration.
+    """Count the whole samples in a rate times a duration.
 
     A rate is known up to rounding, which grows with the time at which its clock begins: where the
     count is a whole number, it must not decide about one sample more or less.
@@ -71,7 +76,7 @@ def whole_samples(count: float) -> int:
 def _running_median(
     values: Float[np.ndarray, " n"], width: int, rows: slice
 ) -> Float[np.ndarray, " m"]:
-    """Return the median over `width` samples around each of some rows."""
+    """Compute the median over `width` samples around each of some rows."""
     half = width // 2
     first, last = max(rows.start - half, 0), min(rows.stop + half, len(values))
     median = ndimage.median_filter(values[first:last], width, mode="nearest")
@@ -81,7 +86,7 @@ def _running_median(
 def central_difference(
     values: Float[np.ndarray, "n k"], sample_rate: float
 ) -> Float[np.ndarray, "n k"]:
-    """Return the difference over two samples, per second; one-sided at both ends.
+    """Difference over two samples, per second; one-sided at both ends.
 
     This is the mean of the derivative over the two samples it spans. Averaging the other columns
     of an equation with [1 4 1]/6 (Simpson's rule over the same span) keeps the equation true to
@@ -99,8 +104,8 @@ def central_difference(
 def smooth(
     values: Float[np.ndarray, "n k"], sample_rate: float, cutoff: float
 ) -> Float[np.ndarray, "n k"]:
-    """Return the values through a zero-phase second-order low-pass (for looking, not fitting)."""
-    sos = _low_pass(sample_rate, cutoff)
+    """Filter by a zero-phase second-order low-pass (for looking, not fitting)."""
+    sos = _butterworth(sample_rate, cutoff)
     pad = min(9, len(values) - 1)
     if len(values) < LONG:
         return signal.sosfiltfilt(sos, values, axis=0, padlen=pad)
@@ -114,21 +119,152 @@ def smooth(
 
 
 def fading_rows(sos: Float[np.ndarray, "s 6"]) -> int:
-    """Return how many rows it takes a filter's answer to fade to rounding."""
+    """Count the rows in which a filter's response fades to rounding."""
     _, poles, _ = signal.sos2zpk(sos)
     return int(np.ceil(np.log(1e-17) / np.log(np.abs(poles).max())))
 
 
 @cache
-def _low_pass(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
-    """Return a second-order Butterworth filter; logs with many gaps ask for it often."""
+def _butterworth(sample_rate: float, cutoff: float) -> Float[np.ndarray, "1 6"]:
+    """Design a second-order Butterworth filter (cached: logs with many gaps ask for it often)."""
     return signal.butter(2, min(cutoff, 0.45 * sample_rate), fs=sample_rate, output="sos")
 
 
 def true_runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int]]:
-    """Return start and stop (exclusive) of every run of true values."""
+    """Find start and stop (exclusive) of every run of true values."""
     padded = np.concatenate([[0], flags.astype(np.int8), [0]])
     change = np.diff(padded)
     starts = np.flatnonzero(change == 1)
     stops = np.flatnonzero(change == -1)
     return [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+
+
+LEAST_LIMIT: Final = {"gyro": 4.0, "accel": 35.0}
+"""Sensors end at 250 deg/s and 4 g at the least: values that stay the same below are no limit."""
+LIMIT_RUN: Final = 3
+STEEP: Final = 5.0
+"""A step of so many times the smallest one is no rounded peak's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Saturation:
+    """The share of a flight that a sensor's end cut off, and the largest reading, in its unit."""
+
+    share: float
+    largest: float
+
+
+def saturation(values: Float[np.ndarray, "n 3"], sensor: Literal["gyro", "accel"]) -> Saturation:
+    """Measure how much of a sensor's readings in flight its range cut off."""
+    return Saturation(
+        share=share_at_limit(values, LEAST_LIMIT[sensor]),
+        largest=max(float(values.max(initial=0.0)), -float(values.min(initial=0.0))),
+    )
+
+
+def share_at_limit(values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1) -> float:
+    """Compute the share of samples at a sensor's limit, see `at_limit`."""
+    stuck = at_limit(values, least, repeats=repeats)
+    return float(stuck.mean()) if len(stuck) else 0.0
+
+
+def at_limit(
+    values: Float[np.ndarray, "n k"], least: float, *, repeats: int = 1
+) -> Bool[np.ndarray, " n"]:
+    """Mark samples that a sensor's range cut off; sizes below `least` are no limit.
+
+    Such stand at one extreme three times in a row or more (times `repeats`, if the recorder writes
+    each sample so often), and come to it or leave it steeply. A rounded peak stands still for a
+    while, too, but a step of the resolution above its neighbours.
+    """
+    stuck = np.zeros(len(values), dtype=bool)
+    for column in values.T:
+        steps = np.abs(np.diff(column))
+        if not (steps > 0.0).any():
+            continue
+        steep = STEEP * float(steps[steps > 0.0].min())
+        for extreme in (column.max(), column.min()):
+            if abs(extreme) < least:
+                continue
+            for a, b in true_runs(np.abs(column - extreme) <= 1e-4 * abs(extreme)):
+                neighbours = steps[[k for k in (a - 1, b - 1) if 0 <= k < len(steps)]]
+                stuck[a:b] |= b - a >= LIMIT_RUN * repeats and bool((neighbours > steep).any())
+    return stuck
+
+
+ORDER = 4
+"""Of one pass of the Butterworth filter whose forward and backward pass `low_pass` equals."""
+DEGREE = 5
+
+
+def low_pass(
+    values: Float[np.ndarray, "n k"], sample_rate: float, cutoff: float
+) -> Float[np.ndarray, "n k"]:
+    r"""Filter by a zero-phase Butterworth low-pass, forward and backward in one.
+
+    Its gain is :math:`1 / (1 + (\sqrt 2 - 1)(f/f_c)^8)`, 3 dB at the cut-off, whatever the sample
+    rate: two channels on different clocks see the same filter, which a recursive filter would not
+    give them near half their rates. The ends are continued by point reflection.
+    """
+    n = len(values)
+    pad = min(n - 1, whole_samples(4.0 * sample_rate / cutoff))
+    wide = np.concatenate(
+        [
+            2.0 * values[:1] - values[pad:0:-1],
+            values,
+            2.0 * values[-1:] - values[-2 : -pad - 2 : -1],
+        ]
+    )
+    # A straight line keeps the two ends of the periodic continuation together.
+    size = len(wide)
+    ramp = np.linspace(0.0, 1.0, size)[:, None] * (wide[-1] - wide[0])
+    frequency = np.fft.rfftfreq(size, 1.0 / sample_rate)
+    gain = (1.0 + (np.sqrt(2.0) - 1.0) * (frequency / cutoff) ** (2 * ORDER)) ** -1.0
+    lines = np.fft.rfft(wide - ramp, axis=0) * gain[:, None]
+    return (np.fft.irfft(lines, n=size, axis=0) + ramp)[pad : pad + n]
+
+
+def spline_derivatives(
+    values: Float[np.ndarray, "n k"], sample_rate: float
+) -> tuple[Float[np.ndarray, "n k"], Float[np.ndarray, "n k"]]:
+    """Differentiate the quintic spline through the samples, once and twice.
+
+    Near the ends they are not to be used: a few samples hold what the spline does not know.
+    """
+    rows = np.arange(len(values), dtype=float)
+    spline = interpolate.make_interp_spline(rows, values, k=DEGREE)
+    return spline(rows, nu=1) * sample_rate, spline(rows, nu=2) * sample_rate**2
+
+
+def spline_at(
+    values: Float[np.ndarray, "n k"],
+    rows: Float[np.ndarray, " m"],
+) -> tuple[Float[np.ndarray, "m k"], Float[np.ndarray, "m k"]]:
+    """Interpolate values and derivatives per sample at fractional rows, held beyond the ends."""
+    spline = interpolate.make_interp_spline(np.arange(len(values)), values, k=DEGREE)
+    inside = np.clip(rows, 0.0, len(values) - 1.0)
+    return spline(inside), spline(inside, nu=1)
+
+
+def smooth_motors(
+    speed: Float[np.ndarray, "n N"], sample_rate: float, *, lag: float, delay: float
+) -> tuple[Float[np.ndarray, "n N"], Float[np.ndarray, "n N"]]:
+    """Delay and lag low-passed rotor speed without gaps; return speed and acceleration."""
+    if lag > 0:
+        speed = _lagged(speed, 1.0 / (sample_rate * lag))
+    rows = np.arange(len(speed)) - delay * sample_rate
+    value, slope = spline_at(speed, rows)
+    return value, slope * sample_rate
+
+
+def _lagged(speed: Float[np.ndarray, "n N"], step: float) -> Float[np.ndarray, "n N"]:
+    """Filter a smooth signal by a lag; `step` is the sample period over the time constant.
+
+    Exact for what is linear between samples, where a held command would come half a sample later.
+    """
+    a = float(np.exp(-step))
+    mean = (1.0 - a) / step
+    b = [1.0 - mean, mean - a]
+    start = speed[:1] * b[1] + a * speed[:1]  # settled before the first sample
+    lagged, _ = signal.lfilter(b, [1.0, -a], speed, axis=0, zi=start)
+    return lagged

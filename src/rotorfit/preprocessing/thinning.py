@@ -46,7 +46,7 @@ class Stretch:
         return range(self.start + 1 - self.step, self.stop - 1 + self.step, self.step)
 
     def place(self, row: int) -> int:
-        """Return what the first kept row from a recorded one on becomes."""
+        """Return the number of the first kept row from a recorded one on."""
         return self.first - (self.kept.start - row) // self.step
 
     @property
@@ -64,19 +64,7 @@ class Stretch:
 def stretches(
     count: int, *, step: int, jumps: Sequence[int], borders: Sequence[int]
 ) -> tuple[Stretch, ...]:
-    """Return the stretches of `count` recorded rows.
-
-    Parameters
-    ----------
-    count
-        Of recorded rows.
-    step
-        Rows that one kept row stands for.
-    jumps
-        First rows after a gap in the clock.
-    borders
-        Rows over which nothing is filtered, the first of what follows.
-    """
+    """Divide `count` recorded rows at the gaps (`jumps`), keeping every `step`-th row."""
     found: list[Stretch] = []
     first = 0
     for a, b in pairwise([0, *jumps, count]):
@@ -87,7 +75,7 @@ def stretches(
 
 
 def kept_rows(within: Sequence[Stretch], start: int, stop: int) -> tuple[int, int]:
-    """Return what recorded rows `start` to `stop` (exclusive), without a gap, become."""
+    """Map recorded rows `start` to `stop` (exclusive), without a gap, to kept ones."""
     own = within[bisect_right([stretch.start for stretch in within], start) - 1]
     return own.place(start), own.place(stop)
 
@@ -132,17 +120,7 @@ class Thinning:
 
 @lru_cache(maxsize=8)
 def low_pass(sample_rate: float, step: int, top: float) -> Float[np.ndarray, " t"]:
-    """Return an odd number of weights about the sample in their middle.
-
-    Parameters
-    ----------
-    sample_rate
-        As recorded [Hz].
-    step
-        Rows that one kept row stands for.
-    top
-        The fastest line [Hz].
-    """
+    """Design an odd-length linear-phase filter that is flat for lines up to `top` [Hz]."""
     kept_rate = sample_rate / step
     width = kept_rate - 2.0 * FLAT * top
     count, beta = signal.kaiserord(DAMPED, width / (0.5 * sample_rate))

@@ -1,17 +1,24 @@
-"""Into which frequency bands a flight is cut, and in which of them a pilot moves the vehicle.
+"""Flights in frequency bands: their factors, and the bands in which a pilot moves the vehicle.
 
-The autopilot answers disturbances: where no pilot moves an axis, rotor speeds and angular
-accelerations are related by its gains, not by the vehicle's inertia. Such bands tell nothing of
-the vehicle, and pull at every estimate.
+The autopilot responds to disturbances: where no pilot moves an axis, rotor speeds and angular
+accelerations are related by its gains, not by the vehicle's inertia. Such bands hold nothing of
+the vehicle, and bias every estimate.
 """
 
-from collections.abc import Iterator
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.factors import Factors, stack_recordings
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.flight_data import FlightData, Velocity
+from rotorfit.preprocessing.motors.motor_model import MotorResponse, with_motors
+from rotorfit.preprocessing.prepare import PreparedFlight
+from rotorfit.reduction.motor_timing import FreeTiming
+from rotorfit.reduction.reduce import BandPlan, Lines, band_factors
 
 EDGES: Final = (0.0, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.5, 8.0, 11.0, 15.0, 20.0, 25.0, 30.0)
 """Of the frequency bands [Hz]. A band must not end inside the control bandwidth; above 30 Hz the
@@ -32,21 +39,16 @@ _TINY: Final = float(np.finfo(float).tiny)
 
 
 def slow_bands(factors: Factors) -> Bool[np.ndarray, "b 3"]:
-    """Return which blocks of roll, pitch and yaw are not above the band in which a pilot flies."""
+    """Mark blocks of roll, pitch and yaw that are not above the band in which a pilot flies."""
     return np.repeat((factors.band[:, 0] < PILOT_BAND[1])[:, None], 3, axis=1)
 
 
 def excited_bands(
     factors: Factors, signal: Float[np.ndarray, "b k"], residual: Float[np.ndarray, "b k"]
 ) -> Bool[np.ndarray, "b k"]:
-    """Return in which blocks a pilot moves an axis; a band is judged over all of a flight.
+    """Mark blocks in which a pilot moves an axis; a band is judged over all of a flight.
 
-    Parameters
-    ----------
-    factors
-        The blocks.
-    signal, residual
-        Sums of squares of angular accelerations and of their errors, one column per axis.
+    `signal`, `residual`: sums of squares of angular accelerations and of their errors, per axis.
     """
     flown = np.zeros(signal.shape, dtype=bool)
     for band in _bands_of_flights(factors):
@@ -55,35 +57,27 @@ def excited_bands(
 
 
 def followed_bands(
-    factors: Factors, signal: Float[np.ndarray, "b m"], made: Float[np.ndarray, "b m"]
+    factors: Factors, signal: Float[np.ndarray, "b m"], cause: Float[np.ndarray, "b m"]
 ) -> Bool[np.ndarray, " b"]:
-    """Return in which blocks a signal follows what should make it, at any gain of the band.
-
-    Parameters
-    ----------
-    factors
-        The blocks.
-    signal, made
-        Their rows of the signal, and of what should make it.
-    """
+    """Mark blocks in which a signal follows its cause `cause`, at any gain of the band."""
     followed = np.zeros(len(factors), dtype=bool)
     for band in _bands_of_flights(factors):
-        power = float((made[band] ** 2).sum())
-        explained = float((made[band] * signal[band]).sum()) ** 2 / max(power, _TINY)
+        power = float((cause[band] ** 2).sum())
+        explained = float((cause[band] * signal[band]).sum()) ** 2 / max(power, _TINY)
         followed[band] = explained > LEAST_RATIO * ((signal[band] ** 2).sum() - explained)
     return followed
 
 
 def counted_bands(factors: Factors, flown: Bool[np.ndarray, "b k"]) -> Bool[np.ndarray, "b k"]:
-    """Return which blocks count: those flown, and all of an axis that is nowhere flown.
+    """Mark blocks that count: those flown, and all of an axis that is nowhere flown.
 
-    And the band with the mean: trim is the same whoever steers, and tells of the centre of mass.
+    And the band with the mean: trim does not depend on who steers, and holds the centre of mass.
     """
     return flown | ~flown.any(axis=0) | (factors.band[:, 0] == 0.0)[:, None]
 
 
 def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
-    """Yield which blocks are of one flight and about one frequency, wide ones apart.
+    """Yield the blocks of one flight and about one frequency, wide ones separately.
 
     The ten lines of a short stretch reach far: about 5 Hz, they hold the pilot's motion at 1 Hz.
     """
@@ -95,3 +89,86 @@ def _bands_of_flights(factors: Factors) -> Iterator[Bool[np.ndarray, " b"]]:
         own = factors.recording == number
         for one in np.unique(place[own]):
             yield own & (place == one)
+
+
+STEPS: Final[Mapping[str, float]] = {"motor_delay": 1e-3, "motor_lag": 1e-3, "motor_skew": 0.02}
+"""To either side, for the slopes of the signals [s, s, share]."""
+
+
+def flight_bands(
+    flights: Sequence[PreparedFlight],
+    vehicle: Vehicle,
+    response: MotorResponse | None,
+    *,
+    velocity: Velocity = "none",
+    free: FreeTiming | None = None,
+    body: Sequence[tuple[Lines, ...]] | None = None,
+    top: float = np.inf,
+) -> Factors:
+    """Reduce all flights of a configuration to band factors, calm and lively phases separately.
+
+    `response`: None leaves each flight as it was prepared; `free`: times by which slopes are made;
+    `body`: each flight's lines of the body's signals; `top`: bands begin under this edge [Hz].
+    """
+    return stack_recordings(
+        [
+            prepared_bands(
+                flight,
+                vehicle,
+                response,
+                velocity=velocity,
+                free=free,
+                body=own,
+                top=top,
+            )
+            for flight, own in zip(flights, body or [None] * len(flights), strict=True)
+        ]
+    )
+
+
+def prepared_bands(
+    prepared: PreparedFlight,
+    vehicle: Vehicle,
+    response: MotorResponse | None,
+    *,
+    velocity: Velocity = "none",
+    free: FreeTiming | None = None,
+    body: tuple[Lines, ...] | None = None,
+    top: float = np.inf,
+) -> Factors:
+    """Reduce one flight to band factors, see `flight_bands`."""
+    moved = [] if free is None else _moved(prepared, free)
+    data, plan = banded_data(prepared, response)
+    return band_factors(
+        data, vehicle, plan=plan, velocity=velocity, moved=moved, body=body, top=top
+    )
+
+
+def banded_data(
+    prepared: PreparedFlight, response: MotorResponse | None
+) -> tuple[FlightData, BandPlan]:
+    """Retime a flight's motors, and plan how its phases are cut."""
+    data = dataclasses.replace(retimed(prepared, response), segments=prepared.phases)
+    top = min(EDGES[-1], 0.4 * prepared.slowest_rate)
+    edges = (*(edge for edge in EDGES if edge < top), top)
+    return data, BandPlan(edges=edges, longest=STRETCH)
+
+
+def _moved(
+    prepared: PreparedFlight, free: FreeTiming
+) -> list[tuple[FlightData, FlightData, float]]:
+    """Retime the flight a step later and earlier by each free time, with the step between."""
+    moved: list[tuple[FlightData, FlightData, float]] = []
+    for name in free.names:
+        later, earlier = (free.moved({name: side * STEPS[name]}) for side in (1.0, -1.0))
+        # A lag ends at nothing.
+        distance = later.mean_lag - earlier.mean_lag if name == "motor_lag" else 2.0 * STEPS[name]
+        moved.append((retimed(prepared, later), retimed(prepared, earlier), distance))
+    return moved
+
+
+def retimed(prepared: PreparedFlight, response: MotorResponse | None) -> FlightData:
+    """Apply another lag and delay to a flight's motor data; None leaves it."""
+    if response is None:
+        return prepared.data
+    return with_motors(prepared.data, prepared.motor_channel, response)

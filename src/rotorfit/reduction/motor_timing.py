@@ -39,7 +39,7 @@ class FreeTiming:
     lag_prior: tuple[float, float] = LAG_PRIOR
 
     def moved(self, by: Mapping[str, float]) -> MotorResponse:
-        """Return the response when each of the times moves by so much."""
+        """Move each of the times by so much."""
         lag = max(self.at.mean_lag + by.get("motor_lag", 0.0), 0.0)
         skew = skew_of(self.at) + by.get("motor_skew", 0.0)
         skew = min(max(skew, -LARGEST_SKEW), LARGEST_SKEW)
@@ -48,12 +48,12 @@ class FreeTiming:
             return MotorResponse(lag=lag, delay=delay)
         return MotorResponse(lag=lag * (1.0 - skew), delay=delay, lag_down=lag * (1.0 + skew))
 
-    def others(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return where a fit ended, but for the times, at which its signals are made anew."""
+    def without_times(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Select a fit's values but for the times, at which its signals are made anew."""
         return {name: value for name, value in values.items() if name not in self.names}
 
     def faults(self) -> list[dict[str, float]]:
-        """Return by how much the times may be wrong together, and no curvature shows it."""
+        """List common errors of the times that no curvature shows."""
         if "motor_lag" not in self.names:
             return [{"motor_delay": SUM_FAULT}]
         if "motor_delay" not in self.names:
@@ -69,7 +69,7 @@ class FreeTiming:
 
 
 def skew_of(response: MotorResponse) -> float:
-    """Return by what share rising is faster and falling slower than their mean."""
+    """Compute the share by which rising is faster and falling slower than their mean."""
     if response.lag_down is None or response.mean_lag == 0.0:
         return 0.0
     return response.lag_down / response.mean_lag - 1.0
@@ -90,12 +90,12 @@ class TimedBands:
     """
 
     at: MotorResponse
-    made_of: tuple[object, ...]
+    inputs: tuple[object, ...]
     factors: tuple[Factors, ...]
 
-    def serve(self, made_of: tuple[object, ...]) -> bool:
-        """Return whether factors of these very things would be the same."""
-        return all(own is other for own, other in zip(self.made_of, made_of, strict=True))
+    def matches(self, inputs: tuple[object, ...]) -> bool:
+        """Return whether the factors were made of these very objects."""
+        return all(own is other for own, other in zip(self.inputs, inputs, strict=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ class MotorTiming:
     free
         Which times a fit finds again together with everything else (`FreeTiming.names`): those that
         the flights tell.
-    beside
+    additional
         Times by which the signals' slopes are made, too: one may be set free later.
     reached
         Where the other parameters of the fit that found it ended: the next one begins there.
@@ -126,22 +126,16 @@ class MotorTiming:
     lag_std: float | None = None
     delay_std: float | None = None
     free: tuple[str, ...] = ()
-    beside: tuple[str, ...] = ()
+    additional: tuple[str, ...] = ()
     reached: Mapping[str, float] | None = None
     bands: TimedBands | None = field(default=None, repr=False, compare=False)
 
     @property
-    def told(self) -> bool:
+    def identifiable(self) -> bool:
         """Whether lag plus delay is known better than by its own size, or by motors' usual lag."""
-        return told(self.response.mean_lag + self.response.delay, self.total_std)
+        return is_time_identifiable(self.response.mean_lag + self.response.delay, self.total_std)
 
 
-def told(value: float, std: float) -> bool:
-    """Return whether a time is known better than by its own size, or by motors' usual lag.
-
-    Parameters
-    ----------
-    value, std
-        [s]
-    """
+def is_time_identifiable(value: float, std: float) -> bool:
+    """Return whether a time is better known than its own size, or motors' usual lag [s]."""
     return 1.96 * std <= max(abs(value), LAG_PRIOR[0])

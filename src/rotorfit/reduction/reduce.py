@@ -54,7 +54,7 @@ class LowPass:
     order: int = 4
 
     def sos(self, sample_rate: float) -> Float[np.ndarray, "s 6"]:
-        """Return the second-order sections of one pass."""
+        """Design the second-order sections of one pass."""
         # Two passes square the gain: each is widened so that together they lose 3 dB at cutoff.
         widened = self.cutoff * (np.sqrt(2.0) - 1.0) ** (-1.0 / (2 * self.order))
         if widened >= 0.5 * sample_rate:
@@ -65,11 +65,11 @@ class LowPass:
         return signal.butter(self.order, widened, fs=sample_rate, output="sos")
 
     def memory_rows(self, sample_rate: float) -> int:
-        """Return how many rows it takes the filter's answer to fade to rounding."""
+        """Count the rows in which the filter's response fades to rounding."""
         return fading_rows(self.sos(sample_rate))
 
     def step(self, sample_rate: float) -> int:
-        """Return how many samples one kept sample stands for."""
+        """Count the samples that one kept sample stands for."""
         if self.samples_per_period is None:
             return 1
         return max(int(sample_rate / (self.samples_per_period * self.cutoff)), 1)
@@ -82,21 +82,9 @@ def time_factors(
     lowpass: LowPass | None = None,
     block_seconds: float = 1.0,
 ) -> Factors:
-    """Return one factor per second of flight, for the estimators of the time domain.
+    """Reduce a flight to one factor per `block_seconds`, for estimators of the time domain.
 
-    Parameters
-    ----------
-    flight, vehicle
-        The prepared flight, with the rotors in the vehicle's order.
-    lowpass
-        Applied equally to every signal, which leaves the equations between them exact.
-    block_seconds
-        Length of a block [s].
-
-    Raises
-    ------
-    FlightError
-        If the flight has no usable stretch, or is too slow for the low-pass.
+    The low-pass acts equally on every signal, which leaves the equations between them exact.
     """
     step = 1 if lowpass is None else lowpass.step(flight.sample_rate)
     block_rows = max(round(block_seconds * flight.sample_rate / step), 1)
@@ -118,7 +106,7 @@ def filtered_signals(
     *,
     velocity: Velocity = "none",
 ) -> Float[np.ndarray, "n z"]:
-    """Return the low-passed signals of every sample of a segment, for looking at a flight."""
+    """Low-pass the signals of every sample of a segment, for looking at a flight."""
     every = replace(lowpass, samples_per_period=None)
     chunks = _filtered_chunks(flight, vehicle, segment, (every, 1), velocity=velocity)
     return np.concatenate(list(chunks))
@@ -188,32 +176,12 @@ def band_factors(
     body: Sequence[Lines] | None = None,
     top: float = np.inf,
 ) -> Factors:
-    """Return one factor per stretch of flight and frequency band.
+    """Reduce a flight to one factor per stretch and frequency band; raise if none is long enough.
 
     Each stretch is tapered (Tukey), transformed and scaled to unit window energy; a band stacks
     real and imaginary parts. Every step is linear and equal for all signals: the equations
-    between them stay exact.
-
-    Parameters
-    ----------
-    flight, vehicle
-        The prepared flight, with the rotors in the vehicle's order.
-    plan
-        How it is cut.
-    velocity
-        What of the velocity is among the signals.
-    moved
-        The flight with the rotors a step later and earlier, and how far that is apart; one for each
-        slope.
-    body
-        Of the same flight and plan (`body_lines`), where rotors alone are made anew.
-    top
-        Only bands that begin under this edge are made [Hz].
-
-    Raises
-    ------
-    FlightError
-        If no stretch is long enough for a single band.
+    between them stay exact. `moved`: per slope the flight with its rotors a step later and earlier,
+    and their distance; `body`: from `body_lines`; `top`: bands begin under this edge [Hz].
     """
     layout = signal_layout(vehicle, velocity=velocity)
     made, kept = rotor_columns(layout, inflow=True), body_columns(layout)
@@ -241,7 +209,7 @@ def band_factors(
 def body_lines(
     flight: FlightData, *, plan: BandPlan, velocity: Velocity = "none"
 ) -> tuple[Lines, ...]:
-    """Return the lines of the signals that the rotors have no part in, stretch by stretch.
+    """Transform the signals that the rotors have no part in, stretch by stretch.
 
     They stay where lag and delay of the motors are tried: of a log at 1 kHz the lines that are used
     are a sixteenth of the samples.
@@ -262,19 +230,9 @@ def banded_lines(
     *,
     plan: BandPlan,
 ) -> Iterator[tuple[Lines, list[tuple[int, int]], Float[np.ndarray, " l"]]]:
-    """Yield lines of any columns, cut and windowed as the blocks of `band_factors` are.
+    """Yield the lines of any `columns` (by first and last row), cut as `band_factors` does.
 
-    Parameters
-    ----------
-    flight, plan
-        What is cut, and how.
-    columns
-        From first and last (exclusive) row of a stretch to its columns.
-
-    Yields
-    ------
-    lines, bands, frequency
-        Of a stretch: the lines, first and last (exclusive) of each block, and where they are [Hz].
+    With them first and last (exclusive) line of each block, and the frequencies [Hz].
     """
     for stretch in _stretches(flight, plan):
         bands = _bands(stretch, flight.sample_rate, plan)
@@ -284,19 +242,13 @@ def banded_lines(
 
 
 def _stretches(flight: FlightData, plan: BandPlan) -> list[Segment]:
-    """Return the segments in parts that are not too long."""
+    """Split the segments into parts that are not too long."""
     longest = plan.longest * flight.sample_rate
     return [stretch for segment in flight.segments for stretch in split_segment(segment, longest)]
 
 
 def yaw_factors(flight: FlightData, rotor_count: int, *, plan: BandPlan) -> Factors:
-    """Return one factor per stretch and band of `yaw_signals`, cut and windowed as `band_factors`.
-
-    Raises
-    ------
-    FlightError
-        If no stretch is long enough for a single band.
-    """
+    """Reduce `yaw_signals` to one factor per stretch and band, cut as by `band_factors`."""
 
     def columns(start: int, stop: int) -> Float[np.ndarray, "n y"]:
         return yaw_signals(flight, rotor_count, start, stop)
@@ -310,13 +262,13 @@ def _slopes(
     vehicle: Vehicle,
     stretch: Segment,
 ) -> list[Float[np.ndarray, "n r"]]:
-    """Return the derivative of the rotors' signals by what moves them, from both sides of each."""
+    """Differentiate the rotors' signals by what moves them, from both sides of each."""
     slopes: list[Float[np.ndarray, "n r"]] = []
-    for ahead, behind, apart in moved:
+    for ahead, behind, distance in moved:
         one, other = (
             rotor_signals(side, vehicle, stretch.start, stretch.stop) for side in (ahead, behind)
         )
-        slopes.append((one - other) / apart)
+        slopes.append((one - other) / distance)
     return slopes
 
 
@@ -328,7 +280,7 @@ def rotor_noise(
     *,
     velocity: Velocity = "none",
 ) -> Float[np.ndarray, "b z"] | None:
-    """Return what white noise of the rotor speeds adds to each signal, per row of a band.
+    """Propagate white noise of the rotor speeds to each signal, per row of a band.
 
     Speeds squared carry 2 O times the noise through the [1 4 1]/6 average, spin accelerations the
     noise through the central difference; a row is the real or the imaginary part of a line and
@@ -354,21 +306,21 @@ def rotor_noise(
 
 
 def split_segment(segment: Segment, longest_rows: float) -> list[Segment]:
-    """Return a segment in the fewest equal parts that are no longer than `longest_rows`."""
+    """Split a segment into the fewest equal parts no longer than `longest_rows`."""
     count = max(int(np.ceil(len(segment) / longest_rows)), 1)
     edges = np.linspace(segment.start, segment.stop, count + 1).round().astype(int)
     return [Segment(start=int(a), stop=int(b)) for a, b in pairwise(edges)]
 
 
 def _bands(stretch: Segment, sample_rate: float, plan: BandPlan) -> list[tuple[int, int]]:
-    """Return first and last (exclusive) line of each band of a stretch."""
+    """Find first and last (exclusive) line of each band of a stretch."""
     return merged_bands(np.fft.rfftfreq(max(len(stretch), 1), 1.0 / sample_rate), plan)
 
 
 def _lines(
     Z: Float[np.ndarray, "n z"], bands: Sequence[tuple[int, int]], plan: BandPlan
 ) -> Complex[np.ndarray, "l z"]:
-    """Return the windowed lines of signals, up to the last that a band has."""
+    """Transform windowed signals, up to the last line that a band has."""
     if not bands:
         return np.zeros((0, Z.shape[1]), dtype=complex)
     window = signal.windows.tukey(len(Z), plan.taper)
@@ -381,7 +333,7 @@ def _banded(
     bands: Sequence[tuple[int, int]],
     resolution: float,
 ) -> Factors:
-    """Return the band factors of the lines of one stretch, so far apart [Hz]."""
+    """Reduce the lines of one stretch, so far apart [Hz], to band factors."""
     stacked = [_line_rows(lines, first, last) for first, last in bands]
     return Factors(
         R=triangular_factors(stacked),
@@ -392,9 +344,9 @@ def _banded(
 
 
 def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
-    """Return factors of signals and slopes side by side with the slopes apart.
+    """Separate the slopes from factors of signals and slopes side by side.
 
-    The first rows are the signals' own; each slope has the column of its signal.
+    The first rows are those of the signals; each slope has the column of its signal.
     """
     if not count:
         return factors
@@ -409,7 +361,7 @@ def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
 def _line_rows(
     lines: Complex[np.ndarray, "l z"], first: int, last: int
 ) -> Float[np.ndarray, "m z"]:
-    """Return real and imaginary parts of lines as rows that carry the same noise.
+    """Stack real and imaginary parts of lines as rows that carry the same noise.
 
     The mean is real, and its one row would have the variance of two.
     """
@@ -421,7 +373,7 @@ def _line_rows(
 
 
 def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tuple[int, int]]:
-    """Return first and last (exclusive) line of each band, short bands merged upwards."""
+    """Merge short bands upwards: first and last (exclusive) line of each."""
     marks = [int(mark) for mark in np.searchsorted(frequency, plan.edges)]
     mean: list[tuple[int, int]] = []
     if plan.edges[0] == 0.0:
@@ -439,7 +391,7 @@ def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tup
 
 
 def _as_one_segment(blocks: Sequence[Factors]) -> Factors:
-    """Return the blocks of one segment, all with the segment number 0."""
+    """Assign all blocks of a segment the number 0."""
     joined = stack_factors(blocks)
     return replace(joined, segment=np.zeros_like(joined.segment))
 

@@ -9,8 +9,7 @@ from rotorfit.planning.candidate import Candidate, ScheduleName
 from rotorfit.planning.plan import SCHEDULES, FlightPlan
 from rotorfit.planning.vehicle import payload_rotors
 from rotorfit.planning.wanted import IN_MM, shown_width
-from rotorfit.simulation.manoeuvres import MANOEUVRES, Manoeuvre
-from rotorfit.simulation.pilot import Stick
+from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre, Stick
 
 TITLES: Final[Mapping[ScheduleName, str]] = {
     "hover": "hover only",

@@ -13,7 +13,7 @@ from rotorfit.logs.speed_law import (
     SquareRootLaw,
     VoltageFactor,
 )
-from rotorfit.motor_law.law_forms import FormName
+from rotorfit.motor_law.law_model import FormName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from rotorfit.findings import note
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.model.parameters import PARAMETERS
-from rotorfit.motor_law.command_response import Recording, answered_speed
+from rotorfit.motor_law.command_response import Recording, speed_response
 from rotorfit.motor_law.fit_law import FittedLaw, LawFit
 from rotorfit.motor_law.law_model import law_of, scales_of, timing_of
 from rotorfit.preprocessing.motors.thrust_curve import (
@@ -19,7 +19,7 @@ from rotorfit.preprocessing.motors.thrust_curve import (
     speeds,
     thrust_curve,
 )
-from rotorfit.reduction.motor_timing import told
+from rotorfit.reduction.motor_timing import is_time_identifiable
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.results.parameter_tables import ROW_ORDER, found_time
 from rotorfit.results.result import IdentificationResult, Parameter
@@ -192,7 +192,7 @@ def _motors(fitted: FittedLaw, times: tuple[Parameter, ...]) -> dict[str, Any]:
             pass
     table: dict[str, Any] = {"speed": "commanded", "law": entry}
     lag = next(p for p in times if p.name == "motor_lag")
-    if lag.value is not None and lag.std is not None and told(lag.value, lag.std):
+    if lag.value is not None and lag.std is not None and is_time_identifiable(lag.value, lag.std):
         table["lag"] = _short(lag.value)
         table["lag_std"] = _short(max(lag.std, SURE_LAG * lag.value))
     return table
@@ -205,8 +205,8 @@ def _short(value: float) -> float:
 def _points(recording: Recording, fit: LawFit) -> tuple[LawPoint, ...]:
     """Return the measured speeds over the command that the motors had, in bins of it."""
     none = np.zeros((len(recording.command), 0))
-    command, _ = answered_speed(recording, recording.command, none, fit.timing)
-    steady, _ = answered_speed(recording, *_nominal(recording, fit), fit.timing)
+    command, _ = speed_response(recording, recording.command, none, fit.timing)
+    steady, _ = speed_response(recording, *_nominal(recording, fit), fit.timing)
     speed = recording.speed / fit.speed * steady
     edges = np.linspace(float(command.min()), float(command.max()), POINTS + 1)
     bins = np.clip(np.searchsorted(edges, command, side="right") - 1, 0, POINTS - 1)

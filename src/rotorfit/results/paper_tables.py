@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Final
 
 from rotorfit.dataset.dataset import Dataset
-from rotorfit.estimation.total import EssentialEstimate
+from rotorfit.estimation.least_squares import EssentialEstimate
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment
 from rotorfit.findings import note
 from rotorfit.fit.rows.paper_fit import OWN_FREE, SHARED_FREE, PaperSettings, paper_estimate

@@ -16,7 +16,7 @@ from rotorfit.model.parameters import (
     ParameterInfo,
 )
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.reduction.motor_timing import MotorTiming, told
+from rotorfit.reduction.motor_timing import MotorTiming, is_time_identifiable
 from rotorfit.results.result import Derived, Parameter
 from rotorfit.results.verdicts import ADVICE, WEAK, Judgement, judge, motion_for
 
@@ -203,7 +203,7 @@ def _given_time(name: str, value: float) -> Parameter:
 def found_time(name: str, value: float, std: float) -> Parameter:
     """Return a time that the flights gave; sharp to a quarter of the time scale that matters."""
     half = 1.96 * std
-    sharp, known = half <= WEAK * max(abs(value), TIME_SCALE), told(value, std)
+    sharp, known = half <= WEAK * max(abs(value), TIME_SCALE), is_time_identifiable(value, std)
     # No rotor follows before its command; a delay is negative where motors are recorded late.
     low = value - half if name.endswith("_delay") else max(value - half, 0.0)
     return Parameter(
@@ -229,9 +229,9 @@ def with_timing_total(
     total = Derived(
         name="motor_lag_total",
         configuration=None,
-        value=value if timing.told else None,
-        std=timing.total_std if timing.told else None,
-        interval=(value - half, value + half) if timing.told else None,
+        value=value if timing.identifiable else None,
+        std=timing.total_std if timing.identifiable else None,
+        interval=(value - half, value + half) if timing.identifiable else None,
         unit="s",
     )
     return (total, *(d for d in derived if d.name != total.name))

@@ -9,7 +9,7 @@ from rotorfit.fit.intervals.excitation import AXIS_OF, LEAST_EXCITATION
 from rotorfit.fit.intervals.numbers import moments_beside, product_scale
 from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, INERTIA_COM, ROTORS_AIR
 from rotorfit.results.numbers import Derived, Parameter, Verdict
-from rotorfit.simulation.manoeuvres import Manoeuvre
+from rotorfit.simulation.pilot import Manoeuvre
 
 WEAK = 0.25
 """Half-width of the interval, relative to value or scale, over which a parameter is weak."""

@@ -6,8 +6,6 @@ from rotorfit.simulation.flight import simulate_flight as simulate_flight
 from rotorfit.simulation.pilot import STILL as STILL
 from rotorfit.simulation.pilot import Stick as Stick
 from rotorfit.simulation.pilot import Sticks as Sticks
-from rotorfit.simulation.record import SimulatedFlight as SimulatedFlight
-from rotorfit.simulation.record import measure as measure
 from rotorfit.simulation.scenarios import SimulatedVehicle as SimulatedVehicle
 from rotorfit.simulation.scenarios import layout_vehicle as layout_vehicle
 from rotorfit.simulation.scenarios import paper_vehicle as paper_vehicle
@@ -15,11 +13,13 @@ from rotorfit.simulation.scenarios import variant as variant
 from rotorfit.simulation.sensors import PERFECT as PERFECT
 from rotorfit.simulation.sensors import TYPICAL as TYPICAL
 from rotorfit.simulation.sensors import Sensors as Sensors
-from rotorfit.simulation.tables import flight_table as flight_table
-from rotorfit.simulation.tables import write_flight_table as write_flight_table
+from rotorfit.simulation.sensors import SimulatedFlight as SimulatedFlight
+from rotorfit.simulation.sensors import measure as measure
 from rotorfit.simulation.truth import GRAVITY as GRAVITY
 from rotorfit.simulation.truth import Truth as Truth
 from rotorfit.simulation.truth import with_payload as with_payload
 from rotorfit.simulation.views import exact_flight_data as exact_flight_data
+from rotorfit.simulation.views import flight_table as flight_table
 from rotorfit.simulation.views import sampled_flight_data as sampled_flight_data
 from rotorfit.simulation.views import to_flight_log as to_flight_log
+from rotorfit.simulation.views import write_flight_table as write_flight_table

@@ -1,13 +1,101 @@
-"""One rigid body in six degrees of freedom, its centre of mass off the body origin O."""
+"""One rigid body in six degrees of freedom, its centre of mass off the body origin O.
 
+Vectors, matrices and unit quaternions are tuples of floats: on three floats, plain Python is
+several times faster than NumPy.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from math import atan2, cos, sin
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from rotorfit.simulation.truth import GRAVITY, Truth
-from rotorfit.simulation.vectors import Matrix, Vector, cross, no_type_check, rotation, times
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+Quaternion = tuple[float, float, float, float]
+
+_Function = TypeVar("_Function", bound=Callable[..., object])
+
+
+def no_type_check(function: _Function) -> _Function:
+    """Mark a function of the inner loop, and return it as it is.
+
+    The run-time shape checks of the tests go by this name and leave such a function alone: they
+    cost thirty times what it does. Unlike its namesake in `typing` it keeps the annotations.
+    """
+    return function
+
+
+@no_type_check
+def cross(a: Vector, b: Vector) -> Vector:
+    """Compute the cross product a x b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@no_type_check
+def times(A: Matrix, b: Vector) -> Vector:
+    """Multiply a matrix (a tuple of rows) and a vector."""
+    x, y, z = b
+    return (
+        A[0][0] * x + A[0][1] * y + A[0][2] * z,
+        A[1][0] * x + A[1][1] * y + A[1][2] * z,
+        A[2][0] * x + A[2][1] * y + A[2][2] * z,
+    )
+
+
+@no_type_check
+def clip(value: float, limit: float) -> float:
+    """Limit the value to plus and minus the limit."""
+    return max(-limit, min(limit, value))
+
+
+@no_type_check
+def rotation(quaternion: Quaternion) -> Matrix:
+    """Convert a unit quaternion (w, x, y, z) to a rotation matrix."""
+    w, x, y, z = quaternion
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+
+
+@no_type_check
+def yaw_of(R: Matrix) -> float:
+    """Compute the heading of R = Rz(yaw) Ry(pitch) Rx(roll) [rad]."""
+    return atan2(R[1][0], R[0][0])
+
+
+@no_type_check
+def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Convert R = Rz(yaw) Ry(pitch) Rx(roll) to a unit quaternion (w, x, y, z)."""
+    cr, sr = cos(roll / 2), sin(roll / 2)
+    cp, sp = cos(pitch / 2), sin(pitch / 2)
+    cy, sy = cos(yaw / 2), sin(yaw / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+@no_type_check
+def rotation_vector_between(start: Quaternion, end: Quaternion) -> Vector:
+    """Compute 2 sin(angle/2) times the axis of the rotation from start to end, in start's axes."""
+    w, x, y, z = start
+    a, b, c, d = end
+    scale = 2.0 if w * a + x * b + y * c + z * d >= 0 else -2.0  # of q and -q, the shorter way
+    return (
+        scale * (w * b - x * a - y * d + z * c),
+        scale * (w * c - y * a - z * b + x * d),
+        scale * (w * d - z * a - x * c + y * b),
+    )
+
 
 State = tuple[float, ...]
 """Thirteen floats: angular velocity (3), attitude quaternion wxyz body to world (4), velocity
@@ -58,7 +146,7 @@ class RigidBody:
 
 
 def rigid_body(truth: Truth) -> RigidBody:
-    """Return the body of a vehicle."""
+    """Build the body of a vehicle."""
     return RigidBody(
         mass=truth.mass,
         first_moments=truth.first_moments,
@@ -78,11 +166,6 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
 
     With a from the first put into the second, the inertia about the centre of mass is left in
     front of dw (the Schur complement of the mass).
-
-    Returns
-    -------
-    a, dw
-        Specific force at the origin [m/s^2] and angular acceleration [rad/s^2], body axes.
     """
     m, ms = body.mass, body.first_moments
     Lx, Ly, Lz = times(body.inertia, w)
@@ -101,10 +184,7 @@ def accelerations(body: RigidBody, wrench: Wrench, w: Vector) -> tuple[Vector, V
 
 @no_type_check
 def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector, w: Vector) -> Wrench:
-    """Return the wrench with the drag added.
-
-    The origin moves with `velocity` in body axes [m/s], and the body turns with `w` [rad/s].
-    """
+    """Add the drag on an origin that moves with `velocity` [m/s] while turning with `w` [rad/s]."""
     cx, cy, cz = body.drag
     if not (cx or cy or cz):
         return wrench
@@ -120,7 +200,7 @@ def with_drag(body: RigidBody, wrench: Wrench, velocity: Vector, w: Vector) -> W
 
 @no_type_check
 def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
-    """Return the time derivative of the state under a wrench."""
+    """Differentiate the state by time under a wrench."""
     x, y, z, qw, qx, qy, qz, vx, vy, vz, _, _, _ = state
     w, v = (x, y, z), (vx, vy, vz)
     (ax, ay, az), (dx, dy, dz) = accelerations(body, with_drag(body, wrench, v, w), w)
@@ -140,24 +220,7 @@ def derivative(body: RigidBody, wrench: Wrench, state: State) -> State:
 
 @no_type_check
 def step(body: RigidBody, wrenches: list[Wrench], state: State, h: float) -> State:
-    """Take one classical Runge-Kutta step of fourth order.
-
-    Parameters
-    ----------
-    body
-        The rigid body.
-    wrenches
-        At the beginning, the middle and the end of the step.
-    state
-        At the beginning.
-    h
-        Length of the step [s].
-
-    Returns
-    -------
-    state
-        At the end, its quaternion of unit length.
-    """
+    """Take a classical Runge-Kutta step of length `h` [s]; wrenches at begin, middle and end."""
     begin, middle, end = wrenches
     half, sixth = h / 2, h / 6
     k1 = derivative(body, begin, state)
@@ -170,13 +233,13 @@ def step(body: RigidBody, wrenches: list[Wrench], state: State, h: float) -> Sta
 
 @no_type_check
 def _normalised(state: list[float]) -> State:
-    """Return the state with its quaternion brought back to unit length."""
+    """Normalise the state's quaternion."""
     a, b, c, d = state[3:7]
     length = (a * a + b * b + c * c + d * d) ** 0.5
     return (*state[:3], a / length, b / length, c / length, d / length, *state[7:])
 
 
 def _rows(tensor: Float[np.ndarray, "3 3"]) -> Matrix:
-    """Return a matrix as a tuple of rows."""
+    """Convert a matrix to a tuple of rows."""
     a, b, c = (tuple(row) for row in tensor.tolist())
     return a, b, c

@@ -12,12 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.simulation.body import State
-from rotorfit.simulation.motors import allocation
-from rotorfit.simulation.pilot import Reference
-from rotorfit.simulation.truth import GRAVITY, Truth
-from rotorfit.simulation.vectors import (
+from rotorfit.simulation.body import (
     Matrix,
+    State,
     Vector,
     clip,
     no_type_check,
@@ -27,6 +24,9 @@ from rotorfit.simulation.vectors import (
     times,
     yaw_of,
 )
+from rotorfit.simulation.motors import allocation
+from rotorfit.simulation.pilot import Reference
+from rotorfit.simulation.truth import GRAVITY, Truth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +113,7 @@ class Memory(NamedTuple):
 def autopilot_of(
     truth: Truth, vehicle: Vehicle, *, thrust_to_weight: float, period: float, gains: Gains
 ) -> Autopilot:
-    """Return an autopilot tuned for a vehicle, which ignores what its rotors differ by.
+    """Tune an autopilot for a vehicle, ignoring the differences between its rotors.
 
     The largest speed follows from thrust over weight; the lowest gives 2 % of the weight.
     """
@@ -132,14 +132,14 @@ def autopilot_of(
 
 
 def trimmed(truth: Truth) -> Memory:
-    """Return the memory of an autopilot that has flown this vehicle before: ms x a at hover."""
+    """Start the memory of an autopilot that has flown this vehicle before: ms x a at hover."""
     x, y, _ = truth.first_moments
     return Memory(0.0, (y * GRAVITY, -x * GRAVITY, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @no_type_check
 def mix(autopilot: Autopilot, lift: float, torque: Vector) -> Float[np.ndarray, " N"]:
-    """Return the commanded speeds for a force along body z and a torque, within their limits."""
+    """Allocate a force along body z and a torque to speeds within their limits."""
     squares = autopilot.mixer @ np.array([lift, *torque])
     lowest, highest = autopilot.speed_limits
     return np.sqrt(np.minimum(np.maximum(squares, lowest**2), highest**2))
@@ -149,7 +149,7 @@ def mix(autopilot: Autopilot, lift: float, torque: Vector) -> Float[np.ndarray, 
 def control(
     autopilot: Autopilot, memory: Memory, state: State, reference: Reference, *, grounded: bool
 ) -> tuple[Float[np.ndarray, " N"], Memory]:
-    """Return the commanded rotor speeds [rad/s] at one sample, and what to remember.
+    """Compute the commanded rotor speeds [rad/s] at one sample, and the new memory.
 
     On the ground the integrators rest, and the motors stand still unless the pilot spools them up.
     """
@@ -172,7 +172,7 @@ def control(
 def _outer_loops(
     autopilot: Autopilot, state: State, R: Matrix, reference: Reference
 ) -> tuple[float, float, float]:
-    """Return roll and pitch asked for [rad], and the force along body z [N]."""
+    """Compute roll and pitch asked for [rad], and the force along body z [N]."""
     gains = autopilot.gains
     vx, vy, vz = times(R, (state[7], state[8], state[9]))
     px, py, pz = state[10:13]
@@ -192,7 +192,7 @@ def _outer_loops(
 def _rates_asked(
     autopilot: Autopilot, state: State, R: Matrix, euler: Vector, yaw_rate: float
 ) -> Vector:
-    """Return the body rates [rad/s] that bring the attitude to the roll, pitch and yaw asked."""
+    """Compute the body rates [rad/s] that bring the attitude to the roll, pitch and yaw asked."""
     asked = quaternion_from_euler(*euler)
     error = rotation_vector_between((state[3], state[4], state[5], state[6]), asked)
     px, py, pz = autopilot.gains.attitude
@@ -208,7 +208,7 @@ def _rates_asked(
 def _rate_loop(
     autopilot: Autopilot, memory: Memory, w: Vector, asked: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the torque asked for and the new trim [N m]."""
+    """Compute the torque asked for and the new trim [N m]."""
     gains, period = autopilot.gains, autopilot.period
     torque: list[float] = []
     trim: list[float] = []

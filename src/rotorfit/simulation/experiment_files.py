@@ -1,26 +1,33 @@
-"""A simulated experiment as files: flight tables and description, as a real one; and the truth."""
+"""A simulated experiment as a folder of files, like a real one, and the truth beside them."""
 
 import json
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Mapping
 from io import StringIO
 from math import fsum
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.errors import OutputError
+from rotorfit.logs.files import write_whole
 from rotorfit.simulation.experiments import (
     LAW,
+    SECONDS,
     ExperimentPlan,
     FlownConfiguration,
+    Quality,
+    ScenarioName,
     battery_volts,
     command_of,
     fly,
+    plan_experiment,
     planned_flights,
 )
-from rotorfit.simulation.record import SimulatedFlight
-from rotorfit.simulation.tables import column_names
+from rotorfit.simulation.sensors import SimulatedFlight
 from rotorfit.simulation.truth import Truth
-from rotorfit.simulation.views import POSE, LoggedChannel, to_flight_log
+from rotorfit.simulation.views import POSE, LoggedChannel, column_names, to_flight_log
 
 EXPERIMENT_FILE = "experiment.toml"
 TRUTH_FILE = "truth.json"
@@ -30,22 +37,14 @@ Columns = dict[str, Float[np.ndarray, " n"]]
 
 
 def file_names(plan: ExperimentPlan) -> list[str]:
-    """Return the names of all files of an experiment."""
+    """List the names of all files of an experiment."""
     return [*(flight.file for flight in planned_flights(plan)), EXPERIMENT_FILE, TRUTH_FILE]
 
 
 def experiment_files(
     plan: ExperimentPlan, *, progress: Callable[[str], None] | None = None
 ) -> dict[str, str]:
-    """Fly an experiment, and return its files by their names.
-
-    Parameters
-    ----------
-    plan
-        From `plan_experiment`.
-    progress
-        Told in a few words what is being done.
-    """
+    """Fly an experiment, and return its files by their names; `progress` gets a few words."""
     tell = progress or _silent
     files: dict[str, str] = {}
     flights = planned_flights(plan)
@@ -62,7 +61,7 @@ def _silent(words: str) -> None:
 
 
 def table_text(plan: ExperimentPlan, flight: SimulatedFlight) -> str:
-    """Return a flight as a flight table (CSV); cells without a sample are empty."""
+    """Write a flight as a flight table (CSV); cells without a sample are empty."""
     channels: tuple[LoggedChannel, ...] = ("gyro", "accel")
     if plan.measures_speed:
         channels = (*channels, "rotor_speed")
@@ -92,7 +91,7 @@ def _named(channel: str, values: Float[np.ndarray, "n k"]) -> Columns:
 
 
 def _text(columns: Columns) -> str:
-    """Return columns as CSV."""
+    """Write columns as CSV."""
     text = StringIO()
     table = np.column_stack(list(columns.values()))
     np.savetxt(text, table, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
@@ -100,7 +99,7 @@ def _text(columns: Columns) -> str:
 
 
 def experiment_text(plan: ExperimentPlan) -> str:
-    """Return the experiment file that a user would write for these flights."""
+    """Write the experiment file that a user would write for these flights."""
     vehicle = plan.configurations[0].simulated.vehicle
     rotors = "\n".join(
         f'  {{ position = {list(rotor.position)}, spin = "{rotor.spin}" }},'
@@ -151,7 +150,7 @@ validation = ["{configuration.name}2.csv"]
 
 
 def true_values(plan: ExperimentPlan) -> dict[str, object]:
-    """Return what flew, by the names in results: what is shared, and each configuration's own."""
+    """Collect the truth by the names in results: what is shared, and each configuration's own."""
     shared: dict[str, float] = {}
     own: dict[str, dict[str, float]] = {}
     for c in plan.configurations:
@@ -168,7 +167,7 @@ def true_values(plan: ExperimentPlan) -> dict[str, object]:
 
 
 def configuration_truth(plan: ExperimentPlan, flown: FlownConfiguration) -> dict[str, float]:
-    """Return everything that is true of one configuration, its sensors and its log included."""
+    """Collect everything that is true of one configuration, its sensors and its log included."""
     truth, vehicle = flown.simulated
     values = true_parameters(truth, rotors=len(vehicle.rotors))
     values |= zip(("motor_lag", "motor_delay"), plan.lag_of_log, strict=True)
@@ -177,12 +176,84 @@ def configuration_truth(plan: ExperimentPlan, flown: FlownConfiguration) -> dict
 
 
 def true_parameters(truth: Truth, *, rotors: int) -> dict[str, float]:
-    """Return the parameters of a vehicle, with the numbers derived from them; kt is the mean."""
+    """Collect the parameters of a vehicle and the numbers derived from them; kt is the mean."""
     values = truth.parameters()
-    own_kt: list[float] = truth.rotor_kt(rotors).tolist()
-    values["kt"] = fsum(own_kt) / rotors
-    values |= {f"kt_{number}": kt for number, kt in enumerate(own_kt, start=1)}
+    rotor_kt: list[float] = truth.rotor_kt(rotors).tolist()
+    values["kt"] = fsum(rotor_kt) / rotors
+    values |= {f"kt_{number}": kt for number, kt in enumerate(rotor_kt, start=1)}
     values |= {f"com_{axis}": values[f"ms{axis}"] / truth.mass for axis in "xyz"}
     values["kd_over_Izz"] = values["kd"] / values["Izz_com"]
     values["Jr_over_Izz"] = values["Jr"] / values["Izz_com"]
     return values
+
+
+def simulate(
+    folder: Path,
+    scenario: ScenarioName,
+    variant: Quality = "real",
+    *,
+    seed: int = 1,
+    seconds: float = SECONDS,
+    force: bool = False,
+) -> Path:
+    """Fly an experiment of known truth, and write its logs and its experiment file.
+
+    Parameters
+    ----------
+    folder
+        Made where it is missing.
+    scenario
+        ``"paper"``: the experiment of Six et al. 2020. ``"single"``: one quad-x. ``"hexa"``: one
+        hexa-x. ``"payload-pair"``: the quad-x bare, and with 0.1 kg at both ends of one arm.
+    variant
+        ``"clean"``: perfect sensors, motors as commanded. ``"lag"``: with the motors' lag.
+        ``"noisy"``: and noise and bias of all sensors. ``"real"``: and gusts, drag, rotor inertia,
+        unequal rotors, a battery that sags.
+    seed
+        The same seed gives the same files.
+    seconds
+        Of each flight between take-off and landing [s].
+    force
+        Replace files that are there.
+
+    Returns
+    -------
+    Path
+        The experiment file; the truth is beside it, in ``truth.json``.
+
+    Raises
+    ------
+    ExperimentError
+        If the flights would be too short to identify anything.
+    OutputError
+        If the folder holds some of the files and `force` is false, or cannot be written.
+    """
+    plan = plan_experiment(scenario, variant, seed=seed, seconds=seconds)
+    there = [name for name in file_names(plan) if (folder / name).exists()]
+    if there and not force:
+        raise OutputError(
+            f"{folder} already holds {', '.join(there)}; name another folder, or force"
+        )
+    files = experiment_files(plan)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be made a folder ({error}); name another") from error
+    write_all(folder, files)
+    return folder / EXPERIMENT_FILE
+
+
+def write_all(folder: Path, files: Mapping[str, str]) -> None:
+    """Write files beside their places first, then move all of them there, or none."""
+    unfinished = folder / ".unfinished"
+    try:
+        unfinished.mkdir(exist_ok=True)
+        for name, content in files.items():
+            write_whole(unfinished / name, content, force=True)
+        for name in files:
+            (unfinished / name).replace(folder / name)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(f"{folder}: cannot be written ({reason}); name another") from error
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)

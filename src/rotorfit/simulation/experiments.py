@@ -30,14 +30,13 @@ from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError
 from rotorfit.simulation.flight import Scenario, simulate_flight
-from rotorfit.simulation.record import SimulatedFlight
 from rotorfit.simulation.scenarios import (
     SimulatedVehicle,
     layout_vehicle,
     paper_vehicle,
     variant,
 )
-from rotorfit.simulation.sensors import PERFECT, Sensors
+from rotorfit.simulation.sensors import PERFECT, Sensors, SimulatedFlight
 from rotorfit.simulation.truth import GRAVITY, with_payload
 
 ScenarioName = Literal["paper", "single", "hexa", "payload-pair"]
@@ -172,7 +171,7 @@ def plan_experiment(
 
 
 def planned_flights(plan: ExperimentPlan) -> list[PlannedFlight]:
-    """Return the flights of an experiment: of each configuration one to fit, one to validate."""
+    """Plan the flights of an experiment: of each configuration one to fit, one to validate."""
     each = [(c, number) for c in plan.configurations for number in (1, 2)]
     seeds = np.random.SeedSequence(plan.seed).generate_state(len(each)).tolist()
     return [
@@ -182,7 +181,7 @@ def planned_flights(plan: ExperimentPlan) -> list[PlannedFlight]:
 
 
 def fly(plan: ExperimentPlan, flight: PlannedFlight) -> SimulatedFlight:
-    """Return one flight of an experiment."""
+    """Simulate one flight of an experiment."""
     truth, vehicle = flight.configuration.simulated
     lift = truth.kt * float(vehicle.axes[:, 2].sum()) * FULL_SPEED**2
     scenario = Scenario(
@@ -195,29 +194,21 @@ def fly(plan: ExperimentPlan, flight: PlannedFlight) -> SimulatedFlight:
 
 
 def battery_volts(flight: SimulatedFlight) -> Float[np.ndarray, " n"]:
-    """Return the voltage of a battery that empties evenly [V]."""
+    """Compute the voltage of a battery that empties evenly [V]."""
     return np.linspace(*BATTERY_VOLTS, len(flight.time))
 
 
 def command_of(
     speed: Float[np.ndarray, "n N"], volts: Float[np.ndarray, " n"] | float = LAW_VOLTS
 ) -> Float[np.ndarray, "n N"]:
-    """Return the command, 0 to 1, by which the motors turn at a speed: the inverse of `LAW`.
-
-    Parameters
-    ----------
-    speed
-        Asked for [rad/s].
-    volts
-        Of the battery: with less, the same speed takes a larger command [V].
-    """
+    """Invert `LAW`: command (0 to 1) for a speed [rad/s], larger where the voltage [V] is less."""
     _, c1, c2 = LAW
     asked = speed * (LAW_VOLTS / np.broadcast_to(volts, len(speed)))[:, None]
     return np.minimum(2.0 * asked / (c1 + np.sqrt(c1**2 + 4.0 * c2 * asked)), 1.0)
 
 
 def _with_quality(configuration: FlownConfiguration, quality: Quality) -> FlownConfiguration:
-    """Return a configuration with the imperfections of a variant."""
+    """Add the imperfections of a variant to a configuration."""
     simulated, camera = configuration.simulated, replace(PERFECT, pose_rate=POSE_RATE)
     if quality == "clean":
         return replace(configuration, sensors=camera)

@@ -13,9 +13,13 @@ from rotorfit.model.vehicle import Vehicle
 from rotorfit.simulation.body import (
     RigidBody,
     State,
+    Vector,
     Wrench,
     accelerations,
+    cross,
+    no_type_check,
     rigid_body,
+    rotation,
     step,
     with_drag,
 )
@@ -37,10 +41,16 @@ from rotorfit.simulation.motors import (
     wrenches,
 )
 from rotorfit.simulation.pilot import Reference, Sticks, plan_flight
-from rotorfit.simulation.record import SimulatedFlight, from_wxyz, gyro_noise, measure
-from rotorfit.simulation.sensors import PERFECT, Sensors, gauss_markov
+from rotorfit.simulation.sensors import (
+    PERFECT,
+    Sensors,
+    SimulatedFlight,
+    from_wxyz,
+    gauss_markov,
+    gyro_noise,
+    measure,
+)
 from rotorfit.simulation.truth import GRAVITY, Truth
-from rotorfit.simulation.vectors import Vector, cross, no_type_check, rotation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,24 +142,7 @@ class _Moment(NamedTuple):
 def simulate_flight(
     truth: Truth, vehicle: Vehicle, scenario: Scenario, *, seed: int
 ) -> SimulatedFlight:
-    """Fly a vehicle through a scenario, and measure the flight.
-
-    Parameters
-    ----------
-    truth
-        What the vehicle really is.
-    vehicle
-        Where its rotors and its IMU are.
-    scenario
-        How it is flown.
-    seed
-        Of sticks, disturbances and noise; the same seed gives the same flight.
-
-    Returns
-    -------
-    flight
-        Exact and measured, at every sample.
-    """
+    """Fly a vehicle through a scenario, and measure the flight; one seed gives one flight."""
     pilot, air, sensing = np.random.SeedSequence(seed).spawn(3)
     plan = plan_flight(
         scenario.sticks,
@@ -167,11 +160,13 @@ def simulate_flight(
     )
     machine = _machine(truth, vehicle, scenario)
     sensor_seed = int(sensing.generate_state(1)[0])
-    heard = gyro_noise(scenario.sensors, len(plan), seed=sensor_seed) * scenario.steered_by_gyro
+    rate_noise = (
+        gyro_noise(scenario.sensors, len(plan), seed=sensor_seed) * scenario.steered_by_gyro
+    )
     moments = _fly(
         machine,
         plan,
-        (disturbance, heard),
+        (disturbance, rate_noise),
         trim=trimmed(truth),
         grounded=scenario.ground_seconds > 0,
     )
@@ -180,7 +175,7 @@ def simulate_flight(
 
 
 def _machine(truth: Truth, vehicle: Vehicle, scenario: Scenario) -> _Machine:
-    """Return everything that stays constant during a flight."""
+    """Collect everything that stays constant during a flight."""
     period = 1 / scenario.sample_rate
     return _Machine(
         body=rigid_body(truth),
@@ -220,14 +215,14 @@ def _fly(
     trim: Memory,
     grounded: bool,
 ) -> list[_Moment]:
-    """Return what happened at each sample, under a disturbing wrench and a noise of the rates."""
-    disturbance, heard = errors
+    """Simulate every sample under a disturbing wrench and a noise of the rates."""
+    disturbance, rate_noise = errors
     state: State = (*(0.0,) * 3, 1.0, *(0.0,) * 9)
     speeds = mix(machine.autopilot, machine.body.mass * GRAVITY, trim.trim) * (not grounded)
     commands = [speeds] * (machine.stretches[0].samples_ago + 1)  # the latest first
     memory, moments = trim, list[_Moment]()
     for reference, before, after, noise in zip(
-        plan, disturbance[:-1], disturbance[1:], heard.tolist(), strict=True
+        plan, disturbance[:-1], disturbance[1:], rate_noise.tolist(), strict=True
     ):
         grounded = _stands(machine, state, speeds, reference, grounded)
         if grounded:
@@ -269,7 +264,7 @@ def _moment(
     around: tuple[Float[np.ndarray, " 6"], Vector],
     grounded: bool,
 ) -> _Moment:
-    """Return the record of a sample: accelerations under the command that acts from now on.
+    """Record a sample: accelerations under the command that acts from now on.
 
     `around`: the disturbing wrench, and the rates that were asked for.
     """
@@ -297,7 +292,7 @@ def _advance(
     disturbance: tuple[Float[np.ndarray, " 6"], Float[np.ndarray, " 6"]],
     grounded: bool,
 ) -> tuple[State, Float[np.ndarray, " N"]]:
-    """Return state and rotor speeds one sample later; the disturbance changes linearly."""
+    """Integrate state and rotor speeds to the next sample; the disturbance changes linearly."""
     before, after = disturbance
     for samples_ago, h, fractions, decay in machine.stretches:
         command = commands[samples_ago]
@@ -314,7 +309,7 @@ def _advance(
 
 @no_type_check
 def _sum(one: Wrench, other: Wrench) -> Wrench:
-    """Return the sum of two wrenches, with spin and damping of the first."""
+    """Add two wrenches, with spin and damping of the first."""
     (a, b, c), (d, e, f) = one.force, other.force
     (u, v, w), (x, y, z) = one.torque, other.torque
     return Wrench((a + d, b + e, c + f), (u + x, v + y, w + z), one.spin, one.yaw_damping)
@@ -322,14 +317,14 @@ def _sum(one: Wrench, other: Wrench) -> Wrench:
 
 @no_type_check
 def _standing(state: State) -> Vector:
-    """Return the specific force of a body at rest: gravity upwards, in body axes."""
+    """Compute the specific force of a body at rest: gravity upwards, in body axes."""
     x, y, z = rotation((state[3], state[4], state[5], state[6]))[2]
     return (GRAVITY * x, GRAVITY * y, GRAVITY * z)
 
 
 @no_type_check
 def _reaction(body: RigidBody, wrench: Wrench, a: Vector) -> Wrench:
-    """Return the wrench of the ground that keeps a body at rest under another one."""
+    """Compute the wrench of the ground that keeps a body at rest under another one."""
     (fx, fy, fz), (tx, ty, tz) = wrench.force, wrench.torque
     x, y, z = cross(body.first_moments, a)
     m = body.mass
@@ -344,7 +339,7 @@ def _assemble(
     moments: list[_Moment],
     machine: _Machine,
 ) -> SimulatedFlight:
-    """Return the flight as arrays, measured without errors."""
+    """Collect the flight as arrays, measured without errors."""
     state = np.array([moment.state for moment in moments])
     attitude, rotor_speed = state[:, 3:7], np.array([moment.rotor_speed for moment in moments])
     force = np.array([moment.specific_force for moment in moments])

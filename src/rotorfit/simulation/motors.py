@@ -6,9 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.simulation.body import Wrench
+from rotorfit.simulation.body import Wrench, no_type_check
 from rotorfit.simulation.truth import Truth
-from rotorfit.simulation.vectors import no_type_check
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +36,7 @@ class Rotors:
 
 
 def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
-    """Return the rotors of a vehicle."""
+    """Collect the rotors of a vehicle."""
     return Rotors(
         wrench_per_square=allocation(vehicle, kt=truth.rotor_kt(len(vehicle.rotors)), kd=truth.kd),
         spin_per_speed=truth.Jr * (vehicle.spins[:, None] * vehicle.axes).T,
@@ -50,7 +49,7 @@ def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
 def allocation(
     vehicle: Vehicle, *, kt: Float[np.ndarray, " N"], kd: float
 ) -> Float[np.ndarray, "6 N"]:
-    """Return the wrench about the body origin per squared rotor speed.
+    """Compute the wrench about the body origin per squared rotor speed.
 
     Thrust kt_i O^2 along the axis n_i at the position P_i, and the air's torque
     -s_i kd O^2 n_i against the spin s_i (+1 for counter-clockwise seen from above).
@@ -66,18 +65,9 @@ def lagged(
     command: Float[np.ndarray, " N"],
     decay: Float[np.ndarray, "2 k"],
 ) -> Float[np.ndarray, "k N"]:
-    """Return the rotor speeds after a constant command has acted for some times.
+    """Compute the rotor speeds after a constant command has acted for some times.
 
     The step response of a first-order lag is exact: O(t) = u + (O(0) - u) exp(-t/lag).
-
-    Parameters
-    ----------
-    speed
-        At time zero [rad/s].
-    command
-        Held from then on [rad/s].
-    decay
-        exp(-t/lag) at each of the times, rising and falling, see `decay_over`.
     """
     rising = (command >= speed).astype(float)
     left = decay[1][:, None] + rising * (decay[0] - decay[1])[:, None]
@@ -85,7 +75,7 @@ def lagged(
 
 
 def decay_over(truth: Truth, times: Float[np.ndarray, " k"]) -> Float[np.ndarray, "2 k"]:
-    """Return exp(-t/lag) of rising and falling speed, zeros for motors without lag."""
+    """Compute exp(-t/lag) of rising and falling speed, zeros for motors without lag."""
     lags = (truth.motor_lag, truth.falling_lag)
     return np.array([np.exp(-times / lag) if lag > 0 else np.zeros_like(times) for lag in lags])
 
@@ -94,7 +84,7 @@ def decay_over(truth: Truth, times: Float[np.ndarray, " k"]) -> Float[np.ndarray
 def speed_slopes(
     rotors: Rotors, speeds: Float[np.ndarray, "k N"], command: Float[np.ndarray, "#k N"]
 ) -> Float[np.ndarray, "k N"]:
-    """Return dO/dt = (u - O)/lag [rad/s^2]; zeros for a motor without lag."""
+    """Compute dO/dt = (u - O)/lag [rad/s^2]; zeros for a motor without lag."""
     if rotors.lag == 0:
         return np.zeros_like(speeds)
     away = command - speeds
@@ -108,7 +98,7 @@ def wrenches(
     slopes: Float[np.ndarray, "k N"],
     external: Float[np.ndarray, "k 6"],
 ) -> list[Wrench]:
-    """Return what acts on the body at k instants.
+    """Compute the wrench on the body at k instants.
 
     Aerodynamic forces and torques, the reaction -Jr dH/dt, the angular momentum Jr H for the
     gyroscopic torque -w x Jr H, the drag of rotors that a turn about z carries through the air,

@@ -1,6 +1,7 @@
-"""The pilot: band-limited sticks, and the plan of a flight from the ground and back."""
+"""The pilot: band-limited sticks, manoeuvres, and the plan of a flight from ground to ground."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -102,21 +103,7 @@ def plan_flight(
     sample_rate: float,
     rng: np.random.Generator,
 ) -> list[Reference]:
-    """Return what the pilot asks for at each sample.
-
-    Parameters
-    ----------
-    sticks
-        Bands and sizes of the stick movements.
-    seconds
-        Duration of the flight between take-off and landing [s].
-    ground_seconds
-        Rest before take-off and after landing; 0 for a plan that begins and ends in the air [s].
-    sample_rate
-        Samples per second [Hz].
-    rng
-        Source of the stick movements.
-    """
+    """Plan the pilot's references at each sample, with rest on the ground before and after [s]."""
     n = round(seconds * sample_rate)
     # A generator for each stick, so that changing one leaves the others as they were.
     moved = [
@@ -139,7 +126,7 @@ def plan_flight(
 def movement(
     stick: Stick, *, samples: int, sample_rate: float, rng: np.random.Generator
 ) -> Float[np.ndarray, " n"]:
-    """Return the movement of a stick, faded in and out, at its root mean square."""
+    """Generate the movement of a stick, faded in and out, at its root mean square."""
     time = np.arange(samples) / sample_rate
     match stick.shape:
         case "noise":
@@ -162,7 +149,7 @@ def movement(
 def _noise(
     stick: Stick, *, samples: int, sample_rate: float, rng: np.random.Generator
 ) -> Float[np.ndarray, " n"]:
-    """Return Gaussian noise of a flat spectrum within a band; zeros where it holds no line."""
+    """Generate Gaussian noise of a flat spectrum within a band; zeros where it holds no line."""
     frequency = np.fft.rfftfreq(samples, 1 / sample_rate)
     inside = (frequency >= stick.band[0]) & (frequency <= stick.band[1])
     spectrum = rng.normal(size=(2, frequency.size)) * inside
@@ -170,7 +157,7 @@ def _noise(
 
 
 def _turns(time: Float[np.ndarray, " n"], frequency: float) -> Float[np.ndarray, " n"]:
-    """Return +1 and -1 in turn, with ramps between them."""
+    """Alternate +1 and -1, with ramps between them."""
     # A triangle wave, cut off where a ramp should end.
     phase = time * frequency
     triangle = 1.0 - 4.0 * np.abs((phase + 0.25) % 1.0 - 0.5)
@@ -178,13 +165,13 @@ def _turns(time: Float[np.ndarray, " n"], frequency: float) -> Float[np.ndarray,
 
 
 def _doublets(time: Float[np.ndarray, " n"], band: tuple[float, float]) -> Float[np.ndarray, " n"]:
-    """Return whole sine periods of the highest frequency with rests between them."""
+    """Generate whole sine periods of the highest frequency with rests between them."""
     since = time % (1.0 / band[0])
     return np.where(since * band[1] < 1.0, np.sin(2.0 * np.pi * band[1] * since), 0.0)
 
 
 def _take_off(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n 8"]:
-    """Return the references of rest, spooling up and climbing to the height of the flight."""
+    """Plan rest, spooling up and climbing to the height of the flight."""
     t = np.arange(round((ground_seconds + SPOOL_SECONDS + CLIMB_SECONDS) * sample_rate))
     t = t / sample_rate - ground_seconds
     climb = np.clip((t - SPOOL_SECONDS) / (CLIMB_SECONDS - 1.0), 0.0, 1.0)
@@ -196,7 +183,7 @@ def _take_off(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n
 
 
 def _landing(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n 8"]:
-    """Return the references of a descent through the ground, and of rest."""
+    """Plan a descent through the ground, and rest."""
     t = np.arange(round((LAND_SECONDS + ground_seconds) * sample_rate)) / sample_rate
     rate = 2 * FLIGHT_HEIGHT / LAND_SECONDS  # the ground is met half-way
     rows = np.zeros((t.size, 8))
@@ -205,3 +192,42 @@ def _landing(ground_seconds: float, sample_rate: float) -> Float[np.ndarray, "n 
     rows[:, 6] = t < LAND_SECONDS
     rows[:, 7] = 1.0
     return rows
+
+
+Manoeuvre = Literal[
+    "hover", "roll", "pitch", "yaw", "climb", "sticks", "doublets", "wiggles", "turns"
+]
+
+_FREE: Final = Sticks()
+_GENTLE_CLIMB: Final = Stick(band=(0.3, 1.5), rms=0.8)
+
+MANOEUVRES: Final[Mapping[Manoeuvre, Sticks]] = {
+    "hover": STILL,
+    "roll": replace(STILL, roll=_FREE.roll),
+    "pitch": replace(STILL, pitch=_FREE.pitch),
+    "yaw": replace(STILL, yaw=_FREE.yaw),
+    "climb": replace(STILL, climb=_FREE.climb),
+    "sticks": _FREE,
+    "doublets": Sticks(
+        roll=Stick(band=(0.4, 1.2), rms=0.13, shape="doublets"),
+        pitch=Stick(band=(0.35, 1.2), rms=0.12, shape="doublets"),
+        yaw=Stick(band=(0.2, 0.5), rms=0.45, shape="doublets"),
+        climb=_GENTLE_CLIMB,
+    ),
+    "wiggles": Sticks(
+        roll=Stick(band=(1.0, 2.0), rms=0.13),
+        pitch=Stick(band=(1.0, 2.0), rms=0.11),
+        yaw=Stick(band=(0.1, 0.6), rms=0.5, shape="turns"),
+        climb=_GENTLE_CLIMB,
+    ),
+    "turns": Sticks(
+        roll=Stick(band=(0.3, 1.3), rms=0.16),
+        pitch=Stick(band=(0.3, 1.2), rms=0.14),
+        yaw=Stick(band=(0.1, 0.6), rms=1.2, shape="turns"),
+        climb=_GENTLE_CLIMB,
+    ),
+}
+"""``hover``: hands off. ``roll``, ``pitch``, ``yaw``, ``climb``: that stick alone. ``sticks``: all
+four at once, as a pilot who fills a hall of 6 x 4 m. ``doublets``: short kicks out and back.
+``wiggles``: roll and pitch once or twice a second during slow turns to alternating sides, 5 s each.
+``turns``: turns at 1.2 rad/s to alternating sides, 5 s each, while rolling and pitching."""

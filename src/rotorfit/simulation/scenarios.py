@@ -32,7 +32,7 @@ class SimulatedVehicle(NamedTuple):
 
 
 def paper_vehicle(configuration: Literal["A", "B"]) -> SimulatedVehicle:
-    """Return the quadrotor of Six et al. 2020, Tables I and II.
+    """Build the quadrotor of Six et al. 2020, Tables I and II.
 
     Rotors 1, 2 at y = -d, +d turn counter-clockwise, 3, 4 at x = +d, -d clockwise. B is A with
     0.125 kg on +x and 0.042 kg on -y, as far out as the moments of Table II ask for.
@@ -63,7 +63,7 @@ PAPER_PAYLOAD: Final = ((0.125, (0.372, 0.0, -0.028)), (0.042, (0.0, -0.40, -0.0
 
 
 def layout_vehicle(layout: Layout) -> SimulatedVehicle:
-    """Return a vehicle of another rotor layout; its IMU is off the body origin.
+    """Build a vehicle of another rotor layout; its IMU is off the body origin.
 
     ``"x8"`` has four coaxial pairs; ``"hexa-tilted"`` has its rotors turned by 20 degrees about
     their arms, to alternate sides, so that it can push sideways.
@@ -81,17 +81,11 @@ def layout_vehicle(layout: Layout) -> SimulatedVehicle:
 
 
 def variant(simulated: SimulatedVehicle, name: Variant) -> tuple[SimulatedVehicle, Sensors]:
-    """Return a vehicle and its sensors as good or as bad as they are in a study.
+    """Give a vehicle and its sensors the imperfections of a study.
 
-    Parameters
-    ----------
-    simulated
-        The vehicle to begin with.
-    name
-        ``"clean"``: as it is, perfect sensors. ``"lag"``: and 10 ms until a command acts, for
-        studies of logs that hold commands only. ``"noisy"``: clean with white sensor noise.
-        ``"disturbed"``: noisy with a disturbing wrench. ``"real"``: disturbed with rotor inertia,
-        drag, unequal rotors, and a bias of the accelerometer.
+    ``"clean"``: none. ``"lag"``: 10 ms until a command acts, for studies of logs that hold commands
+    only. ``"noisy"``: white sensor noise. ``"disturbed"``: noisy with a disturbing wrench.
+    ``"real"``: disturbed with rotor inertia, drag, unequal rotors, and an accelerometer bias.
     """
     truth, vehicle = simulated
     if name == "clean":
@@ -115,7 +109,7 @@ def variant(simulated: SimulatedVehicle, name: Variant) -> tuple[SimulatedVehicl
 def _ring(
     angles: list[float], *, height: float = 0.0, first: Spin = "ccw", tilt: float = 0.0
 ) -> tuple[Rotor, ...]:
-    """Return rotors at angles from x [rad] on a circle of 0.25 m, spins and tilts alternating."""
+    """Place rotors at angles from x [rad] on a circle of 0.25 m, spins and tilts alternating."""
     spins: tuple[Spin, Spin] = ("ccw", "cw") if first == "ccw" else ("cw", "ccw")
     rotors: list[Rotor] = []
     for number, angle in enumerate(angles):
@@ -128,7 +122,7 @@ def _ring(
 
 
 def _even(number: int, start: float) -> list[float]:
-    """Return angles that divide the circle evenly [rad]."""
+    """Divide the circle evenly [rad]."""
     return [start + 2 * pi * i / number for i in range(number)]
 
 

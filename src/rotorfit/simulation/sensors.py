@@ -1,10 +1,15 @@
-"""The sensors: gyro, accelerometer at its place, and rotor speeds, each with its errors."""
+"""The sensors and their errors, and the flight as simulated and as they logged it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy import interpolate
+from scipy.spatial.transform import Rotation
+
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.simulation.truth import Truth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +61,7 @@ def measured(
     bias: tuple[float, ...] = (0.0,),
     resolution: float = 0.0,
 ) -> Float[np.ndarray, "n k"]:
-    """Return what a sensor logs of a quantity: bias and noise added, then rounded to its steps."""
+    """Log a quantity as a sensor: bias and noise added, then rounded to its steps."""
     values = exact + np.array(bias) + std * rng.normal(size=exact.shape)
     return np.round(values / resolution) * resolution if resolution > 0 else values
 
@@ -68,17 +73,7 @@ def at_place(
     *,
     position: tuple[float, float, float],
 ) -> Float[np.ndarray, "n 3"]:
-    """Return the specific force at a place of the body: a + dw x r + w x (w x r).
-
-    Parameters
-    ----------
-    specific_force
-        At the body origin, body axes [m/s^2].
-    angular_velocity, angular_acceleration
-        Body axes [rad/s, rad/s^2].
-    position
-        Of the place from the body origin, body axes [m].
-    """
+    """Compute the specific force at a place [m] of the body: a + dw x r + w x (w x r)."""
     w, r = angular_velocity, np.array(position)
     return specific_force + np.cross(angular_acceleration, r) + np.cross(w, np.cross(w, r))
 
@@ -91,22 +86,177 @@ def gauss_markov(
     sample_rate: float,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "n k"]:
-    """Return a stationary first-order Gauss-Markov process.
-
-    Parameters
-    ----------
-    std
-        Standard deviation of each column.
-    bandwidth
-        Corner frequency [Hz].
-    samples, sample_rate
-        Number of samples, and how many of them a second [Hz].
-    rng
-        Source of the numbers.
-    """
+    """Generate a stationary first-order Gauss-Markov process with a corner frequency [Hz]."""
     keep = float(np.exp(-2 * np.pi * bandwidth / sample_rate))
     noise = rng.normal(size=(samples, std.size))
     noise[1:] *= np.sqrt(1 - keep**2)
     for row in range(1, samples):
         noise[row] += keep * noise[row - 1]
     return noise * std
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedFlight:
+    """A flight with known truth, at the sample instants.
+
+    All exact quantities belong to one instant and satisfy the equations of motion to rounding.
+    A command switches at the sample instant (later by the motor delay), and with it the rotor
+    acceleration and, where rotors have inertia, the angular acceleration and the specific force:
+    the values given are the limits from the right, under the new command.
+
+    Attributes
+    ----------
+    truth, vehicle
+        What flew.
+    sensors
+        What measured it.
+    sample_rate
+        Samples per second [Hz].
+    time
+        From the first sample [s].
+    attitude_wxyz
+        Rotation of body (FLU) to world (z up) as a unit quaternion.
+    position
+        Of the body origin, world axes [m].
+    velocity
+        Of the body origin, world axes [m/s].
+    specific_force
+        Acceleration minus gravity at the body origin, body axes [m/s^2].
+    specific_force_imu
+        The same at the accelerometer's place.
+    angular_velocity, angular_acceleration
+        Body axes [rad/s, rad/s^2].
+    rotor_speed, rotor_acceleration
+        Magnitude [rad/s], and its time derivative [rad/s^2].
+    commanded_speed
+        Set at this sample and held until the next [rad/s].
+    reference
+        Body rates that the attitude loop asked the rate loop for [rad/s].
+    max_speed
+        The speed that a full command asks for [rad/s].
+    external_wrench
+        Force and torque about the body origin that neither rotors nor gravity exert: drag,
+        disturbance, and the ground's reaction, body axes [N, N m].
+    airborne
+        False while the vehicle stands on the ground.
+    gyro, accel, rotor_speed_measured
+        As logged: body axes [rad/s], at the accelerometer's place [m/s^2], and [rad/s].
+    pose_time
+        When each frame of the motion capture was logged [s].
+    position_measured, attitude_wxyz_measured
+        As logged by motion capture, at `pose_time`.
+    """
+
+    truth: Truth
+    vehicle: Vehicle
+    sensors: Sensors
+    sample_rate: float
+    time: Float[np.ndarray, " n"]
+    attitude_wxyz: Float[np.ndarray, "n 4"]
+    position: Float[np.ndarray, "n 3"]
+    velocity: Float[np.ndarray, "n 3"]
+    specific_force: Float[np.ndarray, "n 3"]
+    specific_force_imu: Float[np.ndarray, "n 3"]
+    angular_velocity: Float[np.ndarray, "n 3"]
+    angular_acceleration: Float[np.ndarray, "n 3"]
+    rotor_speed: Float[np.ndarray, "n N"]
+    rotor_acceleration: Float[np.ndarray, "n N"]
+    commanded_speed: Float[np.ndarray, "n N"]
+    reference: Float[np.ndarray, "n 3"]
+    max_speed: float
+    external_wrench: Float[np.ndarray, "n 6"]
+    airborne: Bool[np.ndarray, " n"]
+    gyro: Float[np.ndarray, "n 3"]
+    accel: Float[np.ndarray, "n 3"]
+    rotor_speed_measured: Float[np.ndarray, "n N"]
+    pose_time: Float[np.ndarray, " p"]
+    position_measured: Float[np.ndarray, "p 3"]
+    attitude_wxyz_measured: Float[np.ndarray, "p 4"]
+
+    @property
+    def command(self) -> Float[np.ndarray, "n N"]:
+        """Commanded motor output, 0 (stopped) to 1 (full speed)."""
+        return self.commanded_speed / self.max_speed
+
+    @property
+    def rotation_body_to_world(self) -> Rotation:
+        """Attitude at each sample."""
+        return from_wxyz(self.attitude_wxyz)
+
+    @property
+    def velocity_body(self) -> Float[np.ndarray, "n 3"]:
+        """Velocity of the body origin, body axes [m/s]."""
+        return self.rotation_body_to_world.inv().apply(self.velocity)
+
+
+def measure(flight: SimulatedFlight, sensors: Sensors, *, seed: int) -> SimulatedFlight:
+    """Measure the same flight by other sensors or with other noise."""
+    rngs = _generators(seed)
+    s, place = sensors, flight.vehicle.imu_position or (0.0, 0.0, 0.0)
+    a, w = flight.specific_force, flight.angular_velocity
+    force = at_place(a, w, flight.angular_acceleration, position=place)
+    pose_time, place_seen, attitude_seen = _frames(flight, s)
+    tilt = Rotation.from_rotvec(s.attitude_std * rngs[4].normal(size=place_seen.shape))
+    return replace(
+        flight,
+        sensors=sensors,
+        specific_force_imu=force,
+        gyro=measured(
+            w, std=s.gyro_std, rng=rngs[0], bias=s.gyro_bias, resolution=s.gyro_resolution
+        ),
+        accel=measured(
+            force, std=s.accel_std, rng=rngs[1], bias=s.accel_bias, resolution=s.accel_resolution
+        ),
+        rotor_speed_measured=np.abs(
+            measured(
+                flight.rotor_speed,
+                std=s.rotor_speed_std,
+                rng=rngs[2],
+                resolution=s.rotor_speed_resolution,
+            )
+        ),
+        pose_time=pose_time,
+        position_measured=measured(place_seen, std=s.position_std, rng=rngs[3]),
+        attitude_wxyz_measured=to_wxyz(attitude_seen * tilt),
+    )
+
+
+def gyro_noise(sensors: Sensors, samples: int, *, seed: int) -> Float[np.ndarray, "n 3"]:
+    """Generate the noise that `measure` will add to the gyro of a flight [rad/s]."""
+    return sensors.gyro_std * _generators(seed)[0].normal(size=(samples, 3))
+
+
+def _generators(seed: int) -> list[np.random.Generator]:
+    """Seed a generator for each of gyro, accelerometer, rotors, position and attitude."""
+    return np.random.default_rng(seed).spawn(5)
+
+
+def _frames(
+    flight: SimulatedFlight, sensors: Sensors
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p 3"], Rotation]:
+    """Find the times at which motion capture frames are logged, and the exact pose they show.
+
+    Before the flight begins, its first pose.
+    """
+    if sensors.pose_rate == 0 and sensors.pose_delay == 0:
+        return flight.time, flight.position, flight.rotation_body_to_world
+    last = float(flight.time[-1])
+    time = flight.time
+    if sensors.pose_rate > 0:
+        time = np.arange(int(last * sensors.pose_rate + 1e-9) + 1) / sensors.pose_rate
+    pose = np.concatenate([flight.position, flight.attitude_wxyz], axis=1)
+    # The attitude of a simulation turns without jumps of sign.
+    spline = interpolate.make_interp_spline(flight.time, pose, k=5)
+    seen = spline(np.clip(time - sensors.pose_delay, 0.0, last))
+    return time, seen[:, :3], from_wxyz(seen[:, 3:])
+
+
+def from_wxyz(attitude_wxyz: Float[np.ndarray, "n 4"]) -> Rotation:
+    """Convert quaternions with the scalar first to rotations."""
+    return Rotation.from_quat(np.roll(attitude_wxyz, -1, axis=1))
+
+
+def to_wxyz(rotations: Rotation) -> Float[np.ndarray, "n 4"]:
+    """Convert rotations to quaternions with the scalar first and not negative."""
+    wxyz = np.roll(rotations.as_quat(), 1, axis=1)
+    return np.where(wxyz[:, :1] < 0, -wxyz, wxyz)

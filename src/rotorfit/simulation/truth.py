@@ -110,7 +110,7 @@ class Truth:
         return self.kt * np.array(spread, dtype=float)
 
     def parameters(self) -> dict[str, float]:
-        """Return the parameters by their names in results, with the inertia about the CoM too."""
+        """Collect the parameters by their names in results, with the inertia about the CoM too."""
         names = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
         values = {"kt": self.kt, "kd": self.kd, "Jr": self.Jr, "mass": self.mass}
         values |= zip(("msx", "msy", "msz"), self.first_moments, strict=True)
@@ -122,17 +122,7 @@ class Truth:
 
 
 def with_payload(truth: Truth, *, mass: float, position: tuple[float, float, float]) -> Truth:
-    """Return the vehicle with a point mass attached.
-
-    Parameters
-    ----------
-    truth
-        The vehicle without it.
-    mass
-        Of the payload [kg].
-    position
-        Of the payload from the body origin, body axes [m].
-    """
+    """Attach a point mass [kg] at a position from the body origin [m] to the vehicle."""
     r = np.array(position)
     x, y, z = (np.array(truth.first_moments) + mass * r).tolist()
     return replace(
@@ -144,7 +134,7 @@ def with_payload(truth: Truth, *, mass: float, position: tuple[float, float, flo
 
 
 def steiner(position: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """Return the inertia about the origin of a unit point mass at a position [m^2]."""
+    """Compute the inertia about the origin of a unit point mass at a position [m^2]."""
     r = position
     return r @ r * np.eye(3) - np.outer(r, r)
 

@@ -1,19 +1,20 @@
-"""A simulated flight as what the rest of rotorfit reads: `FlightData` and `FlightLog`."""
+"""A simulated flight as the rest of rotorfit reads it: `FlightData`, `FlightLog`, flight table."""
 
 from collections.abc import Sequence
+from functools import reduce
 from hashlib import sha256
+from io import StringIO
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.errors import ExperimentError
+from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.flight_data import FlightData, Segment
-from rotorfit.simulation.record import SimulatedFlight
-from rotorfit.simulation.sensors import at_place
+from rotorfit.simulation.sensors import SimulatedFlight, at_place
 
 Place = Literal["origin", "imu"]
 LoggedChannel = Literal[
@@ -27,17 +28,7 @@ POSE = ("position", "attitude")
 def exact_flight_data(
     flight: SimulatedFlight, vehicle: Vehicle, *, specific_force_at: Place = "origin"
 ) -> FlightData:
-    """Return exact states with exact derivatives, while airborne.
-
-    Parameters
-    ----------
-    flight
-        The flight.
-    vehicle
-        What is believed of the vehicle: the place of its IMU.
-    specific_force_at
-        ``"origin"``: at the body origin; ``"imu"``: at the vehicle's IMU.
-    """
+    """Collect exact states and derivatives while airborne; specific force at origin or IMU."""
     if vehicle.positions.shape[0] != flight.rotor_speed.shape[1]:
         raise ExperimentError(
             f"the flight has {flight.rotor_speed.shape[1]} rotors, the vehicle "
@@ -62,16 +53,9 @@ def exact_flight_data(
 def sampled_flight_data(
     flight: SimulatedFlight, *, signals: Literal["exact", "measured"] = "exact"
 ) -> FlightData:
-    """Return samples with central differences for the two derivatives, while airborne.
+    """Collect samples with central differences while airborne; specific force at the IMU.
 
     The specific force is the one at the accelerometer's place. Nothing is filtered.
-
-    Parameters
-    ----------
-    flight
-        The flight.
-    signals
-        ``"exact"``: samples without sensor errors; ``"measured"``: as the sensors logged them.
     """
     measured = signals == "measured"
     w = flight.gyro if measured else flight.angular_velocity
@@ -102,15 +86,7 @@ def to_flight_log(
     *,
     channels: Sequence[LoggedChannel] = ("gyro", "accel", "rotor_speed", "command"),
 ) -> FlightLog:
-    """Return the flight as a log in memory, as if a reader had found it.
-
-    Parameters
-    ----------
-    flight
-        The flight, as its sensors measured it.
-    channels
-        Which of the channels the log has.
-    """
+    """Convert the measured flight to a log in memory, as if a reader had found it."""
     values = {name: _logged(flight, name) for name in channels}
     content = sha256(flight.time.tobytes())
     for table in values.values():
@@ -139,7 +115,7 @@ def to_flight_log(
 
 
 def runs(where: Bool[np.ndarray, " n"]) -> tuple[Segment, ...]:
-    """Return the stretches of consecutive True."""
+    """Find the stretches of consecutive True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
     return tuple(
         Segment(start=int(a), stop=int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)
@@ -170,6 +146,62 @@ def _logged(flight: SimulatedFlight, channel: LoggedChannel) -> Float[np.ndarray
 def _central_difference(
     values: Float[np.ndarray, "n k"], sample_rate: float
 ) -> Float[np.ndarray, "n k"]:
-    """Return (x[n+1] - x[n-1]) / 2 dt; the first and the last row repeat their neighbours."""
+    """Compute (x[n+1] - x[n-1]) / 2 dt; the end rows repeat their neighbours."""
     inner = (values[2:] - values[:-2]) * (sample_rate / 2)
     return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+_COLUMNS: Final[dict[str, tuple[str, ...]]] = {
+    "gyro": ("gyro_x", "gyro_y", "gyro_z"),
+    "accel": ("accel_x", "accel_y", "accel_z"),
+    "velocity": ("vel_x", "vel_y", "vel_z"),
+    "reference": ("ref_x", "ref_y", "ref_z"),
+    "position": ("pos_x", "pos_y", "pos_z"),
+    "attitude": ("quat_w", "quat_x", "quat_y", "quat_z"),
+}
+_PER_ROTOR: Final = {"rotor_speed": "rotor", "command": "command"}
+
+IMU_AND_SPEED: Final[tuple[LoggedChannel, ...]] = ("gyro", "accel", "rotor_speed")
+IMU_AND_COMMAND: Final[tuple[LoggedChannel, ...]] = ("gyro", "accel", "command")
+
+
+def flight_table(
+    flight: SimulatedFlight, *, channels: Sequence[LoggedChannel] = IMU_AND_SPEED
+) -> str:
+    """Write the measured flight as a flight table (CSV); nan where a channel has no sample.
+
+    Where a channel has no sample at the time of a row, its cells hold nan.
+    """
+    log = to_flight_log(flight, channels=channels)
+    time = reduce(np.union1d, [recorded.time for recorded in log.channels.values()])
+    names, columns = ["time"], [time[:, None]]
+    for channel, recorded in log.channels.items():
+        names += column_names(channel, recorded.values.shape[1])
+        cells = np.full((len(time), recorded.values.shape[1]), np.nan)
+        cells[np.searchsorted(time, recorded.time)] = recorded.values
+        columns.append(cells)
+    text = StringIO()
+    np.savetxt(
+        text, np.hstack(columns), fmt="%.12g", delimiter=",", header=",".join(names), comments=""
+    )
+    return text.getvalue()
+
+
+def write_flight_table(
+    flight: SimulatedFlight, path: Path, *, channels: Sequence[LoggedChannel] = IMU_AND_SPEED
+) -> None:
+    """Write a flight as measured to a new flight table (CSV)."""
+    try:
+        with path.open("x", encoding="utf-8", newline="\n") as file:
+            file.write(flight_table(flight, channels=channels))
+    except FileExistsError as error:
+        raise OutputError(f"{path} exists: give another name or remove it first") from error
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def column_names(channel: str, columns: int) -> list[str]:
+    """List the names of a channel's columns in a flight table."""
+    if channel in _PER_ROTOR:
+        return [f"{_PER_ROTOR[channel]}_{number}" for number in range(1, columns + 1)]
+    return list(_COLUMNS[channel])

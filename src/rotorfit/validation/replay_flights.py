@@ -13,7 +13,7 @@ from rotorfit.experiment.experiment import (
     named_flight,
 )
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.flight_bands import retimed
+from rotorfit.reduction.frequency_bands import retimed
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.fitted_flights import fitted_flights
 from rotorfit.validation.replay import WINDOW, Entrant, Replay, replay

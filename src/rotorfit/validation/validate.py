@@ -22,7 +22,7 @@ from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.preprocessing.flight_data import Velocity
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.reduction.flight_bands import retimed
+from rotorfit.reduction.frequency_bands import retimed
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.reduction.reduce import LowPass, filtered_signals
 from rotorfit.results.result import (

@@ -24,9 +24,9 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Rotor, Vehicle
-from rotorfit.preprocessing.imu_tilt import LEAST_LEAN, lean, lean_words
+from rotorfit.preprocessing.imu_tilt import LEAST_TILT, mean_force_tilt, tilt_phrase
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
-from rotorfit.reduction.flight_bands import prepared_bands
+from rotorfit.reduction.frequency_bands import prepared_bands
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 
 CLEAR = 0.3
@@ -322,12 +322,12 @@ def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsE
 
 def _leaning(flight: LoadedFlight) -> str:
     """Return that the thrust leans in the IMU's axes, which may be why rotors seem wrong."""
-    tilt = lean([flight.prepared.data])
-    if tilt.angle < LEAST_LEAN:
+    tilt = mean_force_tilt([flight.prepared.data])
+    if tilt.angle < LEAST_TILT:
         return ""
     roll, pitch = np.degrees([tilt.roll, tilt.pitch]).tolist()
     return (
-        f"; or the IMU is mounted {lean_words(tilt)}, as the thrust leans in its axes: declare "
+        f"; or the IMU is mounted {tilt_phrase(tilt)}, as the thrust leans in its axes: declare "
         f"imu_tilt_deg = [{roll:.1f}, {pitch:.1f}] under [airframe]"
     )
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from rotorfit.dataset.weight_balance import held_up, hovering, turning
 from rotorfit.model.parameters import ACCEL_BIAS_STD
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
 
 WINDOW: Final = 0.5

@@ -25,7 +25,7 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.logs.flight_log import AS_A_TABLE
 from rotorfit.model.signals import signal_layout
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_checks import UNIT_OF_GYRO
 from rotorfit.preprocessing.flight_data import FlightData
 

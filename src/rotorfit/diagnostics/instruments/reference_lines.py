@@ -12,7 +12,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY, JointConfiguration, theta_of
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.flight_data import FlightData, Velocity
-from rotorfit.reduction.flight_bands import banded_data
+from rotorfit.reduction.frequency_bands import banded_data
 from rotorfit.reduction.reduce import banded_lines
 
 

@@ -20,7 +20,7 @@ from rotorfit.export.px4 import has_coefficients
 from rotorfit.export.units import frd
 from rotorfit.export.vehicle import ROTORS, SPEED, VehicleModel
 from rotorfit.model.parameters import COM
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.motors.thrust_curve import thrust_curve
 
 NEEDS: Final = ("mass", *COM, *ROTORS, *SPEED)

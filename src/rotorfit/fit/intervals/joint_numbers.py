@@ -22,9 +22,9 @@ from rotorfit.estimation.banded import (
     steps_without,
 )
 from rotorfit.estimation.error_correlation import error_correlation_shifts
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.estimation.propagate import numerical_jacobian
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.excitation import (

@@ -20,7 +20,7 @@ from rotorfit.model.parameters import (
     TURN_DAMPING,
 )
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 PRODUCTS: Final = INERTIA[3:]
 

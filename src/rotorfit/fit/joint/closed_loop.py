@@ -23,7 +23,7 @@ from rotorfit.estimation.banded import (
     BandedEstimate,
     parameter_scale,
     part_equations,
-    resting_inverse,
+    pseudo_inverse,
 )
 from rotorfit.estimation.banded_equations import feedback_scores
 from rotorfit.estimation.banded_problem import solutions
@@ -88,11 +88,11 @@ def heard(
     """
     flights, f, e = G.shape
     X = np.concatenate([H, -G], axis=2)
-    weighed = X.transpose(0, 2, 1) @ np.array([resting_inverse(h + prior / flights) for h in H])
+    weighed = X.transpose(0, 2, 1) @ np.array([pseudo_inverse(h + prior / flights) for h in H])
     information = (weighed @ X).sum(axis=0)
     information[:f, :f] += prior
     information[f:, f:] += np.eye(e) / UNIDENTIFIABLE**2
-    covariance = resting_inverse(information)
+    covariance = pseudo_inverse(information)
     # The prior's own pull is the rest of all scores: they sum to nothing.
     pull = np.concatenate([-s.sum(axis=0), np.zeros(e)])
     found = covariance @ (np.einsum("kif,kf->i", weighed, s) + pull)
@@ -120,7 +120,9 @@ def _asked_apart(
     """
     problem, feedback = fit.problem, fit.problem.feedback
     assert feedback is not None
-    added = feedback_scores(problem, feedback.doubtful(), solutions(problem, fit.estimate.values))
+    added = feedback_scores(
+        problem, feedback.uncertain_part(), solutions(problem, fit.estimate.values)
+    )
     prior = np.diag(problem.prior[1] ** -2.0)
     number = np.arange(len(added))
     flights = [

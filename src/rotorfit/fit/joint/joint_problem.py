@@ -22,7 +22,7 @@ from rotorfit.estimation.banded import (
     log_likelihood,
 )
 from rotorfit.estimation.factors import of_even_rows
-from rotorfit.estimation.feedback import Answers, Feedback
+from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.experiment.payload import tolerances
@@ -40,7 +40,7 @@ from rotorfit.fit.rows.row_fits import (
 )
 from rotorfit.model.parameters import ACCEL_BIAS_STD, DRAG_MOMENTS, MOUNTING_STD, TURN_DAMPING
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
@@ -204,7 +204,7 @@ def joint_problem(
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
         counted=tuple(c.counted for c in configurations if c.counted is not None),
-        tied=tuple(c.tied for c in configurations if c.tied is not None),
+        error_correlation=tuple(c.tied for c in configurations if c.tied is not None),
         error_correlation_std=tuple(
             error_correlation_std(c.vehicle) for c in configurations if c.tied is not None
         ),
@@ -256,11 +256,11 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
     return Feedback(
         errors=tuple(NOISY.index(name) for name in ANSWERED),
         inputs=tuple(inputs),
-        answers=tuple(_answers(c) for c in configurations),
+        responses=tuple(_answers(c) for c in configurations),
     )
 
 
-def _answers(configuration: JointConfiguration) -> Answers:
+def _answers(configuration: JointConfiguration) -> ClosedLoopResponses:
     """Return what the autopilot does about roll, pitch and yaw errors in every block."""
     factors, counted = configuration.factors, configuration.counted
     answered = configuration.answered
@@ -274,12 +274,12 @@ def _answers(configuration: JointConfiguration) -> Answers:
     beyond = answer[:, None] * np.array(configuration.answer.beyond)
     timing = configuration.timing
     late = [] if timing is None else [_lateness(name, turn, timing.at) for name in timing.names]
-    return Answers(
+    return ClosedLoopResponses(
         rows=moving[:, None] * steered,
         moves=_mixed(configuration, turn),
-        share=taken * answered + beyond,
-        doubt=answer[:, None] * np.array(configuration.answer.open),
-        late=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
+        complementary_sensitivity=taken * answered + beyond,
+        uncertainty=answer[:, None] * np.array(configuration.answer.open),
+        log_effect_slopes=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
 
 

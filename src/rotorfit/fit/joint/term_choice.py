@@ -25,7 +25,7 @@ from rotorfit.experiment.model_terms import (
 )
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem, rotor_speeds
 from rotorfit.model.parameters import DRAG, TURN_DAMPING
-from rotorfit.preprocessing.airborne.airborne_part import GRAVITY
+from rotorfit.preprocessing.airborne import GRAVITY
 
 LEAST_GAIN = 50.0
 """Of the log-likelihood, per configuration, for which a term enters. Of chance alone the three

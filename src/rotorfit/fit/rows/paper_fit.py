@@ -13,10 +13,10 @@ import numpy as np
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import stack_factors
+from rotorfit.estimation.least_squares import EssentialEstimate, essential_total
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
-from rotorfit.estimation.total import EssentialEstimate, essential_total
 from rotorfit.model.parameters import full_name
-from rotorfit.reduction.flight_bands import retimed
+from rotorfit.reduction.frequency_bands import retimed
 from rotorfit.reduction.reduce import LowPass, time_factors
 
 SHARED_FREE = ("kt", "kd")

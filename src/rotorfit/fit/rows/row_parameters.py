@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.estimation.propagate import numerical_jacobian
+from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.fit.intervals.excitation import attenuation_allowance
 from rotorfit.fit.intervals.numbers import (
     PRODUCTS,

@@ -145,7 +145,7 @@ def _begun(
             timed, fit = _settled(begun, terms, first, skew=False)
             free = timed.free_timing
             assert free is not None
-            start, guess = _moved(free, fit), free.others(fit.estimate.by_name)
+            start, guess = _moved(free, fit), free.without_times(fit.estimate.by_name)
     # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
     beside = _beside(dataset, start, names) if guess is not None else ()
     tried: list[tuple[Dataset, BandedEstimate]] = []
@@ -179,7 +179,7 @@ def _settled(
         moved = _moved(free, fit)
         beside = _beside(dataset, moved, free.names) if skew else ()
         dataset = dataset.at(moved, free.names, beside=beside)
-        fit, _ = joint_fit(dataset, terms=terms, begin=free.others(fit.estimate.by_name))
+        fit, _ = joint_fit(dataset, terms=terms, begin=free.without_times(fit.estimate.by_name))
     return dataset, fit
 
 
@@ -215,7 +215,7 @@ def _with_skew(
     free, found = dataset.free_timing, dataset.motor_timing
     assert free is not None and found is not None
     names = (*free.names, "motor_skew")
-    wide = dataset.freed() if found.beside else dataset.at(free.at, names)
+    wide = dataset.freed() if found.additional else dataset.at(free.at, names)
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
@@ -263,7 +263,7 @@ def _with_deviations(dataset: Dataset, free: FreeTiming, fit: BandedEstimate) ->
         delay_std=None if delay is None else _norm(delay, split, hold, shape),
         total_std=_norm(std["total"], SUM_FAULT, hold, shape),
         free=free.names,
-        reached=free.others(fit.estimate.by_name),
+        reached=free.without_times(fit.estimate.by_name),
     )
 
 

@@ -19,10 +19,9 @@ from scipy.spatial.transform import Rotation
 from rotorfit.errors import FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.preprocessing.clocks import JITTER_STEPS, uniform_channels, usable_samples
+from rotorfit.preprocessing.kinematics import continuous_quaternions, motion_from_quaternions
 from rotorfit.preprocessing.mocap.camera import camera_clock, poses
-from rotorfit.preprocessing.mocap.kinematics import continuous_quaternions, motion_from_quaternions
-from rotorfit.preprocessing.signals import whole_samples
-from rotorfit.preprocessing.splines import low_pass
+from rotorfit.preprocessing.signals import low_pass, whole_samples
 
 CUTOFF = 8.0
 """Of the low-pass on both rates [Hz], or a quarter of the slower rate."""
@@ -31,7 +30,7 @@ STEPS_PER_CUTOFF = 12.5
 SHORTEST_OVERLAP = 5.0
 """Of two recordings, to be told to belong together [s]."""
 CANDIDATES = 8
-APART = 0.3
+SEPARATION = 0.3
 """Between two candidates for the offset [s]."""
 WEAKEST_FIT = 0.8
 """Correlation of the two rates after alignment, below which they are not the same flight."""
@@ -76,7 +75,7 @@ class Alignment:
     rotation_std: float
 
     def log_time(self, time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return times of the recording on the log's clock [s]."""
+        """Convert times of the recording to the log's clock [s]."""
         return self.origin + (time + self.offset - self.origin) / (1.0 - self.drift)
 
 
@@ -111,13 +110,7 @@ class _Rates:
 
 
 def align(recording: FlightLog, gyro: Channel) -> Alignment:
-    """Return how a recording of poses lies on the clock and in the axes of a gyro.
-
-    Raises
-    ------
-    FlightError
-        If they do not show the same rotation, or do not turn enough to tell.
-    """
+    """Align a pose recording with a gyro in time and axes; raise where their rates disagree."""
     cutoff, step = _resolution(recording, gyro)
     body, marker = _gyro_rates(gyro, cutoff, step), _pose_rates(recording, cutoff, step)
     for rates, what in ((body, "gyro"), (marker, "motion capture")):
@@ -132,7 +125,7 @@ def align(recording: FlightLog, gyro: Channel) -> Alignment:
 
 
 def _resolution(recording: FlightLog, gyro: Channel) -> tuple[float, float]:
-    """Return cut-off [Hz] and step of the common grid [s]."""
+    """Choose cut-off [Hz] and step of the common grid [s]."""
     slowest = min(
         1.0 / float(np.median(np.diff(usable_samples(channel, name).time)))
         for channel, name in ((recording.channels["attitude"], "attitude"), (gyro, "gyro"))
@@ -150,7 +143,7 @@ def _gyro_rates(gyro: Channel, cutoff: float, step: float) -> _Rates:
 
 
 def _pose_rates(recording: FlightLog, cutoff: float, step: float) -> _Rates:
-    """Return the rates of the tracked body in its own axes."""
+    """Differentiate the attitude of the tracked body: rates in its own axes."""
     pose = poses(recording)
     clock = camera_clock(pose.time)
     q = continuous_quaternions(pose.values[:, 3:])
@@ -166,7 +159,7 @@ def _pose_rates(recording: FlightLog, cutoff: float, step: float) -> _Rates:
 def _on_grid(
     times: list[Float[np.ndarray, " _"]], parts: list[Float[np.ndarray, "_ 3"]], step: float
 ) -> _Rates:
-    """Return runs of rates on one uniform grid; each time is as long as its rates."""
+    """Interpolate runs of rates on one uniform grid; each time is as long as its rates."""
     if not times:
         raise FlightError("never runs for a second without a gap; record it again")
     start, end = float(times[0][0]), float(times[-1][-1])
@@ -183,13 +176,7 @@ def _on_grid(
 
 
 def _best_start(body: _Rates, marker: _Rates) -> "_Start":
-    """Return the offset of the clocks at which the rates fit best, with the rotation of the axes.
-
-    Raises
-    ------
-    FlightError
-        If none fits, or two fit alike.
-    """
+    """Find the offset and rotation at which the rates fit best; raise if none or two do."""
     starts = [_start(body, marker, offset) for offset in _candidates(body, marker)]
     starts.sort(key=lambda start: -start.fit)
     if not starts or starts[0].fit < WEAKEST_FIT:
@@ -218,10 +205,9 @@ class _Start:
 
 
 def _candidates(body: _Rates, marker: _Rates) -> list[float]:
-    """Return the offsets at which the sizes of the rates go best together, the best first.
+    """Rank the offsets at which the sizes of the rates correlate best.
 
-    The correlation is that of the overlap, whatever its length, from `SHORTEST_OVERLAP` or half
-    of the shorter recording on.
+    Over the overlap alone, from `SHORTEST_OVERLAP` or half of the shorter recording on.
     """
 
     def over_lags(
@@ -243,13 +229,13 @@ def _candidates(body: _Rates, marker: _Rates) -> list[float]:
         if score[best] <= 0:
             break
         found.append(body.start - marker.start + (best - len(y) + 1) * body.step)
-        near = whole_samples(APART / body.step)
+        near = whole_samples(SEPARATION / body.step)
         score[max(best - near, 0) : best + near + 1] = -1.0
     return found
 
 
 def _start(body: _Rates, marker: _Rates, offset: float) -> _Start:
-    """Return the rotation that fits best at an offset, each rate about its mean."""
+    """Fit the rotation at an offset, each rate about its mean."""
     seen, known = _at(marker, body.time - offset)
     known &= body.known
     a = body.values[known] - body.values[known].mean(axis=0)
@@ -264,7 +250,7 @@ def _start(body: _Rates, marker: _Rates, offset: float) -> _Start:
 def _at(
     rates: _Rates, time: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "n 3"], Bool[np.ndarray, " n"]]:
-    """Return rates between the samples of their grid, and where they are known."""
+    """Interpolate rates between the samples of their grid, and mark where they are known."""
     rows = (time - rates.start) / rates.step
     left = np.clip(np.floor(rows).astype(int), 0, len(rates.values) - 2)
     share = (rows - left)[:, None]
@@ -284,7 +270,7 @@ class _Trial:
     bias: Float[np.ndarray, " 3"]
 
     def moved(self, step: Float[np.ndarray, " 8"]) -> "_Trial":
-        """Return the trial a step further; the rotation turns by a small vector."""
+        """Move the trial by a step; the rotation turns by a small vector."""
         return _Trial(
             offset=self.offset + float(step[0]),
             drift=self.drift + float(step[1]),
@@ -297,7 +283,7 @@ class _Trial:
 class _Pair:
     """Both rates, the slope of the marker's, and on the body's grid the rows known of both.
 
-    `origin` is their mean time [s]; so many residuals as `alike` count as one: they are low-passed.
+    `origin` is their mean time [s]; `correlated` low-passed residuals count as one.
     """
 
     body: _Rates
@@ -305,11 +291,11 @@ class _Pair:
     slope: _Rates
     known: Bool[np.ndarray, " n"]
     origin: float
-    alike: float
+    correlated: float
 
 
 def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> Alignment:
-    """Return the alignment by Gauss-Newton, from a start within a step or two."""
+    """Refine the alignment by Gauss-Newton, from a start within a step or two."""
     trial = _Trial(offset=start.offset, drift=0.0, rotation=start.rotation, bias=np.zeros(3))
     pair = _pair(body, marker, trial, cutoff=cutoff)
     trial = _solved(pair, trial)
@@ -333,7 +319,7 @@ def _refined(body: _Rates, marker: _Rates, start: _Start, *, cutoff: float) -> A
 
 
 def _pair(body: _Rates, marker: _Rates, trial: _Trial, *, cutoff: float) -> _Pair:
-    """Return both rates with the rows that they share at a trial."""
+    """Pair both rates in the rows that they share at a trial."""
     known = body.known & _at(marker, body.time - trial.offset)[1]
     return _Pair(
         body=body,
@@ -341,12 +327,12 @@ def _pair(body: _Rates, marker: _Rates, trial: _Trial, *, cutoff: float) -> _Pai
         slope=dataclasses.replace(marker, values=np.gradient(marker.values, marker.step, axis=0)),
         known=known,
         origin=float(body.time[known].mean()),
-        alike=1.0 / (2.0 * cutoff * body.step),
+        correlated=1.0 / (2.0 * cutoff * body.step),
     )
 
 
 def _solved(pair: _Pair, trial: _Trial) -> _Trial:
-    """Return where Gauss-Newton leads from a trial."""
+    """Iterate Gauss-Newton from a trial."""
     for _ in range(ITERATIONS):
         information, gradient, _ = _normal_equations(pair, trial)
         trial = trial.moved(-np.linalg.solve(information, gradient))
@@ -356,10 +342,10 @@ def _solved(pair: _Pair, trial: _Trial) -> _Trial:
 def _normal_equations(
     pair: _Pair, trial: _Trial
 ) -> tuple[Float[np.ndarray, "8 8"], Float[np.ndarray, " 8"], float]:
-    """Return information and gradient at a trial, and which share of the gyro's rates is left."""
+    """Compute information and gradient at a trial, and the unexplained share of the rates."""
     residual, J, rates = _linearised(pair, trial)
     squares = float((residual * residual).sum())
-    variance = pair.alike * squares / residual.size + float(np.finfo(float).tiny)
+    variance = pair.correlated * squares / residual.size + float(np.finfo(float).tiny)
     information = np.einsum("nij,nik->jk", J, J) / variance + 1e-12 * np.eye(8)
     gradient = np.einsum("nij,ni->j", J, residual) / variance
     information[1, 1] += CLOCK_STD**-2
@@ -371,7 +357,7 @@ def _normal_equations(
 def _linearised(
     pair: _Pair, trial: _Trial
 ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3 8"], Float[np.ndarray, "n 3"]]:
-    """Return residuals, their derivatives by the unknowns, and the gyro's rates of these rows."""
+    """Compute residuals, their derivatives by the unknowns, and the gyro's rates of these rows."""
     since = pair.body.time - pair.origin
     past = pair.body.time - trial.offset - trial.drift * since
     seen, there = _at(pair.marker, past)
@@ -388,7 +374,7 @@ def _linearised(
 
 
 def _cross_matrix(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Return the matrices M with M p = vector x p."""
+    """Build the matrices M with M p = vector x p."""
     x, y, z = vectors.T
     M = np.zeros((len(vectors), 3, 3))
     M[:, 0, 1], M[:, 0, 2], M[:, 1, 2] = -z, y, -x

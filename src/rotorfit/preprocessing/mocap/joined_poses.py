@@ -14,23 +14,9 @@ NOTED_FIT = 0.95
 
 
 def with_poses(log: FlightLog, recording: FlightLog) -> FlightLog:
-    """Return a log with the pose of a motion-capture recording of the same flight.
+    """Add the pose of a motion-capture recording of the same flight to a log.
 
     Position stays that of the tracked point; attitude becomes that of the log's body axes.
-
-    Parameters
-    ----------
-    log
-        With gyro.
-    recording
-        With position and attitude, on a clock of its own.
-
-    Raises
-    ------
-    LogError
-        If either lacks a channel.
-    FlightError
-        If the two do not show the same rotation.
     """
     if "gyro" not in log.channels:
         raise LogError(
@@ -55,8 +41,8 @@ def with_poses(log: FlightLog, recording: FlightLog) -> FlightLog:
             "motion capture": str(recording.path.name),
             "motion capture sha256": recording.sha256,
         },
-        notes=(*log.notes, *recording.notes, _in_words(recording, found)),
-        warnings=(*log.warnings, *recording.warnings, *_doubts(found)),
+        notes=(*log.notes, *recording.notes, _note(recording, found)),
+        warnings=(*log.warnings, *recording.warnings, *_warnings(found)),
     )
 
 
@@ -71,7 +57,7 @@ def _moved(channel: Channel, found: Alignment) -> Channel:
 def _turned(
     attitude_wxyz: Float[np.ndarray, "n 4"], rotation: Float[np.ndarray, "3 3"]
 ) -> Float[np.ndarray, "n 4"]:
-    """Return attitudes of the body's axes, from those of the tracked body; NaN stays."""
+    """Turn attitudes of the tracked body to the log's body axes; NaN stays."""
     good = np.isfinite(attitude_wxyz).all(axis=1)
     turned = np.full(attitude_wxyz.shape, np.nan)
     world = Rotation.from_quat(np.roll(attitude_wxyz[good], -1, axis=1))
@@ -80,7 +66,7 @@ def _turned(
     return turned
 
 
-def _in_words(recording: FlightLog, found: Alignment) -> str:
+def _note(recording: FlightLog, found: Alignment) -> str:
     roll, pitch, yaw = Rotation.from_matrix(found.rotation_marker_to_body).as_euler(
         "ZYX", degrees=True
     )[::-1]
@@ -93,7 +79,7 @@ def _in_words(recording: FlightLog, found: Alignment) -> str:
     )
 
 
-def _doubts(found: Alignment) -> tuple[str, ...]:
+def _warnings(found: Alignment) -> tuple[str, ...]:
     if found.correlation >= NOTED_FIT:
         return ()
     return (

@@ -14,11 +14,9 @@ from scipy.spatial.transform import Rotation
 from rotorfit.errors import FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.preprocessing.clocks import usable_samples
-from rotorfit.preprocessing.mocap.camera import camera_clock, restamped
-from rotorfit.preprocessing.mocap.kinematics import continuous_quaternions
-from rotorfit.preprocessing.mocap.pose_spikes import without_spikes
-from rotorfit.preprocessing.signals import whole_samples
-from rotorfit.preprocessing.splines import low_pass, spline_derivatives
+from rotorfit.preprocessing.kinematics import continuous_quaternions
+from rotorfit.preprocessing.mocap.camera import camera_clock, restamped, without_spikes
+from rotorfit.preprocessing.signals import low_pass, spline_derivatives, whole_samples
 
 CUTOFF: Final = 10.0
 """Low-pass on the position [Hz]: a velocity that moves drag lies far under it."""
@@ -31,10 +29,7 @@ LONGEST_BRIDGE: Final = 0.3
 
 
 def known_velocity(log: FlightLog) -> Channel | None:
-    """Return the velocity in body axes that a log has, else that of its pose; None without.
-
-    One that cannot be used is none: it is no reason to refuse the flight.
-    """
+    """Take the body-axes velocity of a log, else of its pose; None where neither is usable."""
     try:
         if "velocity" in log.channels:
             return usable_samples(log.channels["velocity"], "velocity")
@@ -44,13 +39,7 @@ def known_velocity(log: FlightLog) -> Channel | None:
 
 
 def velocity_of_pose(log: FlightLog) -> Channel | None:
-    """Return the velocity in body axes [m/s] from position and attitude; None without both.
-
-    Raises
-    ------
-    FlightError
-        If the pose cannot be used: too few frames, or times that are not those of cameras.
-    """
+    """Differentiate position and turn it into body axes [m/s]; None without both."""
     if not {"position", "attitude"} <= set(log.channels):
         return None
     place = usable_samples(log.channels["position"], "position")
@@ -81,7 +70,7 @@ def velocity_of_pose(log: FlightLog) -> Channel | None:
 def _bridged(
     time: Float[np.ndarray, " n"], velocity: Float[np.ndarray, "n 3"], rate: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m 3"]]:
-    """Return the velocity with straight lines over short losses of frames."""
+    """Interpolate the velocity over short losses of frames."""
     steps = np.diff(time)
     short = np.flatnonzero((steps > 1.5 / rate) & (steps < LONGEST_BRIDGE + 2.0 * MARGIN / CUTOFF))
     more: list[Float[np.ndarray, " k"]] = [
@@ -94,7 +83,7 @@ def _bridged(
 def _between(
     at: Float[np.ndarray, " m"], time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "m k"]:
-    """Return the values at other times, on straight lines."""
+    """Interpolate values at other times."""
     result = np.empty((len(at), values.shape[1]))
     for k in range(values.shape[1]):
         result[:, k] = np.interp(at, time, values[:, k])
@@ -108,7 +97,7 @@ def _in_body(
     *,
     source: str,
 ) -> Channel:
-    """Return world vectors in body axes, by the attitude between its samples."""
+    """Turn world vectors into body axes, by the attitude between its samples."""
     q = continuous_quaternions(attitude.values)
     known: Bool[np.ndarray, " n"] = (time >= attitude.time[0]) & (time <= attitude.time[-1])
     time, world = time[known], world[known]

@@ -13,18 +13,16 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.speed_law import law_doubts, speed_from_command
-from rotorfit.preprocessing.airborne.airborne_part import (
+from rotorfit.preprocessing.airborne import (
     GRAVITY,
+    ON_THE_GROUND,
     SHORTEST_FLIGHT,
     Motion,
     airborne_rows,
-    fast_rows,
-)
-from rotorfit.preprocessing.airborne.ground_contact import (
-    ON_THE_GROUND,
     aloft,
+    fast_rows,
     ground_contact,
-    ground_said,
+    ground_warnings,
 )
 from rotorfit.preprocessing.clocks import (
     FEWEST_SAMPLES,
@@ -34,14 +32,20 @@ from rotorfit.preprocessing.clocks import (
     usable_samples,
 )
 from rotorfit.preprocessing.flight_checks import (
-    flown_doubts,
+    flight_warnings,
+    frozen_channel_warnings,
+    frozen_channels,
     refuse_empty_window,
     refuse_idle_motors,
     refuse_missing_battery,
     refuse_missing_motors,
-    still_doubts,
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
+from rotorfit.preprocessing.kinematics import (
+    BodyMotion,
+    continuous_quaternions,
+    motion_from_quaternions,
+)
 from rotorfit.preprocessing.mocap.camera import (
     NOTED_JITTER,
     CameraClock,
@@ -49,14 +53,7 @@ from rotorfit.preprocessing.mocap.camera import (
     camera_clock,
     tracked,
 )
-from rotorfit.preprocessing.mocap.kinematics import (
-    BodyMotion,
-    continuous_quaternions,
-    motion_from_quaternions,
-)
-from rotorfit.preprocessing.motors.motor_columns import MotorModel, with_motors
-from rotorfit.preprocessing.motors.motor_model import white_noise_std
-from rotorfit.preprocessing.motors.still_rotors import still_rotors
+from rotorfit.preprocessing.motors.motor_model import MotorModel, white_noise_std, with_motors
 from rotorfit.preprocessing.prepare import (
     Cut,
     PreparedFlight,
@@ -65,8 +62,14 @@ from rotorfit.preprocessing.prepare import (
     window_rows,
     with_likely_lag,
 )
-from rotorfit.preprocessing.signals import hampel, smooth, true_runs, whole_samples
-from rotorfit.preprocessing.splines import low_pass, spline_at
+from rotorfit.preprocessing.signals import (
+    hampel,
+    low_pass,
+    smooth,
+    spline_at,
+    true_runs,
+    whole_samples,
+)
 
 HIGHEST_CUTOFF = 25.0
 """Of the low-pass on every column [Hz]; differentiated twice, a pose holds nothing above."""
@@ -123,31 +126,10 @@ def prepare_mocap(
     motors: MotorModel | None = None,
     window: Window = (None, None),
 ) -> PreparedFlight:
-    """Return the airborne part of a motion-capture log, as `prepare` does of an IMU's.
+    """Prepare the airborne part of a motion-capture log, as `prepare` does of an IMU's.
 
     The motor channel is as recorded: by how much motion capture is later is found in the estimate.
-
-    Parameters
-    ----------
-    log
-        With position, attitude and rotor speed or command.
-    rotor_count
-        How many motor columns the airframe expects.
-    arm
-        Distance of the rotors from their centre [m].
-    motors
-        How the motor channel becomes rotor speed.
-    window
-        Start and end of the flight in seconds since the log's first good frame.
-
-    Raises
-    ------
-    LogError
-        If a channel is missing or has the wrong number of columns.
-    FlightError
-        If no usable flight is in it, or its times are not those of cameras.
-    FrameError
-        If gravity contradicts the attitude.
+    The window is in seconds since the log's first good frame.
     """
     motors = motors or MotorModel()
     measured = motors.speed == "measured"
@@ -176,11 +158,11 @@ def prepare_mocap(
         motor_rate=frames.motor_rate,
         cuts=_cuts(data, frames, window, standing),
         warnings=(
-            *_mended_said(seen),
-            *ground_said(data.time, standing),
-            *_doubts(data, frames, clock),
+            *_mended_warnings(seen),
+            *ground_warnings(data.time, standing),
+            *_warnings(data, frames, clock),
             *still,
-            *_law_doubts(log, motors, data),
+            *_law_warnings(log, motors, data),
         ),
     )
 
@@ -188,17 +170,14 @@ def prepare_mocap(
 def _still(data: FlightData, frames: _Frames, *, measured: bool) -> tuple[str, ...]:
     """Return the doubts about motor channels that stand still in flight."""
     flown = [(s.start, s.stop) for s in data.segments]
-    found = still_rotors(frames.motors, flown, frames.rate, measured=measured)
-    return still_doubts(found, data.time, measured=measured)
+    found = frozen_channels(frames.motors, flown, frames.rate, measured=measured)
+    return frozen_channel_warnings(found, data.time, measured=measured)
 
 
 def _flown(
     motion: Motion, motors: MotorModel, window: Window
 ) -> tuple[tuple[Segment, ...], list[tuple[int, int]]]:
-    """Return the window where the user gave one, else what is found airborne.
-
-    And where, in the window, the vehicle stands on the ground: that is left out.
-    """
+    """Take the window where the user gave one, without standing, else find the airborne part."""
     flights, standing = list(motion.stretches), []
     if window == (None, None):
         flights = airborne_rows(with_likely_lag(_calmed(motion), motors))
@@ -209,7 +188,7 @@ def _flown(
 
 
 def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
-    """Return the motor channel as speeds, despiked where they were measured."""
+    """Convert the motor channel to speeds, despiked where they were measured."""
     if motors.speed == "measured":
         channel = usable_samples(log.channels["rotor_speed"], "rotor_speed")
         return dataclasses.replace(channel, values=hampel(channel.values)[0])
@@ -226,7 +205,7 @@ def _motor_channel(log: FlightLog, motors: MotorModel) -> Channel:
 
 
 def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
-    """Return pose and motors, run by run: low-passed, then differentiated."""
+    """Low-pass and differentiate pose and motors, run by run."""
     cutoff = min(HIGHEST_CUTOFF, CUTOFF_SHARE * clock.rate)
     own = uniform_channels({"motor": motors}, clock="motor")
     speed, has_motors = _on_frames(own, clock, cutoff)
@@ -262,7 +241,7 @@ def _moving(
     rate: float,
     cutoff: float,
 ) -> BodyMotion:
-    """Return the motion of one run, its pose low-passed first."""
+    """Low-pass and differentiate the pose of one run."""
     pose = low_pass(np.concatenate([position, attitude_wxyz], axis=1), rate, cutoff)
     return motion_from_quaternions(pose[:, :3], continuous_quaternions(pose[:, 3:]), rate)
 
@@ -279,7 +258,7 @@ def _joined(parts: list[BodyMotion]) -> BodyMotion:
 def _on_frames(
     own: UniformChannels, clock: CameraClock, cutoff: float
 ) -> tuple[Float[np.ndarray, "n N"], Bool[np.ndarray, " n"]]:
-    """Return the motor channel at the frames, and where it has data.
+    """Interpolate the motor channel at the frames, and mark where it has data.
 
     Low-passed on its own clock, so that what is faster than the cameras does not fold back.
     """
@@ -311,7 +290,7 @@ def _no_runs(pose: Channel, clock: CameraClock, motors: Channel, shortest: float
 def _gaps(
     clock: CameraClock, runs: list[tuple[int, int]], has_motors: Bool[np.ndarray, " n"]
 ) -> tuple[Cut, ...]:
-    """Return what lies between the runs, with its reason."""
+    """List the gaps between the runs, with their reason."""
     gaps: list[Cut] = []
     for (_, stop), (start, _) in pairwise(runs):
         lost = bool(has_motors[stop:start].all())
@@ -323,7 +302,7 @@ def _gaps(
 
 
 def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
-    """Return all runs as FlightData, without segments and rotor columns yet.
+    """Collect all runs as FlightData, without segments and rotor columns yet.
 
     The resolution is that of measured rotor speed; None for commands, which are free of noise.
     The derivatives are those of splines and belong to the instant of their sample (``"exact"``).
@@ -348,7 +327,7 @@ def _differentiated(frames: _Frames, resolution: float | None) -> FlightData:
 
 
 def _margin(frames: _Frames) -> int:
-    """Return how many frames are cut from the ends of every run.
+    """Count the frames cut from the ends of every run.
 
     The rate of the cameras is known up to rounding, which grows with the time at which the clock
     begins; where the margin is a whole number of frames, it must not decide about one more.
@@ -357,7 +336,7 @@ def _margin(frames: _Frames) -> int:
 
 
 def _windowed(data: FlightData, frames: _Frames, *, arm: float, window: Window) -> Motion:
-    """Return what the search for flight looks at: runs without their ends, in the window."""
+    """Collect the signals for the search of the flight: runs without their ends, in the window."""
     margin = _margin(frames)
     first, last = window_rows(data.time, frames.rate, window)
     shortest = whole_samples(SHORTEST_FLIGHT * frames.rate)
@@ -375,7 +354,7 @@ def _windowed(data: FlightData, frames: _Frames, *, arm: float, window: Window) 
 
 
 def _calmed(motion: Motion) -> Motion:
-    """Return the motion with rates so smooth that standing still shows as that.
+    """Smooth the rates so that standing still shows (differentiated attitudes are noisy).
 
     Differentiated attitudes are noisier than a gyro. For the search of the flight only.
     """
@@ -404,7 +383,7 @@ def _refuse_wrong_attitude(motion: Motion, pose: Channel) -> None:
 def _cuts(
     data: FlightData, frames: _Frames, window: Window, standing: list[tuple[int, int]]
 ) -> tuple[Cut, ...]:
-    """Return what is not used, in the order of time."""
+    """List the unused stretches in the order of time."""
     reason = "not airborne" if window == (None, None) else "outside start and end"
     used = np.zeros(len(data.time), dtype=bool)
     margin = _margin(frames)
@@ -420,29 +399,29 @@ def _cuts(
     return tuple(sorted([*cuts, *ground, *frames.gaps], key=lambda cut: cut.start))
 
 
-def _doubts(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str, ...]:
-    """Return the doubts about a prepared flight, one sentence each."""
-    doubts: list[str] = []
+def _warnings(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str, ...]:
+    """Warn of irregular frame times, slow cameras or motors, and unusual flight."""
+    warnings: list[str] = []
     if clock.jitter > NOTED_JITTER:
-        doubts.append(
+        warnings.append(
             f"the frames' times scatter by {1e3 * clock.jitter / clock.rate:.1f} ms about a "
             f"regular {clock.rate:.2f} Hz, which was taken instead; record the cameras' own times"
         )
     if clock.rate < SLOWEST:
-        doubts.append(
+        warnings.append(
             f"motion capture comes at {clock.rate:.0f} Hz: motion is used only up to "
             f"{frames.cutoff:.0f} Hz; record at 100 Hz or more"
         )
     if frames.motor_rate < 0.4 * clock.rate:
-        doubts.append(
+        warnings.append(
             f"motor data come at {frames.motor_rate:.0f} Hz, motion capture at {clock.rate:.0f} "
             f"Hz: motion is used only up to {0.4 * frames.motor_rate:.0f} Hz; log motors faster"
         )
-    return (*doubts, *flown_doubts(data))
+    return (*warnings, *flight_warnings(data))
 
 
-def _mended_said(seen: Tracked) -> tuple[str, ...]:
-    """Return how many frames jumped, where that is more than chance makes."""
+def _mended_warnings(seen: Tracked) -> tuple[str, ...]:
+    """Warn of mended frames where they are more than chance makes."""
     if seen.mended <= LEAST_MENDED * len(seen.pose.time):
         return ()
     return (
@@ -451,8 +430,8 @@ def _mended_said(seen: Tracked) -> tuple[str, ...]:
     )
 
 
-def _law_doubts(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple[str, ...]:
-    """Return what to doubt of the motors' law for the commands in flight."""
+def _law_warnings(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple[str, ...]:
+    """Warn where the commands in flight leave the motors' law."""
     if motors.law is None:
         return ()
     command = usable_samples(log.channels["command"], "command")

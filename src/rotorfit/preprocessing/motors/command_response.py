@@ -54,18 +54,10 @@ class MeasuredResponse:
     speed: Float[np.ndarray, " m"]
 
 
-def answered_commands(
-    log: FlightLog, *, left_out: Sequence[int] = ()
+def command_responses(
+    log: FlightLog, *, excluded: Sequence[int] = ()
 ) -> tuple[MeasuredResponse, ...]:
-    """Return commands and speeds of every rotor that has both; none where the log lacks either.
-
-    Parameters
-    ----------
-    log
-        As read.
-    left_out
-        Rotors (from 0) whose speed is not that of their command.
-    """
+    """Pair commands and measured speeds of every rotor; none where the log lacks either."""
     if not {"command", "rotor_speed"} <= set(log.channels):
         return ()
     command, speed = log.channels["command"], log.channels["rotor_speed"]
@@ -77,42 +69,34 @@ def answered_commands(
     pieces = _pieces(speed)
     found: list[MeasuredResponse] = []
     for i in range(command.values.shape[1]):
-        if i not in left_out:
-            asked, told = _known(command, i), _fresh(*_known(speed, i))
-            found += [a for span in pieces for a in _answers(i, asked, told, volts, span)]
+        if i not in excluded:
+            commands, speeds = _known(command, i), _fresh(*_known(speed, i))
+            found += [
+                a for span in pieces for a in _gap_free_responses(i, commands, speeds, volts, span)
+            ]
     return tuple(found)
 
 
-def within(
-    answers: Sequence[MeasuredResponse], spans: Sequence[Span], *, most: int = MOST_SPEEDS
+def responses_within(
+    responses: Sequence[MeasuredResponse], spans: Sequence[Span], *, most: int = MOST_SPEEDS
 ) -> tuple[MeasuredResponse, ...]:
-    """Return the answers in some spans of time, each span on its own.
-
-    Parameters
-    ----------
-    answers
-        Of one log.
-    spans
-        Begin and end of each [s].
-    most
-        Speeds, of all rotors: where there are more, pieces of the spans that are spread over them.
-    """
-    inside = _inside(answers, spans)
-    count = sum(len(answer.speed) for answer in inside)
-    return inside if count <= most else _inside(answers, _spread(spans, most / count))
+    """Cut responses to spans of time [s]; above `most` speeds, to pieces spread over the spans."""
+    inside = _inside(responses, spans)
+    count = sum(len(response.speed) for response in inside)
+    return inside if count <= most else _inside(responses, _spread(spans, most / count))
 
 
 def _inside(
-    answers: Sequence[MeasuredResponse], spans: Sequence[Span]
+    responses: Sequence[MeasuredResponse], spans: Sequence[Span]
 ) -> tuple[MeasuredResponse, ...]:
-    cuts = (_cut(answer, *span) for answer in answers for span in spans)
+    cuts = (_cut(response, *span) for response in responses for span in spans)
     return tuple(cut for cut in cuts if cut is not None)
 
 
-def spans_of(answers: Sequence[MeasuredResponse]) -> list[Span]:
-    """Return the spans of time in which there are speeds, those of all rotors together."""
+def response_spans(responses: Sequence[MeasuredResponse]) -> list[Span]:
+    """Join the spans of time in which any rotor has speeds."""
     spans = {
-        (float(a.speed_time[0]), float(np.nextafter(a.speed_time[-1], np.inf))) for a in answers
+        (float(a.speed_time[0]), float(np.nextafter(a.speed_time[-1], np.inf))) for a in responses
     }
     joined: list[Span] = []
     for begin, end in sorted(spans):
@@ -123,30 +107,30 @@ def spans_of(answers: Sequence[MeasuredResponse]) -> list[Span]:
     return joined
 
 
-def _cut(answer: MeasuredResponse, begin: float, end: float) -> MeasuredResponse | None:
-    t = answer.speed_time
+def _cut(response: MeasuredResponse, begin: float, end: float) -> MeasuredResponse | None:
+    t = response.speed_time
     rows = slice(*np.searchsorted(t, [begin, end]).tolist())
     if rows.stop - rows.start < 2:
         return None
-    asked = answer.command_time
+    commands = response.command_time
     # The command in force at the beginning is the last one before it.
-    first = max(int(np.searchsorted(asked, t[rows.start] - LEAD, side="right")) - 1, 0)
-    stop = int(np.searchsorted(asked, t[rows.stop - 1], side="right"))
+    first = max(int(np.searchsorted(commands, t[rows.start] - LEAD, side="right")) - 1, 0)
+    stop = int(np.searchsorted(commands, t[rows.stop - 1], side="right"))
     held = slice(first, stop)
     return replace(
-        answer,
-        command_time=asked[held],
-        command=answer.command[held],
-        voltage=None if answer.voltage is None else answer.voltage[held],
+        response,
+        command_time=commands[held],
+        command=response.command[held],
+        voltage=None if response.voltage is None else response.voltage[held],
         speed_time=t[rows],
-        speed=answer.speed[rows],
+        speed=response.speed[rows],
     )
 
 
 def _known(
     channel: Channel, column: int
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return times and values of a column where it has any, in the order of time."""
+    """Select times and finite values of a column, in the order of time."""
     values = channel.values[:, column]
     known = (np.abs(channel.time) < LARGEST) & (np.abs(values) < LARGEST)
     time, first = np.unique(channel.time[known], return_index=True)
@@ -156,7 +140,7 @@ def _known(
 def _fresh(
     time: Float[np.ndarray, " n"], speed: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Return the speeds without glitches, and without what a slow telemetry repeats."""
+    """Despike speeds, and drop repetitions of slow telemetry."""
     if len(time) < 2:
         return time, speed
     new = np.concatenate([[True], np.diff(speed) != 0.0])
@@ -177,7 +161,7 @@ def _pieces(speed: Channel) -> list[Span]:
 
 
 def _spread(spans: Sequence[Span], share: float) -> list[Span]:
-    """Return pieces spread evenly over spans, a share of them in all."""
+    """Spread pieces evenly over spans, a share of them in all."""
     step = PIECE / share
     return [
         (float(t), min(float(t) + PIECE, end))
@@ -186,15 +170,15 @@ def _spread(spans: Sequence[Span], share: float) -> list[Span]:
     ]
 
 
-def _answers(
+def _gap_free_responses(
     rotor: int,
-    asked: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
-    told: tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]],
+    commands: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
+    speeds: tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]],
     volts: tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]] | None,
     span: Span,
 ) -> Iterator[MeasuredResponse]:
     """Yield the stretches of a span in which the commands have no gap."""
-    time, command = asked
+    time, command = commands
     if len(time) < 2:
         return
     steps = np.diff(time)
@@ -206,8 +190,8 @@ def _answers(
             command_time=time[rows],
             command=command[rows],
             voltage=None if volts is None else np.interp(time[rows], *volts),
-            speed_time=told[0],
-            speed=told[1],
+            speed_time=speeds[0],
+            speed=speeds[1],
         )
         cut = _cut(whole, max(span[0], float(time[a])), min(span[1], float(time[b])))
         if cut is not None:

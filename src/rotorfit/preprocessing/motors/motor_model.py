@@ -1,16 +1,21 @@
-"""From commanded to actual rotor speed: the motor's law, its lag and its delay."""
+"""From the motor channel to rotor speed and acceleration: law, lag and delay of the motors."""
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Final, Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy import signal
 from scipy.linalg import lapack
 
-from rotorfit.logs.flight_log import LONG, pieces
+from rotorfit.logs.flight_log import LONG, LagOn, pieces
 from rotorfit.logs.speed_law import SpeedLaw as SpeedLaw
 from rotorfit.logs.speed_law import speed_from_command as speed_from_command
+from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.signals import central_difference, smooth_motors
 
 MOST_ROUNDS = 40
 SETTLED = 1e-9
@@ -55,19 +60,10 @@ def following_speed(
     *,
     held_for: float | None = None,
 ) -> Float[np.ndarray, "n N"]:
-    """Return the speed of rotors that follow a held command with delay and lag [rad/s].
+    """Filter held commands [rad/s] by delay and lag.
 
-    Parameters
-    ----------
-    held
-        Speed that each command would settle at, held from its sample to the next [rad/s].
-    sample_rate
-        Of the samples [Hz].
-    response
-        How the rotors follow.
-    held_for
-        How long one command held where each sample is the mean of several, of which the first is
-        at the sample's time [s]; None: each is one. Of means, one lag that is not zero is expected.
+    `held_for`: how long one command held [s] where each sample is the mean of several, the first
+    at the sample's time; None: each is one command. Means need one lag above zero.
     """
     early = 0.0 if held_for is None else _early(held_for, 1.0 / sample_rate, response.lag)
     late = shift_time(held, sample_rate, response.delay - early)
@@ -77,7 +73,7 @@ def following_speed(
 
 
 def _early(one: float, several: float, lag: float) -> float:
-    r"""Return how much later than their own a mean of several commands must be taken [s].
+    r"""Compute how much later than its own time a mean of several commands takes effect [s].
 
     Behind a lag :math:`\tau` what was commanded during a time T counts with :math:`e^{t/\tau}`,
     so that its middle is :math:`T/2 \coth(T/2\tau) - \tau` later than half of T: of `several`
@@ -90,24 +86,15 @@ def _early(one: float, several: float, lag: float) -> float:
 def first_order_lag(
     held: Float[np.ndarray, "n N"], sample_rate: float, lag: float
 ) -> Float[np.ndarray, "n N"]:
-    r"""Return the speed of motors that follow a held command with a first-order lag.
+    r"""Filter held commands [rad/s] by a first-order lag [s].
 
     The command is held between samples (zero-order hold), for which
     :math:`O_{k+1} = a O_k + (1 - a) u_k, a = e^{-dt/\tau}` is exact; an ordinary sampled low-pass
     would be off by half a sample. The motors start settled.
-
-    Parameters
-    ----------
-    held
-        Speed that each command would settle at, held from its sample to the next [rad/s].
-    sample_rate
-        Of the samples [Hz].
-    lag
-        Time constant tau [s]; 0 returns the command as it is.
     """
     if lag <= 0:
         return held
-    a = _kept(sample_rate, lag)
+    a = _remaining(sample_rate, lag)
     lagged, _ = signal.lfilter([0.0, 1.0 - a], [1.0, -a], held, axis=0, zi=held[:1])
     return lagged
 
@@ -115,7 +102,7 @@ def first_order_lag(
 def two_way_lag(
     held: Float[np.ndarray, "n N"], sample_rate: float, *, up: float, down: float
 ) -> Float[np.ndarray, "n N"]:
-    """Return the same with one time constant while the speed rises and another while it falls.
+    """Filter held commands with one time constant for rising speed and another for falling.
 
     A driven rotor is pushed up by the motor and, without active braking, falls by its own drag.
     The recursion is one of two linear ones at every sample. Which one is guessed, the whole
@@ -128,7 +115,7 @@ def two_way_lag(
         for k in range(held.shape[1]):
             each[:, k] = two_way_lag(held[:, k : k + 1], sample_rate, up=up, down=down)[:, 0]
         return each
-    keep_up, keep_down = _kept(sample_rate, up), _kept(sample_rate, down)
+    keep_up, keep_down = _remaining(sample_rate, up), _remaining(sample_rate, down)
     speed = first_order_lag(held, sample_rate, 0.5 * (up + down))
     rising = held > speed
     for _ in range(MOST_ROUNDS):
@@ -140,21 +127,21 @@ def two_way_lag(
     return speed
 
 
-def _kept(sample_rate: float, lag: float) -> float:
+def _remaining(sample_rate: float, lag: float) -> float:
     """Return the share of the distance that is left after a sample."""
     return float(np.exp(-1.0 / (sample_rate * lag))) if lag > 0 else 0.0
 
 
 def _solved(
-    held: Float[np.ndarray, "n N"], kept: Float[np.ndarray, "n N"]
+    held: Float[np.ndarray, "n N"], remaining: Float[np.ndarray, "n N"]
 ) -> Float[np.ndarray, "n N"]:
-    """Return O of O_0 = u_0, O_k+1 = a_k O_k + (1 - a_k) u_k."""
+    """Solve O_0 = u_0, O_k+1 = a_k O_k + (1 - a_k) u_k."""
     n = len(held)
     speed = np.empty_like(held)
     for i in range(held.shape[1]):
         bands = np.ones((2, n))
-        bands[1, :-1] = -kept[:-1, i]
-        right = np.concatenate([held[:1, i], (1.0 - kept[:-1, i]) * held[:-1, i]])
+        bands[1, :-1] = -remaining[:-1, i]
+        right = np.concatenate([held[:1, i], (1.0 - remaining[:-1, i]) * held[:-1, i]])
         # Triangular: a general banded solver takes five times as long.
         speed[:, i] = lapack.dtbtrs(bands, right, uplo="L", diag="U", overwrite_b=1)[0]
     return speed
@@ -163,7 +150,7 @@ def _solved(
 def shift_time(
     values: Float[np.ndarray, "n N"], sample_rate: float, delay: float
 ) -> Float[np.ndarray, "n N"]:
-    """Return values as they were `delay` seconds before each sample.
+    """Interpolate values as they were `delay` seconds before each sample.
 
     By the polynomial through the ten nearest samples. A straight line between two would average
     their noise away at half a sample, and a search for the delay would take that for a good fit.
@@ -192,18 +179,11 @@ def shift_time(
 def white_noise_std(
     values: Float[np.ndarray, "n N"], stretches: Sequence[tuple[int, int]]
 ) -> float:
-    """Return the standard deviation of the white noise in measured rotor speeds [rad/s].
+    """Estimate the standard deviation of the white noise in measured rotor speeds [rad/s].
 
     A rotor cannot follow the fastest changes that a log can hold: what is left of its spectrum
     close to the Nyquist frequency is error of measurement. The median over that tenth of the
     spectrum, so that a single line of vibration does not count.
-
-    Parameters
-    ----------
-    values
-        Measured speeds on a uniform clock.
-    stretches
-        Start and stop (exclusive) of the rows to look at.
     """
     levels: list[float] = []
     for start, stop in stretches:
@@ -215,7 +195,7 @@ def white_noise_std(
 
 
 def _spectrum(values: Float[np.ndarray, "n N"]) -> Float[np.ndarray, "f N"]:
-    """Return the mean power spectrum of windows that overlap by half, piece by piece."""
+    """Average the power spectrum of windows that overlap by half, piece by piece."""
     half = NOISE_ROWS // 2
     windows = len(values) // half - 1
     mean = np.zeros((half + 1, values.shape[1]))
@@ -224,3 +204,113 @@ def _spectrum(values: Float[np.ndarray, "n N"]) -> Float[np.ndarray, "f N"]:
         spectrum = signal.welch(rows, fs=1.0, nperseg=NOISE_ROWS, axis=0, detrend="constant")
         mean += (piece.stop - piece.start) / windows * np.asarray(spectrum[1], dtype=float)
     return mean
+
+
+SLOW_LAG: Final = 2.0
+"""Lag in samples, from which means of commands do as well as these: to 1e-4 up to 30 Hz."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorModel:
+    """How the log's motor channel becomes rotor speed.
+
+    Attributes
+    ----------
+    speed
+        ``"measured"``: the log's rotor speed. ``"commanded"``: its command, through `law`, `lag`
+        and `delay`.
+    law
+        Speed over command; None where unknown: then the command itself stands for the speed, and
+        coefficients are per squared command.
+    lag
+        First-order time constant [s].
+    delay
+        How much later than the rest of the log the motor channel takes effect [s]; negative where
+        it was recorded late. None: found from the data where speed is measured, else zero.
+    lag_down
+        Of falling speed, where it differs from `lag` [s].
+    lag_on
+        What the lag acts on: the speed, as in any motor, or the thrust, as in PX4's SIH.
+    """
+
+    speed: Literal["measured", "commanded"] = "measured"
+    law: SpeedLaw | None = None
+    lag: float = 0.0
+    delay: float | None = None
+    lag_down: float | None = None
+    lag_on: LagOn = "speed"
+
+    @property
+    def response(self) -> MotorResponse:
+        """As declared; what was not counts as none."""
+        return MotorResponse(lag=self.lag, delay=self.delay or 0.0, lag_down=self.lag_down)
+
+
+def with_motors(
+    data: FlightData, speed: Float[np.ndarray, "n N"], response: MotorResponse
+) -> FlightData:
+    """Recompute the rotor columns of a flight from the motor channel, for any lag and delay."""
+    if data.differentiation == "exact":
+        jumps = clock_jumps(data.time, data.sample_rate)
+        # Low-passed already: moved and differentiated by splines, as the pose is.
+        moved = [
+            smooth_motors(piece, data.sample_rate, lag=response.mean_lag, delay=response.delay)
+            for piece in np.split(speed, jumps)
+        ]
+        return dataclasses.replace(
+            data,
+            rotor_speed=np.concatenate([value for value, _ in moved]),
+            rotor_acceleration=np.concatenate([slope for _, slope in moved]),
+        )
+    turned = _turned(data, speed, response)
+    return dataclasses.replace(
+        data,
+        rotor_speed=turned,
+        rotor_acceleration=central_difference(turned, data.sample_rate),
+    )
+
+
+def _turned(
+    data: FlightData, speed: Float[np.ndarray, "n N"], response: MotorResponse
+) -> Float[np.ndarray, "n N"]:
+    """Filter the motor channel by the response; commands as recorded where means would not do."""
+    follow = partial(following_rotors, response=response, lag_on=data.lag_on)
+    held, thinned = data.held, data.thinned
+    if thinned is None:
+        jumps = clock_jumps(data.time, data.sample_rate)
+        return follow(speed, data.sample_rate, jumps=jumps)
+    if held is None:
+        return follow(speed, data.sample_rate, jumps=thinned.jumps)
+    linear = data.lag_on == "speed" and not response.two_way
+    if not linear or response.lag * data.sample_rate < SLOW_LAG:
+        return thinned(follow(held.speed, held.sample_rate, jumps=held.jumps))
+    held_for = 1.0 / held.sample_rate
+    return follow(speed, data.sample_rate, jumps=thinned.jumps, held_for=held_for)
+
+
+def clock_jumps(time: Float[np.ndarray, " n"], sample_rate: float) -> Int[np.ndarray, " j"]:
+    """Find the first rows after a gap in the clock."""
+    return np.flatnonzero(np.diff(time) > 1.5 / sample_rate) + 1
+
+
+def following_rotors(
+    speed: Float[np.ndarray, "n N"],
+    sample_rate: float,
+    *,
+    jumps: Int[np.ndarray, " j"],
+    response: MotorResponse,
+    lag_on: LagOn,
+    held_for: float | None = None,
+) -> Float[np.ndarray, "n N"]:
+    """Filter the motor channel by the response, anew after every gap (`jumps`).
+
+    `jumps`: the first rows after a gap; `held_for`: see `following_speed`.
+    """
+    power = 2.0 if lag_on == "thrust" else 1.0
+    held = speed**power if power != 1.0 else speed
+    pieces = [
+        following_speed(piece, sample_rate, response, held_for=held_for)
+        for piece in np.split(held, jumps)
+    ]
+    followed = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    return np.maximum(followed, 0.0) ** (1.0 / power) if power != 1.0 else followed

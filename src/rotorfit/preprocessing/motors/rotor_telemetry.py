@@ -42,7 +42,7 @@ CLEARER: Final = 0.7
 """What another command leaves unexplained, over what the own one does, for a swap."""
 NOTHING: Final = 0.3
 """Correlation below which a speed does not follow its command."""
-LONGEST_STILL: Final = 1.0
+LONGEST_CONSTANT: Final = 1.0
 """A speed that stays the same for so long while its command moves is stuck [s]."""
 LEAST_STUCK: Final = 0.02
 """Share of the time that a speed is stuck, from which it is said."""
@@ -120,7 +120,7 @@ class _Pair:
 
 
 def telemetry(log: FlightLog) -> Telemetry | None:
-    """Return how the measured speeds go with the commands; None where the log lacks either."""
+    """Compare measured speeds with the commands; None where the log lacks either."""
     if not {"command", "rotor_speed"} <= set(log.channels):
         return None
     command, speed = log.channels["command"], log.channels["rotor_speed"]
@@ -140,7 +140,7 @@ def telemetry(log: FlightLog) -> Telemetry | None:
 
 
 def _paired(command: Channel, speed: Channel) -> _Pair | None:
-    """Return both on one clock, where they overlap; a column that ends early is held."""
+    """Resample both to one clock, where they overlap; a column that ends early is held."""
     columns = [_columns(command), _columns(speed)]
     if not all(columns):
         return None
@@ -162,7 +162,7 @@ def _paired(command: Channel, speed: Channel) -> _Pair | None:
 
 
 def _at(time: Float[np.ndarray, " m"], columns: _Columns) -> Float[np.ndarray, "m N"]:
-    """Return columns at other times, the first and the last value held; NaN where there is none."""
+    """Interpolate columns at other times, ends held; NaN where there is no sample."""
     values = np.full((len(time), len(columns)), np.nan)
     for k, (t, x) in enumerate(columns):
         if len(t) > 1:
@@ -171,7 +171,7 @@ def _at(time: Float[np.ndarray, " m"], columns: _Columns) -> Float[np.ndarray, "
 
 
 def _columns(channel: Channel) -> _Columns:
-    """Return times and values of each column where it has any, in the order of time."""
+    """Select times and finite values of each column, in the order of time."""
     found: _Columns = []
     for values in channel.values.T:
         known = np.isfinite(channel.time) & (np.abs(channel.time) < 1e12)
@@ -184,14 +184,14 @@ def _columns(channel: Channel) -> _Columns:
 def _in_gap(
     time: Float[np.ndarray, " m"], t: Float[np.ndarray, " n"], rate: float
 ) -> Bool[np.ndarray, " m"]:
-    """Return where the samples around are further apart than a moment."""
+    """Mark times whose neighbouring samples are further apart than a moment."""
     after = np.clip(np.searchsorted(t, time), 1, len(t) - 1)
     far: Bool[np.ndarray, " m"] = t[after] - t[after - 1] > max(0.2, 3.0 / rate)
     return far
 
 
 def _turning(commands: Float[np.ndarray, "n N"], rate: float) -> Bool[np.ndarray, " n"]:
-    """Return where the motors turn, without the moments of starting and stopping."""
+    """Mark where the motors turn, without the moments of starting and stopping."""
     known = commands[:, np.isfinite(commands).all(axis=0)]
     turning = np.zeros(len(commands), dtype=bool)
     if known.shape[1] == 0:
@@ -209,18 +209,18 @@ def _compared(pair: _Pair, seconds: float) -> Telemetry:
         dead = tuple(
             RotorTelemetry(rotor=i + 1, state="dead") for i in range(pair.command.shape[1])
         )
-        words = (
+        sentences = (
             "none of the measured rotor speeds changes together with a command while the motors "
             "turn: the ESC telemetry is dead, or the commands are"
         )
-        return Telemetry(seconds=seconds, lateness=None, rotors=dead, doubts=(words,))
+        return Telemetry(seconds=seconds, lateness=None, rotors=dead, doubts=(sentences,))
     commands = _banded(pair.command[:, live], pair.rate)
     speeds = _banded(pair.speed[:, live], pair.rate)
     shift = _lateness(commands, speeds, pair)
     late, used = _moved(speeds, shift), pair.used
     alike = _correlations(commands[used], late[used])
-    apart = _correlations(_differences(commands[used]), _differences(late[used]))
-    best = _assigned(apart if len(live) > 2 else alike)
+    of_differences = _correlations(_differences(commands[used]), _differences(late[used]))
+    best = _assigned(of_differences if len(live) > 2 else alike)
     moving = commands[used].std(axis=0) > MOVES
     swapped = live[best != np.arange(len(live))]
     ratios = {} if len(swapped) else _ratios(pair, shift)
@@ -233,7 +233,7 @@ def _compared(pair: _Pair, seconds: float) -> Telemetry:
             continue
         k = int(np.searchsorted(live, i))
         own, ratio = float(alike[k, k]), ratios.get(i)
-        known = apart[k, best[k]] > CLEAR or alike[k, best[k]] > CLEAR
+        known = of_differences[k, best[k]] > CLEAR or alike[k, best[k]] > CLEAR
         rotors.append(
             RotorTelemetry(
                 rotor=i + 1,
@@ -249,7 +249,7 @@ def _compared(pair: _Pair, seconds: float) -> Telemetry:
         seconds=seconds,
         lateness=lateness,
         rotors=tuple(rotors),
-        doubts=tuple(_doubts(rotors, pair)),
+        doubts=tuple(_sentences(rotors, pair)),
     )
 
 
@@ -268,14 +268,14 @@ def _state(
 
 
 def _banded(values: Float[np.ndarray, "n k"], rate: float) -> Float[np.ndarray, "n k"]:
-    """Return the values in the band that is compared."""
+    """Band-pass the values to the band that is compared."""
     low, high = BAND
     slow = values - smooth(values, rate, low)
     return smooth(slow, rate, high) if high < 0.4 * rate else slow
 
 
 def _moved(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.ndarray, "n k"]:
-    """Return the values as they are `shift` samples later; the last ones are held."""
+    """Advance the values by `shift` samples; the last ones are held."""
     rows = np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)
     return values[rows]
 
@@ -283,7 +283,7 @@ def _moved(values: Float[np.ndarray, "n k"], shift: int) -> Float[np.ndarray, "n
 def _lateness(
     commands: Float[np.ndarray, "n k"], speeds: Float[np.ndarray, "n k"], pair: _Pair
 ) -> int:
-    """Return by how many samples the speeds are later, whichever belongs to which."""
+    """Find the samples by which the speeds are later, whichever belongs to which."""
     first, last = (round(bound * pair.rate) for bound in LATE)
     used = pair.used
     scores = {
@@ -296,21 +296,21 @@ def _lateness(
 def _correlations(
     a: Float[np.ndarray, "n k"], b: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, "k k"]:
-    """Return the correlation of every column with every other's, 0 where one is constant."""
+    """Correlate every column with every other's, 0 where one is constant."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     sizes = np.outer(np.sqrt((a * a).sum(axis=0)), np.sqrt((b * b).sum(axis=0)))
     return (a.T @ b) / np.where(sizes > 0.0, sizes, np.inf)
 
 
 def _differences(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
-    """Return what differs between rotors: thrust moves them all alike."""
+    """Subtract the mean of all rotors: thrust moves them all alike."""
     size = values.std(axis=0)
     even = values / np.where(size > 0.0, size, 1.0)
     return even - even.mean(axis=1, keepdims=True)
 
 
 def _assigned(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
-    """Return which speed goes with each command: its own, unless others do clearly better."""
+    """Assign a speed to each command: its own, unless others do clearly better."""
     own = np.arange(len(alike))
     if len(alike) < 2:
         return own
@@ -322,11 +322,11 @@ def _assigned(alike: Float[np.ndarray, "k k"]) -> Int[np.ndarray, " k"]:
 
 
 def _stuck_share(pair: _Pair, i: int) -> float:
-    """Return the share of the time that a speed stays the same though its command moves."""
+    """Compute the share of time for which a speed stays constant though its command moves."""
     speed, command = pair.speed[:, i], pair.command[:, i]
     usual = float(command[pair.used].std())
     same = np.concatenate([np.diff(speed) == 0.0, [False]]) & pair.used
-    least = whole_samples(LONGEST_STILL * pair.rate)
+    least = whole_samples(LONGEST_CONSTANT * pair.rate)
     still = sum(
         b - a
         for a, b in true_runs(same)
@@ -336,10 +336,10 @@ def _stuck_share(pair: _Pair, i: int) -> float:
 
 
 def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
-    """Return the speed of each rotor over the others' at the same command, and its deviation.
+    """Estimate each rotor's speed over the others' at the same command, with its deviation.
 
-    One law of a constant and a slope for all, each rotor with a factor of its own; the factors'
-    median is 1. The deviation is that of the means of seconds.
+    One law of a constant and a slope for all, each rotor with a factor of its own (median 1). The
+    deviation is that of the means of seconds.
     """
     if len(pair.live) < 3:
         return {}
@@ -368,45 +368,45 @@ def _ratios(pair: _Pair, shift: int) -> dict[int, tuple[float, float]]:
     }
 
 
-def _doubts(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
-    """Return what is wrong in words."""
-    words = [_dead_words(r, pair) for r in rotors if r.state == "dead"]
+def _sentences(rotors: list[RotorTelemetry], pair: _Pair) -> list[str]:
+    """Phrase the findings."""
+    sentences = [_dead_message(r, pair) for r in rotors if r.state == "dead"]
     swapped = [r for r in rotors if r.state == "swapped"]
     if swapped:
-        told = ", ".join(f"command {r.rotor} moves speed {r.speed_channel}" for r in swapped)
-        words.append(
-            f"the measured rotor speeds are in another order than the commands: {told}; correct "
+        pairs = ", ".join(f"command {r.rotor} moves speed {r.speed_channel}" for r in swapped)
+        sentences.append(
+            f"the measured rotor speeds are in another order than the commands: {pairs}; correct "
             "the order of the ESC telemetry (wires or mapping), or name the columns in order"
         )
-    apart = [r for r in rotors if r.state == "apart"]
-    if len(apart) > 1 and len(apart) == len(pair.live):
-        words.append(
+    uncorrelated = [r for r in rotors if r.state == "apart"]
+    if len(uncorrelated) > 1 and len(uncorrelated) == len(pair.live):
+        sentences.append(
             "the measured rotor speeds match no command (correlations up to "
-            f"{max(r.correlation or 0.0 for r in apart):.2f}): they are not of these motors, or "
-            "on another clock"
+            f"{max(r.correlation or 0.0 for r in uncorrelated):.2f}): they are not of these "
+            "motors, or on another clock"
         )
     else:
-        words += [
+        sentences += [
             f"the measured speed of rotor {r.rotor} does not follow its command (correlation "
             f"{r.correlation or 0.0:.2f}): check its ESC telemetry"
-            for r in apart
+            for r in uncorrelated
         ]
-    words += [
+    sentences += [
         f"the measured speed of rotor {r.rotor} stays constant for {100.0 * r.stuck:.0f} % of the "
         "time while its command moves: its ESC telemetry is stuck or lost"
         for r in rotors
         if r.state == "stuck"
     ]
-    words += [
+    sentences += [
         f"rotor {r.rotor} turns at {r.ratio:.2f} times the speed of the others at the same "
         "command: another number of poles, another propeller or motor, or a damaged one"
         for r in rotors
         if r.state == "unlike"
     ]
-    return words
+    return sentences
 
 
-def _dead_words(rotor: RotorTelemetry, pair: _Pair) -> str:
+def _dead_message(rotor: RotorTelemetry, pair: _Pair) -> str:
     speed = pair.speed[pair.used, rotor.rotor - 1]
     command = pair.command[pair.used, rotor.rotor - 1]
     if not np.isfinite(speed).any():

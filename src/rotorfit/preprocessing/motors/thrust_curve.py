@@ -28,7 +28,7 @@ class ThrustCurve:
     error: float
 
     def command(self, thrust: float) -> float:
-        """Return the command u at a thrust, both as a fraction of full."""
+        """Solve for the command u at a thrust, both as a fraction of full."""
         f = self.factor
         if f < 1e-12:
             return thrust
@@ -37,13 +37,13 @@ class ThrustCurve:
 
 
 def speeds(law: SpeedLaw, commands: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the speed at commands, at the battery's nominal voltage [rad/s]."""
+    """Compute the speed at commands, at the battery's nominal voltage [rad/s]."""
     nominal = SpeedLaw(curve=law.curve)
     return speed_from_command(commands[:, None], nominal)[:, 0]
 
 
 def full_speed_of(law: SpeedLaw) -> float:
-    """Return the speed at full command [rad/s]."""
+    """Compute the speed at full command [rad/s]."""
     return float(speeds(law, np.array([1.0]))[0])
 
 
@@ -55,13 +55,13 @@ def command_range(law: SpeedLaw) -> tuple[float, float]:
 
 
 def dead_zone(law: SpeedLaw) -> float:
-    """Return the largest command at which a law's rotor stands; 0 where it turns at any."""
+    """Find the largest command at which a law's rotor stands; 0 where it turns at any."""
     standing = np.flatnonzero(speeds(law, GRID) <= 0.0)
     return float(GRID[standing[-1]]) if len(standing) else 0.0
 
 
 def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
-    """Return the factor by which Betaflight's ``thrust_linear`` makes thrust linear, 0 to 1.5.
+    """Fit the factor by which Betaflight's ``thrust_linear`` makes thrust linear, 0 to 1.5.
 
     Betaflight moves each motor's output x to x (1 + c (1 - x)^2), c being thrust_linear / 100
     (src/main/flight/pid.c, pidApplyThrustLinearization): the c for which thrust between idle and
@@ -76,13 +76,13 @@ def betaflight_linear(law: SpeedLaw) -> ThrustCurve:
 
 
 def _bend(law: SpeedLaw, x: Float[np.ndarray, " n"], c: float) -> Float[np.ndarray, " n"]:
-    """Return how far thrust is from a straight line, as a share of full thrust over idle."""
+    """Compute thrust's distance from a straight line, as a share of full thrust over idle."""
     thrust = speeds(law, np.clip(x * (1.0 + c * (1.0 - x) ** 2), 0.0, 1.0)) ** 2
     return (thrust - thrust[0]) / (thrust[-1] - thrust[0]) - x
 
 
 def thrust_curve(law: SpeedLaw, *, start: float = 0.0, end: float = 1.0) -> ThrustCurve:
-    """Return the curve nearest to a law, in the mean square of thrust over all commands.
+    """Fit the curve nearest to a law, in the mean square of thrust over all commands.
 
     Its command u is 0 at the command `start` of the law, and 1 at its command `end`.
 

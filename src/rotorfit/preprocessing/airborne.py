@@ -4,10 +4,14 @@ In the air nothing but the rotors pushes: the specific force is the thrust, c su
 to drag and the lever of the accelerometer. On the ground, in a hand or against a wall something
 else does. So the test is on the difference of the two, never on the rotor speed: a throw with
 idle rotors is flight, and its free fall and motor pulses hold the most of what can be known.
+
+A window that the user gives may hold the ground, which carries the weight there: a fit of both
+would give too small a thrust and a bias of metres per second squared. These parts are cut out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -66,7 +70,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Look:
+class _Features:
     """A stretch as the search sees it, all low-passed.
 
     Attributes
@@ -85,15 +89,10 @@ class _Look:
 
 
 def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
-    """Return start and stop (exclusive) of every airborne stretch.
+    """Find start and stop (exclusive) of every airborne stretch; raise where there is none.
 
     Touches shorter than 0.15 s that look like a gust or a motor step are bridged; harder and
     longer ones are cut out. Standing with motors that already push is not flight.
-
-    Raises
-    ------
-    FlightError
-        If the vehicle never leaves the ground.
     """
     thrust = motion.thrust
     c = thrust_to_force(motion, thrust)
@@ -116,14 +115,14 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
 def _airborne_runs(
     motion: Motion, thrust: Float[np.ndarray, " m"], start: int
 ) -> list[tuple[int, int]]:
-    """Return start and stop of the airborne parts of a stretch, counted from where it begins."""
-    look = _look(motion, thrust, start)
-    runs = true_runs(_bridged(look.excess, motion.sample_rate))
-    return [_without_ground(look, run, motion.sample_rate) for run in runs]
+    """Find start and stop of the airborne parts of a stretch, counted from its beginning."""
+    features = _features(motion, thrust, start)
+    runs = true_runs(_bridged(features.excess, motion.sample_rate))
+    return [_without_ground(features, run, motion.sample_rate) for run in runs]
 
 
 def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return which samples push at least half as hard as the hardest three seconds.
+    """Mark the samples that push at least half as hard as the hardest three seconds.
 
     A short flight in a long log must not be outvoted by the motors idling before it.
     """
@@ -136,7 +135,7 @@ def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarra
 
 
 def thrust_to_force(motion: Motion, thrust: Float[np.ndarray, " n"]) -> float:
-    """Return c of a_z = c thrust, from the part of the log that pushes hardest."""
+    """Estimate c of a_z = c thrust from the part of the log that pushes hardest."""
     fast = fast_rows(motion, thrust)
     if not fast.any():
         return 0.0
@@ -144,7 +143,7 @@ def thrust_to_force(motion: Motion, thrust: Float[np.ndarray, " n"]) -> float:
 
 
 def misfit(motion: Motion) -> float:
-    """Return by how much a_z departs from the thrust where that is large [m/s^2]."""
+    """Average the difference between a_z and the thrust where that is large [m/s^2]."""
     thrust = motion.thrust
     fast = fast_rows(motion, thrust)
     if not fast.any():
@@ -153,8 +152,8 @@ def misfit(motion: Motion) -> float:
     return float(np.abs(motion.specific_force[fast, 2] - c * thrust[fast]).mean())
 
 
-def _look(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Look:
-    """Return what the search sees of a stretch that begins at `start`; thrust in m/s^2."""
+def _features(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Features:
+    """Compute the features of a stretch that begins at `start`; thrust in m/s^2."""
     rate = motion.sample_rate
     rows = slice(start, start + len(thrust))
     force = smooth(motion.specific_force[rows], rate, LOOK_CUTOFF)
@@ -168,13 +167,13 @@ def _look(motion: Motion, thrust: Float[np.ndarray, " m"], start: int) -> _Look:
         up, side = _allowed(push[piece], np.maximum(spin[piece], 0.0), motion.arm)
         excess[piece] = np.hypot(np.hypot(x, y) / side, upward[piece] / up)
     del force, push, spin, squares
-    return _Look(excess=excess, upward=upward, rates=smooth(rates, rate, LOOK_CUTOFF))
+    return _Features(excess=excess, upward=upward, rates=smooth(rates, rate, LOOK_CUTOFF))
 
 
 def _allowed(
     push: Float[np.ndarray, " m"], spin: Float[np.ndarray, " m"], arm: float
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Return how far flight may depart from the thrust along z, and sideways [m/s^2].
+    """Bound the difference between force and thrust in flight, along z and sideways [m/s^2].
 
     Climb and descent change the thrust of a rotor by a third, drag pushes sideways while the
     rotors work, and rotation adds force at an accelerometer off the centre.
@@ -187,7 +186,7 @@ def _allowed(
 
 
 def _bridged(excess: Float[np.ndarray, " n"], sample_rate: float) -> Bool[np.ndarray, " n"]:
-    """Return where the force is explained, short soft violations inside flight included."""
+    """Mark where the thrust explains the force, short soft violations in flight included."""
     flags = excess < 1.0
     for a, b in true_runs(~flags):
         inside = a > 0 and b < len(flags)
@@ -197,26 +196,28 @@ def _bridged(excess: Float[np.ndarray, " n"], sample_rate: float) -> Bool[np.nda
     return flags
 
 
-def _without_ground(look: _Look, run: tuple[int, int], sample_rate: float) -> tuple[int, int]:
-    """Return a run of flight without the standing, or the touch, that it begins or ends with."""
+def _without_ground(
+    features: _Features, run: tuple[int, int], sample_rate: float
+) -> tuple[int, int]:
+    """Trim the standing, or the touch, with which a run of flight begins or ends."""
     a, b = run
-    n, guard = len(look.excess), whole_samples(GUARD * sample_rate + 0.5)
+    n, guard = len(features.excess), whole_samples(GUARD * sample_rate + 0.5)
     if a > 0:
-        stood = _standing(look, slice(a + guard, b))
+        stood = _standing(features, slice(a + guard, b))
         # Of the push-off the last is not seen, when the ground carries next to nothing.
         a += guard + stood + (2 * guard if stood > 2 * guard else 0)
     if b < n:
-        b -= guard + _standing(look, slice(b - guard - 1, a, -1))
+        b -= guard + _standing(features, slice(b - guard - 1, a, -1))
     return a, b
 
 
-def _standing(look: _Look, rows: slice) -> int:
-    """Return for how many of the rows, from the first on, the vehicle still stands.
+def _standing(features: _Features, rows: slice) -> int:
+    """Count the rows, from the first on, in which the vehicle still stands.
 
     While motors spool up on the ground, the ground carries the rest of the weight and nothing
     turns. What follows a throw or a bump turns at once.
     """
-    rates, upward = look.rates[rows], look.upward[rows]
+    rates, upward = features.rates[rows], features.upward[rows]
     for piece in pieces(len(rates)):
         turned = rates[piece] - rates[0]
         still = np.abs(turned).max(axis=1) < 0.05
@@ -230,7 +231,7 @@ def _standing(look: _Look, rows: slice) -> int:
 def _refuse_grounded(
     motion: Motion, thrust: Float[np.ndarray, " n"], found: list[tuple[int, int]]
 ) -> None:
-    """Raise if what looks like flight is a vehicle on the ground or in a hand, motors running.
+    """Raise if the vehicle is on the ground or in a hand with its motors running.
 
     Whatever flies has motors that work against each other, and an acceleration that follows them.
     """
@@ -263,27 +264,27 @@ def _refuse_grounded(
 def _following(
     acceleration: Float[np.ndarray, " n"], push: Float[np.ndarray, " n"]
 ) -> tuple[float, float]:
-    """Return by how much the acceleration changes with the push (1 in flight), and its deviation.
+    """Fit the acceleration's change per change of push (1 in flight), with its deviation.
 
-    Infinite where the push never changes: then nothing is known.
+    Infinite deviation where the push never changes.
     """
     swing = push - push.mean()
     size = float(swing @ swing)
     if size < (1e-6 * float(push.mean())) ** 2 * len(push):
         return 0.0, np.inf
-    answer = acceleration - acceleration.mean()
-    follows = float(swing @ answer) / size
-    return follows, float((answer - follows * swing).std()) / size**0.5
+    response = acceleration - acceleration.mean()
+    follows = float(swing @ response) / size
+    return follows, float((response - follows * swing).std()) / size**0.5
 
 
 def _block_means(values: Float[np.ndarray, "n k"], block: int) -> Float[np.ndarray, "m k"]:
-    """Return the means of consecutive blocks; what does not fill one is left out."""
+    """Average consecutive blocks; an incomplete last one is left out."""
     whole = len(values) // block
     return values[: whole * block].reshape(whole, block, -1).mean(axis=1)
 
 
 def rest_rows(motion: Motion, airborne: list[tuple[int, int]]) -> Bool[np.ndarray, " n"]:
-    """Return which samples are at rest: outside flight, quiet gyro, steady at g, motors low."""
+    """Mark samples at rest: outside flight, quiet gyro, steady at g, motors low."""
     n = len(motion.rotor_speed)
     window = max(whole_samples(0.5 * motion.sample_rate), 8)
     thrust = motion.thrust
@@ -307,7 +308,7 @@ def rest_rows(motion: Motion, airborne: list[tuple[int, int]]) -> Bool[np.ndarra
 def phase_edges(
     angular_velocity: Float[np.ndarray, "n 3"], sample_rate: float
 ) -> list[tuple[int, int]]:
-    """Return start and stop of the phases of one stretch: calm and lively parts kept apart.
+    """Cut a stretch into calm and lively phases: start and stop of each.
 
     A new phase begins where the angular acceleration (rms over 0.3 s) leaves its median so far
     by more than a factor of three; none is shorter than 0.6 s. Noise differs between them, and a
@@ -339,3 +340,108 @@ def phase_edges(
             row += stride
     edges.append(n)
     return list(pairwise(edges))
+
+
+STEADY: Final = 0.06
+"""Deviation of the rates of a vehicle that stands, motors idling [rad/s]."""
+SLOW: Final = 0.1
+"""Mean rate of a vehicle that stands: a gyro's bias at most [rad/s]."""
+LITTLE_THRUST: Final = 0.4
+"""Thrust over that of the flight, below which a calm vehicle does not fly: standing ones of the
+logs at hand have up to 0.2, a racer that glides at speed 0.55 and more."""
+FLYING_PERCENTILE: Final = 75.0
+"""Of the squared rotor speeds: that of the flight even where half of a window is not."""
+CARRIED: Final = 0.2
+"""Share of gravity by which the specific force of what stands may differ from it; what falls with
+little thrust reads less."""
+PIECE: Final = 0.5
+"""Looked at in pieces of this length [s]."""
+SHORT: Final = 0.1
+"""Over which the rates are averaged [s]."""
+LEAST_PIECES: Final = 2
+"""In a row: in half a second of falling nobody stands still, but may seem to."""
+ON_THE_GROUND: Final = "stands on the ground"
+
+Rows = tuple[int, int]
+
+
+def ground_contact(
+    motion: Motion, flights: list[Rows], *, stretches: tuple[Rows, ...] | None = None
+) -> list[Rows]:
+    """Find the rows (stop exclusive) in which the vehicle stands on the ground.
+
+    Calm for a second at little thrust, and yet carried: little against the thrust of the flights
+    or, where they hold only the ground, against the weight by the lift in all `stretches`.
+    """
+    piece, short = (whole_samples(t * motion.sample_rate) for t in (PIECE, SHORT))
+    squares = motion.thrust
+    rows = np.concatenate([np.arange(a, b) for a, b in flights])
+    flown = float(np.percentile(squares[rows], FLYING_PERCENTILE))
+    lift = thrust_to_force(replace(motion, stretches=stretches or motion.stretches), squares)
+    little = LITTLE_THRUST * max(flown, GRAVITY / lift if lift > 0.0 else 0.0)
+    found: list[Rows] = []
+    for first, stop in flights:
+        starts = np.arange(first, stop - piece + 1, piece)
+        stands = np.array(
+            [
+                squares[at : at + piece].mean() < little
+                and _is_calm(motion.angular_velocity[at : at + piece], short)
+                and _is_carried(motion.specific_force[at : at + piece])
+                for at in starts
+            ],
+            dtype=bool,
+        )
+        found += [
+            (int(starts[a]), int(starts[b - 1]) + piece)
+            for a, b in true_runs(stands)
+            if b - a >= LEAST_PIECES
+        ]
+    return found
+
+
+def _is_calm(rates: Float[np.ndarray, "n 3"], short: int) -> bool:
+    # Means of a moment each: a gyro's noise, and what motors shake, is no motion.
+    whole = len(rates) // short * short
+    means = rates[:whole].reshape(-1, short, 3).mean(axis=1)
+    return bool(means.std(axis=0).max() < STEADY and np.abs(means.mean(axis=0)).max() < SLOW)
+
+
+def _is_carried(force: Float[np.ndarray, "n 3"]) -> bool:
+    return abs(float(np.linalg.norm(force.mean(axis=0))) - GRAVITY) < CARRIED * GRAVITY
+
+
+def aloft(motion: Motion, flights: list[Rows], standing: list[Rows]) -> list[Rows]:
+    """Cut standing, and half a second around it, out of the flights; raise if nothing is left."""
+    if not standing:
+        return flights
+    margin = whole_samples(PIECE * motion.sample_rate)
+    shortest = max(whole_samples(SHORTEST_FLIGHT * motion.sample_rate), 3)
+    kept: Bool[np.ndarray, " n"] = np.zeros(len(motion.rotor_speed), dtype=bool)
+    for a, b in flights:
+        kept[a:b] = True
+    for a, b in standing:
+        kept[max(a - margin, 0) : b + margin] = False
+    # Flights that follow one another are apart by a gap, which `kept` does not show.
+    left = [
+        (first + a, first + b)
+        for first, stop in flights
+        for a, b in true_runs(kept[first:stop])
+        if b - a >= shortest
+    ]
+    if not left:
+        raise FlightError(
+            "the vehicle stands on the ground between start and end (motors turn, nothing moves); "
+            "give the start and the end of a flight, in seconds since the first sample of the log"
+        )
+    return left
+
+
+def ground_warnings(time: Float[np.ndarray, " n"], standing: list[Rows]) -> tuple[str, ...]:
+    """Tell where the vehicle stands, in seconds since the log's first sample."""
+    if not standing:
+        return ()
+    when = ", ".join(f"{time[a] - time[0]:.1f} to {time[b - 1] - time[0]:.1f}" for a, b in standing)
+    return (
+        f"the vehicle stands on the ground at {when} s: these parts of the stretch between "
+        "start and end are left out, as the ground carries some of the weight there",
+    )

@@ -1,1 +1,0 @@
-"""Which part of a flight is in the air."""
