@@ -2,25 +2,35 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
-from rotorfit.inspection.settings import FILES, TABLES, settings_file, settings_for
+from rotorfit.inspection.settings import settings_file, settings_for
+from rotorfit.logs.firmware import Lack
+from rotorfit.logs.formats import FORMATS
 
 DOCS = Path(__file__).parents[2] / "docs"
 SLOW = frozenset({"slow gyro", "slow accel", "slow motors"})
 INAV = {"Firmware revision": "INAV 7.1.2 (abcdef012)  STM32F745"}
+TABLES = ["inav", *(form.name for form in FORMATS if form.advice)]
+
+
+def log_of(table):
+    return ("blackbox", INAV) if table == "inav" else (table, {})
 
 
 def text_of(table):
-    metadata, log_format = (INAV, "blackbox") if table == "inav" else ({}, table)
-    return settings_file(log_format, metadata).read_text(encoding="utf-8")
+    return settings_file(*log_of(table)).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("table", sorted(TABLES))
 def test_every_setting_is_in_the_file(table):
     text = text_of(table)
-    for setting in TABLES[table]:
+    log_format, metadata = log_of(table)
+    settings = settings_for(log_format, frozenset(get_args(Lack)), metadata)
+    assert len(settings) > 3
+    for setting in settings:
         names = setting.value.split() if setting.name == "config.txt:" else [setting.name]
         for name in [setting.value] if setting.name == "CLI:" else names:
             if not name.startswith("rpm."):  # only with a deck: a variable that is missing is none
@@ -152,7 +162,7 @@ def test_the_outputs_of_the_motors_are_not_taken_for_granted():
 
 
 def test_the_files_are_where_they_are_said_to_be():
-    for table in FILES:
+    for table in TABLES:
         assert text_of(table).startswith(("#", "1 "))
     assert "logs every IMU" in text_of("dataflash")
 
@@ -165,8 +175,9 @@ def test_the_page_of_settings_says_where_the_files_are_and_names_each(capsys):
     [block] = re.findall(r"```python\n(.*?)```", page("settings.md"), re.S)
     exec(block, {})
     folder = Path(capsys.readouterr().out.strip())
-    assert {path.name for path in folder.iterdir()} == set(FILES.values())
-    assert all(f"| `{name}` |" in page("settings.md") for name in FILES.values())
+    names = {settings_file(*log_of(table)).name for table in TABLES}
+    assert {path.name for path in folder.iterdir()} == names
+    assert all(f"| `{name}` |" in page("settings.md") for name in names)
 
 
 def test_pages_tick_bits_and_never_add_them():
@@ -193,7 +204,8 @@ def test_low_passes_of_px4_are_told_of_in_one_way():
     assert "need no change" in page("settings.md")
     commented = [line for line in text_of("ulog").splitlines() if "CUTOFF" in line]
     assert len(commented) == 2 and all(line.startswith("# 1\t1\t") for line in commented)
-    assert not any("CUTOFF" in setting.name for setting in TABLES["ulog"])
+    advised = settings_for("ulog", frozenset(get_args(Lack)))
+    assert not any("CUTOFF" in setting.name for setting in advised)
 
 
 def test_sentences_of_the_guides_do_not_run_together():

@@ -13,7 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
-from rotorfit.logs.blackbox import decode, list_blackbox_logs, predict, read_blackbox, scan
+from rotorfit.logs.blackbox import predict, scan
+from rotorfit.logs.blackbox.decode import decode
+from rotorfit.logs.blackbox.read import list_blackbox_logs, read_blackbox
 from rotorfit.logs.flight_log import FlightLog
 
 INT32 = st.integers(-(1 << 31), (1 << 31) - 1)

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
-from rotorfit.logs.read import FORMATS, kind_of
+from rotorfit.logs.formats import FORMATS
+from rotorfit.logs.read import kind_of
 
 READS = "; rotorfit reads " + ", ".join(known.title for known in FORMATS)
 TABLE = b"time,battery,rotor_1\n0,12,400\n0.01,11.5,\n0.02,,402\n0.03,11,403\n"

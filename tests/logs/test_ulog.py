@@ -26,7 +26,8 @@ from ulog_encoder import (
 from flown import experiment_file, quietly_identified, simulated, simulated_vehicle
 from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
-from rotorfit.logs.ulog import is_ulog, read_ulog
+from rotorfit.logs.ulog import is_ulog
+from rotorfit.logs.ulog.read import read_ulog
 from rotorfit.simulation import write_flight_table
 
 N = 200

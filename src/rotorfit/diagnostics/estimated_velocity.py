@@ -11,12 +11,11 @@ import numpy as np
 
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.logs.formats import FORMATS
 
 ERROR: Final = 0.3
 """Standard deviation of an estimate's error along each axis [m/s]: PX4's was off by .2 to .5 in its
 simulator, whose true velocity is in the log."""
-ESTIMATES: Final = ("ulog", "dataflash")
-"""Formats whose velocity is the autopilot's estimate."""
 OVER: Final = {"drag_x": 0, "drag_y": 1, "drag_z": 2, "inflow": 2}
 """Coefficients, and the axis of the velocity that they are over."""
 LARGEST: Final = 0.9
@@ -25,8 +24,9 @@ LARGEST: Final = 0.9
 
 def velocity_estimated(dataset: Dataset) -> bool:
     """Return whether a velocity in the model is an autopilot's estimate."""
-    flights = [flight for c in dataset.configurations for flight in c.flights]
-    return dataset.velocity == "known" and any(flight.log.format in ESTIMATES for flight in flights)
+    formats = {flight.log.format for c in dataset.configurations for flight in c.flights}
+    estimated = {form.name for form in FORMATS if form.velocity_estimated}
+    return dataset.velocity == "known" and not formats.isdisjoint(estimated)
 
 
 def with_velocity_errors(numbers: Numbers, dataset: Dataset) -> Numbers:

@@ -1,13 +1,12 @@
 """Micro-SD logs of the Crazyflie; its body axes are FLU."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import LogError
 from rotorfit.logs.axes import attitude_from_euler
@@ -21,6 +20,18 @@ from rotorfit.logs.crazyflie_records import (
     variables_at,
 )
 from rotorfit.logs.files import Content, open_mapped, sha256_of
+from rotorfit.logs.firmware import (
+    NO_ACCEL,
+    NO_BATTERY,
+    NO_MOTORS,
+    NO_SPEED,
+    SLOW_IMU,
+    SLOW_MOTORS,
+    Advice,
+    Lack,
+    asked_for,
+    settings_of,
+)
 from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog, in_air
 from rotorfit.logs.units import STANDARD_GRAVITY
 
@@ -62,6 +73,15 @@ LEGACY_MIXER: Final = np.array(
     [[1.0, -0.5, 0.5, 1.0], [1.0, -0.5, -0.5, -1.0], [1.0, 0.5, -0.5, 1.0], [1.0, 0.5, 0.5, -1.0]]
 )
 """m1 to m4 over cmd_thrust, cmd_roll, cmd_pitch, cmd_yaw (power_distribution, legacy mode)."""
+SETTINGS: Final = settings_of(
+    ("config.txt:", " ".join(_ACCEL), "the accelerometer", NO_ACCEL),
+    ("config.txt:", " ".join(_GYRO), "the gyro", frozenset({"no gyro"})),
+    ("config.txt:", f"on:{FIXED_FREQUENCY}, 500", "500 samples a second", SLOW_IMU | SLOW_MOTORS),
+    ("config.txt:", " ".join(_MOTOR), "the motors", NO_MOTORS),
+    ("config.txt:", "pm.vbatMV", "the battery, which brushed motors follow", NO_BATTERY),
+    ("config.txt:", " ".join(_ROTOR_SPEEDS[0]), "rotor speed, with an RPM deck", NO_SPEED),
+)
+"""Lines of config.txt on the card. Source: Bitcraze "Micro SD card deck"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,6 +162,11 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
         warnings=_damage(records, unordered),
         circumstances=_circumstances(recording),
     )
+
+
+def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
+    """Advise what the card's config.txt is to log."""
+    return Advice(settings=asked_for(SETTINGS, lacks), file="config.txt")
 
 
 def _chosen_event(records: Records, name: str | None) -> Event:
@@ -320,6 +345,8 @@ def _attitude(recording: _Recording) -> _Found | None:
 
 def _velocity(recording: _Recording) -> _Found | None:
     """Return the estimated velocity, turned from the world into the body's axes."""
+    from scipy.spatial.transform import Rotation
+
     if not recording.has(*_VELOCITY):
         return None
     turned = _turned(recording)

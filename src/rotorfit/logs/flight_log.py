@@ -11,6 +11,7 @@ from jaxtyping import Float
 from rotorfit.errors import LogError
 from rotorfit.formatting.frame import DataFrame, frame, pandas
 from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.logs.formats import BY_NAME
 from rotorfit.logs.speed_law import SpeedLaw
 
 CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
@@ -45,11 +46,6 @@ CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
 """
 
 
-OWN_FIELDS: Final = (
-    *("blackbox", "crazyflie", "ulog", "dataflash"),
-    *("qualisys", "motive", "vicon", "trajectory"),
-)
-"""Formats that name their own fields, units and axes: no columns map of units is taken for them."""
 COMPONENTS: Final = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 """Of vectors and quaternions; rotors are counted from 1."""
 AS_A_TABLE: Final = (
@@ -208,7 +204,8 @@ class FlightLog:
     @property
     def takes_columns(self) -> bool:
         """Whether a columns map names its columns and declares their units."""
-        return self.format not in OWN_FIELDS
+        form = BY_NAME.get(self.format)
+        return form is None or not form.names_fields
 
     def to_frame(self, channel: str | None = None) -> DataFrame:
         """Return channels as a pandas DataFrame, indexed by time [s].

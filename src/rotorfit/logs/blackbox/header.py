@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Final
 
 from rotorfit.errors import LogError
+from rotorfit.logs.blackbox import LOG_START
 
-LOG_START: Final = b"H Product:Blackbox flight data recorder by Nicholas Sherlock"
 MAX_BYTES: Final = 1 << 30
 """Largest file that is decoded; positions are 32-bit integers."""
 MAX_FIELDS: Final = 512

@@ -3,17 +3,18 @@
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
+from rotorfit.logs.blackbox import LOG_START
 from rotorfit.logs.blackbox.channels import FIELDS, read_channels, seconds
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
-from rotorfit.logs.blackbox.header import LOG_START, find_logs, read_header
+from rotorfit.logs.blackbox.header import find_logs, read_header
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.flight_log import Circumstances, FlightLog
+from rotorfit.logs.formats import LogEntry
 
 _LISTED: Final = 8
 """Most logs that an error message lists."""
@@ -44,42 +45,6 @@ _METADATA: Final = (
     "rpm_gyro_min_hz",
 )
 _FILTER = re.compile(r"(gyro|dterm|rpm|dyn|acc|yaw).*(lpf|lowpass|notch|filter).*", re.IGNORECASE)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LogEntry:
-    """One log of a Blackbox file.
-
-    Attributes
-    ----------
-    number
-        From 1.
-    start, stop
-        Byte range in the file.
-    description
-        Firmware, craft, date and size; or why the header cannot be read.
-    """
-
-    number: int
-    start: int
-    stop: int
-    description: str
-
-
-def is_blackbox(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a Blackbox log.
-
-    Parameters
-    ----------
-    head
-        Some thousand bytes; there may be remains of an older log before the header.
-
-    Returns
-    -------
-    bool
-        Whether a Blackbox header begins there.
-    """
-    return LOG_START in head
 
 
 def list_blackbox_logs(path: Path) -> tuple[LogEntry, ...]:

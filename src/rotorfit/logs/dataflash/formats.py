@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-HEAD: Final = b"\xa3\x95"
 HEAD_BYTES: Final = 3
 """Of a message: the two bytes above and its type."""
 FMT_TYPE: Final = 128

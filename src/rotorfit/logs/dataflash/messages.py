@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Int, UInt8
 
 from rotorfit.errors import LogError
+from rotorfit.logs.dataflash import HEAD
 from rotorfit.logs.dataflash.formats import (
     FMT_OF_FMT,
     FMT_TYPE,
-    HEAD,
     HEAD_BYTES,
     LONGEST,
     Field,

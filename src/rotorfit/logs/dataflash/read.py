@@ -10,10 +10,9 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.logs.dataflash import circumstances, imu, law, motors, parameters, pose, remix
-from rotorfit.logs.dataflash.advice import advice, too_slow
+from rotorfit.logs.dataflash import HEAD, circumstances, imu, law, motors, parameters, pose, remix
 from rotorfit.logs.dataflash.columns import in_order, time_of
-from rotorfit.logs.dataflash.formats import HEAD
+from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
@@ -49,11 +48,6 @@ _MOTOR_PARAMETERS: Final = (
 )
 
 
-def is_dataflash(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are an ArduPilot DataFlash log."""
-    return head.startswith(HEAD)
-
-
 def read_dataflash(path: Path) -> FlightLog:
     """Read a DataFlash log of ArduPilot (.bin).
 
@@ -74,7 +68,7 @@ def read_dataflash(path: Path) -> FlightLog:
         If the file cannot be read, is no DataFlash log, or has none of the known messages.
     """
     head = read_head(path, len(HEAD))
-    if not is_dataflash(head):
+    if head != HEAD:
         raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
     try:
         found = _understood(path)
@@ -184,7 +178,7 @@ def _understood(path: Path) -> _Found:
             *speed_notes,
             *_frame_notes(frame, settings, said),
             *_law_notes(settings),
-            *advice(messages, settings, channels, wired=wired),
+            *lack_notes(messages, settings, channels, wired=wired),
         ),
         warnings=(
             *doubts,

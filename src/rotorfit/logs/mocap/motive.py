@@ -5,6 +5,7 @@ column its type, name, ID and whether it is position or rotation, then a row a f
 """
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -12,19 +13,19 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import (
     LENGTHS,
     Body,
     Take,
-    begins,
     finite,
     log_of_file,
     numbers,
     unit_or_nan,
 )
 
-_BEGINS: Final = b"Format Version,"
 _HEADER_LINES: Final = 16
 _AXES: Final = {
     ("Rotation", "W"): 0,
@@ -38,12 +39,9 @@ _AXES: Final = {
 _KEPT: Final = ("Format Version", "Take Name", "Capture Frame Rate", "Capture Start Time")
 
 
-def is_motive(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a CSV export of Motive."""
-    return begins(head, _BEGINS)
-
-
-def read_motive(path: Path, *, body: str | None = None) -> FlightLog:
+def read_motive(
+    path: Path, *, columns: Mapping[str, ColumnSpec] | None = None, axes: Axes = "FLU"
+) -> FlightLog:
     """Read the pose of a rigid body from Motive's CSV export.
 
     The world is turned from y up to z up, x staying as it is, and the body's axes with it: a rigid
@@ -62,7 +60,7 @@ def read_motive(path: Path, *, body: str | None = None) -> FlightLog:
         If the file holds no rigid body, other units or angles, is damaged, or has several bodies
         and none was named.
     """
-    return log_of_file(path, _take, body=body)
+    return log_of_file(path, _take, columns=columns, axes=axes)
 
 
 def _take(text: bytes) -> Take:

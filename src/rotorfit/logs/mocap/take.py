@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.delimited import DelimitedText, with_line_feeds
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.flight_log import Channel, FlightLog
@@ -74,7 +76,11 @@ class Take:
 
 
 def log_of_file(
-    path: Path, take_of: Callable[[bytes], Take], *, body: str | None = None
+    path: Path,
+    take_of: Callable[[bytes], Take],
+    *,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    axes: Axes = "FLU",
 ) -> FlightLog:
     """Return the pose of one rigid body of a file as a log.
 
@@ -95,6 +101,7 @@ def log_of_file(
     """
     data = read_bytes(path)
     try:
+        body = chosen_body(columns, axes)
         return _log_of_take(path, data, take_of(with_line_feeds(data)), body=body)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
@@ -140,6 +147,20 @@ def _log_of_take(path: Path, data: bytes, take: Take, *, body: str | None) -> Fl
     )
 
 
+def chosen_body(columns: Mapping[str, ColumnSpec] | None, axes: Axes) -> str | None:
+    """Return the rigid body that a columns map chooses, refusing axes and a map of others."""
+    if axes != "FLU":
+        raise LogError("the file says its own axes, turned to z up: leave out axes")
+    chosen = dict(columns or {})
+    spec = chosen.pop("position", None)
+    if chosen:
+        raise LogError(
+            "the file names its own columns; a columns map only chooses the rigid body, as "
+            'columns = { position = "NAME" }'
+        )
+    return None if spec is None else spec.name
+
+
 def numbers(
     text: bytes, start: int, *, columns: int, delimiter: str | None, first_line: int
 ) -> Float[np.ndarray, "n k"]:
@@ -174,11 +195,6 @@ def number_or_nan(word: str) -> float:
         return float(word)
     except ValueError:
         return float("nan")
-
-
-def begins(head: bytes, *beginnings: bytes) -> bool:
-    """Return whether a text file begins so, behind the mark that some programs put first."""
-    return head.removeprefix(b"\xef\xbb\xbf").startswith(beginnings)
 
 
 def finite(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:

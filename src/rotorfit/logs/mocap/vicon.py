@@ -6,6 +6,7 @@ RZ RW, or a rotation vector RX RY RZ (axis times angle, "helical"), from body ax
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -14,6 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import (
     Body,
@@ -76,7 +79,9 @@ def is_vicon(head: bytes) -> bool:
     return math.isfinite(number_or_nan(_word(rest[:200].partition(b"\n")[0])))
 
 
-def read_vicon(path: Path, *, body: str | None = None, rotation: str | None = None) -> FlightLog:
+def read_vicon(
+    path: Path, *, columns: Mapping[str, ColumnSpec] | None = None, axes: Axes = "FLU"
+) -> FlightLog:
     """Read the pose of a rigid body from the CSV export of Nexus or Tracker.
 
     Parameters
@@ -95,7 +100,10 @@ def read_vicon(path: Path, *, body: str | None = None, rotation: str | None = No
         If the file holds no segment or object, or rotations of a kind that it does not tell, is
         damaged, or has several bodies and none was named.
     """
-    return log_of_file(path, lambda text: _take(_block(text), rotation), body=body)
+    bodies = dict(columns or {})
+    attitude = bodies.pop("attitude", None)
+    rotation = None if attitude is None else attitude.name
+    return log_of_file(path, lambda text: _take(_block(text), rotation), columns=bodies, axes=axes)
 
 
 def _block(text: bytes) -> _Block:

@@ -7,7 +7,7 @@ from typing import Final
 from rotorfit.errors import LogError
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.files import read_head
-from rotorfit.logs.rosbag.container import MCAP_MAGIC, ROS1_BEGINS, SQLITE_MAGIC
+from rotorfit.logs.rosbag import MCAP_MAGIC, ROS1_BEGINS, SQLITE_MAGIC
 from rotorfit.logs.rosbag.decode import Decoder
 from rotorfit.logs.rosbag.definitions import Definitions
 from rotorfit.logs.rosbag.mapped import mapped_paths

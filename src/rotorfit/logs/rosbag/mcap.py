@@ -19,7 +19,7 @@ from rosbags.rosbag2.storage_mcap import (
 )
 
 from rotorfit.errors import LogError
-from rotorfit.logs.rosbag.container import MCAP_MAGIC
+from rotorfit.logs.rosbag import MCAP_MAGIC
 from rotorfit.logs.rosbag.edge import DamageError, decoded
 from rotorfit.logs.rosbag.stream import (
     Encoding,

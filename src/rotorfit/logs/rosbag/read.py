@@ -10,9 +10,9 @@ from rotorfit.errors import LogError
 from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog
+from rotorfit.logs.rosbag import files_of
 from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim
 from rotorfit.logs.rosbag.clocks import Timing, timings
-from rotorfit.logs.rosbag.container import files_of
 from rotorfit.logs.rosbag.edge import require_rosbags
 from rotorfit.logs.rosbag.mapped import mapped_channels
 from rotorfit.logs.rosbag.messages import NOT_MOTORS

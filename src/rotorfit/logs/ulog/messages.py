@@ -16,7 +16,6 @@ from jaxtyping import Int, UInt8
 
 from rotorfit.errors import LogError
 
-MAGIC: Final = b"ULog\x01\x12\x35"
 HEADER_BYTES: Final = 16
 BLOCK_BYTES: Final = 1 << 20
 SYNC: Final = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"

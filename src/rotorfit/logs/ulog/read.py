@@ -7,7 +7,6 @@ from rotorfit.errors import LogError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.logs.simulators import SIH, simulated_sentence
 from rotorfit.logs.ulog import circumstances, imu, motors, pose, simulated, vehicle
-from rotorfit.logs.ulog.messages import MAGIC
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
 WANTED: Final = {
@@ -20,11 +19,6 @@ WANTED: Final = {
 SLOW_MOTORS: Final = 50.0
 """Commands slower than this say little of inertia [Hz]."""
 _LISTED: Final = 20
-
-
-def is_ulog(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a ULog."""
-    return head.startswith(MAGIC)
 
 
 def read_ulog(path: Path) -> FlightLog:

@@ -17,8 +17,9 @@ from jaxtyping import Int, UInt8
 from rotorfit.errors import LogError
 from rotorfit.logs.files import read_head
 from rotorfit.logs.progress import tell
+from rotorfit.logs.ulog import MAGIC
 from rotorfit.logs.ulog.formats import Field, Row, parse_format, row_of
-from rotorfit.logs.ulog.messages import HEADER_BYTES, MAGIC, Block, read_blocks, refuse_ruin
+from rotorfit.logs.ulog.messages import HEADER_BYTES, Block, read_blocks, refuse_ruin
 from rotorfit.logs.ulog.rows import appended
 from rotorfit.logs.ulog.topic import Topic
 

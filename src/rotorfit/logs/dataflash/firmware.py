@@ -1,15 +1,37 @@
-"""What a DataFlash log lacks for an identification, and the parameters to set before the next."""
+"""Settings of ArduPilot: which to change for a better log, and the filters that they set.
 
-from collections.abc import Mapping
+Sources: ArduPilot "Complete Parameter List", ArduCopter/defines.h (bits of LOG_BITMASK),
+AP_InertialSensor_Backend.cpp (raw IMU), "ESC Telemetry" and "Managing Gyro Noise" (INS_HNTCH_*).
+"""
+
+from collections.abc import Mapping, Set
 from typing import Final
 
 import numpy as np
 
-from rotorfit.logs.bitmask import bits_set
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.motors import Wiring
 from rotorfit.logs.dataflash.parameters import Parameters
-from rotorfit.logs.flight_log import Channel
+from rotorfit.logs.firmware import (
+    NO_BATTERY,
+    NO_SPEED,
+    SLOW_IMU,
+    SLOW_MOTORS,
+    Advice,
+    Filter,
+    Lack,
+    asked_for,
+    bits_set,
+    fixed_notch,
+    logged_integer,
+    logged_number,
+    low_pass,
+    rotor_notch,
+    sensor_sources,
+    settings_of,
+    with_value,
+)
+from rotorfit.logs.flight_log import Channel, FlightLog
 
 BATTERY: Final = {9: "battery"}
 FAST: Final = {0: "fast attitude", 10: "RC output", 18: "fast IMU"}
@@ -19,9 +41,69 @@ ENOUGH_RATE: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""
 TOO_SLOW: Final = 40.0
 """Below this all of it is [Hz]."""
+ROTOR_MODES: Final = (2, 3, 5)
+"""INS_HNTCH_MODE of notches that follow measured rotor speeds."""
+SETTINGS: Final = settings_of(
+    (
+        "LOG_BITMASK",
+        "bits 0, 9, 10 and 18",
+        "attitude and IMU at the loop's rate, motor outputs, battery",
+        SLOW_IMU | SLOW_MOTORS | NO_BATTERY,
+    ),
+    ("INS_RAW_LOG_OPT", "0", "raw IMU, where it is logged, before the filters", SLOW_IMU),
+    ("INS_LOG_BAT_MASK", "0", "batch logging records gyro and accelerometer in turns", SLOW_IMU),
+    (
+        "SERVO_BLH_BDMASK",
+        "2^(output - 1) of each motor's output, added up (15: outputs 1 to 4)",
+        "rotor speed by bidirectional DShot",
+        NO_SPEED,
+    ),
+    ("SERVO_BLH_POLES", "magnets of a motor", "without it the rotor speed is wrong", NO_SPEED),
+    ("BATT_MONITOR", "the kind of your power module", "logs the battery", NO_BATTERY),
+)
+NO_LIMIT: Final = settings_of(
+    (
+        "LOG_FILE_RATEMAX",
+        "0",
+        "LOG_BITMASK asks for all of it already, so something limits the rate of the messages",
+        SLOW_IMU | SLOW_MOTORS,
+    )
+)
+"""In place of LOG_BITMASK, where no bit is missing."""
 
 
-def advice(
+def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
+    """Advise settings of ArduPilot; LOG_BITMASK gets the missing bits beside those that are set."""
+    found = asked_for(SETTINGS, lacks)
+    if found and found[0].name == "LOG_BITMASK":
+        limited = asked_for(NO_LIMIT, lacks)
+        current = logged_integer(metadata, "LOG_BITMASK")
+        value = log_bitmask(current, slow=bool(limited), raw=bool(SLOW_IMU & lacks))
+        first = limited if value is None else with_value(found[0], value)
+        found = (*first, *found[1:])
+    return Advice(settings=found, file="ardupilot.parm")
+
+
+def filters(log: FlightLog) -> list[Filter]:
+    """Find ArduPilot's filters; raw samples (INS_RAW_LOG_OPT) are from before them."""
+    logged, sources = log.metadata, sensor_sources(log)
+    gyro, accel = (sources[name].startswith("IMU") for name in ("gyro", "accel"))
+    found = low_pass(logged, "gyro", "INS_GYRO_FILTER", passed=gyro)
+    for name in ("INS_HNTCH", "INS_HNTC2"):
+        if not logged_number(logged, f"{name}_ENABLE") > 0:
+            continue
+        mode = int(logged_number(logged, f"{name}_MODE"))
+        bits = int(logged_number(logged, f"{name}_HMNCS")) or 1
+        harmonics = tuple(i + 1 for i in range(16) if bits >> i & 1)
+        if mode in ROTOR_MODES:
+            least = logged_number(logged, f"{name}_FREQ")
+            found.append(rotor_notch(harmonics, least, f"{name}_FREQ", gyro))
+        else:
+            found += fixed_notch(logged, f"{name}_FREQ", f"{name}_BW", passed=gyro)
+    return found + low_pass(logged, "accel", "INS_ACCEL_FILTER", passed=accel)
+
+
+def lack_notes(
     messages: Messages,
     parameters: Parameters,
     channels: Mapping[str, Channel],
@@ -90,16 +172,9 @@ def rate_of(channel: Channel) -> float:
 
 
 def log_bitmask(current: int | None, *, slow: bool, raw: bool) -> str | None:
-    """Return in words the value that LOG_BITMASK is to have; None where it has all of it.
+    """Say which value LOG_BITMASK is to have; None where it has all of it.
 
-    Parameters
-    ----------
-    current
-        LOG_BITMASK of the log; None where it is not known.
-    slow
-        Whether IMU or motors are missing or too slow; else only the battery is asked for.
-    raw
-        Whether to ask for every sample of the IMU, too.
+    The battery is always asked for, IMU and motors where they are `slow`, raw IMU where `raw`.
     """
     return bits_set(current, BATTERY | (FAST if slow else {}) | (RAW_IMU if raw else {}))
 
