@@ -48,7 +48,7 @@ def test_px4_parameters_have_five_columns_of_known_types():
         assert name.isupper() and kind in ("6", "9") and float(value) >= 0
 
 
-def test_ardupilot_parameters_are_pairs_with_the_bits_that_are_named():
+def test_ardupilot_parameters_are_pairs_with_the_named_bits():
     pairs = dict(line.split(",") for line in lines("dataflash"))
     mask = int(pairs["LOG_BITMASK"])
     assert all(mask >> bit & 1 for bit in (0, 9, 10, 18))
@@ -56,7 +56,7 @@ def test_ardupilot_parameters_are_pairs_with_the_bits_that_are_named():
 
 
 @pytest.mark.parametrize("table", ["blackbox", "inav"])
-def test_lines_for_a_command_line_are_commands_and_the_last_one_saves(table):
+def test_lines_for_a_cli_are_commands_and_the_last_one_saves(table):
     *settings, last = lines(table)
     assert last == "save"
     for line in settings:
@@ -92,7 +92,7 @@ def test_bits_of_ardupilot_are_set_beside_those_of_the_log(mask, lacking, expect
 
 
 @pytest.mark.parametrize("text", [None, "2.09715e+06"])
-def test_an_unknown_mask_is_told_in_bits_and_never_to_be_added_to(text):
+def test_an_unknown_mask_is_advised_in_bits(text):
     metadata = {} if text is None else {"LOG_BITMASK": text}
     words = value(settings_for("dataflash", SLOW, metadata), "LOG_BITMASK")
     assert "fast IMU (bit 18), raw IMU (bit 19) ticked, too" in words
@@ -100,7 +100,7 @@ def test_an_unknown_mask_is_told_in_bits_and_never_to_be_added_to(text):
 
 
 @pytest.mark.parametrize("mask", [2**21 - 1, -1])
-def test_a_full_mask_points_to_the_limit_of_the_rate_unless_only_the_battery_is_missing(mask):
+def test_a_full_mask_points_to_the_limit_of_the_rate(mask):
     metadata = {"LOG_BITMASK": f"{mask}"}
     names = [s.name for s in settings_for("dataflash", SLOW, metadata)]
     assert "LOG_FILE_RATEMAX" in names and "LOG_BITMASK" not in names
@@ -133,7 +133,7 @@ def test_a_logging_profile_that_has_the_bits_is_not_named():
     assert settings_for("ulog", SLOW, {"SDLOG_PROFILE": "145"}) == ()
 
 
-def test_parameters_that_px4_gave_up_are_named_with_their_versions():
+def test_parameters_that_px4_dropped_are_named_with_versions():
     found = settings_for("ulog", frozenset({"no rotor speed"}))
     assert "1.16 and 1.17; from 1.18 on choose BDShot" in value(found, "DSHOT_BIDIR_EN")
     assert "from 1.18 on DSHOT_MOT_POL1" in value(found, "MOT_POLE_COUNT")
@@ -171,7 +171,7 @@ def page(name):
     return (DOCS / name).read_text(encoding="utf-8")
 
 
-def test_the_page_of_settings_says_where_the_files_are_and_names_each(capsys):
+def test_the_page_of_settings_names_each_file(capsys):
     [block] = re.findall(r"```python\n(.*?)```", page("settings.md"), re.S)
     exec(block, {})
     folder = Path(capsys.readouterr().out.strip())

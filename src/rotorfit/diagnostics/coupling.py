@@ -21,7 +21,7 @@ from rotorfit.fit.intervals.excitation import SCALED
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration
-from rotorfit.logs.simulators import SITL
+from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.regressor import Regressor
 from rotorfit.results.parameter_tables import Tables

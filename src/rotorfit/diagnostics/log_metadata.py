@@ -7,7 +7,7 @@ from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.diagnostics.filtered_imu import lowpass_sentence
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.logs.simulators import SITL, simulated_sentence
+from rotorfit.logs.flight_log import SITL, simulated_sentence
 from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve
 
 

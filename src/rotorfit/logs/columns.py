@@ -40,17 +40,7 @@ class ColumnSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:
-    """Columns that make one channel together.
-
-    Attributes
-    ----------
-    channel
-        Name of the channel in a `FlightLog`.
-    names
-        Canonical names of the columns, in the order of the components.
-    quantity
-        What they are.
-    """
+    """Columns that make one channel of a `FlightLog`, by canonical names in order of components."""
 
     channel: str
     names: tuple[str, ...]
@@ -121,18 +111,6 @@ def resolve(
 
     What the map names comes from there; columns that carry a canonical name themselves, and that
     the map does not claim for something else, are read as they are.
-
-    Parameters
-    ----------
-    in_file
-        Names of the file's columns.
-    columns
-        Canonical name to specification, for columns with other names or units.
-
-    Raises
-    ------
-    LogError
-        If the map is wrong, or neither map nor file name a time and one quantity besides.
     """
     mapped = dict(columns or {})
     _check_map(mapped, in_file)
@@ -156,21 +134,7 @@ def resolve(
 def complete_groups(
     resolved: Iterable[str], mapped: Iterable[str]
 ) -> tuple[list[Group], list[str]]:
-    """Return the groups with all their columns, and a note on each one left out.
-
-    Parameters
-    ----------
-    resolved
-        Canonical names that the file has.
-    mapped
-        Those that a map names: a group that it begins must be complete. Without a map, so must
-        every group.
-
-    Raises
-    ------
-    LogError
-        If a group lacks a column.
-    """
+    """Return the groups with all their columns, and a note on each one left out."""
     have, asked = set(resolved), set(mapped)
     groups: list[Group] = []
     notes: list[str] = []

@@ -148,7 +148,7 @@ class Filter:
 
 
 def sensor_sources(log: FlightLog) -> dict[str, str]:
-    """Return where the samples of gyro and accelerometer come from; empty where there are none."""
+    """Find where the samples of gyro and accelerometer come from; empty where there are none."""
     return {name: log.channels[name].source if name in log.channels else "" for name in SENSORS}
 
 

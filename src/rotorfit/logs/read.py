@@ -147,7 +147,7 @@ def kind_of(path: Path) -> str | None:
 
 
 def own_kind(path: Path) -> str | None:
-    """Return which of rotorfit's own files a file is, in words; None where it is none.
+    """Name which of rotorfit's own files a file is; None where it is none.
 
     Never raises: it is asked when something else is wrong already.
     """

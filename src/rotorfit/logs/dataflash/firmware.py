@@ -7,8 +7,7 @@ AP_InertialSensor_Backend.cpp (raw IMU), "ESC Telemetry" and "Managing Gyro Nois
 from collections.abc import Mapping, Set
 from typing import Final
 
-import numpy as np
-
+from rotorfit.logs.dataflash.columns import rate_of
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.motors import Wiring
 from rotorfit.logs.dataflash.parameters import Parameters
@@ -110,7 +109,7 @@ def lack_notes(
     *,
     wired: Wiring,
 ) -> list[str]:
-    """Return what the log lacks and what to set for a better one, one sentence each."""
+    """Say what the log lacks and what to set for a better one, one sentence each."""
     slow, raw = _slow(channels)
     current = parameters.integer("LOG_BITMASK")
     value = log_bitmask(current, slow=bool(slow), raw=raw)
@@ -129,15 +128,9 @@ def lack_notes(
 
 
 def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[str]:
-    """Return a doubt where no flying would show inertia, the log being too slow, and what to set.
-
-    Parameters
-    ----------
-    parameters, channels
-        Of the log.
-    """
+    """Warn where no flying would show inertia, the log being too slow, and what to set."""
     slow, raw = _slow(channels)
-    rates = [rate_of(channels[name]) for name in ("gyro", "command") if name in channels]
+    rates = [rate_of(channels[name].time) for name in ("gyro", "command") if name in channels]
     if not rates or not 0.0 < min(rates) < TOO_SLOW or "rotor_speed" in channels:
         return []
     current = parameters.integer("LOG_BITMASK")
@@ -152,23 +145,17 @@ def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
     gyro, command = channels.get("gyro"), channels.get("command")
     if gyro is None or "accel" not in channels:
         slow.append("there is no IMU message")
-    elif (rate := rate_of(gyro)) < ENOUGH_RATE:
+    elif (rate := rate_of(gyro.time)) < ENOUGH_RATE:
         slow.append(f"the IMU comes at {rate:.0f} Hz only")
     raw = bool(slow)
     if command is None:
         slow.append("there are no motor outputs")
-    elif "rotor_speed" not in channels and (rate := rate_of(command)) < ENOUGH_RATE:
+    elif "rotor_speed" not in channels and (rate := rate_of(command.time)) < ENOUGH_RATE:
         slow.append(
             f"commands come at {rate:.0f} Hz only (from firmware 3.5 on they are mixed again from "
             "fast attitude's messages RATE)"
         )
     return slow, raw
-
-
-def rate_of(channel: Channel) -> float:
-    """Return samples per second, by the median step [Hz]; 0 for fewer than two."""
-    step = float(np.median(np.diff(channel.time))) if len(channel.time) > 1 else 0.0
-    return 1.0 / step if step > 0 else 0.0
 
 
 def log_bitmask(current: int | None, *, slow: bool, raw: bool) -> str | None:

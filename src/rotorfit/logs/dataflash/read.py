@@ -1,6 +1,5 @@
 """DataFlash files to FlightLog."""
 
-import hashlib
 import os
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
@@ -10,17 +9,23 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.logs.dataflash import HEAD, circumstances, imu, law, motors, parameters, pose, remix
-from rotorfit.logs.dataflash.columns import in_order, time_of
+from rotorfit.logs.dataflash import HEAD, imu, motors, parameters, pose, remix
+from rotorfit.logs.dataflash.columns import possible_in_order, time_of, unit_doubts
 from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
-from rotorfit.logs.dataflash.units import unit_doubts
-from rotorfit.logs.files import read_head
-from rotorfit.logs.flight_log import CHANNELS, Channel, Circumstances, FlightLog, LoggedMotors
+from rotorfit.logs.files import read_head, sha256_of
+from rotorfit.logs.flight_log import (
+    CHANNELS,
+    Channel,
+    Circumstances,
+    FlightLog,
+    LoggedMotors,
+    seconds_of,
+    simulated_sentence,
+)
 from rotorfit.logs.progress import tell
-from rotorfit.logs.simulators import simulated_sentence
 
 BLOCK: Final = 4 << 20
 CHOICE: Final = Wanted(
@@ -28,7 +33,7 @@ CHOICE: Final = Wanted(
 )
 """Messages that tell which IMU to read."""
 NAMES: Final = (
-    *(*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, *circumstances.NAMES),
+    *(*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, *parameters.CIRCUMSTANCES),
     *("UNIT", "FMTU"),
 )
 LEAST_RESTART: Final = 1.0
@@ -49,24 +54,7 @@ _MOTOR_PARAMETERS: Final = (
 
 
 def read_dataflash(path: Path) -> FlightLog:
-    """Read a DataFlash log of ArduPilot (.bin).
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    FlightLog
-        Channels in SI units and FLU axes, each on the clock of its messages; the frame as
-        ``[airframe]`` text in the metadata.
-
-    Raises
-    ------
-    LogError
-        If the file cannot be read, is no DataFlash log, or has none of the known messages.
-    """
+    """Read a DataFlash log of ArduPilot (.bin)."""
     head = read_head(path, len(HEAD))
     if head != HEAD:
         raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
@@ -79,10 +67,10 @@ def read_dataflash(path: Path) -> FlightLog:
         raise LogError(f"{path}: {error}") from error
     return FlightLog(
         path=path,
-        sha256=_sha256(path),
+        sha256=sha256_of(path),
         format="dataflash",
         channels=channels,
-        seconds=_seconds(channels),
+        seconds=seconds_of(channels.values()),
         metadata=found.metadata,
         notes=found.notes,
         warnings=found.warnings,
@@ -106,14 +94,6 @@ def _blocks(path: Path, turn: tuple[float, float]) -> Iterator[bytes]:
                 tell(round(size * turn[0] + file.tell() * turn[1]), size)
     except OSError as error:
         raise LogError(f"cannot be read ({error}): check the path and the disk") from error
-
-
-def _sha256(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
 
 
 LEAST_MOVED: Final = 0.05
@@ -165,7 +145,7 @@ def _understood(path: Path) -> _Found:
     }
     channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
-    simulator = law.simulator_of(settings)
+    simulator = remix.simulator_of(settings)
     flown, doubts = _armed(messages, moved=_moves(command))
     return _Found(
         channels=channels,
@@ -190,9 +170,9 @@ def _understood(path: Path) -> _Found:
         ),
         nothing=_nothing(messages),
         simulator=simulator,
-        motors=law.logged_motors(settings, battery="battery" in channels),
+        motors=remix.logged_motors(settings, battery="battery" in channels),
         gyro_lowpass=sensors.gyro_lowpass,
-        circumstances=circumstances.circumstances_of(messages, said, _begin(channels)),
+        circumstances=parameters.circumstances_of(messages, said, _begin(channels)),
     )
 
 
@@ -225,7 +205,7 @@ def _beside_motors(messages: Messages) -> dict[str, Channel | None]:
 
 
 def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, float] | None:
-    """Return where the accelerometer is by INS_POSn, body axes FLU; None where it was never set."""
+    """Read the accelerometer's position (INS_POSn) [m], body axes FLU; None where never set."""
     names = [f"INS_POS{instance + 1}_{axis}" for axis in "XYZ"]
     x, y, z = (settings.number(name) or 0.0 for name in names)
     if x == y == z == 0.0:
@@ -234,7 +214,7 @@ def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, fl
 
 
 def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[str, str]:
-    """Return firmware, frame and the parameters that matter to motors and sensors."""
+    """Read firmware, frame and the parameters that matter to motors and sensors."""
     known = [t for t in said if t.startswith(("ArduCopter", "ArduPlane", "APM:", "ArduSub"))]
     metadata = {"Firmware revision": known[0][:_SAID]} if known else {}
     frames = [t for t in said if t.startswith("Frame: ")]
@@ -244,7 +224,7 @@ def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[s
         metadata["airframe"] = text
     values = settings.values
     metadata |= {name: f"{values[name]:.10g}" for name in _MOTOR_PARAMETERS if name in values}
-    simulator = law.simulator_of(settings)
+    simulator = remix.simulator_of(settings)
     if simulator:
         metadata["Simulator"] = simulator
     frame = [name for name in values if name.startswith("SIM_FRM_")]
@@ -268,7 +248,7 @@ def _frame_notes(frame: Frame | None, settings: Parameters, said: list[str]) -> 
 
 
 def _law_notes(settings: Parameters) -> list[str]:
-    """Return what the firmware takes for the motors' thrust over command."""
+    """Say what the firmware takes for the motors' thrust over command."""
     curve = remix.thrust_curve(settings)
     if curve is None:
         return []
@@ -283,14 +263,14 @@ def _law_notes(settings: Parameters) -> list[str]:
 
 
 def _moves(command: Channel | None) -> bool:
-    """Return whether the motors were ever driven."""
+    """Tell whether the motors were ever driven."""
     if command is None or not np.isfinite(command.values).any():
         return False
     return float(np.nanmax(command.values) - np.nanmin(command.values)) > LEAST_MOVED
 
 
 def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[str]]:
-    """Return when the vehicle was armed, and a doubt where it never was.
+    """Say when the vehicle was armed, and a doubt where it never was.
 
     Logs begin while arming, and may miss its record: motors that were driven were armed.
     """
@@ -314,7 +294,7 @@ def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[str]]:
 
 
 def _appended(messages: Messages, names: Container[str]) -> list[str]:
-    """Return a doubt where the clock begins anew: a second log stands behind the first.
+    """Warn where the clock begins anew: a second log stands behind the first.
 
     Their times overlap, so that one of them is left out.
     """
@@ -322,7 +302,7 @@ def _appended(messages: Messages, names: Container[str]) -> list[str]:
     for name in sorted(present):
         time = time_of(messages, name)
         back = np.flatnonzero(np.diff(time) < -LEAST_RESTART)
-        left = int(np.count_nonzero(~in_order(time)))
+        left = int(np.count_nonzero(~possible_in_order(time)))
         # One number that is damaged goes back, too, but leaves out hardly anything.
         if len(back) and left > LEAST_LEFT * len(time):
             return [
@@ -334,7 +314,7 @@ def _appended(messages: Messages, names: Container[str]) -> list[str]:
 
 
 def _changed(settings: Parameters) -> list[str]:
-    """Return a doubt where parameters that matter were changed in flight."""
+    """Warn where parameters that matter were changed in flight."""
     prefixes = ("MOT_PWM", "MOT_SPIN", "MOT_THST_EXPO", "FRAME", "INS_GYRO_F", "INS_ACCEL_F")
     names = [n for n in settings.changed if n.startswith(prefixes)]
     names += [n for n in settings.changed if n.startswith("SERVO") and n.endswith("_FUNCTION")]
@@ -347,13 +327,8 @@ def _begin(channels: Mapping[str, Channel]) -> float:
     return min((float(c.time[0]) for c in channels.values() if len(c.time)), default=0.0)
 
 
-def _seconds(channels: Mapping[str, Channel]) -> float:
-    spans = [(c.time[0], c.time[-1]) for c in channels.values() if len(c.time)]
-    return float(max(b for _, b in spans) - min(a for a, _ in spans)) if spans else 0.0
-
-
 def _nothing(messages: Messages) -> str:
-    """Return what to say of a log without any channel."""
+    """Describe a log without any channel."""
     read = sum(messages.counts)
     names = sorted({messages.formats[i].name for i, n in enumerate(messages.counts) if n})
     listed = ", ".join(f"{name!a}"[1:-1] for name in names[:20])
@@ -369,7 +344,7 @@ def _nothing(messages: Messages) -> str:
 
 
 def _damage(messages: Messages, names: Container[str]) -> list[str]:
-    """Return what was damaged and passed over, one sentence each."""
+    """Say what was damaged and passed over, one sentence each."""
     words: list[str] = []
     if messages.damaged_places:
         words.append(

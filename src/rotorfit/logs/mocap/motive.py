@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.axes import Axes
+from rotorfit.logs.axes import Axes, unit_or_nan
 from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import (
@@ -23,7 +23,6 @@ from rotorfit.logs.mocap.take import (
     finite,
     log_of_file,
     numbers,
-    unit_or_nan,
 )
 
 _HEADER_LINES: Final = 16
@@ -46,19 +45,6 @@ def read_motive(
 
     The world is turned from y up to z up, x staying as it is, and the body's axes with it: a rigid
     body that was defined with the vehicle's nose along x has x forward, y left, z up.
-
-    Parameters
-    ----------
-    path
-        The .csv file.
-    body
-        Name of the rigid body; None: the only one.
-
-    Raises
-    ------
-    LogError
-        If the file holds no rigid body, other units or angles, is damaged, or has several bodies
-        and none was named.
     """
     return log_of_file(path, _take, columns=columns, axes=axes)
 
@@ -85,7 +71,7 @@ def _take(text: bytes) -> Take:
 
 
 def _header(text: bytes) -> tuple[list[list[str]], int]:
-    """Return the cells of the header's lines, and where the rows of numbers begin."""
+    """Read the cells of the header's lines, and where the rows of numbers begin."""
     rows: list[list[str]] = []
     start = 0
     while len(rows) < _HEADER_LINES and (end := text.find(b"\n", start)) >= 0:
@@ -117,7 +103,7 @@ def _refuse_other_settings(settings: dict[str, str], unit: str) -> None:
 
 
 def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
-    """Return where each rigid body has its W X Y Z and X Y Z.
+    """Find the columns W X Y Z and X Y Z of each rigid body.
 
     Columns whose type is another one, such as the markers of a body, are passed over.
     """

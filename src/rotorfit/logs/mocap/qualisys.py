@@ -28,20 +28,7 @@ _OFF_ORTHOGONAL: Final = 1e-3
 def read_qualisys(
     path: Path, *, columns: Mapping[str, ColumnSpec] | None = None, axes: Axes = "FLU"
 ) -> FlightLog:
-    """Read the pose of a rigid body from QTM's 6DOF export.
-
-    Parameters
-    ----------
-    path
-        The .tsv file.
-    body
-        Name of the rigid body; None: the only one.
-
-    Raises
-    ------
-    LogError
-        If the file holds no 6DOF data, is damaged, or has several bodies and none was named.
-    """
+    """Read the pose of a rigid body from QTM's 6DOF export."""
     return log_of_file(path, _take, columns=columns, axes=axes)
 
 
@@ -83,7 +70,7 @@ def _take(text: bytes) -> Take:
 
 
 def _header(text: bytes) -> tuple[dict[str, list[str]], int, int]:
-    """Return the header by name, and where the rows of numbers begin: offset and line number."""
+    """Read the header by name, and where the rows of numbers begin: offset and line number."""
     header: dict[str, list[str]] = {}
     start = 0
     for number in range(1, _HEADER_LINES):

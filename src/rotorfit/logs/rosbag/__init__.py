@@ -13,23 +13,17 @@ _PACKED: Final = tuple(f"{ending}.zstd" for ending in _ENDINGS)
 
 
 def is_rosbag(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a ROS recording, perhaps one."""
+    """Tell whether bytes from the beginning of a file are a ROS recording, perhaps one."""
     return head.startswith((ROS1_BEGINS, MCAP_MAGIC, SQLITE_MAGIC))
 
 
 def is_rosbag_folder(path: Path) -> bool:
-    """Return whether a path is a folder as ``ros2 bag record`` makes it."""
+    """Tell whether a path is a folder as ``ros2 bag record`` makes it."""
     return path.is_dir() and bool(_in_folder(path, (*_ENDINGS, *_PACKED)))
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
-    """Return the files of a recording, in the order in which they were written.
-
-    Raises
-    ------
-    LogError
-        If they are compressed as a whole.
-    """
+    """Return the files of a recording, in the order in which they were written."""
     if not path.is_dir():
         return (path,)
     files = _in_folder(path, _ENDINGS)

@@ -53,7 +53,7 @@ class Motors:
 
 
 def motor_count(scan: Scan) -> int | None:
-    """Return the number of motors by the parameters; None where they do not say."""
+    """Read the number of motors by the parameters; None where they do not say."""
     declared = scan.number("CA_ROTOR_COUNT")
     if declared is not None and 0 < declared <= MOST_MOTORS:
         return int(declared)
@@ -62,7 +62,7 @@ def motor_count(scan: Scan) -> int | None:
 
 
 def is_vtol(scan: Scan) -> bool:
-    """Return whether the parameters are those of a vehicle that hovers and flies on a wing."""
+    """Tell whether the parameters are those of a vehicle that hovers and flies on a wing."""
     own = {name: scan.number(name) for name in ("CA_AIRFRAME", "MAV_TYPE", "SYS_AUTOSTART")}
     airframe = own["SYS_AUTOSTART"]
     return (
@@ -76,7 +76,7 @@ def is_vtol(scan: Scan) -> bool:
 
 
 def find_rotor_speed(scan: Scan) -> Motors:
-    """Return the rotor speeds of esc_status, in the order of the motors."""
+    """Read the rotor speeds of esc_status, in the order of the motors."""
     topic = scan.first("esc_status")
     if topic is None or "esc" not in (topic.rows.dtype.names or ()):
         return Motors(notes=(f"No rotor speed (esc_status): {TELEMETRY}.",))
@@ -107,7 +107,7 @@ def find_rotor_speed(scan: Scan) -> Motors:
 
 
 def _places_of_motors(scan: Scan, topic: Topic, turns: Bool[np.ndarray, " e"]) -> list[int]:
-    """Return which place in esc_status each motor has, in the order of the motors."""
+    """Find the place of each motor in esc_status, in the order of the motors."""
     escs = topic.rows["esc"]
     if "actuator_function" in (escs.dtype.names or ()):
         functions = np.max(escs["actuator_function"], axis=0).astype(int).tolist()
@@ -179,7 +179,7 @@ def _joined(
 
 
 def _smallest_step(rpm: Float[np.ndarray, "n N"]) -> float:
-    """Return the step of the telemetry: 1 rpm, or 100 electrical ones over the pole pairs."""
+    """Find the step of the telemetry: 1 rpm, or 100 electrical ones over the pole pairs."""
     levels, least = np.zeros(0), np.inf
     for piece in pieces(len(rpm)):
         some = rpm[piece]
@@ -194,7 +194,7 @@ def _smallest_step(rpm: Float[np.ndarray, "n N"]) -> float:
 
 
 def find_command(scan: Scan) -> Motors:
-    """Return the motor commands as the fraction of the output range that was sent."""
+    """Read the motor commands as the fraction of the output range that was sent."""
     topic = scan.first("actuator_motors")
     if topic is not None and topic.vector("control", 1) is not None and len(topic.rows) > 1:
         return _from_thrusts(scan, topic)
@@ -252,7 +252,7 @@ def _from_thrusts(scan: Scan, topic: Topic) -> Motors:
 
 
 def _fraction_of(thrust: Float[np.ndarray, "n N"], factor: float) -> Float[np.ndarray, "n N"]:
-    """Return u >= 0 of factor u^2 + (1 - factor) u = thrust."""
+    """Solve for u >= 0: factor u^2 + (1 - factor) u = thrust."""
     if factor == 0.0:
         return thrust
     b = 1.0 - factor
@@ -305,7 +305,7 @@ def _from_outputs(scan: Scan) -> Motors:
 
 
 def _assigned(scan: Scan) -> _Outputs | None:
-    """Return the outputs that the parameters ..._FUNC1 and so on give to motors (PX4 1.13 on)."""
+    """Find the outputs that the parameters ..._FUNC1 and so on give to motors (PX4 1.13 on)."""
     found: dict[str, dict[int, int]] = {}
     for name, value in scan.parameters.items():
         match = re.fullmatch(r"([A-Z0-9_]+)_FUNC(\d{1,2})", name)
@@ -335,7 +335,7 @@ def _dshot_range(scan: Scan) -> tuple[float, float]:
 
 
 def _main_outputs(scan: Scan) -> _Outputs:
-    """Return the first outputs, which older versions of PX4 gave to the motors."""
+    """Find the first outputs, which older versions of PX4 gave to the motors."""
     count = motor_count(scan) or _used_outputs(scan)
     places = tuple(range(max(count, 1)))
     if (scan.number("DSHOT_CONFIG") or 0) > 0:
@@ -364,7 +364,7 @@ def _first_positive(scan: Scan, names: tuple[str, ...], default: float) -> float
 
 
 def _used_outputs(scan: Scan) -> int:
-    """Return how many outputs of the first instance ever differ from 0."""
+    """Count the outputs of the first instance that ever differ from 0."""
     topic = scan.first("actuator_outputs")
     values = None if topic is None else topic.vector("output", 1)
     if topic is None or values is None:
@@ -374,7 +374,7 @@ def _used_outputs(scan: Scan) -> int:
 
 
 def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
-    """Return the instance whose motor outputs move most; several drivers publish their own."""
+    """Find the instance whose motor outputs move most; several drivers publish their own."""
     moved: list[tuple[float, int, Topic]] = []
     for topic in scan.all("actuator_outputs"):
         values = topic.vector("output", 1 + max(wiring.places))
@@ -385,7 +385,7 @@ def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
 
 
 def output_speeds(scan: Scan) -> tuple[float, float] | None:
-    """Return the speeds at no and at full output, where Gazebo makes the output the speed itself.
+    """Read the speeds at no and at full output, where Gazebo makes the output the speed itself.
 
     By SIM_GZ_EC_MIN and _MAX [rad/s]; None elsewhere, or where the motors differ.
     """
@@ -403,7 +403,7 @@ def output_speeds(scan: Scan) -> tuple[float, float] | None:
 
 
 def commanded_law(scan: Scan) -> str:
-    """Return the ``law`` of the experiment file by the parameters, or an empty text.
+    """Write the ``law`` of the experiment file by the parameters; empty where unknown.
 
     Outside Gazebo PX4 only assumes how thrust goes with the output.
     """
