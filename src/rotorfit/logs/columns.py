@@ -138,12 +138,14 @@ def complete_groups(
     have, asked = set(resolved), set(mapped)
     groups: list[Group] = []
     notes: list[str] = []
+    # Half of the Euler angles next to a quaternion is no loss.
+    spare = EULER if have.issuperset(QUATERNION.names) else None
     for group in (*GROUPS, *_rotor_groups(have)):
         missing = [name for name in group.names if name not in have]
         present = [name for name in group.names if name in have]
         if not missing:
             groups.append(group)
-        elif present and (not asked or asked.intersection(present)) and not _spare(group, have):
+        elif present and (not asked or asked.intersection(present)) and group is not spare:
             cure = "name the others in the columns map, too" if asked else f"rename {present[0]!r}"
             raise LogError(
                 f"column {missing[0]!r} is missing beside {', '.join(present)}: "
@@ -152,11 +154,6 @@ def complete_groups(
         elif present:
             notes.append(f"Left out {', '.join(present)}: no {', '.join(missing)} beside.")
     return _one_attitude(groups, notes, asked)
-
-
-def _spare(group: Group, have: set[str]) -> bool:
-    """Tell whether an attitude is there already, so that half of the other one is no loss."""
-    return group is EULER and have.issuperset(QUATERNION.names)
 
 
 def _one_attitude(

@@ -402,20 +402,20 @@ def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
 
 def _damage(records: Records, unordered: int) -> tuple[str, ...]:
     """Say what was damaged and passed over, one sentence each."""
-    doubts: list[str] = []
+    damage: list[str] = []
     if not records.checksum:
-        doubts.append(
+        damage.append(
             "the checksum at the end is missing or wrong: the log was cut off, or some of its "
             "bytes are others than were written"
         )
     if records.damaged_places:
-        doubts.append(
+        damage.append(
             f"{records.damaged_places} damaged places: {records.skipped_bytes} bytes skipped, "
             f"{records.dropped_records} records before them dropped"
         )
     # A file whose CRC alone is wrong ends in four bytes that are no record.
     if records.trailing_bytes and (records.checksum or records.trailing_bytes > 4):
-        doubts.append(f"{records.trailing_bytes} bytes at the end are no whole record")
+        damage.append(f"{records.trailing_bytes} bytes at the end are no whole record")
     if unordered:
-        doubts.append(f"{unordered} records left out: their times are out of order")
-    return tuple(doubts)
+        damage.append(f"{unordered} records left out: their times are out of order")
+    return tuple(damage)

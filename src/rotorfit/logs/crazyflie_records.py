@@ -192,8 +192,9 @@ def find_records(data: Content) -> Records:
         following = _next_place(walk, position + 1, last)
         if following is None:
             break
-        if runs and sum(_extent(walk, runs[-1])) == position:
-            number, first, count = runs.pop()
+        number, first, count = runs[-1] if runs else (0, 0, 0)
+        if runs and first + count * walk.sizes[number] == position:
+            runs.pop()
             dropped += 1
             if count > 1:
                 runs.append((number, first, count - 1))
@@ -239,12 +240,6 @@ class _Walk:
         kind, unit = VERSIONS[self.header.version]
         width = np.dtype(kind).itemsize
         return np.ascontiguousarray(heads[:, 2 : 2 + width]).view(kind)[:, 0] * unit
-
-
-def _extent(walk: _Walk, run: tuple[int, int, int]) -> tuple[int, int]:
-    """Find where a run begins, and its length [bytes]."""
-    number, first, count = run
-    return first, count * walk.sizes[number]
 
 
 def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | None]:

@@ -122,15 +122,15 @@ def _curve_speed(command: Float[np.ndarray, "n N"], curve: Curve) -> Float[np.nd
             return full_speed * np.maximum(b + (1.0 - b) * command, 0.0) ** p
 
 
-def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, ...]:
+def law_warnings(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, ...]:
     """Say what to doubt of a law for the commands of a flight, one sentence each."""
     low, high = float(command.min()), float(command.max())
-    doubts: list[str] = []
+    warnings: list[str] = []
     if isinstance(law.curve, TableLaw):
         first, last = law.curve.commands[0], law.curve.commands[-1]
         beyond = float(((command < first) | (command > last)).mean())
         if beyond > 0.0:
-            doubts.append(
+            warnings.append(
                 f"{100 * beyond:.3g} % of the commands ({low:.3g} to {high:.3g}) are beyond the "
                 f"table of the motors' law ({first:g} to {last:g}), where its end is taken: "
                 "measure the speed there, too"
@@ -138,8 +138,8 @@ def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, .
     else:
         speeds = _curve_speed(np.linspace(low, high, 101)[:, None], law.curve)
         if (np.diff(speeds[:, 0]) < 0.0).any():
-            doubts.append(
+            warnings.append(
                 f"the motors' law falls somewhere between the commands {low:.3g} and {high:.3g} of "
                 "the flight, but no rotor slows down when the command rises: check its coefficients"
             )
-    return tuple(doubts)
+    return tuple(warnings)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.logs.speed_law import law_doubts
+from rotorfit.logs.speed_law import law_warnings
 from rotorfit.preprocessing.airborne.airborne_part import (
     SHORTEST_FLIGHT,
     Motion,
@@ -323,7 +323,7 @@ def _law_doubts(data: FlightData, uniform: UniformChannels, motors: MotorModel) 
     if motors.law is None:
         return ()
     rows = data.used_rows
-    return law_doubts(motors.law, uniform.values["motor"][rows])
+    return law_warnings(motors.law, uniform.values["motor"][rows])
 
 
 def _rotor_speed_std(

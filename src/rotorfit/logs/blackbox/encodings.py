@@ -101,7 +101,9 @@ def _unsigned(data: UInt8[np.ndarray, " m"], starts: Integers, ends: Integers) -
 def group_fields(definition: FrameDefinition) -> tuple[Group, ...]:
     """Group the fields of a frame as they are written."""
     groups: list[Group] = []
-    run = [_written_as(encoding) for encoding in definition.encodings]
+    # One number stands for all plain variable-byte numbers.
+    tagged = {*_GROUP_SIZE, Encoding.UNWRITTEN}
+    run = [e if e in tagged else Encoding.SIGNED_VB for e in definition.encodings]
     first = 0
     while first < len(run):
         encoding = run[first]
@@ -114,12 +116,6 @@ def group_fields(definition: FrameDefinition) -> tuple[Group, ...]:
         groups.append(Group(encoding=encoding, first=first, count=stop - first))
         first = stop
     return tuple(groups)
-
-
-def _written_as(encoding: Encoding) -> Encoding:
-    """Return the encoding, with one number for all plain variable-byte numbers."""
-    tagged = encoding in _GROUP_SIZE or encoding == Encoding.UNWRITTEN
-    return encoding if tagged else Encoding.SIGNED_VB
 
 
 def signed_from_zigzag(values: Integers) -> Integers:

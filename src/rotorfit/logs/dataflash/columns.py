@@ -135,7 +135,9 @@ def declared_units(messages: Messages) -> dict[tuple[str, str], str]:
     """Read the unit of each field, by message and label, where the log declares them."""
     letters = columns(messages, "UNIT", ("Id", "Label"))
     uses = columns(messages, "FMTU", ("FmtType", "UnitIds"))
-    if not letters or not uses or not _are_texts(letters["Label"], uses["UnitIds"]):
+    if not letters or not uses:
+        return {}
+    if letters["Label"].dtype.kind != "S" or uses["UnitIds"].dtype.kind != "S":
         return {}
     if letters["Id"].dtype.kind not in "iu" or uses["FmtType"].dtype.kind not in "iu":
         return {}
@@ -154,11 +156,7 @@ def declared_units(messages: Messages) -> dict[tuple[str, str], str]:
     return found
 
 
-def _are_texts(*values: np.ndarray) -> bool:
-    return all(v.dtype.kind == "S" for v in values)
-
-
-def unit_doubts(messages: Messages) -> list[str]:
+def unit_warnings(messages: Messages) -> list[str]:
     """Warn for each field whose declared unit is not the one that it is read in."""
     units = declared_units(messages)
     return [

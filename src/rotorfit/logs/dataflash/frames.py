@@ -117,13 +117,13 @@ class Frame:
         return f"{self.kind} {self.type}".strip()
 
 
-def frame_of(parameters: Parameters, said: list[str]) -> Frame | None:
+def frame_of(parameters: Parameters, texts: list[str]) -> Frame | None:
     """Return the frame that a log's parameters and texts tell; None where it is not known.
 
     Before version 3.5 the parameter FRAME was the type, and the class was compiled in: a text
     ``Frame: QUAD`` tells it.
     """
-    kind = CLASSES.get(parameters.integer("FRAME_CLASS") or 0) or _class_said(said)
+    kind = CLASSES.get(parameters.integer("FRAME_CLASS") or 0) or _class_of_texts(texts)
     number = parameters.integer("FRAME_TYPE")
     if number is None:
         number = parameters.integer("FRAME")
@@ -132,16 +132,16 @@ def frame_of(parameters: Parameters, said: list[str]) -> Frame | None:
     return _frame(kind, TYPES.get(number, ""))
 
 
-def frame_words(parameters: Parameters, said: list[str]) -> str:
+def frame_words(parameters: Parameters, texts: list[str]) -> str:
     """Quote what a log says of a frame that is not known."""
     names = ("FRAME_CLASS", "FRAME_TYPE", "Q_FRAME_CLASS", "Q_FRAME_TYPE", "FRAME")
     found = [f"{n} = {parameters.values[n]:g}" for n in names if n in parameters.values]
-    found += [text for text in said if text.startswith("Frame: ")][:1]
+    found += [text for text in texts if text.startswith("Frame: ")][:1]
     return ", ".join(found) or "neither FRAME_CLASS nor FRAME_TYPE"
 
 
-def _class_said(said: list[str]) -> str | None:
-    for text in said:
+def _class_of_texts(texts: list[str]) -> str | None:
+    for text in texts:
         match = re.match(r"Frame: ([A-Z0-9_ ]+)", text)
         if match:
             name = _OLD_CLASSES.get(match[1].strip(), match[1].strip())

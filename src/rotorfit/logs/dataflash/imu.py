@@ -76,8 +76,10 @@ def read_imu(messages: Messages, parameters: Parameters, choice: ImuChoice) -> I
     loop = _loop(messages, choice.instance)
     raw = _raw(messages, choice.instance)
     gyro, accel = raw or loop or (None, None)
-    if loop and raw and not _is_faster(raw, loop):
-        gyro, accel = loop
+    if loop and raw:
+        loop_rate = max(rate_of(series.time) for series in loop)
+        if min(rate_of(series.time) for series in raw) <= FASTER * loop_rate:
+            gyro, accel = loop
     notes = list(choice.notes)
     lowpass: float | None = None
     if gyro is not None and gyro.source.startswith("IMU"):
@@ -208,11 +210,6 @@ def _raw(messages: Messages, instance: int) -> tuple[Series, Series] | None:
             return None
         found.append(series)
     return found[0], found[1]
-
-
-def _is_faster(raw: tuple[Series, Series], loop: tuple[Series, Series]) -> bool:
-    loop_rate = max(rate_of(series.time) for series in loop)
-    return min(rate_of(series.time) for series in raw) > FASTER * loop_rate
 
 
 def _channel(series: Series | None, unit: str) -> Channel | None:

@@ -142,7 +142,11 @@ def _outputs(
     time: Float[np.ndarray, " n"] | None = None
     sources: list[str] = []
     for name in OUTPUT_MESSAGES:
-        labels = {o: _output_label(messages, name, o) for o in outputs if o not in parts}
+        labels = {
+            o: first_label(messages, name, tuple(f"{base}{o}" for base in _OUTPUT_LABELS))
+            for o in outputs
+            if o not in parts
+        }
         here = {o: label for o, label in labels.items() if label is not None}
         found = timed(messages, name, tuple(here.values())) if here else None
         if found is None:
@@ -157,10 +161,6 @@ def _outputs(
         return f"outputs {', '.join(map(str, missing))} of the motors are in no message RCOU"
     pwm = vector({str(o): parts[o] for o in outputs}, [str(o) for o in outputs])
     return time, pwm, " and ".join(sources)
-
-
-def _output_label(messages: Messages, name: str, output: int) -> str | None:
-    return first_label(messages, name, tuple(f"{base}{output}" for base in _OUTPUT_LABELS))
 
 
 def read_rotor_speed(

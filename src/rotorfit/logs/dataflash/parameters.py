@@ -94,9 +94,11 @@ _BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})\s*")
 """What the firmware says of its board when it starts: a name, and the number of the processor."""
 
 
-def circumstances_of(messages: Messages, said: Sequence[str], begin: float) -> Circumstances:
+def circumstances_of(
+    messages: Messages, texts_of_firmware: Sequence[str], begin: float
+) -> Circumstances:
     """Return what the log says of itself."""
-    boards = [found[1] for text in said if (found := _BOARD.fullmatch(text))]
+    boards = [found[1] for text in texts_of_firmware if (found := _BOARD.fullmatch(text))]
     pressure, temperature = _air(messages)
     return Circumstances(
         hardware=boards[0] if boards else "",

@@ -1,8 +1,7 @@
 """DataFlash files to FlightLog."""
 
 import os
-from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from rotorfit.errors import LogError
 from rotorfit.logs.dataflash import HEAD, imu, motors, parameters, pose, remix
-from rotorfit.logs.dataflash.columns import possible_in_order, time_of, unit_doubts
+from rotorfit.logs.dataflash.columns import possible_in_order, time_of, unit_warnings
 from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
@@ -19,9 +18,7 @@ from rotorfit.logs.files import read_head, sha256_of
 from rotorfit.logs.flight_log import (
     CHANNELS,
     Channel,
-    Circumstances,
     FlightLog,
-    LoggedMotors,
     seconds_of,
     simulated_sentence,
 )
@@ -40,7 +37,7 @@ LEAST_RESTART: Final = 1.0
 """By which the clock goes back where a log begins anew [s]."""
 LEAST_LEFT: Final = 0.01
 """Share of the messages left out from which that is said."""
-_SAID: Final = 200
+_LONGEST_TEXT: Final = 200
 _MOTOR_PARAMETERS: Final = (
     *("FRAME_CLASS", "FRAME_TYPE", "FRAME", "Q_FRAME_CLASS", "Q_FRAME_TYPE"),
     *("MOT_THST_EXPO", "MOT_SPIN_ARM", "MOT_SPIN_MIN", "MOT_SPIN_MAX", "MOT_PWM_MIN"),
@@ -58,27 +55,11 @@ def read_dataflash(path: Path) -> FlightLog:
     head = read_head(path, len(HEAD))
     if head != HEAD:
         raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
+    sha256 = sha256_of(path)
     try:
-        found = _understood(path)
-        channels = {name: found.channels[name] for name in CHANNELS if name in found.channels}
-        if not channels:
-            raise LogError(found.nothing)
+        return _flight_log(path, sha256)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
-    return FlightLog(
-        path=path,
-        sha256=sha256_of(path),
-        format="dataflash",
-        channels=channels,
-        seconds=seconds_of(channels.values()),
-        metadata=found.metadata,
-        notes=found.notes,
-        warnings=found.warnings,
-        simulator=found.simulator,
-        motors=found.motors,
-        gyro_lowpass=found.gyro_lowpass,
-        circumstances=found.circumstances,
-    )
 
 
 def _blocks(path: Path, turn: tuple[float, float]) -> Iterator[bytes]:
@@ -100,33 +81,18 @@ LEAST_MOVED: Final = 0.05
 """Change of a command, of full output, by which motors were driven."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
-    """What the messages mean."""
-
-    channels: dict[str, Channel]
-    metadata: dict[str, str]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
-    nothing: str
-    simulator: str
-    motors: LoggedMotors | None
-    gyro_lowpass: float | None
-    circumstances: Circumstances
-
-
-def _understood(path: Path) -> _Found:
-    """Return channels, metadata and what to say.
+def _flight_log(path: Path, sha256: str) -> FlightLog:
+    """Make the log of the messages in a file.
 
     The file is gone through twice: what the other IMUs recorded would fill most of the memory.
     """
     glimpse = find_messages(_blocks(path, (0.0, 0.4)), wanted=CHOICE)
-    settings, said = read_parameters(glimpse), parameters.texts(glimpse)
+    settings, texts = read_parameters(glimpse), parameters.texts(glimpse)
     choice = imu.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
     messages = find_messages(_blocks(path, (0.4, 0.6)), wanted=_wanted(choice, names))
-    frame = frame_of(settings, said)
+    frame = frame_of(settings, texts)
     wired = motors.wiring(settings, frame)
     # Messages are let go of when their channel is made: all of both would fill the memory.
     speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
@@ -141,38 +107,45 @@ def _understood(path: Path) -> _Found:
         "accel": sensors.accel,
         "rotor_speed": speed,
         "command": command,
-        **_beside_motors(messages),
+        **_other_sensors(messages),
     }
-    channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
+    found = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
+    channels = {name: found[name] for name in CHANNELS if name in found}
+    if not channels:
+        raise LogError(_nothing(messages))
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
     simulator = remix.simulator_of(settings)
-    flown, doubts = _armed(messages, moved=_moves(command))
-    return _Found(
+    flown, arming_warnings = _armed(messages, moved=_moves(command))
+    begin = min(float(channel.time[0]) for channel in channels.values())
+    return FlightLog(
+        path=path,
+        sha256=sha256,
+        format="dataflash",
         channels=channels,
-        metadata=_metadata(settings, said, text),
+        seconds=seconds_of(channels.values()),
+        metadata=_metadata(settings, texts, text),
         notes=(
             *([simulated_sentence(simulator)] if simulator else []),
             *flown,
             *sensors.notes,
             *command_notes,
             *speed_notes,
-            *_frame_notes(frame, settings, said),
+            *_frame_notes(frame, settings, texts),
             *_law_notes(settings),
             *lack_notes(messages, settings, channels, wired=wired),
         ),
         warnings=(
-            *doubts,
+            *arming_warnings,
             *appended,
             *too_slow(settings, channels),
-            *unit_doubts(messages),
+            *unit_warnings(messages),
             *_changed(settings),
             *_damage(messages, names),
         ),
-        nothing=_nothing(messages),
         simulator=simulator,
         motors=remix.logged_motors(settings, battery="battery" in channels),
         gyro_lowpass=sensors.gyro_lowpass,
-        circumstances=parameters.circumstances_of(messages, said, _begin(channels)),
+        circumstances=parameters.circumstances_of(messages, texts, begin),
     )
 
 
@@ -194,7 +167,7 @@ def _commands(
     return command, [*notes, *mixed]
 
 
-def _beside_motors(messages: Messages) -> dict[str, Channel | None]:
+def _other_sensors(messages: Messages) -> dict[str, Channel | None]:
     """Return the channels that are neither of the IMU nor of the motors."""
     return {
         "battery": pose.read_battery(messages),
@@ -213,13 +186,13 @@ def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, fl
     return round(x, 6), round(-y, 6) + 0.0, round(-z, 6) + 0.0
 
 
-def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[str, str]:
+def _metadata(settings: Parameters, texts: list[str], text: str | None) -> dict[str, str]:
     """Read firmware, frame and the parameters that matter to motors and sensors."""
-    known = [t for t in said if t.startswith(("ArduCopter", "ArduPlane", "APM:", "ArduSub"))]
-    metadata = {"Firmware revision": known[0][:_SAID]} if known else {}
-    frames = [t for t in said if t.startswith("Frame: ")]
+    known = [t for t in texts if t.startswith(("ArduCopter", "ArduPlane", "APM:", "ArduSub"))]
+    metadata = {"Firmware revision": known[0][:_LONGEST_TEXT]} if known else {}
+    frames = [t for t in texts if t.startswith("Frame: ")]
     if frames:
-        metadata["Frame"] = frames[0].removeprefix("Frame: ")[:_SAID]
+        metadata["Frame"] = frames[0].removeprefix("Frame: ")[:_LONGEST_TEXT]
     if text is not None:
         metadata["airframe"] = text
     values = settings.values
@@ -231,10 +204,10 @@ def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[s
     return metadata | {name: f"{values[name]:.10g}" for name in frame}
 
 
-def _frame_notes(frame: Frame | None, settings: Parameters, said: list[str]) -> list[str]:
+def _frame_notes(frame: Frame | None, settings: Parameters, texts: list[str]) -> list[str]:
     if frame is None:
         return [
-            f"the frame is not known ({frame_words(settings, said)}): list the rotors with "
+            f"the frame is not known ({frame_words(settings, texts)}): list the rotors with "
             "position and spin under [airframe]"
         ]
     spins = ", ".join(frame.spins)
@@ -321,10 +294,6 @@ def _changed(settings: Parameters) -> list[str]:
     if not names:
         return []
     return [f"{', '.join(names[:6])} changed within the log: the last value is taken"]
-
-
-def _begin(channels: Mapping[str, Channel]) -> float:
-    return min((float(c.time[0]) for c in channels.values() if len(c.time)), default=0.0)
 
 
 def _nothing(messages: Messages) -> str:

@@ -137,7 +137,7 @@ def _to_outputs(
     from scipy import ndimage
 
     width = curve.spin_max - curve.spin_min
-    flying = _flying(outputs.values, curve)
+    flying = outputs.values.mean(axis=1) > curve.spin_min + IDLE
     if int(flying.sum()) < FEWEST_CHECKS or len(time) < 2:
         return None
     at = outputs.time[flying]
@@ -153,11 +153,6 @@ def _to_outputs(
     idle = ~flying[last]
     values[idle] = outputs.values[last[idle]]
     return values, difference
-
-
-def _flying(values: Float[np.ndarray, "n N"], curve: ThrustCurve) -> Bool[np.ndarray, " n"]:
-    """Tell where the mean output is more than idling."""
-    return values.mean(axis=1) > curve.spin_min + IDLE
 
 
 def simulator_of(parameters: Parameters) -> str:

@@ -74,8 +74,8 @@ def _candidate(
     time = timing.time[known]
     order = np.argsort(time, kind="stable")
     span = float(time[order[-1]] - time[order[0]])
-    said = f", {detail}" if detail else ""
-    source = f"{recorded.topic.name} ({recorded.topic.kind}{said})"
+    conversion_note = f", {detail}" if detail else ""
+    source = f"{recorded.topic.name} ({recorded.topic.kind}{conversion_note})"
     return Candidate(
         topic=recorded.topic.name,
         kind=recorded.topic.kind,

@@ -114,9 +114,9 @@ def _places_of_motors(scan: Scan, topic: Topic, turns: Bool[np.ndarray, " e"]) -
         motors = {f: i for i, f in enumerate(functions) if FIRST_MOTOR <= f <= LAST_MOTOR}
         if motors:
             return [motors[function] for function in sorted(motors)]
-    told = topic.number("esc_count")
+    declared_count = topic.number("esc_count")
     turning = np.flatnonzero(turns)
-    count = motor_count(scan) or int(0 if told is None else told.max())
+    count = motor_count(scan) or int(0 if declared_count is None else declared_count.max())
     count = count or (int(turning[-1]) + 1 if len(turning) else len(turns))
     return list(range(min(count, len(turns))))
 
@@ -268,7 +268,7 @@ class _Outputs:
 
     places: tuple[int, ...]
     ranges: tuple[tuple[float, float], ...]
-    said_by: str
+    basis: str
 
 
 def _from_outputs(scan: Scan) -> Motors:
@@ -290,7 +290,7 @@ def _from_outputs(scan: Scan) -> Motors:
     if bool((values > high + 0.05 * (high - low)).any()):
         note = (
             f"{topic.label} reaches {float(np.nanmax(values)):g}, beyond its range "
-            f"{low.min():g} to {high.max():g} ({wiring.said_by}): commands are left out; log "
+            f"{low.min():g} to {high.max():g} ({wiring.basis}): commands are left out; log "
             "actuator_motors."
         )
         return Motors(notes=(note,))
@@ -298,7 +298,7 @@ def _from_outputs(scan: Scan) -> Motors:
     values /= high - low
     np.clip(values, 0.0, 1.0, out=values)
     shown = ", ".join(str(place) for place in wiring.places)
-    source = f"{topic.label}.output[{shown}], {low.min():g}..{high.max():g} ({wiring.said_by})"
+    source = f"{topic.label}.output[{shown}], {low.min():g}..{high.max():g} ({wiring.basis})"
     resolution = 1.0 / float((high - low).min()) if float((high - low).min()) >= 100 else None
     channel = Channel(time=topic.time, values=values, source=source, resolution=resolution)
     return Motors(channel=channel)
@@ -317,7 +317,7 @@ def _assigned(scan: Scan) -> _Outputs | None:
     numbers = [outputs[function] for function in sorted(outputs)]
     ranges = tuple(_assigned_range(scan, prefix, number) for number in numbers)
     places = tuple(number - 1 for number in numbers)
-    return _Outputs(places=places, ranges=ranges, said_by=f"{prefix}_FUNC, _MIN, _MAX")
+    return _Outputs(places=places, ranges=ranges, basis=f"{prefix}_FUNC, _MIN, _MAX")
 
 
 def _assigned_range(scan: Scan, prefix: str, number: int) -> tuple[float, float]:
@@ -340,7 +340,9 @@ def _main_outputs(scan: Scan) -> _Outputs:
     places = tuple(range(max(count, 1)))
     if (scan.number("DSHOT_CONFIG") or 0) > 0:
         return _Outputs(
-            places=places, ranges=(_dshot_range(scan),) * len(places), said_by="DSHOT_CONFIG"
+            places=places,
+            ranges=(_dshot_range(scan),) * len(places),
+            basis="DSHOT_CONFIG",
         )
     low = _first_positive(scan, ("PWM_MAIN_MIN", "PWM_MIN"), 1000.0)
     high = _first_positive(scan, ("PWM_MAIN_MAX", "PWM_MAX"), 2000.0)
@@ -352,7 +354,7 @@ def _main_outputs(scan: Scan) -> _Outputs:
         for i in places
     ]
     sound = tuple((a, b) if b > a else (1000.0, 2000.0) for a, b in ranges)
-    return _Outputs(places=places, ranges=sound, said_by="PWM_MIN, PWM_MAX")
+    return _Outputs(places=places, ranges=sound, basis="PWM_MIN, PWM_MAX")
 
 
 def _first_positive(scan: Scan, names: tuple[str, ...], default: float) -> float:

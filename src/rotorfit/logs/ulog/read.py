@@ -46,7 +46,7 @@ def read_ulog(path: Path) -> FlightLog:
             *vehicle.change_notes(scan),
             *_appended_note(scan),
         ),
-        warnings=(*scan.warnings, *vehicle.flight_doubts(scan), *_rate_doubts(channels)),
+        warnings=(*scan.warnings, *vehicle.flight_warnings(scan), *_rate_warnings(channels)),
         simulator=simulator,
         motors=vehicle.logged_motors(scan),
         circumstances=vehicle.circumstances_of(scan, float(begin)),
@@ -91,18 +91,18 @@ def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
     return channels, notes, scan
 
 
-def _rate_doubts(channels: dict[str, Channel]) -> list[str]:
+def _rate_warnings(channels: dict[str, Channel]) -> list[str]:
     """Say what to set where motor data come too slowly for rotations."""
-    doubts: list[str] = []
+    warnings: list[str] = []
     for name in ("rotor_speed", "command"):
         channel = channels.get(name)
         rate = 0.0 if channel is None else imu.rate_of(channel)
         if 0.0 < rate < SLOW_MOTORS:
-            doubts.append(
+            warnings.append(
                 f"the {name} channel comes at {rate:.0f} Hz, too slow for inertia and motor lag: "
                 f"{imu.LOG_FASTER}"
             )
-    return doubts
+    return warnings
 
 
 def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:

@@ -314,7 +314,7 @@ def scan_file(path: Path, wanted: Wanted) -> Scan:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
             size = os.fstat(file.fileno()).st_size
-            offsets, doubts = _appended(head, size)
+            offsets, damage = _appended(head, size)
             _read_sections(file, [HEADER_BYTES, *offsets, size], reading)
     except OSError as error:
         raise LogError(f"cannot be read ({error}): check the path and the disk") from error
@@ -330,7 +330,7 @@ def scan_file(path: Path, wanted: Wanted) -> Scan:
         info=reading.info,
         dropouts=tuple(reading.dropouts),
         appended=len(offsets),
-        warnings=(*doubts, *_damage(reading, unordered)),
+        warnings=(*damage, *_damage(reading, unordered)),
         sha256=digest,
     )
 
@@ -413,20 +413,20 @@ def _counts(reading: _Reading) -> dict[str, int]:
 
 def _damage(reading: _Reading, unordered: int) -> list[str]:
     """Say what was damaged or lost, one sentence each."""
-    doubts: list[str] = []
+    damage: list[str] = []
     if reading.dropouts:
         total, longest = sum(reading.dropouts), max(reading.dropouts)
-        doubts.append(
+        damage.append(
             f"the logger lost messages {len(reading.dropouts)} times, {total / 1000:.2f} s in all, "
             f"{longest} ms at most: gaps are cut out, not bridged; use a faster card, or log less"
         )
     if reading.places:
-        doubts.append(
+        damage.append(
             f"{reading.places} damaged places: {reading.skipped} bytes skipped; copy the log again "
             "from the card"
         )
     if reading.trailing:
-        doubts.append(f"the log was cut off: {reading.trailing} bytes at its end are no message")
+        damage.append(f"the log was cut off: {reading.trailing} bytes at its end are no message")
     if unordered:
-        doubts.append(f"{unordered} messages left out: their times are out of order")
-    return doubts
+        damage.append(f"{unordered} messages left out: their times are out of order")
+    return damage

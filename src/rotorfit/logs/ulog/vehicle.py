@@ -207,7 +207,7 @@ def flown_notes(scan: Scan, begin: float) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def flight_doubts(scan: Scan) -> tuple[str, ...]:
+def flight_warnings(scan: Scan) -> tuple[str, ...]:
     """Warn where the vehicle never flew, by its own account, or not on rotors alone."""
     armed, air = _armed(scan), _in_air(scan)
     if is_vtol(scan):
@@ -266,7 +266,7 @@ SIH_IN_HARDWARE, HITL = 2, 1
 """SYS_HITL."""
 QUADCOPTER: Final = 0
 """SIH_VEHICLE_TYPE; of others the thrust goes otherwise with the signal."""
-_SAID: Final = (
+_SIH_SETTINGS: Final = (
     *("SIH_VEHICLE_TYPE", "SIH_MASS", "SIH_IXX", "SIH_IYY", "SIH_IZZ", "SIH_IXY", "SIH_IXZ"),
     *("SIH_IYZ", "SIH_T_MAX", "SIH_Q_MAX", "SIH_L_ROLL", "SIH_L_PITCH", "SIH_T_TAU", "SIH_KDV"),
     *("SIH_KDW", "IMU_GYRO_RATEMAX"),
@@ -311,8 +311,8 @@ def simulated_metadata(scan: Scan) -> dict[str, str]:
     simulator = simulator_of(scan)
     if not simulator:
         return {}
-    told = {name: scan.last(name) for name in _SAID if simulator == SIH}
-    return {"Simulator": simulator} | {n: f"{v:g}" for n, v in told.items() if v is not None}
+    logged = {name: scan.last(name) for name in _SIH_SETTINGS if simulator == SIH}
+    return {"Simulator": simulator} | {n: f"{v:g}" for n, v in logged.items() if v is not None}
 
 
 KELVIN: Final = 273.15
@@ -352,8 +352,8 @@ def _started(scan: Scan, begin: float) -> float | None:
         clock = None if topic is None else topic.number("time_utc_usec")
         if topic is None or clock is None:
             continue
-        apart = clock * 1e-6 - topic.time
-        known = apart > _A_DATE
+        offset = clock * 1e-6 - topic.time
+        known = offset > _A_DATE
         if known.any():
-            return float(np.median(apart[known])) + begin
+            return float(np.median(offset[known])) + begin
     return None
