@@ -41,7 +41,7 @@ class SeenAirframe:
 
 
 def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
-    """Return what a log and the look at it say of the airframe."""
+    """Read from a log and its report what they say of the airframe."""
     motors = log.channels.get("rotor_speed", log.channels.get("command"))
     if motors is None:
         return SeenAirframe()

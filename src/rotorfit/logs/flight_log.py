@@ -185,7 +185,7 @@ class FlightLog:
     warnings
         What was damaged and passed over, one sentence each; part of every result.
     simulator
-        Which simulator flew, of `simulators.LEAVES_OUT`; empty for a vehicle, or where unknown.
+        Which simulator flew, of `LEAVES_OUT`; empty for a vehicle, or where unknown.
     motors
         What its parameters say of the motors; None where they say nothing that can be relied on.
     gyro_lowpass
