@@ -15,7 +15,7 @@ from pathlib import Path
 
 import orangebox
 
-from rotorfit.logs.blackbox import decode
+from rotorfit.logs.blackbox.decode import decode
 
 
 def best_of(repeats: int, function: Callable[[], int]) -> tuple[float, int]:

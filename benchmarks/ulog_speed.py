@@ -34,8 +34,9 @@ from benchmarks.large_log import shifted, ulog_times, write_log
 from pyulog import ULog
 
 from rotorfit.errors import LogError
+from rotorfit.logs.flight_log import in_order
 from rotorfit.logs.ulog.read import WANTED
-from rotorfit.logs.ulog.scan import Wanted, _in_order, scan_file
+from rotorfit.logs.ulog.scan import Wanted, scan_file
 
 LIMIT = 20.0
 ADDRESSES = 4 << 30
@@ -61,7 +62,7 @@ def rows_of(reader: str, path: Path, wanted: Wanted) -> Rows:
             if known.dtype == part.dtype
             else max(known, part, key=len)
         )
-    return {key: kept[_in_order(kept["timestamp"])] for key, kept in rows.items()}
+    return {key: kept[in_order(kept["timestamp"])] for key, kept in rows.items()}
 
 
 def alone(function: Callable[..., Any], *given: Any) -> Any:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from rotorfit.logs.columns import ColumnSpec as ColumnSpec
     from rotorfit.logs.flight_log import Channel as Channel
     from rotorfit.logs.flight_log import FlightLog as FlightLog
-    from rotorfit.logs.read import ReadOptions as ReadOptions
+    from rotorfit.logs.formats import ReadOptions as ReadOptions
     from rotorfit.logs.read import read_log as read_log
     from rotorfit.model.layouts import layout_rotors as layout_rotors
     from rotorfit.model.vehicle import Rotor as Rotor
@@ -114,7 +114,8 @@ else:
             "validation_comparisons",
         ),
         "rotorfit.logs.columns": ("ColumnSpec",),
-        "rotorfit.logs.read": ("ReadOptions", "read_log"),
+        "rotorfit.logs.formats": ("ReadOptions",),
+        "rotorfit.logs.read": ("read_log",),
         "rotorfit.model.layouts": ("layout_rotors",),
         "rotorfit.model.vehicle": ("Rotor", "Vehicle"),
         "rotorfit.report.figures": ("figure_texts",),

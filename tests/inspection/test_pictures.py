@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.inspection.filters import filters_of
-from rotorfit.inspection.pictures import log_pictures
+from rotorfit.inspection.pictures import filters_of, log_pictures
 from rotorfit.inspection.recording import channel_report
 from rotorfit.inspection.spectra import rotor_bands, spectrum
 from rotorfit.inspection.time_picture import COLUMNS, time_picture

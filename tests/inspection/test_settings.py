@@ -2,25 +2,35 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
-from rotorfit.inspection.settings import FILES, TABLES, settings_file, settings_for
+from rotorfit.inspection.settings import settings_file, settings_for
+from rotorfit.logs.firmware import Lack
+from rotorfit.logs.formats import FORMATS
 
 DOCS = Path(__file__).parents[2] / "docs"
 SLOW = frozenset({"slow gyro", "slow accel", "slow motors"})
 INAV = {"Firmware revision": "INAV 7.1.2 (abcdef012)  STM32F745"}
+TABLES = ["inav", *(form.name for form in FORMATS if form.advice)]
+
+
+def log_of(table):
+    return ("blackbox", INAV) if table == "inav" else (table, {})
 
 
 def text_of(table):
-    metadata, log_format = (INAV, "blackbox") if table == "inav" else ({}, table)
-    return settings_file(log_format, metadata).read_text(encoding="utf-8")
+    return settings_file(*log_of(table)).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("table", sorted(TABLES))
 def test_every_setting_is_in_the_file(table):
     text = text_of(table)
-    for setting in TABLES[table]:
+    log_format, metadata = log_of(table)
+    settings = settings_for(log_format, frozenset(get_args(Lack)), metadata)
+    assert len(settings) > 3
+    for setting in settings:
         names = setting.value.split() if setting.name == "config.txt:" else [setting.name]
         for name in [setting.value] if setting.name == "CLI:" else names:
             if not name.startswith("rpm."):  # only with a deck: a variable that is missing is none
@@ -38,7 +48,7 @@ def test_px4_parameters_have_five_columns_of_known_types():
         assert name.isupper() and kind in ("6", "9") and float(value) >= 0
 
 
-def test_ardupilot_parameters_are_pairs_with_the_bits_that_are_named():
+def test_ardupilot_parameters_are_pairs_with_the_named_bits():
     pairs = dict(line.split(",") for line in lines("dataflash"))
     mask = int(pairs["LOG_BITMASK"])
     assert all(mask >> bit & 1 for bit in (0, 9, 10, 18))
@@ -46,7 +56,7 @@ def test_ardupilot_parameters_are_pairs_with_the_bits_that_are_named():
 
 
 @pytest.mark.parametrize("table", ["blackbox", "inav"])
-def test_lines_for_a_command_line_are_commands_and_the_last_one_saves(table):
+def test_lines_for_a_cli_are_commands_and_the_last_one_saves(table):
     *settings, last = lines(table)
     assert last == "save"
     for line in settings:
@@ -82,7 +92,7 @@ def test_bits_of_ardupilot_are_set_beside_those_of_the_log(mask, lacking, expect
 
 
 @pytest.mark.parametrize("text", [None, "2.09715e+06"])
-def test_an_unknown_mask_is_told_in_bits_and_never_to_be_added_to(text):
+def test_an_unknown_mask_is_advised_in_bits(text):
     metadata = {} if text is None else {"LOG_BITMASK": text}
     words = value(settings_for("dataflash", SLOW, metadata), "LOG_BITMASK")
     assert "fast IMU (bit 18), raw IMU (bit 19) ticked, too" in words
@@ -90,7 +100,7 @@ def test_an_unknown_mask_is_told_in_bits_and_never_to_be_added_to(text):
 
 
 @pytest.mark.parametrize("mask", [2**21 - 1, -1])
-def test_a_full_mask_points_to_the_limit_of_the_rate_unless_only_the_battery_is_missing(mask):
+def test_a_full_mask_points_to_the_limit_of_the_rate(mask):
     metadata = {"LOG_BITMASK": f"{mask}"}
     names = [s.name for s in settings_for("dataflash", SLOW, metadata)]
     assert "LOG_FILE_RATEMAX" in names and "LOG_BITMASK" not in names
@@ -123,7 +133,7 @@ def test_a_logging_profile_that_has_the_bits_is_not_named():
     assert settings_for("ulog", SLOW, {"SDLOG_PROFILE": "145"}) == ()
 
 
-def test_parameters_that_px4_gave_up_are_named_with_their_versions():
+def test_parameters_that_px4_dropped_are_named_with_versions():
     found = settings_for("ulog", frozenset({"no rotor speed"}))
     assert "1.16 and 1.17; from 1.18 on choose BDShot" in value(found, "DSHOT_BIDIR_EN")
     assert "from 1.18 on DSHOT_MOT_POL1" in value(found, "MOT_POLE_COUNT")
@@ -152,7 +162,7 @@ def test_the_outputs_of_the_motors_are_not_taken_for_granted():
 
 
 def test_the_files_are_where_they_are_said_to_be():
-    for table in FILES:
+    for table in TABLES:
         assert text_of(table).startswith(("#", "1 "))
     assert "logs every IMU" in text_of("dataflash")
 
@@ -161,12 +171,13 @@ def page(name):
     return (DOCS / name).read_text(encoding="utf-8")
 
 
-def test_the_page_of_settings_says_where_the_files_are_and_names_each(capsys):
+def test_the_page_of_settings_names_each_file(capsys):
     [block] = re.findall(r"```python\n(.*?)```", page("settings.md"), re.S)
     exec(block, {})
     folder = Path(capsys.readouterr().out.strip())
-    assert {path.name for path in folder.iterdir()} == set(FILES.values())
-    assert all(f"| `{name}` |" in page("settings.md") for name in FILES.values())
+    names = {settings_file(*log_of(table)).name for table in TABLES}
+    assert {path.name for path in folder.iterdir()} == names
+    assert all(f"| `{name}` |" in page("settings.md") for name in names)
 
 
 def test_pages_tick_bits_and_never_add_them():
@@ -193,7 +204,8 @@ def test_low_passes_of_px4_are_told_of_in_one_way():
     assert "need no change" in page("settings.md")
     commented = [line for line in text_of("ulog").splitlines() if "CUTOFF" in line]
     assert len(commented) == 2 and all(line.startswith("# 1\t1\t") for line in commented)
-    assert not any("CUTOFF" in setting.name for setting in TABLES["ulog"])
+    advised = settings_for("ulog", frozenset(get_args(Lack)))
+    assert not any("CUTOFF" in setting.name for setting in advised)
 
 
 def test_sentences_of_the_guides_do_not_run_together():

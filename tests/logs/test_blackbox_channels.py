@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import LogError
-from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs, read_blackbox
+from rotorfit.logs.blackbox import is_blackbox
+from rotorfit.logs.blackbox.read import list_blackbox_logs, read_blackbox
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rotorfit.logs.blackbox import decode, read_blackbox
+from rotorfit.logs.blackbox.decode import decode
+from rotorfit.logs.blackbox.read import read_blackbox
 
 pytestmark = pytest.mark.flights
 

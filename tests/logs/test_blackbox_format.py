@@ -13,7 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
-from rotorfit.logs.blackbox import decode, list_blackbox_logs, predict, read_blackbox, scan
+from rotorfit.logs.blackbox import predict, scan
+from rotorfit.logs.blackbox.decode import decode
+from rotorfit.logs.blackbox.read import list_blackbox_logs, read_blackbox
 from rotorfit.logs.flight_log import FlightLog
 
 INT32 = st.integers(-(1 << 31), (1 << 31) - 1)
@@ -134,7 +136,7 @@ def flip(data: bytes, position: int, mask: int = 0xFF) -> bytes:
     return data[:position] + bytes([data[position] ^ mask]) + data[position + 1 :]
 
 
-def test_a_corrupt_frame_costs_the_frames_up_to_the_next_complete_one():
+def test_a_corrupt_frame_costs_frames_up_to_the_next_complete():
     recorder = record_random(3, 320, p_interval="1/1", quiet=True)
     recorder.end()
     broken = 100  # a P frame in the fourth of ten stretches of 32 frames
@@ -186,7 +188,7 @@ def test_a_truncated_log_keeps_all_whole_frames():
     assert log.trailing_bytes == 10
 
 
-def test_time_that_jumps_drops_the_stretch_unless_logging_was_resumed():
+def test_a_jump_of_time_drops_the_stretch_unless_resumed():
     def log_with_pause(event: bool):
         recorder = encoder.Recorder(p_interval="1/1")
         for i, time in enumerate((1000, 2000, 3000, 60_000_000, 4000, 5000)):
@@ -396,7 +398,7 @@ def test_mutated_headers(scratch, line, value):
 
 
 @pytest.mark.parametrize("filler", [b"P", b"I", b"E", b"H", b"\x80", b"\xff", b"\x00", b"IP"])
-def test_long_monotonous_bodies_are_read_in_bounded_time_and_memory(scratch, filler):
+def test_long_monotonous_bodies_take_bounded_time_and_memory(scratch, filler):
     survives(scratch, SMALL.data + filler * (60_000 // len(filler)))
     survives(scratch, SMALL.header() + filler * (60_000 // len(filler)))
 

@@ -423,7 +423,7 @@ def test_velocity_is_turned_into_the_body(tmp_path, euler):
     np.testing.assert_allclose(log.channels["velocity"].values[3], ahead, atol=1e-6)
 
 
-def test_without_attitude_a_velocity_of_the_world_is_none_of_the_body(tmp_path):
+def test_without_attitude_a_world_velocity_is_left_out(tmp_path):
     names = [*(f"stateEstimate.v{a}" for a in "xyz"), "pm.vbat"]
     assert "velocity" not in flown(tmp_path, names, [(0.1, 0.2, 0.3, 3.7)] * 20).channels
 

@@ -34,7 +34,7 @@ def test_a_good_log_is_advised_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("mask", [DEFAULT, 2**21 - 1, -1])
-def test_a_missing_battery_asks_for_its_monitor_and_no_limit_of_rate(tmp_path, mask):
+def test_a_missing_battery_asks_for_its_monitor_alone(tmp_path, mask):
     assert advised(read(tmp_path, mask=mask)) == [BATTERY_NOTE]
 
 

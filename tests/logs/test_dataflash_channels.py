@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.logs import ReadOptions, read_log
-from rotorfit.logs.dataflash.frames import _OTHER, _ROUND, CLASSES, TYPES, frame_of
+from rotorfit.logs.dataflash.frames import CLASSES, ROUND, TYPES, UNEVEN, frame_of
 from rotorfit.logs.dataflash.motors import wiring
 from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.dataflash.remix import ThrustCurve
@@ -94,7 +94,7 @@ def test_the_imu_of_the_primary_core_is_taken(tmp_path):
     assert "IMU 3 of 3 is used: the estimator's primary core flew with it" in found.notes
 
 
-def test_the_core_that_was_primary_most_of_the_time_tells_the_imu(tmp_path):
+def test_the_mostly_primary_core_tells_the_imu(tmp_path):
     xkf4 = Kind(190, "XKF4", "QBB", "TimeUS,C,PI")
     messages = [message(xkf4, k, 0, core) for k, core in enumerate((0, 1, 1, 1, 0))]
     for t in one_second(100):
@@ -103,7 +103,7 @@ def test_the_core_that_was_primary_most_of_the_time_tells_the_imu(tmp_path):
     assert found.channels["gyro"].values[0, 0] == 1.0
 
 
-def test_the_first_imu_that_is_not_switched_off_is_taken_and_its_place_told(tmp_path):
+def test_the_first_imu_not_switched_off_is_taken(tmp_path):
     settings = {**QUAD_X, "INS_USE": 0.0, "INS_USE2": 0.0, "INS_USE3": 1.0}
     settings |= {f"INS_POS{n}_{axis}": 0.1 * n for n in (1, 2, 3) for axis in "XYZ"}
     messages = [
@@ -114,7 +114,7 @@ def test_the_first_imu_that_is_not_switched_off_is_taken_and_its_place_told(tmp_
     assert "imu = { position = [0.3, -0.3, -0.3] }" in found.metadata["airframe"]
 
 
-def test_a_message_of_an_impossible_time_takes_its_own_values_with_it(tmp_path):
+def test_a_message_of_impossible_time_takes_its_values_along(tmp_path):
     times = [0.01 * k for k in range(50)]
     messages = [imu(2e7 if k == 20 else t, (k, 0, 0), (0, 0, -9.8)) for k, t in enumerate(times)]
     gyro = read(tmp_path, messages).channels["gyro"]
@@ -122,7 +122,7 @@ def test_a_message_of_an_impossible_time_takes_its_own_values_with_it(tmp_path):
     assert gyro.values[:, 0].tolist() == [k for k in range(50) if k != 20]
 
 
-def test_raw_samples_are_preferred_where_faster_with_their_own_times(tmp_path):
+def test_faster_raw_samples_are_preferred_with_their_times(tmp_path):
     messages = []
     for k, t in enumerate(one_second(1000)):
         us = 1_000_000 + round(t * 1e6)
@@ -248,7 +248,7 @@ def test_old_escs_have_a_message_each(tmp_path):
     np.testing.assert_allclose(speed, [500, 501, 502, 503])
 
 
-def test_escs_that_are_logged_in_turn_are_brought_to_common_times(tmp_path):
+def test_escs_logged_in_turn_are_brought_to_common_times(tmp_path):
     """All at 1e5 rpm/s, the second 4 ms after the first: before its first message it is unknown."""
     late = (0.0, 0.004, 0.0, 0.0)
     turns = [(0.01 * k + delay, n) for k in range(1, 40) for n, delay in enumerate(late)]
@@ -309,7 +309,7 @@ def test_rates_asked_for_are_turned_to_flu(tmp_path, clock, per_degree):
     np.testing.assert_allclose(found.channels["reference"].values[0], flu, rtol=1e-6)
 
 
-def test_velocity_is_that_of_the_first_core_of_the_newest_estimator(tmp_path):
+def test_velocity_is_of_the_first_core_of_the_newest_estimator(tmp_path):
     labels = "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD"
     kinds = [Kind(190 + n, name, "QBccCfff", labels) for n, name in enumerate(("XKF1", "NKF1"))]
     messages = [
@@ -337,7 +337,7 @@ def test_frames_are_those_of_the_named_layouts(layout):
     np.testing.assert_allclose(frame.factors[:, 1], 0.5 * x / np.abs(x).max(), atol=1e-8)
 
 
-@pytest.mark.parametrize("key", [*_ROUND, *_OTHER])
+@pytest.mark.parametrize("key", [*ROUND, *UNEVEN])
 def test_every_frame_balances_and_can_be_steered(key):
     kind = {name: number for number, name in CLASSES.items()}[key[0]]
     number = {name: number for number, name in TYPES.items()}.get(key[1], 99)
@@ -357,7 +357,7 @@ def test_old_logs_say_their_class_in_a_text():
 
 
 @pytest.mark.parametrize(("kind", "number"), [(1.0, 1.0), (5.0, 10.0)])
-def test_the_airframe_of_the_metadata_is_refused_until_it_is_measured(tmp_path, kind, number):
+def test_the_logged_airframe_is_refused_until_measured(tmp_path, kind, number):
     frame = {"FRAME_CLASS": kind, "FRAME_TYPE": number, "INS_POS1_X": 0.02, "INS_POS1_Z": 0.01}
     found = read(tmp_path, [imu(t, *REST) for t in one_second()], settings=frame)
     text = found.metadata["airframe"]

@@ -35,8 +35,8 @@ from hypothesis import strategies as st
 
 from plain_loops import plain_loops
 from rotorfit.errors import LogError
-from rotorfit.logs.dataflash import read_dataflash
-from rotorfit.logs.dataflash.formats import LETTERS
+from rotorfit.logs.dataflash.messages import LETTERS
+from rotorfit.logs.dataflash.read import read_dataflash
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 
 MEMORY = 60e6

@@ -28,7 +28,7 @@ from pymavlink.DFReader import DFReader_binary
 
 from plain_loops import plain_loops
 from rotorfit.errors import LogError
-from rotorfit.logs.dataflash.columns import columns, in_order
+from rotorfit.logs.dataflash.columns import columns, possible_in_order
 from rotorfit.logs.dataflash.messages import Wanted, find_messages
 
 ALL = Kind(200, "ALL", "QbBhHiIfdgcCeEL", "TimeUS,b,B,h,H,i,I,f,d,g,c,C,e,E,L")
@@ -188,7 +188,7 @@ def test_garbage_between_messages_loses_none():
     assert (found.damaged_places, found.skipped_bytes, found.dropped) == (1, 3001, 0)
 
 
-def test_a_message_that_lost_bytes_is_left_out_and_the_next_is_not():
+def test_a_message_that_lost_bytes_is_left_out_alone():
     broken = steps(1)[0][:-7]
     found = whole(log([IMU], [*steps(3), broken, *steps(3, first=3)]))
     assert found.count("IMU") == 6
@@ -255,7 +255,7 @@ def test_a_length_that_has_no_room_for_the_head_is_no_definition(length):
 
 
 @pytest.mark.parametrize("length", [3, IMU.length - 1, IMU.length + 1, 255])
-def test_a_length_that_the_letters_do_not_have_leaves_fields_unread(length):
+def test_a_length_against_the_letters_leaves_fields_unread(length):
     data = FMT_OF_FMT + definition(IMU, length=length) + b"".join(steps(20))
     found = whole(data)
     assert found.formats[1].fields == {}
@@ -311,13 +311,13 @@ def test_memory_is_that_of_the_wanted_messages():
 
 def test_times_out_of_order_are_left_out_whichever_are_fewer():
     late = np.array([0.0, 1.0, 900.0, 2.0, 3.0, 1e9])
-    assert in_order(late).tolist() == [True, True, False, True, True, False]
+    assert possible_in_order(late).tolist() == [True, True, False, True, True, False]
     early = np.array([5.0, 6.0, 0.5, 7.0])
-    assert in_order(early).tolist() == [True, True, False, True]
+    assert possible_in_order(early).tolist() == [True, True, False, True]
 
 
 def test_letters_have_the_sizes_of_their_struct():
-    from rotorfit.logs.dataflash.formats import Field
+    from rotorfit.logs.dataflash.messages import Field
 
     for letter, packed in STRUCT.items():
         assert Field(letter=letter, offset=3).dtype.itemsize == struct.calcsize("<" + packed)
@@ -336,7 +336,7 @@ def test_one_instance_is_kept_and_a_glimpse_of_others():
     assert len(numbers) < 0.2 * glimpse.count("IMU")
 
 
-def test_of_some_messages_only_the_fields_with_given_labels_are_kept():
+def test_of_some_messages_only_labelled_fields_are_kept():
     data = log([IMU], steps(500))
     every = whole(data)
     some = whole(data, wanted=Wanted(labels={"IMU": ("GyrY", "TimeUS", "NoSuch")}))

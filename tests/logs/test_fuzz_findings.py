@@ -11,7 +11,7 @@ from rotorfit.experiment.experiment import load_experiment
 from rotorfit.logs import read_log
 
 
-def test_a_blackbox_clock_that_runs_backwards_gives_no_negative_length(tmp_path):
+def test_a_blackbox_clock_running_back_has_no_negative_length(tmp_path):
     recorder = encoder.Recorder(i_interval=1)
     names = [f"gyroADC[{axis}]" for axis in range(3)]
     recorder.main_fields = [*encoder.MAIN_FIELDS[:2], *[(name, 1, 0, 0, 0, 0) for name in names]]
@@ -125,7 +125,7 @@ def test_a_rotor_out_of_this_world_is_refused(tmp_path):
         load_experiment(path)
 
 
-def test_an_experiment_file_of_endless_numbers_is_refused_at_once(tmp_path):
+def test_an_experiment_of_endless_numbers_is_refused_at_once(tmp_path):
     path = tmp_path / "experiment.toml"
     path.write_text("[airframe]\nrotors = [" + "1," * 250_000 + "]\n")
     with pytest.raises(ExperimentError, match="holds 250002 values, expected at most 20000"):

@@ -85,7 +85,7 @@ def test_gaps_leave_no_sample(tmp_path):
     np.testing.assert_array_equal(log.channels["battery"].values[:, 0], [12, 11])
 
 
-def test_without_pyarrow_it_is_refused_with_the_command_to_install_it(tmp_path, monkeypatch):
+def test_without_pyarrow_the_refusal_names_the_install_command(tmp_path, monkeypatch):
     path = written(tmp_path, parquet(BATTERY))
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     with pytest.raises(LogError, match=re.escape("pip install 'rotorfit[parquet]', or save as")):
@@ -174,7 +174,7 @@ def test_a_damaged_file_ends_in_a_log_or_a_log_error(scratch, sample, seed):
 
 
 @pytest.mark.slow
-def test_twenty_thousand_damaged_files_end_in_a_log_or_a_log_error(scratch):
+def test_20000_damaged_files_end_in_a_log_or_a_log_error(scratch):
     rng = random.Random(0)
     for _ in range(20_000):
         ends_well(scratch, mutated(rng.choice(SAMPLES), rng))

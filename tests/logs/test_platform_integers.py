@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from blackbox_encoder import record_random
 
-from rotorfit.logs.blackbox import decode
+from rotorfit.logs.blackbox.decode import decode
 
 
 def small(value: Any) -> Any:

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
-from rotorfit.logs.read import FORMATS, kind_of
+from rotorfit.logs.formats import FORMATS, load
+from rotorfit.logs.read import kind_of
 
 READS = "; rotorfit reads " + ", ".join(known.title for known in FORMATS)
 TABLE = b"time,battery,rotor_1\n0,12,400\n0.01,11.5,\n0.02,,402\n0.03,11,403\n"
@@ -251,3 +252,23 @@ def test_optitrack_reads_by_a_columns_map(flight_data_dir):
         "attitude": 2577,
     }
     assert np.median(np.diff(log.channels["position"].time)) == pytest.approx(0.0198, abs=1e-4)
+
+
+@pytest.mark.parametrize("form", FORMATS, ids=lambda form: form.name)
+def test_every_function_of_a_row_is_there(form):
+    places = (form.recognises, form.recognises_folder, form.read, form.list_logs)
+    functions = [load(place) for place in (*places, form.advice, form.filters) if place]
+    assert len(functions) >= 2
+    assert all(map(callable, functions))
+
+
+def test_a_table_is_read_without_the_readers_of_other_formats(tmp_path):
+    path = written(tmp_path, b"time,gyro_x,gyro_y,gyro_z\n0,1,2,3\n0.01,1,2,3\n")
+    code = (
+        "import sys; from pathlib import Path; from rotorfit import read_log; "
+        "read_log(Path(sys.argv[1])); print([m for m in sys.modules if m.endswith('.read')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "['rotorfit.logs.read']"

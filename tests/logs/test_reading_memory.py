@@ -65,7 +65,7 @@ def test_a_long_log_is_read_within_three_times_its_channels(name, flight, tmp_pa
     assert growth(written(name, flight, tmp_path), read_log) < LIMIT
 
 
-def test_a_long_flight_is_prepared_and_retimed_within_three_times_its_channels(flight, tmp_path):
+def test_a_long_flight_fits_into_three_times_its_channels(flight, tmp_path):
     def work(path):
         experiment = load_experiment(
             experiment_file(

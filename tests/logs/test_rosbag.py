@@ -374,7 +374,7 @@ def test_cameras_come_before_estimates(tmp_path):
         (lambda k: EPOCH + 10**12 + k * 200_000_000, "its stamps belong to no steady clock"),
     ],
 )
-def test_stamps_that_cannot_be_believed_give_way_to_times_of_receipt(tmp_path, stamp, why):
+def test_unbelievable_stamps_give_way_to_times_of_receipt(tmp_path, stamp, why):
     log = read(tmp_path, imu(stamp=stamp))
     np.testing.assert_allclose(log.channels["gyro"].time, 0.01 * np.arange(40), atol=1e-9)
     assert f"times of receipt: {why}." in log.notes[0]

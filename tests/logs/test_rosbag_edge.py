@@ -1,6 +1,7 @@
 """Whatever rosbags, or what it is built on, raises is a LogError of one line that names it."""
 
 import struct
+from types import SimpleNamespace
 
 import apsw
 import pytest
@@ -14,10 +15,11 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
+from rosbags.typesys.store import Typestore
 
 from rotorfit.errors import LogError
 from rotorfit.logs import read_log
-from rotorfit.logs.rosbag import definitions, mcap, unfold
+from rotorfit.logs.rosbag import definitions, mcap
 from rotorfit.logs.rosbag.edge import DamageError, decoded
 
 STRAYS = [
@@ -58,8 +60,8 @@ def bags(tmp_path_factory):
     write_messages_ros1(messages(), folder / "bag")
     write_messages_ros2(messages(), folder / "db3")
     write_messages_ros2(messages(), folder / "mcap", storage=StoragePlugin.MCAP)
-    zstd = {"storage": StoragePlugin.MCAP, "compression": "storage"}
-    write_messages_ros2(messages(), folder / "zstd", **zstd)
+    packed = {"storage": StoragePlugin.MCAP, "compression": "storage"}
+    write_messages_ros2(messages(), folder / "zstd", **packed)
     return folder
 
 
@@ -81,76 +83,77 @@ def refused(path, error):
     return message
 
 
-@strays
-def test_a_database_that_cannot_be_opened(bags, monkeypatch, stray):
-    monkeypatch.setattr(Sqlite3Reader, "open", raising(stray))
-    said = refused(bags / "db3", stray)
-    assert f"damaged SQLite database ({type(stray).__name__}: " in said
-    assert said.endswith("copy it again, or repair it with sqlite3 .recover")
-
-
-@strays
-def test_a_database_that_ends_early(bags, monkeypatch, stray):
-    def broken(*args):
-        raise stray
+def raising_later(error):
+    def call(*args):
+        raise error
         yield
 
-    monkeypatch.setattr(Sqlite3Reader, "messages", broken)
-    assert "the database is damaged from some message on (1 times)" in refused(bags / "db3", stray)
+    return call
 
 
-@strays
-def test_a_record_of_a_ros1_bag(bags, monkeypatch, stray):
-    monkeypatch.setattr(Header, "get_time", raising(stray))
-    assert "a message is damaged (3 times)" in refused(bags / "bag", stray)
+def decompressor(error):
+    return lambda: SimpleNamespace(decompress=raising(error))
 
 
-@strays
-def test_a_record_of_an_mcap_file(bags, monkeypatch, stray):
-    monkeypatch.setattr(mcap, "read_bytes", raising(stray))
-    said = refused(bags / "mcap", stray)
-    assert "the description of a topic is damaged" in said
-
-
-@strays
-def test_a_chunk_that_does_not_unfold(bags, monkeypatch, stray):
-    class Broken:
-        decompress = staticmethod(raising(stray))
-
-    monkeypatch.setattr(unfold, "_decompressor", lambda compression: Broken())
-    assert "a chunk is damaged (1 times)" in refused(bags / "zstd", stray)
-
-
-@strays
-def test_a_definition_that_cannot_be_read(bags, monkeypatch, stray):
-    definitions._built_in("cdr")
-    monkeypatch.setattr(definitions, "get_types_from_msg", raising(stray))
-    said = refused(bags / "db3", stray)
-    assert "/imu (3 messages unreadable: " in said
-
-
-@strays
-def test_a_message_that_cannot_be_read(bags, monkeypatch, stray):
-    class Broken(definitions.Typestore):
+def typestore(error):
+    class Broken(Typestore):
         def get_msgdef(self, typename):
             made = super().get_msgdef(typename)
-            object.__setattr__(made, "deserialize_cdr_le", raising(stray))
+            object.__setattr__(made, "deserialize_cdr_le", raising(error))
             return made
 
-    monkeypatch.setattr(definitions, "Typestore", Broken)
-    said = refused(bags / "mcap", stray)
-    why = f"a message does not fit its definition ({type(stray).__name__}: "
-    assert f"/imu (3 messages unreadable: {why}" in said
+    return Broken
 
 
-def test_what_is_no_fault_of_the_file_passes(bags, monkeypatch):
-    monkeypatch.setattr(Sqlite3Reader, "open", raising(MemoryError()))
-    assert "needs more memory than there is (MemoryError)" in error_of(bags / "db3")
-    monkeypatch.setattr(Sqlite3Reader, "open", raising(OSError(5, "Input/output error")))
-    assert "cannot be read ([Errno 5] Input/output error): check the" in error_of(bags / "db3")
-    monkeypatch.setattr(Sqlite3Reader, "open", raising(KeyboardInterrupt()))
-    with pytest.raises(KeyboardInterrupt):
-        read_log(bags / "db3")
+MISFIT = "/imu (3 messages unreadable: a message does not fit its definition ({}: "
+SITES = {
+    "opening a database": ("db3", Sqlite3Reader, "open", raising, "damaged SQLite database ({}: "),
+    "the rows of a database": (
+        *("db3", Sqlite3Reader, "messages", raising_later),
+        "the database is damaged from some message on (1 times)",
+    ),
+    "a record of ROS 1": ("bag", Header, "get_time", raising, "a message is damaged (3 times)"),
+    "a record of MCAP": (
+        *("mcap", mcap, "read_bytes", raising),
+        "the description of a topic is damaged",
+    ),
+    "a chunk": ("zstd", zstd, "ZstdDecompressor", decompressor, "a chunk is damaged (1 times)"),
+    "a definition": (
+        *("db3", definitions, "get_types_from_msg", raising),
+        "/imu (3 messages unreadable: ",
+    ),
+    "a message": ("mcap", definitions, "Typestore", typestore, MISFIT),
+}
+"""Bag, what of rosbags fails in it, how, and what is said."""
+
+
+@strays
+@pytest.mark.parametrize("site", SITES)
+def test_whatever_rosbags_raises_is_named(bags, monkeypatch, site, stray):
+    definitions.built_in("cdr")
+    bag, owner, name, failing, expected = SITES[site]
+    monkeypatch.setattr(owner, name, failing(stray))
+    message = refused(bags / bag, stray)
+    assert expected.format(type(stray).__name__) in message
+    if site == "opening a database":
+        assert message.endswith("copy it again, or repair it with sqlite3 .recover")
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (MemoryError(), "needs more memory than there is (MemoryError)"),
+        (OSError(5, "Input/output error"), "cannot be read ([Errno 5] Input/output error): check "),
+        (KeyboardInterrupt(), ""),
+    ],
+)
+def test_what_is_no_fault_of_the_file_passes(bags, monkeypatch, error, message):
+    monkeypatch.setattr(Sqlite3Reader, "open", raising(error))
+    if isinstance(error, KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt):
+            read_log(bags / "db3")
+    else:
+        assert message in error_of(bags / "db3")
 
 
 def test_the_words_of_an_error_stay_one_short_line():

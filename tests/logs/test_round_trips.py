@@ -129,7 +129,7 @@ def test_poses_in_a_log_give_the_parameters_of_the_table(name, flight, folder, i
 
 @pytest.mark.parametrize("start", [0.003, 1000.0])
 @pytest.mark.parametrize("name", RECORDING_WRITERS)
-def test_every_recording_gives_the_parameters_of_a_table_of_poses(
+def test_every_recording_gives_parameters_of_a_table_of_poses(
     name, start, flight, folder, identify_once
 ):
     """Wherever the recording's clock begins; by 3 ms the frames fall between the log's rows."""

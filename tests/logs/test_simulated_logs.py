@@ -6,8 +6,7 @@ from dataflash_encoder import BAT, KINDS, QUAD_X, imu, log, message, parameters,
 from ulog_encoder import Parts, actuator_motors, encode, sensor_combined
 
 from rotorfit.logs import read_log
-from rotorfit.logs.flight_log import LoggedMotors
-from rotorfit.logs.simulators import LEAVES_OUT
+from rotorfit.logs.flight_log import LEAVES_OUT, LoggedMotors
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 
 TIME = 100.0 + 0.004 * np.arange(200)

@@ -26,7 +26,8 @@ from ulog_encoder import (
 from flown import experiment_file, quietly_identified, simulated, simulated_vehicle
 from rotorfit.errors import LogError
 from rotorfit.logs import ColumnSpec, ReadOptions, read_log
-from rotorfit.logs.ulog import is_ulog, read_ulog
+from rotorfit.logs.ulog import is_ulog
+from rotorfit.logs.ulog.read import read_ulog
 from rotorfit.simulation import write_flight_table
 
 N = 200
@@ -257,7 +258,7 @@ def test_of_several_selections_the_last_counts(tmp_path):
     assert read(tmp_path, *two, chosen).channels["gyro"].source.startswith("vehicle_imu[1].")
 
 
-def test_where_one_sample_time_is_missing_all_are_those_of_publication(tmp_path):
+def test_with_a_sample_time_missing_all_are_of_publication(tmp_path):
     topic = vehicle_imu()
     sampled = np.where(np.arange(N) == 3, 0, topic.fields["timestamp_sample"])
     topic = replace(topic, fields={**topic.fields, "timestamp_sample": sampled})
@@ -489,7 +490,7 @@ def test_of_a_parameter_declared_twice_the_last_value_counts(tmp_path):
         assert not noted(log, "Parameters changed")
 
 
-def test_a_parameter_changed_in_the_log_keeps_its_first_value_and_tells_each_change(tmp_path):
+def test_a_changed_parameter_keeps_its_first_value(tmp_path):
     changes = [(100.1, "THR_MDL_FAC", 0.5), (100.2, "THR_MDL_FAC", 1.0)]
     topic = actuator_motors(TIME, HALF)
     log = read(tmp_path, topic, parameters={"THR_MDL_FAC": 0.0}, changes=changes)
@@ -555,7 +556,7 @@ def test_outputs_are_left_where_motors_are_known(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_ulog_and_a_table_of_one_flight_give_the_same_parameters(tmp_path):
+def test_a_ulog_and_a_table_of_one_flight_agree(tmp_path):
     flight = simulated("quad-x", "noisy", seed=2, seconds=40.0)
     write_ulog(flight, tmp_path / "log.ulg")
     write_flight_table(flight, tmp_path / "log.csv")

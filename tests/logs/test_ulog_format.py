@@ -27,8 +27,7 @@ from rotorfit.errors import LogError
 from rotorfit.logs import read_log
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.ulog import messages
-from rotorfit.logs.ulog.formats import LARGEST_ROW, parse_format, row_of
-from rotorfit.logs.ulog.messages import MOST_PLACES
+from rotorfit.logs.ulog.messages import LARGEST_ROW, MOST_PLACES, parse_format, row_of
 from rotorfit.logs.ulog.scan import scan_file
 
 HEAD = MAGIC + b"\x01" + bytes(8)
@@ -170,7 +169,7 @@ def test_damage_among_the_declarations_costs_the_one_it_hit(tmp_path, damaged, l
     assert len(found.parameters) == parameters
 
 
-def test_data_before_any_subscription_do_not_hide_the_declarations(tmp_path):
+def test_data_before_subscriptions_do_not_hide_declarations(tmp_path):
     """Stale data in a damaged stretch: their length reaches beyond the subscriptions."""
     place = DECLARING.index(b"int32_t P07") - 4
     stale = message("D", b"\x05\0", size=len(DECLARING) - place - 60 * N // 2)

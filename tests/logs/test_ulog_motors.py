@@ -7,7 +7,6 @@ import pytest
 from ulog_encoder import Parts, actuator_motors, actuator_outputs, encode, esc_status
 
 from rotorfit.logs import read_log
-from rotorfit.logs.ulog.motors import _fraction_of
 
 N = 200
 TIME = 100.0 + 0.005 * np.arange(N)
@@ -29,7 +28,7 @@ def noted(log, words):
 # Measured speed
 
 
-def test_escs_are_put_into_the_order_of_the_motors_and_lose_their_sign(tmp_path):
+def test_escs_are_ordered_by_motor_and_lose_their_sign(tmp_path):
     topic = esc_status(TIME, SPEED, functions=[103, 101, 104, 102], signs=[1, -1, 1, -1])
     channel = read(tmp_path, topic).channels["rotor_speed"]
     np.testing.assert_allclose(channel.values, SPEED[:, [1, 3, 0, 2]], rtol=1e-9)
@@ -51,7 +50,7 @@ def test_a_speed_that_no_rotor_has_is_damage(tmp_path):
     assert np.argwhere(np.isnan(values)).tolist() == [[7, 2]]
 
 
-def test_without_functions_the_parameters_or_the_count_say_how_many(tmp_path):
+def test_without_functions_parameters_or_the_count_say_how_many(tmp_path):
     eight = np.hstack([SPEED, SPEED * 0])
     topic = esc_status(TIME, eight, functions=[0] * 8)
     for parameters in ({"CA_ROTOR_COUNT": 4}, {"SYS_AUTOSTART": 4001}):
@@ -233,8 +232,9 @@ def test_slow_motor_data_are_doubted(tmp_path):
         assert doubt in log.warnings
 
 
-def test_motors_that_stand_have_command_zero_where_thrust_is_its_square():
+def test_standing_motors_have_command_zero_with_full_factor(tmp_path):
     """With THR_MDL_FAC = 1 the command is the root of the thrust, 0 / 0 in the stable form."""
-    assert _fraction_of(np.array([[0.0, 0.25, 1.0]]), 1.0) == pytest.approx(
-        np.array([[0.0, 0.5, 1.0]])
-    )
+    thrust = np.tile([[0.0, 0.25, 1.0, 0.5]], (N, 1))
+    log = read(tmp_path, actuator_motors(TIME, thrust), parameters={"THR_MDL_FAC": 1.0})
+    command = log.channels["command"].values
+    np.testing.assert_allclose(command, np.tile([[0.0, 0.5, 1.0, 0.5**0.5]], (N, 1)), atol=1e-12)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.inspection.filters import Filter
 from rotorfit.inspection.inspect_log import LogReport, inspect_log
+from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.report.log_page import log_report_html
 

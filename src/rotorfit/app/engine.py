@@ -21,13 +21,14 @@ from rotorfit.errors import (
     RotorfitError,
 )
 from rotorfit.logs.files import write_whole
+from rotorfit.logs.formats import FORMATS
 from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.report.number_words import VERDICT_MEANING
 
 Reply = dict[str, Any]
 ACCEPTS: Final = (
-    *(".bfl", ".bbl", ".ulg", ".bin", ".log", ".csv", ".tsv", ".txt", ".parquet"),
-    *(".bag", ".db3", ".mcap", ".toml", ".json"),
+    *(suffix for form in FORMATS for suffix in form.suffixes),
+    *(".log", ".txt", ".toml", ".json"),
 )
 MOST_BYTES: Final = 2_000_000_000
 """Of all files of a page, where nobody says otherwise."""

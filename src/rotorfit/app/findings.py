@@ -12,13 +12,11 @@ from rotorfit.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.inspection.prospects import Prospects
 from rotorfit.inspection.seen_airframe import seen_airframe
 from rotorfit.logs import ReadOptions, read_log
-from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
-from rotorfit.logs.files import read_head, write_whole
-from rotorfit.logs.kinds import own_kind
+from rotorfit.logs.files import write_whole
+from rotorfit.logs.read import logs_in_file, own_kind
 from rotorfit.report.log_page import log_report_html
 from rotorfit.report.log_report import plain, sections
 
-HEAD_BYTES: Final = 65_536
 KINDS: Final = {
     "an experiment file": "experiment",
     "an airframe file": "airframe",
@@ -62,10 +60,8 @@ def looked_at(one: Dropped, *, log_number: int | None = None) -> dict[str, Any]:
 
 def _of_log(one: Dropped, number: int | None) -> dict[str, Any]:
     """Return which logs are in a file and what one of them shows; its page is written beside it."""
-    logs: list[dict[str, Any]] = []
-    if is_blackbox(read_head(one.path, HEAD_BYTES)):
-        entries = list_blackbox_logs(one.path)
-        logs = [{"number": e.number, "words": e.description} for e in entries if len(entries) > 1]
+    entries = logs_in_file(one.path)
+    logs = [{"number": e.number, "words": e.description} for e in entries if len(entries) > 1]
     if logs and number is None:
         return {"logs": logs}
     log = read_log(one.path, options=ReadOptions(log_number=number))

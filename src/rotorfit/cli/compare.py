@@ -11,7 +11,7 @@ import numpy as np
 from rotorfit.cli.terminal import show, terminal_width
 from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.formatting.digits import with_interval
-from rotorfit.logs.kinds import TRUTH_FILE, own_kind
+from rotorfit.logs.read import TRUTH_FILE, own_kind
 from rotorfit.model.parameters import DERIVED, PARAMETERS
 from rotorfit.results.compare import ComparedNumber, Comparison, Entry, compare_results
 from rotorfit.results.result import Derived, IdentificationResult, Parameter

@@ -22,8 +22,7 @@ from rotorfit.experiment.experiment import (
 )
 from rotorfit.identification.identify import identify
 from rotorfit.logs.files import read_head
-from rotorfit.logs.kinds import own_kind
-from rotorfit.logs.read import read_log
+from rotorfit.logs.read import own_kind, read_log
 from rotorfit.report.text import result_text
 from rotorfit.results.result import IdentificationResult
 

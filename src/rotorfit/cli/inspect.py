@@ -18,16 +18,12 @@ from rotorfit.errors import (
 )
 from rotorfit.inspection.inspect_log import LogReport, inspect_log
 from rotorfit.logs import ReadOptions, read_log
-from rotorfit.logs.blackbox import is_blackbox, list_blackbox_logs
-from rotorfit.logs.files import read_head
-from rotorfit.logs.kinds import own_kind
+from rotorfit.logs.read import logs_in_file, own_kind
 from rotorfit.report.log_page import write_log_page
 from rotorfit.report.log_report import plain, report_text
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import FlightEntry
-
-HEAD_BYTES = 65_536
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,12 +136,11 @@ def _of_experiment(path: Path) -> list[Look]:
 
 def _report(look: Look, options: InspectOptions) -> LogReport | SeveralLogs:
     path, number = look.path, look.read.log_number or options.log_number
-    if number is None and path.is_file() and is_blackbox(read_head(path, HEAD_BYTES)):
-        entries = list_blackbox_logs(path)
-        if len(entries) > 1:
-            return SeveralLogs(
-                file=str(path), logs=tuple(f"{e.number}: {e.description}" for e in entries)
-            )
+    entries = logs_in_file(path) if number is None else ()
+    if len(entries) > 1:
+        return SeveralLogs(
+            file=str(path), logs=tuple(f"{e.number}: {e.description}" for e in entries)
+        )
     with steps() as tell:
         tell(f"reading {path.name}")
         log = read_log(path, options=replace(look.read, log_number=number))

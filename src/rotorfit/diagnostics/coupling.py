@@ -16,7 +16,7 @@ from rotorfit.findings import Evidence, Finding
 from rotorfit.fit.fit import Fit, refit
 from rotorfit.fit.intervals.excitation import SCALED
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.logs.simulators import SITL
+from rotorfit.logs.flight_log import SITL
 from rotorfit.model.parameters import INERTIA
 from rotorfit.model.regressor import Regressor
 

@@ -4,7 +4,7 @@ from rotorfit.dataset.dataset import Dataset, LoadedFlight
 from rotorfit.diagnostics.sensor_faults import lowpass_sentence
 from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.findings import Finding, note
-from rotorfit.logs.simulators import SITL, simulated_sentence
+from rotorfit.logs.flight_log import SITL, simulated_sentence
 from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve
 
 

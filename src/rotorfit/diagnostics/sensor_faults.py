@@ -17,6 +17,7 @@ from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.onboard_filter import filter_delay, lowpass_of
+from rotorfit.logs.formats import FORMATS
 
 FLOWN_AT: Final = 3.0
 """About where quick rolls and nods are [Hz]."""
@@ -25,8 +26,6 @@ LENGTH: Final = 2e-4
 ERROR: Final = 0.3
 """Standard deviation of an estimate's error along each axis [m/s]: PX4's was off by .2 to .5 in its
 simulator, whose true velocity is in the log."""
-ESTIMATES: Final = ("ulog", "dataflash")
-"""Formats whose velocity is the autopilot's estimate."""
 OVER: Final = {"drag_x": 0, "drag_y": 1, "drag_z": 2, "inflow": 2}
 """Coefficients, and the axis of the velocity that they are over."""
 LARGEST: Final = 0.9
@@ -71,8 +70,9 @@ def lowpass_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray, 
 
 def velocity_estimated(dataset: Dataset) -> bool:
     """Return whether a velocity in the model is an autopilot's estimate."""
-    flights = [flight for c in dataset.configurations for flight in c.flights]
-    return dataset.velocity == "known" and any(flight.log.format in ESTIMATES for flight in flights)
+    formats = {flight.log.format for c in dataset.configurations for flight in c.flights}
+    estimated = {form.name for form in FORMATS if form.velocity_estimated}
+    return dataset.velocity == "known" and not formats.isdisjoint(estimated)
 
 
 def allow_for_velocity_errors(fit: Fit) -> Fit:

@@ -12,15 +12,13 @@ from typing import Final, Literal
 
 from rotorfit.errors import ExperimentError, LogError
 from rotorfit.logs.files import read_bytes
+from rotorfit.logs.formats import FORMATS
 from rotorfit.logs.read import format_of
 
 Mass = float | Literal["unknown"]
 COLUMNS: Final = ("file", "vehicle", "configuration", "mass", "airframe", "log")
 """Of a table of logs; all but the first may be left out."""
-SUFFIXES: Final = (
-    *(".bfl", ".bbl", ".ulg", ".bin", ".bag", ".db3", ".mcap"),
-    *(".csv", ".tsv", ".parquet"),
-)
+SUFFIXES: Final = frozenset(suffix for form in FORMATS for suffix in form.suffixes)
 """Of files that are logs by their names, so that one that cannot be read is said."""
 BAG: Final = "metadata.yaml"
 """In a folder that is one recording of ROS 2."""
@@ -119,7 +117,7 @@ def _logs_in(folder: Path, apart: Path | None) -> Iterator[Path]:
             yield from () if path.is_symlink() else _logs_in(path, apart)
         elif not (path.is_file() or path.is_dir()):
             continue  # a pipe would be waited for
-        elif path.suffix.lower() in SUFFIXES or format_of(path) not in (None, "table"):
+        elif path.suffix.lower() in SUFFIXES or ((f := format_of(path)) and f.certain):
             yield path
 
 

@@ -18,9 +18,8 @@ from rotorfit.fleet.entries import key_of, read_entry, write_entry
 from rotorfit.fleet.listing import FlightTask
 from rotorfit.fleet.one_flight import entry_of, experiment_of, failure_of, fingerprint_of
 from rotorfit.fleet.records import FlightFailure
-from rotorfit.logs.blackbox import list_blackbox_logs
 from rotorfit.logs.files import read_head
-from rotorfit.logs.read import format_of
+from rotorfit.logs.read import logs_in_file
 
 TRIES: Final = 2
 """Processes that a log may end before it is left out."""
@@ -85,10 +84,9 @@ def worked_batch(tasks: tuple[FlightTask, ...], desk: Desk) -> tuple[TaskOutcome
 
 def _worked(task: FlightTask, cache: Path) -> TaskOutcome:
     path = Path(task.file)
-    if task.log_number is None and format_of(path) == "blackbox":
-        logs = list_blackbox_logs(path)
-        if len(logs) > 1:
-            return TaskOutcome(task=task, numbers=tuple(log.number for log in logs))
+    logs = logs_in_file(path) if task.log_number is None else ()
+    if len(logs) > 1:
+        return TaskOutcome(task=task, numbers=tuple(log.number for log in logs))
     if not path.is_dir():
         read_head(path, 1)
     experiment = experiment_of(task)

@@ -28,17 +28,7 @@ AXES: Final = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """A frequency sweep about one axis; seconds as those given.
-
-    Attributes
-    ----------
-    axis
-        ``roll``, ``pitch`` or ``yaw``.
-    start, end
-        When it was seen, from `BAND` on [s].
-    lowest, highest
-        Frequencies then [Hz].
-    """
+    """A frequency sweep about one axis: when it was in `BAND` [s], and its frequencies [Hz]."""
 
     axis: str
     start: float
@@ -47,7 +37,7 @@ class Sweep:
     highest: float
 
     def words(self) -> str:
-        """Return the sweep in words."""
+        """Describe the sweep."""
         return (
             f"{self.axis}: {self.start:.0f} to {self.end:.0f} s, {self.lowest:.2g} to "
             f"{self.highest:.2g} Hz"
@@ -57,15 +47,7 @@ class Sweep:
 def frequency_sweeps(
     time: Float[np.ndarray, " n"], rates: Float[np.ndarray, "n 3"]
 ) -> tuple[Sweep, ...]:
-    """Return the frequency sweeps of a stretch of flight.
-
-    Parameters
-    ----------
-    time
-        In equal steps [s].
-    rates
-        Of the body about x, y, z.
-    """
+    """Find the frequency sweeps in body rates about x, y, z, sampled in equal steps [s]."""
     if time[-1] - time[0] < LEAST_SECONDS + WINDOW_SECONDS:
         return ()
     fs = 1.0 / float(np.median(np.diff(time)))
@@ -84,7 +66,7 @@ def frequency_sweeps(
 def _sine(
     frequency: Float[np.ndarray, " f"], power: Float[np.ndarray, "f t"]
 ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"]]:
-    """Return the strongest frequency of each window, and the share of the power about it."""
+    """Find the strongest frequency of each window, and the share of the power about it."""
     strongest = frequency[np.argmax(power, axis=0)]
     ratio = frequency[:, None] / strongest
     near = (ratio < NEAR) & (ratio > 1.0 / NEAR)
@@ -97,7 +79,7 @@ def _rises(
     strongest: Float[np.ndarray, " t"],
     pure: np.ndarray,
 ) -> list[Sweep]:
-    """Return the stretches of sines whose frequency rises, no window falling far back."""
+    """Find the stretches of sines whose frequency rises, no window falling far back."""
     goes_on = pure[1:] & pure[:-1] & (strongest[1:] > strongest[:-1] / 1.1)
     goes_on &= strongest[1:] < 2.0 * strongest[:-1]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], goes_on.astype(int), [0]])))

@@ -9,7 +9,6 @@ from rotorfit.dataset.checks.plausible_units import gyro_in_degrees
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
 from rotorfit.identification.identify import identify
-from rotorfit.inspection.filters import Filter
 from rotorfit.inspection.frequency_sweep import Sweep, frequency_sweeps
 from rotorfit.inspection.motor_lateness import LATEST, SEARCHED, motor_lateness
 from rotorfit.inspection.pictures import LogPictures, log_pictures
@@ -21,8 +20,10 @@ from rotorfit.inspection.recording import (
     lacks,
     vibration,
 )
-from rotorfit.inspection.settings import Setting, settings_for
+from rotorfit.inspection.settings import settings_for
+from rotorfit.logs.firmware import Filter, Setting
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
+from rotorfit.logs.formats import BY_NAME
 from rotorfit.preprocessing.mocap.camera import camera_clock
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry, telemetry
@@ -186,9 +187,10 @@ def _response(log: FlightLog, late: float | None) -> MotorResponse | None:
 
 
 def _low_passes(log: FlightLog, pictures: LogPictures) -> list[Filter]:
-    """Return the low-passes that a Blackbox log's samples went through."""
-    if log.format != "blackbox":
-        return []  # the notes of the other readers say so
+    """Select the low-passes that the samples went through, where the reader's notes do not."""
+    form = BY_NAME.get(log.format)
+    if form is not None and form.notes_filters:
+        return []
     return [f for f in pictures.filters if f.kind == "low-pass" and f.passed]
 
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rotorfit.errors import FlightError
-from rotorfit.inspection.filters import Filter, filters_of
 from rotorfit.inspection.recording import ChannelReport
 from rotorfit.inspection.spectra import RotorBand, Spectrum, rotor_bands, spectrum
 from rotorfit.inspection.time_picture import TimePicture, time_picture
+from rotorfit.logs.firmware import Filter
 from rotorfit.logs.flight_log import FlightLog
+from rotorfit.logs.formats import BY_NAME, load
 from rotorfit.preprocessing.prepare import PreparedFlight
 
 
@@ -86,6 +87,12 @@ def log_pictures(
         filters=filters_of(log),
         left_out=tuple(left_out),
     )
+
+
+def filters_of(log: FlightLog) -> tuple[Filter, ...]:
+    """Find the filters on board by a log's settings; none where its format says nothing of them."""
+    form = BY_NAME.get(log.format)
+    return tuple(load(form.filters)(log)) if form is not None and form.filters else ()
 
 
 def first_sample(log: FlightLog) -> float:

@@ -2,28 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import signal
 
+from rotorfit.logs.firmware import Lack
 from rotorfit.logs.flight_log import CHANNELS, Channel
 from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import LEAST_LIMIT, share_at_limit, true_runs
-
-Lack = Literal[
-    "no gyro",
-    "slow gyro",
-    "no accel",
-    "slow accel",
-    "filtered accel",
-    "no rotor speed",
-    "no motors",
-    "slow motors",
-    "no battery",
-]
 
 FAST_ENOUGH: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""

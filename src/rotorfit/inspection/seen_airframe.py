@@ -6,15 +6,9 @@ from typing import Final
 
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.logs.flight_log import FlightLog
+from rotorfit.logs.formats import BY_NAME
 from rotorfit.model.layouts import LAYOUTS
 
-OWN_ORDER: Final = {
-    "blackbox": "betaflight",
-    "ulog": "px4",
-    "dataflash": "ardupilot",
-    "crazyflie": "crazyflie",
-}
-"""Whose motor numbering a log of a format usually has."""
 _BORNE_OUT: Final = re.compile(
     r'layout = "(?P<layout>[^"]+)", order = "(?P<order>[^"]+)"(?P<turned> with every spin rev)?'
 )
@@ -47,7 +41,7 @@ class SeenAirframe:
 
 
 def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
-    """Return what a log and the look at it say of the airframe."""
+    """Read from a log and its report what they say of the airframe."""
     motors = log.channels.get("rotor_speed", log.channels.get("command"))
     if motors is None:
         return SeenAirframe()
@@ -55,18 +49,23 @@ def seen_airframe(log: FlightLog, report: LogReport) -> SeenAirframe:
     speed = "measured" if "rotor_speed" in log.channels else "commanded"
     found = _BORNE_OUT.match((report.prospects and report.prospects.motors) or "")
     if found is None:
-        return SeenAirframe(rotors=count, order=OWN_ORDER.get(log.format), speed=speed)
+        return SeenAirframe(rotors=count, order=_usual_order(log), speed=speed)
     return SeenAirframe(
         rotors=count,
         layout=found["layout"],
-        order=_own_name(found["layout"], found["order"], log.format),
+        order=_logged_order(log, found["layout"], found["order"]),
         borne_out=True,
         turned=found["turned"] is not None,
         speed=speed,
     )
 
 
-def _own_name(layout: str, order: str, log_format: str) -> str:
-    """Return a motor order by the name of the log's own autopilot, where the two are the same."""
-    own = OWN_ORDER.get(log_format, order)
-    return own if LAYOUTS.get((layout, own)) == LAYOUTS[layout, order] else order
+def _usual_order(log: FlightLog) -> str | None:
+    form = BY_NAME.get(log.format)
+    return None if form is None else form.motor_order
+
+
+def _logged_order(log: FlightLog, layout: str, order: str) -> str:
+    """Name a motor order by the log's autopilot, where the two are the same."""
+    usual = _usual_order(log) or order
+    return usual if LAYOUTS.get((layout, usual)) == LAYOUTS[layout, order] else order

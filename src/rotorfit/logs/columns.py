@@ -40,17 +40,7 @@ class ColumnSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:
-    """Columns that make one channel together.
-
-    Attributes
-    ----------
-    channel
-        Name of the channel in a `FlightLog`.
-    names
-        Canonical names of the columns, in the order of the components.
-    quantity
-        What they are.
-    """
+    """Columns that make one channel of a `FlightLog`, by canonical names in order of components."""
 
     channel: str
     names: tuple[str, ...]
@@ -121,18 +111,6 @@ def resolve(
 
     What the map names comes from there; columns that carry a canonical name themselves, and that
     the map does not claim for something else, are read as they are.
-
-    Parameters
-    ----------
-    in_file
-        Names of the file's columns.
-    columns
-        Canonical name to specification, for columns with other names or units.
-
-    Raises
-    ------
-    LogError
-        If the map is wrong, or neither map nor file name a time and one quantity besides.
     """
     mapped = dict(columns or {})
     _check_map(mapped, in_file)
@@ -156,30 +134,18 @@ def resolve(
 def complete_groups(
     resolved: Iterable[str], mapped: Iterable[str]
 ) -> tuple[list[Group], list[str]]:
-    """Return the groups with all their columns, and a note on each one left out.
-
-    Parameters
-    ----------
-    resolved
-        Canonical names that the file has.
-    mapped
-        Those that a map names: a group that it begins must be complete. Without a map, so must
-        every group.
-
-    Raises
-    ------
-    LogError
-        If a group lacks a column.
-    """
+    """Return the groups with all their columns, and a note on each one left out."""
     have, asked = set(resolved), set(mapped)
     groups: list[Group] = []
     notes: list[str] = []
+    # Half of the Euler angles next to a quaternion is no loss.
+    spare = EULER if have.issuperset(QUATERNION.names) else None
     for group in (*GROUPS, *_rotor_groups(have)):
         missing = [name for name in group.names if name not in have]
         present = [name for name in group.names if name in have]
         if not missing:
             groups.append(group)
-        elif present and (not asked or asked.intersection(present)) and not _spare(group, have):
+        elif present and (not asked or asked.intersection(present)) and group is not spare:
             cure = "name the others in the columns map, too" if asked else f"rename {present[0]!r}"
             raise LogError(
                 f"column {missing[0]!r} is missing beside {', '.join(present)}: "
@@ -188,11 +154,6 @@ def complete_groups(
         elif present:
             notes.append(f"Left out {', '.join(present)}: no {', '.join(missing)} beside.")
     return _one_attitude(groups, notes, asked)
-
-
-def _spare(group: Group, have: set[str]) -> bool:
-    """Tell whether an attitude is there already, so that half of the other one is no loss."""
-    return group is EULER and have.issuperset(QUATERNION.names)
 
 
 def _one_attitude(

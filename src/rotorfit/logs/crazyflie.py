@@ -1,13 +1,12 @@
 """Micro-SD logs of the Crazyflie; its body axes are FLU."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
-from scipy.spatial.transform import Rotation
+from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
 from rotorfit.logs.axes import attitude_from_euler
@@ -21,7 +20,19 @@ from rotorfit.logs.crazyflie_records import (
     variables_at,
 )
 from rotorfit.logs.files import Content, open_mapped, sha256_of
-from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog, in_air
+from rotorfit.logs.firmware import (
+    NO_ACCEL,
+    NO_BATTERY,
+    NO_MOTORS,
+    NO_SPEED,
+    SLOW_IMU,
+    SLOW_MOTORS,
+    Advice,
+    Lack,
+    asked_for,
+    settings_of,
+)
+from rotorfit.logs.flight_log import Channel, Circumstances, FlightLog, in_air, in_order
 from rotorfit.logs.units import STANDARD_GRAVITY
 
 FIXED_FREQUENCY: Final = "fixedFrequency"
@@ -62,6 +73,15 @@ LEGACY_MIXER: Final = np.array(
     [[1.0, -0.5, 0.5, 1.0], [1.0, -0.5, -0.5, -1.0], [1.0, 0.5, -0.5, 1.0], [1.0, 0.5, 0.5, -1.0]]
 )
 """m1 to m4 over cmd_thrust, cmd_roll, cmd_pitch, cmd_yaw (power_distribution, legacy mode)."""
+SETTINGS: Final = settings_of(
+    ("config.txt:", " ".join(_ACCEL), "the accelerometer", NO_ACCEL),
+    ("config.txt:", " ".join(_GYRO), "the gyro", frozenset({"no gyro"})),
+    ("config.txt:", f"on:{FIXED_FREQUENCY}, 500", "500 samples a second", SLOW_IMU | SLOW_MOTORS),
+    ("config.txt:", " ".join(_MOTOR), "the motors", NO_MOTORS),
+    ("config.txt:", "pm.vbatMV", "the battery, which brushed motors follow", NO_BATTERY),
+    ("config.txt:", " ".join(_ROTOR_SPEEDS[0]), "rotor speed, with an RPM deck", NO_SPEED),
+)
+"""Lines of config.txt on the card. Source: Bitcraze "Micro SD card deck"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,32 +110,13 @@ class _Found:
 
 
 def is_crazyflie(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a Crazyflie micro-SD log."""
+    """Tell whether bytes from the beginning of a file are a Crazyflie micro-SD log."""
     # The version is a uint16 after the magic byte; none above 255 will ever be.
     return head[:1] == bytes([MAGIC]) and head[2:3] == b"\0"
 
 
 def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
-    """Read a micro-SD log of a Crazyflie.
-
-    Parameters
-    ----------
-    path
-        The file.
-    event
-        Name of the event whose variables are read; None: ``fixedFrequency``, or the only event
-        that was recorded.
-
-    Returns
-    -------
-    FlightLog
-        Channels in SI units and FLU axes, all on the clock of that event.
-
-    Raises
-    ------
-    LogError
-        If the file cannot be read, has no records of the event, or none of the known variables.
-    """
+    """Read a micro-SD log of a Crazyflie."""
     data = open_mapped(path)
     if not is_crazyflie(data[:3]):
         raise LogError(
@@ -144,8 +145,13 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
     )
 
 
+def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
+    """Advise what the card's config.txt is to log."""
+    return Advice(settings=asked_for(SETTINGS, lacks), file="config.txt")
+
+
 def _chosen_event(records: Records, name: str | None) -> Event:
-    """Return the event to read."""
+    """Choose the event to read."""
     events = {event.name: event for event in reversed(records.header.events)}
     recorded = [e for e in records.header.events if len(records.starts[e.number]) > 1]
     if name is None and FIXED_FREQUENCY in events and events[FIXED_FREQUENCY] in recorded:
@@ -169,9 +175,9 @@ def _event_counts(records: Records) -> str:
 
 
 def _recording(data: Content, records: Records, event: Event) -> tuple[_Recording, int]:
-    """Return the records of an event in order of time, and how many were left out for that."""
+    """Order the records of an event by time; also count those left out for that."""
     time, starts = record_times(data, records, event), records.starts[event.number]
-    kept = _in_order(time)
+    kept = in_order(time)
     if not kept.all():
         time, starts = time[kept], starts[kept]
     variables = {v.name: v for v in event.variables}
@@ -179,19 +185,8 @@ def _recording(data: Content, records: Records, event: Event) -> tuple[_Recordin
     return recording, int(np.count_nonzero(~kept))
 
 
-def _in_order(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return which records to keep, so that time never goes back.
-
-    A wrong time is either too early or too late: left out are those earlier than one before, or
-    those later than one after, whichever are fewer.
-    """
-    early = time < np.maximum.accumulate(time)
-    late = time > np.minimum.accumulate(time[::-1])[::-1]
-    return ~early if np.count_nonzero(early) <= np.count_nonzero(late) else ~late
-
-
 def _channels(recording: _Recording) -> dict[str, _Found]:
-    """Return the channels that the variables make."""
+    """Make the channels that the variables allow."""
     makers: dict[str, Callable[[_Recording], _Found | None]] = {
         "gyro": _gyro,
         "accel": _accel,
@@ -225,7 +220,7 @@ def _found(
 
 
 def _gyro(recording: _Recording) -> _Found | None:
-    """Return the angular velocity: the gyro's, else what the controller had of it."""
+    """Read the angular velocity: the gyro's, else what the controller had of it."""
     if recording.has(*_GYRO):
         values = recording.stack(_GYRO)
         values *= _DEGREE
@@ -259,7 +254,7 @@ def _rotor_speed(recording: _Recording) -> _Found | None:
 
 
 def _command(recording: _Recording) -> _Found | None:
-    """Return the motor commands: as demanded, else as put out, else from the mixer's inputs."""
+    """Read the motor commands: as demanded, else as put out, else from the mixer's inputs."""
     for names in (_MOTOR, _PWM):
         if recording.has(*names):
             values = recording.stack(names)
@@ -319,7 +314,9 @@ def _attitude(recording: _Recording) -> _Found | None:
 
 
 def _velocity(recording: _Recording) -> _Found | None:
-    """Return the estimated velocity, turned from the world into the body's axes."""
+    """Read the estimated velocity, turned from the world into the body's axes."""
+    from scipy.spatial.transform import Rotation
+
     if not recording.has(*_VELOCITY):
         return None
     turned = _turned(recording)
@@ -335,7 +332,7 @@ def _velocity(recording: _Recording) -> _Found | None:
 
 
 def _reference(recording: _Recording) -> _Found | None:
-    """Return the rates that the rate controllers were asked for."""
+    """Read the rates that the rate controllers were asked for."""
     if not recording.has(*_REFERENCE):
         return None
     # Positive nose up, as all of pitch in the controller.
@@ -345,7 +342,7 @@ def _reference(recording: _Recording) -> _Found | None:
 
 
 def _turned(recording: _Recording) -> tuple[tuple[str, ...], Float[np.ndarray, "n 4"]] | None:
-    """Return the estimated attitude w, x, y, z, and the variables that it is of."""
+    """Read the estimated attitude w, x, y, z, and the variables that it is of."""
     found = _attitude(recording)
     if found is not None:
         return found.used, found.channel.values
@@ -377,7 +374,7 @@ def _metadata(records: Records, event: Event) -> dict[str, str]:
 
 
 def _circumstances(recording: _Recording) -> Circumstances:
-    """Return the air by the barometer [mbar, degC]; the vehicle has neither number nor clock."""
+    """Read the air by the barometer [mbar, degC]; the vehicle has neither number nor clock."""
     if not recording.has(*_AIR):
         return Circumstances()
     values = recording.stack(_AIR)
@@ -386,7 +383,7 @@ def _circumstances(recording: _Recording) -> Circumstances:
 
 
 def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
-    """Return what was taken, what is missing, and what was left out."""
+    """Say what was taken, what is missing, and what was left out."""
     notes = [one.note for one in found.values() if one.note]
     if "accel" not in found:
         half = f" {_ACCEL_Z} alone is no specific force." if recording.has(_ACCEL_Z) else ""
@@ -404,21 +401,21 @@ def _notes(recording: _Recording, found: dict[str, _Found]) -> tuple[str, ...]:
 
 
 def _damage(records: Records, unordered: int) -> tuple[str, ...]:
-    """Return what was damaged and passed over, one sentence each."""
-    doubts: list[str] = []
+    """Say what was damaged and passed over, one sentence each."""
+    damage: list[str] = []
     if not records.checksum:
-        doubts.append(
+        damage.append(
             "the checksum at the end is missing or wrong: the log was cut off, or some of its "
             "bytes are others than were written"
         )
     if records.damaged_places:
-        doubts.append(
+        damage.append(
             f"{records.damaged_places} damaged places: {records.skipped_bytes} bytes skipped, "
             f"{records.dropped_records} records before them dropped"
         )
     # A file whose CRC alone is wrong ends in four bytes that are no record.
     if records.trailing_bytes and (records.checksum or records.trailing_bytes > 4):
-        doubts.append(f"{records.trailing_bytes} bytes at the end are no whole record")
+        damage.append(f"{records.trailing_bytes} bytes at the end are no whole record")
     if unordered:
-        doubts.append(f"{unordered} records left out: their times are out of order")
-    return tuple(doubts)
+        damage.append(f"{unordered} records left out: their times are out of order")
+    return tuple(damage)

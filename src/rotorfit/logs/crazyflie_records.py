@@ -68,17 +68,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """A kind of record.
-
-    Attributes
-    ----------
-    number, name
-        As the header has them.
-    variables
-        In the order of the record.
-    size
-        Of a record with its number and time [bytes].
-    """
+    """A kind of record: its variables in order, and its size with number and time [bytes]."""
 
     number: int
     name: str
@@ -97,22 +87,10 @@ class Header:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Records:
-    """Where the records of a log are.
+    """Where the records of a log are: position of each [bytes], by number of the event.
 
-    Attributes
-    ----------
-    header
-        What the log declares.
-    starts
-        Position of each record in the file [bytes], by number of the event.
-    damaged_places, skipped_bytes
-        Where no record could be read.
-    dropped_records
-        Left out although they could be read, because they run into a damaged place.
-    trailing_bytes
-        Of an unfinished record at the end.
-    checksum
-        Whether the CRC at the end is that of the file.
+    `dropped_records` could be read, but run into a damaged place; `trailing_bytes` are of an
+    unfinished record at the end.
     """
 
     header: Header
@@ -125,13 +103,7 @@ class Records:
 
 
 def read_header(data: Content) -> Header:
-    """Return what a log declares.
-
-    Raises
-    ------
-    LogError
-        If the version is not known or the list of events is damaged.
-    """
+    """Read what a log declares."""
     if len(data) < 5:
         raise LogError(f"{len(data)} bytes, expected a Crazyflie log header: copy the file again")
     version, count = struct.unpack_from("<HH", data, 1)
@@ -152,7 +124,7 @@ def read_header(data: Content) -> Header:
 
 
 def _read_event(data: Content, position: int, head: int) -> tuple[Event, int]:
-    """Return the event declared at a position, and the position after it."""
+    """Read the event declared at a position, and the position after it."""
     number, position = _read_uint16(data, position)
     name, position = _read_name(data, position)
     count, position = _read_uint16(data, position)
@@ -180,7 +152,7 @@ def _read_uint16(data: Content, position: int) -> tuple[int, int]:
 
 
 def _read_name(data: Content, position: int) -> tuple[str, int]:
-    """Return a null-terminated name, and the position after it."""
+    """Read a null-terminated name, and the position after it."""
     stop = data.find(b"\0", position, position + LONGEST_NAME + 1)
     if stop < 0:
         raise LogError(
@@ -191,16 +163,11 @@ def _read_name(data: Content, position: int) -> tuple[str, int]:
 
 
 def find_records(data: Content) -> Records:
-    """Return where the records of a log are.
+    """Find the records of a log.
 
     Runs of one event, which nearly all logs consist of, are found by NumPy. At a number that no
     event has, or a time that cannot follow, the search goes on at the next place from which some
     records follow each other; the record before is dropped, since its bytes may be others'.
-
-    Raises
-    ------
-    LogError
-        If the header cannot be read.
     """
     header = read_header(data)
     checksum = _checksum_matches(data)
@@ -225,8 +192,9 @@ def find_records(data: Content) -> Records:
         following = _next_place(walk, position + 1, last)
         if following is None:
             break
-        if runs and sum(_extent(walk, runs[-1])) == position:
-            number, first, count = runs.pop()
+        number, first, count = runs[-1] if runs else (0, 0, 0)
+        if runs and first + count * walk.sizes[number] == position:
+            runs.pop()
             dropped += 1
             if count > 1:
                 runs.append((number, first, count - 1))
@@ -264,7 +232,7 @@ class _Walk:
     stop: int
 
     def number(self, position: int) -> int:
-        """Return the number of the event whose record would begin at a position."""
+        """Read the number of the event whose record would begin at a position."""
         return int(self.bytes[position]) + 256 * int(self.bytes[min(position + 1, self.stop - 1)])
 
     def times(self, heads: UInt8[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
@@ -274,14 +242,8 @@ class _Walk:
         return np.ascontiguousarray(heads[:, 2 : 2 + width]).view(kind)[:, 0] * unit
 
 
-def _extent(walk: _Walk, run: tuple[int, int, int]) -> tuple[int, int]:
-    """Return where a run begins, and its length [bytes]."""
-    number, first, count = run
-    return first, count * walk.sizes[number]
-
-
 def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | None]:
-    """Return how many records of one event follow each other from a position, and the last time."""
+    """Count the records of one event that follow each other from a position; and the last time."""
     number = walk.number(position)
     size = walk.sizes.get(number)
     if size is None:
@@ -306,7 +268,7 @@ def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | N
 def _credible(
     walk: _Walk, rows: UInt8[np.ndarray, "n k"], number: int, last: float | None
 ) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return which rows are records of an event whose time can follow the one before; times."""
+    """Select which rows are records of an event whose time can follow the one before; times."""
     numbers = np.ascontiguousarray(rows[:, :2]).view("<u2")[:, 0]
     times = walk.times(rows)
     steps = np.diff(times, prepend=times[:1] if last is None else last)
@@ -315,7 +277,7 @@ def _credible(
 
 
 def _next_place(walk: _Walk, position: int, last: float | None) -> int | None:
-    """Return the first position from which `CHAIN` records follow each other; None if none."""
+    """Find the first position from which `CHAIN` records follow each other; None if none."""
     head = 2 + np.dtype(VERSIONS[walk.header.version][0]).itemsize
     while position + head <= walk.stop:
         part = walk.bytes[position : min(position + SEARCH_BYTES + head - 1, walk.stop)]
@@ -333,7 +295,7 @@ def _next_place(walk: _Walk, position: int, last: float | None) -> int | None:
 
 
 def _chained(walk: _Walk, position: int, last: float | None) -> bool:
-    """Return whether `CHAIN` records follow each other, or fewer up to the very end."""
+    """Tell whether `CHAIN` records follow each other, or fewer up to the very end."""
     for _ in range(CHAIN):
         size = walk.sizes.get(walk.number(position))
         if size is None or position + size > walk.stop:
@@ -350,7 +312,7 @@ def _chained(walk: _Walk, position: int, last: float | None) -> bool:
 
 
 def _starts(walk: _Walk, runs: list[tuple[int, int, int]]) -> dict[int, Int[np.ndarray, " n"]]:
-    """Return the position of every record, by number of the event."""
+    """Find the position of every record, by number of the event."""
     found: dict[int, list[Int[np.ndarray, " n"]]] = {number: [] for number in walk.sizes}
     for number, first, count in runs:
         found[number].append(first + walk.sizes[number] * np.arange(count))
@@ -373,7 +335,7 @@ def record_times(data: Content, records: Records, event: Event) -> Float[np.ndar
 def column(
     data: Content, records: Records, event: Event, variable: Variable
 ) -> Float[np.ndarray, " n"]:
-    """Return a variable of all records of an event, as recorded; not finite ones as NaN."""
+    """Read a variable of all records of an event, as recorded; not finite ones as NaN."""
     return variables_at(data, records.starts[event.number], [variable])[:, 0]
 
 
@@ -392,7 +354,7 @@ def variables_at(
 
 
 def _values(data: Content, positions: Int[np.ndarray, " n"], kind: str) -> Float[np.ndarray, " n"]:
-    """Return numbers of one type at positions in the file."""
+    """Read numbers of one type at positions in the file."""
     width = np.dtype(kind).itemsize
     windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), width)
     with np.errstate(invalid="ignore"):  # damaged bytes may be a signalling NaN

@@ -50,18 +50,12 @@ class DelimitedText:
     first_line: int
 
     def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
-        """Return columns as numbers, NaN where a cell is empty.
-
-        Raises
-        ------
-        LogError
-            If a row is too short or too long, or a cell holds text.
-        """
+        """Read columns as numbers, NaN where a cell is empty."""
         # Looked up one by one, a header of 100 000 names takes minutes.
         places = {name: place for place, name in reversed([*enumerate(self.names)])}
         columns = [places[name] for name in names]
-        fast = _fast_numbers(self, columns)
-        return _careful_numbers(self, columns) if fast is None else fast
+        fast = fast_numbers(self, columns)
+        return careful_numbers(self, columns) if fast is None else fast
 
     def place(self, row: int) -> str:
         """Return the words for one row, counted from 0: its line in the file."""
@@ -70,13 +64,7 @@ class DelimitedText:
 
 
 def open_delimited(data: Content) -> DelimitedText:
-    """Return the table in a text file given as bytes, or mapped.
-
-    Raises
-    ------
-    LogError
-        If the text has no row of names.
-    """
+    """Return the table in a text file given as bytes, or mapped."""
     text = data if isinstance(data, mmap.mmap) and _is_plain(data) else with_line_feeds(data[:])
     start, line_number, comment = 0, 1, ""
     while start < len(text):
@@ -91,7 +79,7 @@ def open_delimited(data: Content) -> DelimitedText:
 
 
 def _is_plain(text: mmap.mmap) -> bool:
-    """Return whether a mapped text needs no change before it is looked at line by line."""
+    """Tell whether a mapped text needs no change before it is looked at line by line."""
     if text[:3] == b"\xef\xbb\xbf" or text[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return False
     for start in range(0, len(text), PIECE_BYTES):
@@ -149,7 +137,7 @@ def _decoded(line: bytes) -> str:
 
 
 def _cells_of_header(line: str) -> tuple[tuple[str, ...], str | None]:
-    """Return the cells of a line and the delimiter that makes most of them."""
+    """Split a line by the delimiter that makes most cells."""
     delimiter = max(_DELIMITERS, key=lambda candidate: len(_split(line, candidate)))
     cells = _split(line, delimiter)
     if len(cells) < 2 and '"' not in line and len(line.split()) > 1:
@@ -176,8 +164,8 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"] | None:
-    """Return the columns piece by piece; None where the text is not plain enough."""
+def fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"] | None:
+    """Read the columns piece by piece; None where the text is not plain enough."""
     numbers = np.empty((0, len(columns)))
     for piece, end in _pieces(table):
         found = _fast_piece(replace(table, text=piece, start=0), columns)
@@ -259,8 +247,8 @@ def _with_nan_in_gaps(table: DelimitedText, gaps: Int[np.ndarray, " g"]) -> byte
     return b"nan".join(pieces)
 
 
-def _careful_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"]:
-    """Return the columns cell by cell, with the line in every complaint."""
+def careful_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarray, "n k"]:
+    """Read the columns cell by cell, with the line in every complaint."""
     values: list[list[float]] = []
     for line, cells in _rows(table):
         if len(cells) != len(table.names):

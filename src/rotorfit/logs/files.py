@@ -17,11 +17,6 @@ def open_mapped(path: Path) -> Content:
     """Return a file as bytes that come into memory when they are looked at.
 
     Where the system maps no files, as in a browser, they are in memory at once.
-
-    Raises
-    ------
-    LogError
-        As `read_bytes`.
     """
     read_head(path, 1)  # refuses what cannot be read
     try:
@@ -44,34 +39,12 @@ def let_go(data: Content) -> None:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return everything in a file.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    bytes
-        At least one byte.
-
-    Raises
-    ------
-    LogError
-        If there is no such file, it is a directory, it is empty, or it may not be read.
-    """
+    """Read everything in a file."""
     return read_head(path, -1)
 
 
 def read_head(path: Path, size: int) -> bytes:
-    """Return the first bytes of a file, at most `size`; all of them if it is negative.
-
-    Raises
-    ------
-    LogError
-        As `read_bytes`.
-    """
+    """Read the first bytes of a file, at most `size`; all of them if it is negative."""
     try:
         with path.open("rb") as file:
             data = file.read(size)
@@ -91,80 +64,28 @@ def read_head(path: Path, size: int) -> bytes:
 
 
 def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-
-    Raises
-    ------
-    LogError
-        As `read_bytes`.
-    """
+    """Return the SHA-256 of a file."""
     read_head(path, 1)  # refuses what cannot be read
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
 
 
 def refuse_special_file(path: Path) -> None:
-    """Raise if a path is a device or a pipe, in whose place a file would be moved.
-
-    Parameters
-    ----------
-    path
-        Where a file is to be made.
-
-    Raises
-    ------
-    OutputError
-        With what is there.
-    """
+    """Raise if a path is a device or a pipe, in whose place a file would be moved."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise OutputError(f"{path} is a device or a pipe, and no file; name a file")
 
 
 def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:
-    """Write a file whole or not at all: under another name first, then moved into place.
-
-    Parameters
-    ----------
-    path
-        The file to make, in a folder that exists.
-    content
-        Text is written as UTF-8 with line feeds.
-    force
-        Replace a file that is there.
-
-    Raises
-    ------
-    OutputError
-        If the file is there and may not be replaced, is a device, or cannot be written.
-    """
+    """Write a file whole or not at all: under another name first, then moved into place."""
     write_all_whole({path: content}, force=force)
 
 
 def write_all_whole(files: Mapping[Path, str | bytes], *, force: bool = False) -> None:
-    """Write several files whole or none of them: moved into place when the last one is complete.
-
-    Parameters
-    ----------
-    files
-        What is to be in each; their folders exist.
-    force
-        Replace files that are there.
-
-    Raises
-    ------
-    OutputError
-        As `write_whole`.
-    """
+    """Write several files whole or none of them: moved into place when the last one is complete."""
     for path in files:
         refuse_special_file(path)
         if path.exists() and not force:

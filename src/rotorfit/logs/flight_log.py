@@ -1,16 +1,17 @@
 """The type every log reader returns: channels on their own clocks, in SI units and FLU axes."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Shaped
 
 from rotorfit.errors import LogError
 from rotorfit.formatting.frame import DataFrame, frame, pandas
 from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.logs.formats import BY_NAME
 from rotorfit.logs.speed_law import SpeedLaw
 
 CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
@@ -45,11 +46,6 @@ CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
 """
 
 
-OWN_FIELDS: Final = (
-    *("blackbox", "crazyflie", "ulog", "dataflash"),
-    *("qualisys", "motive", "vicon", "trajectory"),
-)
-"""Formats that name their own fields, units and axes: no columns map of units is taken for them."""
 COMPONENTS: Final = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
 """Of vectors and quaternions; rotors are counted from 1."""
 AS_A_TABLE: Final = (
@@ -65,6 +61,19 @@ LONG: Final = 32_768
 def pieces(count: int, *, longest: int = LONG) -> list[slice]:
     """Return rows 0 to `count` in pieces no longer than `longest`."""
     return [slice(a, min(a + longest, count)) for a in range(0, count, longest)]
+
+
+def in_order(stamps: Shaped[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Select the samples to keep, so that time never goes back.
+
+    A wrong time is either too early or too late: left out are those earlier than one before, or
+    those later than one after, whichever are fewer.
+    """
+    early = stamps < np.maximum.accumulate(stamps)
+    if not early.any():
+        return ~early
+    late = stamps > np.minimum.accumulate(stamps[::-1])[::-1]
+    return ~early if np.count_nonzero(early) <= np.count_nonzero(late) else ~late
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,17 +105,7 @@ LagOn = Literal["speed", "thrust"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedMotors:
-    """What the autopilot's parameters say of the motors.
-
-    Attributes
-    ----------
-    law
-        From command to speed.
-    words
-        From which parameters.
-    lag_on
-        What the lag acts on.
-    """
+    """What the autopilot's parameters say of the motors; `words` names the parameters."""
 
     law: SpeedLaw
     words: str
@@ -155,6 +154,12 @@ def in_air(
     return float(np.median(pressure[good])), float(np.median(temperature[good]))
 
 
+def seconds_of(channels: Iterable[Channel]) -> float:
+    """Compute the time from the first to the last sample of any channel [s]; 0 without samples."""
+    times = [channel.time for channel in channels if len(channel.time)]
+    return float(max(t[-1] for t in times) - min(t[0] for t in times)) if times else 0.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightLog:
     """One log of one flight, as a reader found it.
@@ -180,7 +185,7 @@ class FlightLog:
     warnings
         What was damaged and passed over, one sentence each; part of every result.
     simulator
-        Which simulator flew, of `simulators.LEAVES_OUT`; empty for a vehicle, or where unknown.
+        Which simulator flew, of `LEAVES_OUT`; empty for a vehicle, or where unknown.
     motors
         What its parameters say of the motors; None where they say nothing that can be relied on.
     gyro_lowpass
@@ -208,7 +213,8 @@ class FlightLog:
     @property
     def takes_columns(self) -> bool:
         """Whether a columns map names its columns and declares their units."""
-        return self.format not in OWN_FIELDS
+        form = BY_NAME.get(self.format)
+        return form is None or not form.names_fields
 
     def to_frame(self, channel: str | None = None) -> DataFrame:
         """Return channels as a pandas DataFrame, indexed by time [s].
@@ -248,7 +254,7 @@ class FlightLog:
 
 
 def _columns(name: str, channel: Channel) -> list[str]:
-    """Return the names of a channel's columns, as the flight table has them."""
+    """Name a channel's columns as the flight table does."""
     count = channel.values.shape[1]
     if count == 1:
         return [name]
@@ -277,3 +283,28 @@ def _rate(channel: Channel) -> str:
     steps = np.diff(channel.time[np.isfinite(channel.time)])
     middle = float(np.median(steps)) if len(steps) else 0.0
     return f"{1.0 / middle:.4g} Hz" if middle > 0 else "-"
+
+
+SIH: Final = "PX4 SIH"
+GAZEBO: Final = "Gazebo under PX4"
+PX4_OTHER: Final = "a simulator under PX4"
+SITL: Final = "ArduPilot SITL"
+
+LEAVES_OUT: Final[dict[str, str]] = {
+    SIH: "thrust and torque are proportional to the motor signal, and the lag acts on them, not on "
+    "a speed, in steps of its loop: it is SIH_T_TAU less half a step (2 ms at 250 Hz); no rotor "
+    "inertia, no voltage, "
+    "the CoM in the middle of the rotors",
+    GAZEBO: "the motors' plugin has its own constants: rising and falling time, thrust, moment, "
+    "rotor drag; no battery in the thrust",
+    PX4_OTHER: "what it leaves out is not known here",
+    SITL: "its own frames (not Gazebo and others behind it) turn by torque over inertia, axis by "
+    "axis, without gyroscopic terms and products of inertia; no motor lag, no rotor inertia; "
+    "yaw torque is proportional to command times thrust",
+}
+"""By the simulator's name."""
+
+
+def simulated_sentence(simulator: str) -> str:
+    """Return that a flight is none of a real vehicle, and what its simulator leaves out."""
+    return f"flown in {simulator}, a simulator: {LEAVES_OUT[simulator]}"

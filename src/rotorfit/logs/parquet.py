@@ -31,29 +31,15 @@ _SECONDS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "day": 86400.0}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParquetTable:
-    """A Parquet file of which only the columns asked for are decoded.
-
-    Attributes
-    ----------
-    data
-        The whole file.
-    names
-        Names of its columns.
-    """
+    """A Parquet file of which only the columns asked for are decoded."""
 
     data: bytes
     names: tuple[str, ...]
 
     def numbers(self, names: Sequence[str]) -> Float[np.ndarray, "n k"]:
-        """Return columns as numbers, NaN where the file has none.
+        """Read columns as numbers, NaN where the file has none.
 
         Durations and dates become seconds.
-
-        Raises
-        ------
-        LogError
-            If the file is damaged or declares more rows than can be meant, or a column holds
-            something else.
         """
         try:
             file = _opened(self.data)
@@ -78,13 +64,7 @@ class ParquetTable:
 
 
 def open_parquet(data: bytes) -> ParquetTable:
-    """Return the table of a Parquet file given as bytes.
-
-    Raises
-    ------
-    LogError
-        If pyarrow is not installed or cannot read the file.
-    """
+    """Return the table of a Parquet file given as bytes."""
     if not data.endswith(MAGIC):
         raise LogError("Parquet file without its end: it was cut off, copy or write it again")
     try:

@@ -33,15 +33,15 @@ def watched(watcher: Watcher) -> Generator[None]:
 def read_for(path: Path, progress: Progress | None) -> Generator[None]:
     """Have what the reader of a file tells told on, in steps of a hundredth, ending with 1."""
     watcher = _watcher.get()
-    told = -1.0
+    reported = -1.0
 
     def pass_on(done: float) -> None:
-        nonlocal told
+        nonlocal reported
         done = min(done, 1.0)
         # A file that is gone through again begins anew: the first time is what counts.
-        if done < told + SMALLEST_STEP and not (done == 1.0 > told):
+        if done < reported + SMALLEST_STEP and not (done == 1.0 > reported):
             return
-        told = done
+        reported = done
         if progress is not None:
             progress(done)
         if watcher is not None:

@@ -10,28 +10,14 @@ from rotorfit.errors import LogError
 
 @dataclass(frozen=True, slots=True)
 class PolynomialLaw:
-    """Speed c0 + c1 u + c2 u^2 + ... of a command u.
-
-    Attributes
-    ----------
-    coefficients
-        Lowest power first [rad/s].
-    """
+    """Speed c0 + c1 u + c2 u^2 + ... of a command u, lowest power first [rad/s]."""
 
     coefficients: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class TableLaw:
-    """Speed at some commands, as a bench gives it; linear between them.
-
-    Attributes
-    ----------
-    commands
-        Rising, 0 (stopped) to 1 (full).
-    speeds
-        Rising [rad/s].
-    """
+    """Rising speeds [rad/s] at rising commands (0 to 1), as a bench gives them; linear between."""
 
     commands: tuple[float, ...]
     speeds: tuple[float, ...]
@@ -83,14 +69,9 @@ class PowerLaw:
 
 @dataclass(frozen=True, slots=True)
 class VoltageFactor:
-    """What the battery does to the speed: a factor (V / nominal)^exponent.
+    """What the battery does to the speed: a factor (V / nominal)^exponent, nominal in V.
 
-    Attributes
-    ----------
-    nominal
-        Voltage at which the law itself holds [V].
-    exponent
-        1 where the speed goes with the voltage, 0.5 where the thrust does.
+    The exponent is 1 where the speed goes with the voltage, 0.5 where the thrust does.
     """
 
     nominal: float
@@ -102,15 +83,7 @@ Curve = PolynomialLaw | TableLaw | SquareRootLaw | PowerLaw
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedLaw:
-    """From command to rotor speed.
-
-    Attributes
-    ----------
-    curve
-        At the battery's nominal voltage, or at any.
-    voltage
-        None: the speed does not depend on the battery, or the firmware compensates for it.
-    """
+    """From command to rotor speed; without `voltage` it does not depend on the battery."""
 
     curve: Curve
     voltage: VoltageFactor | None = None
@@ -122,22 +95,7 @@ def speed_from_command(
     *,
     battery: Float[np.ndarray, "n 1"] | None = None,
 ) -> Float[np.ndarray, "n N"]:
-    """Return the speed that a command settles at, never below 0 [rad/s].
-
-    Parameters
-    ----------
-    command
-        0 (stopped) to 1 (full).
-    law
-        Of all motors.
-    battery
-        Voltage at the same instants, for a law that needs it [V].
-
-    Raises
-    ------
-    LogError
-        If the law needs a voltage, and there is none.
-    """
+    """Compute the speed that a command settles at, never below 0 [rad/s]."""
     # Below a dead zone a fitted curve is negative, where the rotor stands.
     speed = np.maximum(_curve_speed(command, law.curve), 0.0)
     if law.voltage is None:
@@ -164,15 +122,15 @@ def _curve_speed(command: Float[np.ndarray, "n N"], curve: Curve) -> Float[np.nd
             return full_speed * np.maximum(b + (1.0 - b) * command, 0.0) ** p
 
 
-def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, ...]:
-    """Return what to doubt of a law for the commands of a flight, one sentence each."""
+def law_warnings(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, ...]:
+    """Say what to doubt of a law for the commands of a flight, one sentence each."""
     low, high = float(command.min()), float(command.max())
-    doubts: list[str] = []
+    warnings: list[str] = []
     if isinstance(law.curve, TableLaw):
         first, last = law.curve.commands[0], law.curve.commands[-1]
         beyond = float(((command < first) | (command > last)).mean())
         if beyond > 0.0:
-            doubts.append(
+            warnings.append(
                 f"{100 * beyond:.3g} % of the commands ({low:.3g} to {high:.3g}) are beyond the "
                 f"table of the motors' law ({first:g} to {last:g}), where its end is taken: "
                 "measure the speed there, too"
@@ -180,8 +138,8 @@ def law_doubts(law: SpeedLaw, command: Float[np.ndarray, "n N"]) -> tuple[str, .
     else:
         speeds = _curve_speed(np.linspace(low, high, 101)[:, None], law.curve)
         if (np.diff(speeds[:, 0]) < 0.0).any():
-            doubts.append(
+            warnings.append(
                 f"the motors' law falls somewhere between the commands {low:.3g} and {high:.3g} of "
                 "the flight, but no rotor slows down when the command rises: check its coefficients"
             )
-    return tuple(doubts)
+    return tuple(warnings)

@@ -55,26 +55,7 @@ def read_table(
     axes: Axes = "FLU",
     motor_poles: int | None = None,
 ) -> FlightLog:
-    """Return the flight in a table.
-
-    Parameters
-    ----------
-    path
-        CSV (any common delimiter) or Parquet.
-    columns
-        Canonical name to column, for a file with other names or units. Columns that have a
-        canonical name in the file are read besides.
-    axes
-        Of angular velocity, acceleration and velocity in the file. With FRD, attitude is from body
-        FRD to world north-east-down and position is in that world.
-    motor_poles
-        Magnet poles of a motor, for rotor speeds in ``erpm``.
-
-    Raises
-    ------
-    LogError
-        If the file is no table, lacks a column, or holds something that cannot be meant.
-    """
+    """Read the flight in a table."""
     try:
         source = _opened(path)
         channels, notes, time = _channels(source, columns or {}, axes, motor_poles)
@@ -133,7 +114,7 @@ def _si_values(
     groups: Sequence[Group],
     motor_poles: int | None,
 ) -> dict[str, Float[np.ndarray, " n"]]:
-    """Return every column that is needed, by canonical name, in SI units; NaN for no number."""
+    """Read every column that is needed, by canonical name, in SI units; NaN for no number."""
     wanted = [TIME, *(name for group in groups for name in group.names)]
     to_si = {name: _conversion(name, specs[name], motor_poles) for name in wanted}
     recorded = source.numbers([specs[name].name for name in wanted])
@@ -262,7 +243,7 @@ def _channel(
 
 
 def _unit(quaternion: Float[np.ndarray, "n 4"], notes: list[str]) -> Float[np.ndarray, "n 4"]:
-    """Return quaternions of length 1; those that cannot be rounding of such become NaN."""
+    """Bring quaternions to length 1; those that cannot be rounding of such become NaN."""
     with np.errstate(over="ignore"):
         length = np.linalg.norm(quaternion, axis=1)
     good = np.abs(length - 1) < 0.05
@@ -278,7 +259,7 @@ def _unit(quaternion: Float[np.ndarray, "n 4"], notes: list[str]) -> Float[np.nd
 
 
 def _source(group: Group, specs: Mapping[str, ColumnSpec]) -> str:
-    """Return where a channel comes from, in the file's own words."""
+    """Name the columns, scales and units that a channel comes from."""
     used = [specs[name] for name in group.names]
     scales = {
         f"{'' if spec.scale == 1 else f' x {spec.scale:g}'}"
@@ -320,18 +301,7 @@ def _grid_step(column: Float[np.ndarray, " n"]) -> float | None:
 
 
 def format_table(columns: Mapping[str, Float[np.ndarray, " n"]]) -> str:
-    """Return canonical columns as CSV text that reads back to the same numbers.
-
-    Parameters
-    ----------
-    columns
-        Canonical name (such as ``gyro_x``) to values in SI units; NaN becomes an empty cell.
-
-    Raises
-    ------
-    OutputError
-        If a name is not canonical, there is no time, or the lengths differ.
-    """
+    """Write canonical columns as CSV text that reads back to the same numbers."""
     unknown = [name for name in columns if quantity_of(name) is None]
     if unknown:
         raise OutputError(f"{unknown[0]!r} is no column of a flight table: use {TIME}, gyro_x, ...")
@@ -353,20 +323,5 @@ def _cell(value: float) -> str:
 def write_table(
     path: Path, columns: Mapping[str, Float[np.ndarray, " n"]], *, force: bool = False
 ) -> None:
-    """Write canonical columns as CSV, whole or not at all.
-
-    Parameters
-    ----------
-    path
-        The file to make.
-    columns
-        As of `format_table`.
-    force
-        Replace a file that is there.
-
-    Raises
-    ------
-    OutputError
-        If the columns make no flight table, or the file is there or cannot be written.
-    """
+    """Write canonical columns as CSV, whole or not at all."""
     write_whole(path, format_table(columns), force=force)

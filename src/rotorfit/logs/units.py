@@ -82,15 +82,7 @@ _NEEDS_RANGE: Final = ("us", "counts")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conversion:
-    """SI value = factor * recorded value + offset.
-
-    Attributes
-    ----------
-    factor
-        SI units per recorded unit.
-    offset
-        SI value of a recorded zero.
-    """
+    """SI value = factor * recorded value + offset."""
 
     factor: float
     offset: float = 0.0
@@ -113,25 +105,7 @@ def conversion(
     motor_poles: int | None = None,
     recorded_range: tuple[float, float] | None = None,
 ) -> Conversion:
-    """Return the conversion of one recorded unit to SI.
-
-    Parameters
-    ----------
-    quantity
-        What was recorded.
-    unit
-        The unit it was recorded in, one of `UNITS`.
-    motor_poles
-        Number of magnet poles of the motor, needed for ``erpm``: a rotor turns once in
-        poles / 2 electrical revolutions.
-    recorded_range
-        Recorded values of a stopped and of a full command, needed for ``us`` and ``counts``.
-
-    Raises
-    ------
-    LogError
-        If the unit is not known for this quantity, or the poles or range it needs are missing.
-    """
+    """Return the conversion of one recorded unit to SI."""
     known = _known_unit(quantity, unit)
     if quantity == "command" and (known in _NEEDS_RANGE or recorded_range is not None):
         return _command_in_range(known, recorded_range)

@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from rotorfit.formatting.series import Series
-from rotorfit.inspection.filters import Filter
 from rotorfit.inspection.inspect_log import LogReport
 from rotorfit.inspection.pictures import LogPictures
 from rotorfit.inspection.spectra import RotorBand, Spectrum, ordinal
@@ -21,6 +20,7 @@ from rotorfit.inspection.time_picture import (
     TimePicture,
     Trace,
 )
+from rotorfit.logs.firmware import Filter
 from rotorfit.report.chart import (
     Axis,
     Chart,

@@ -12,9 +12,8 @@ from jaxtyping import Float, Int
 from rotorfit.logs.blackbox.decode import BlackboxLog
 from rotorfit.logs.blackbox.header import Header
 from rotorfit.logs.flight_log import Channel
+from rotorfit.logs.units import STANDARD_GRAVITY
 
-STANDARD_GRAVITY: Final = 9.80665
-"""What acc_1G stands for [m/s^2]."""
 QUATERNION_ONE: Final = 8127
 """INDIflight's integer for 1 in the field quat."""
 
@@ -46,20 +45,7 @@ FIELDS: Final = frozenset(
 
 
 def read_channels(log: BlackboxLog) -> tuple[dict[str, Channel], list[str]]:
-    """Return the channels of a log in SI units, and what was left out.
-
-    Parameters
-    ----------
-    log
-        With one main frame at least.
-
-    Returns
-    -------
-    channels
-        By the names of `rotorfit.logs.flight_log.CHANNELS`.
-    notes
-        One sentence for each channel that could not be had.
-    """
+    """Read the channels of a log in SI units, and what was left out."""
     readers = {
         "gyro": _gyro,
         "accel": _accel,
@@ -83,7 +69,7 @@ def read_channels(log: BlackboxLog) -> tuple[dict[str, Channel], list[str]]:
 
 
 def seconds(log: BlackboxLog) -> Float[np.ndarray, " n"]:
-    """Return the clock of the main frames [s], continued where its 32 bits overflow."""
+    """Read the clock of the main frames [s], continued where its 32 bits overflow."""
     time = log.main.column("time")
     half = 1 << 31
     step = (np.diff(time, prepend=time[:1]) + half) % (2 * half) - half
@@ -93,7 +79,7 @@ def seconds(log: BlackboxLog) -> Float[np.ndarray, " n"]:
 def _vector(
     log: BlackboxLog, bases: tuple[str, ...], count: int | None = None
 ) -> tuple[str, Int[np.ndarray, "n k"]] | None:
-    """Return the first of some array fields that the log has, with its columns [0], [1], ...
+    """Find the first of some array fields that the log has, with its columns [0], [1], ...
 
     Without `count`, as many columns as there are, `MAX_COLUMNS` at most; with it, that many or
     none.
@@ -112,12 +98,12 @@ def _vector(
 def _scaled(
     time: Float[np.ndarray, " n"], raw: Int[np.ndarray, "n k"], scale: float, source: str
 ) -> Channel:
-    """Return a channel of integers times a scale, which is also its resolution."""
+    """Scale integers to a channel; the scale is also its resolution."""
     return Channel(time=time, values=raw * scale, source=source, resolution=scale)
 
 
 def _gyro(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the angular velocity [rad/s]; Blackbox axes are already FLU."""
+    """Read the angular velocity [rad/s]; Blackbox axes are already FLU."""
     field = _vector(log, GYRO_FIELDS, 3)
     if field is None:
         return f"the log has no field {GYRO_FIELDS[0]}: enable gyro logging"
@@ -133,7 +119,7 @@ def _gyro(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
 
 
 def _gyro_scale(header: Header) -> float | None:
-    """Return the angular velocity of one count [rad/s]; None where the header does not say."""
+    """Read the angular velocity of one count [rad/s]; None where the header does not say."""
     text = header.entries.get("gyro_scale", "")
     if not re.fullmatch(r"(0x)?[0-9a-fA-F]{1,8}", text):
         return None
@@ -148,7 +134,7 @@ def _gyro_scale(header: Header) -> float | None:
 
 
 def _accel(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the specific force [m/s^2]; Blackbox axes are already FLU."""
+    """Read the specific force [m/s^2]; Blackbox axes are already FLU."""
     field = _vector(log, ACCEL_FIELDS, 3)
     if field is None:
         return f"the log has no field {' or '.join(ACCEL_FIELDS)}: enable accelerometer logging"
@@ -160,7 +146,7 @@ def _accel(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
 
 
 def _rotor_speed(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the measured rotor speeds [rad/s]."""
+    """Read the measured rotor speeds [rad/s]."""
     rotors = _vector(log, ROTOR_FIELDS)
     if rotors is not None:
         base, raw = rotors
@@ -187,7 +173,7 @@ def _rotor_speed(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | s
 
 
 def _command(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the motor commands as a fraction of the output range."""
+    """Read the motor commands as a fraction of the output range."""
     motors = _vector(log, ("motor",))
     if motors is None:
         return "the log has no field motor[0]: enable motor logging"
@@ -211,7 +197,7 @@ def _motor_range(header: Header) -> tuple[int, int, str]:
 
 
 def _battery(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the battery voltage [V]."""
+    """Read the battery voltage [V]."""
     base = next((name for name in BATTERY_FIELDS if name in log.main.names), None)
     if base is None:
         return "the log has no field vbatLatest"
@@ -222,7 +208,7 @@ def _battery(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
 
 
 def _volts_per_count(header: Header) -> tuple[float | None, str]:
-    """Return the voltage of one count [V], and how it is known."""
+    """Read the voltage of one count [V], and how it is known."""
     revision = header.entries.get("Firmware revision", "")
     firmware = re.match(r"(Betaflight|Indiflight|INAV)\s+(\d{1,6})", revision, re.IGNORECASE)
     if firmware and (firmware[1].lower() != "betaflight" or int(firmware[2]) >= 4):
@@ -239,7 +225,7 @@ def _is_indiflight(log: BlackboxLog) -> bool:
 
 
 def _position(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the motion-capture position [m], north-east-down to north-west-up."""
+    """Read the motion-capture position [m], north-east-down to north-west-up."""
     field = _vector(log, ("extPos",), 3) if _is_indiflight(log) else None
     if field is None or not field[1].any():
         return ""  # most logs have none: nothing to remark
@@ -251,7 +237,7 @@ def _position(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
 
 
 def _attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the attitude of the autopilot, body FLU to world north-west-up.
+    """Read the attitude of the autopilot, body FLU to world north-west-up.
 
     INDIflight's quat turns FRD into north-east-down. Half a turn about x on both sides gives the
     quaternion here, (w, x, -y, -z): its rates agree with the gyro, and gravity with down.
@@ -269,7 +255,7 @@ def _attitude(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
 
 
 def _reference(log: BlackboxLog, time: Float[np.ndarray, " n"]) -> Channel | str:
-    """Return the angular velocity that was asked for [rad/s], as fine as the gyro is logged."""
+    """Read the angular velocity that was asked for [rad/s], as fine as the gyro is logged."""
     field = _vector(log, REFERENCE_FIELDS, 3)
     if field is None:
         return ""

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Int, UInt32
 
 from rotorfit.errors import LogError
 from rotorfit.logs.blackbox.encodings import read_frames
-from rotorfit.logs.blackbox.events import LOGGING_RESUME, MAX_EVENTS, Event
 from rotorfit.logs.blackbox.header import (
     MAX_BYTES,
     FrameDefinition,
@@ -24,7 +23,14 @@ from rotorfit.logs.blackbox.predict import (
     position_after_intra,
     wrap,
 )
-from rotorfit.logs.blackbox.scan import DAMAGE, Window, scan_frames
+from rotorfit.logs.blackbox.scan import (
+    DAMAGE,
+    LOGGING_RESUME,
+    MAX_EVENTS,
+    Event,
+    Window,
+    scan_frames,
+)
 from rotorfit.logs.progress import tell
 
 MAX_TIME_JUMP: Final = 10_000_000
@@ -35,19 +41,10 @@ MAX_ITERATION_JUMP: Final = 5000 * 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """All frames of one kind.
+    """All frames of one kind, as 32-bit integers.
 
-    Attributes
-    ----------
-    names
-        Of the fields.
-    signed
-        Whether a field is a signed integer.
-    bits
-        One row per frame in the order of the file, one column per field: the 32 bits of each
-        integer, signed or not.
-    positions
-        Of the first field of each frame [bytes from the first frame of the log].
+    One row per frame in the order of the file; `positions` are of the first field of each frame
+    [bytes from the first frame of the log].
     """
 
     names: tuple[str, ...]
@@ -64,7 +61,7 @@ class Table:
         return wrap(self.bits.astype(np.int64), self.signed)
 
     def column(self, name: str) -> Int[np.ndarray, " n"]:
-        """Return one field of all frames."""
+        """Read one field of all frames."""
         i = self.names.index(name)
         return self.bits[:, i].astype(np.int32 if self.signed[i] else np.uint32).astype(np.int64)
 
@@ -117,18 +114,7 @@ class BlackboxLog:
 class _Written:
     """Frames of one kind (I and P are one) before prediction.
 
-    Attributes
-    ----------
-    is_intra
-        Which are I frames.
-    damages
-        Number of damaged stretches of the log before each frame.
-    positions
-        Of the first field [bytes from the first frame of the log].
-    bits
-        Fields as they are written.
-    bad
-        Whether a number of the frame cannot be.
+    `damages` counts the damaged stretches before each frame; `positions` are as in `Table`.
     """
 
     is_intra: Bool[np.ndarray, " n"]
@@ -141,28 +127,7 @@ class _Written:
 def decode(
     data: bytes, *, log_number: int | None = None, fields: Collection[str] | None = None
 ) -> BlackboxLog:
-    """Decode one log of a Blackbox file.
-
-    Parameters
-    ----------
-    data
-        The whole file.
-    log_number
-        Which log, from 1; may be left out if there is only one.
-    fields
-        Of the main frames, those to keep besides loopIteration and time; of the other frames no
-        field is kept then. None: every field of every frame.
-
-    Returns
-    -------
-    BlackboxLog
-        Every frame that can be read.
-
-    Raises
-    ------
-    LogError
-        If there is no such log, the choice is missing, or the header cannot be used.
-    """
+    """Decode one log of a Blackbox file."""
     if len(data) > MAX_BYTES:
         raise LogError(
             f"Blackbox file has {len(data)} bytes, expected {MAX_BYTES} at most: "
@@ -196,7 +161,7 @@ def decode(
 
 
 def _chosen(count: int, log_number: int | None) -> int:
-    """Return the number of the log to decode."""
+    """Choose the number of the log to decode."""
     if count == 0:
         raise LogError(
             "no Blackbox log in these bytes (no line 'H Product:Blackbox flight data recorder by "
@@ -214,7 +179,7 @@ def _chosen(count: int, log_number: int | None) -> int:
 
 
 def _kept(header: Header, fields: Collection[str] | None) -> dict[str, FrameDefinition]:
-    """Return the definitions of all frames, with the fields that are to be kept."""
+    """Reduce the definitions of all frames to the fields that are kept."""
     if fields is None:
         return dict(header.frames)
     # What P frames and the other motors refer to belongs to the fields.
@@ -228,7 +193,7 @@ def _kept(header: Header, fields: Collection[str] | None) -> dict[str, FrameDefi
 def _read(
     data: bytes, whole: Header, kept: Header
 ) -> tuple[dict[str, _Written], tuple[Event, ...], tuple[int, int], Window | None]:
-    """Return all frames by their letters, the events, the damage, and the last window.
+    """Read all frames by their letters, the events, the damage, and the last window.
 
     The damage is the number of its stretches and of the bytes skipped.
     """
@@ -256,7 +221,7 @@ def _read(
 def _read_window(
     letters: str, window: Window, whole: Header, kept: Header, damages_before: int
 ) -> _Written:
-    """Return the frames of one kind in one part of the log."""
+    """Read the frames of one kind in one part of the log."""
     chosen = np.isin(window.letters, np.frombuffer(letters.encode(), np.uint8))
     kind, starts = window.letters[chosen], window.starts[chosen]
     bits = np.zeros((len(starts), len(kept.frames[letters[0]].names)), np.uint32)
@@ -282,7 +247,7 @@ def _read_window(
 
 
 def _joined(parts: list[_Written], letters: str, kept: Header) -> _Written:
-    """Return the frames of all parts of the log together."""
+    """Join the frames of all parts of the log."""
     if not parts:
         none, width = np.zeros(0, np.int32), len(kept.frames[letters[0]].names)
         no = np.zeros(0, bool)
@@ -323,7 +288,7 @@ def _table(
 def _has_history(
     is_intra: Bool[np.ndarray, " n"], damages: Int[np.ndarray, " n"], i_interval: int
 ) -> Bool[np.ndarray, " n"]:
-    """Return which main frames are I frames, or P frames in unbroken succession to one."""
+    """Select which main frames are I frames, or P frames in unbroken succession to one."""
     after_intra = position_after_intra(is_intra)
     intra_before = np.arange(len(is_intra), dtype=np.int32) - np.maximum(after_intra, 0)
     unbroken = damages == damages[intra_before]
@@ -336,7 +301,7 @@ def _credible(
     bad: Bool[np.ndarray, " n"],
     events: tuple[Event, ...],
 ) -> Bool[np.ndarray, " n"]:
-    """Return which main frames have credible times; what follows a doubtful one is dropped."""
+    """Select which main frames have credible times; what follows a doubtful one is dropped."""
     if len(table) == 0:
         return np.zeros(0, bool)
     time = table.column("time")
@@ -353,7 +318,7 @@ def _credible(
 def _intra_in_line(
     table: Table, rows: Int[np.ndarray, " m"], events: tuple[Event, ...]
 ) -> Bool[np.ndarray, " m"]:
-    """Return which I frames continue the accepted ones before them.
+    """Select which I frames continue the accepted ones before them.
 
     One that does not is accepted all the same if logging was resumed in between, or if it agrees
     with the I frame after it although that does not continue the accepted ones either.

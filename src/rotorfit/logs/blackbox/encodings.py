@@ -58,13 +58,8 @@ class ByteIndex:
 class Group:
     """Consecutive fields that are written together.
 
-    Attributes
-    ----------
-    encoding
-        Number of the specification; signed and unsigned numbers and negated ones mix in a run of
-        variable bytes, which has the number of signed ones.
-    first, count
-        The fields.
+    Signed, unsigned and negated numbers mix in a run of variable bytes, which has the encoding of
+    signed ones.
     """
 
     encoding: Encoding
@@ -73,18 +68,7 @@ class Group:
 
 
 def index_bytes(data: bytes) -> ByteIndex:
-    """Return the index of the bytes of one log.
-
-    Parameters
-    ----------
-    data
-        The log without its header.
-
-    Returns
-    -------
-    ByteIndex
-        Its arrays take some twenty times the memory of the log.
-    """
+    """Return the index of the bytes of one log."""
     # The padding is made of terminators, so that every look-up of a truncated frame has an answer.
     padded = np.frombuffer(data + bytes(8), np.uint8)
     is_end = padded < 128
@@ -115,21 +99,11 @@ def _unsigned(data: UInt8[np.ndarray, " m"], starts: Integers, ends: Integers) -
 
 
 def group_fields(definition: FrameDefinition) -> tuple[Group, ...]:
-    """Return the fields of a frame in the groups in which they are written.
-
-    Parameters
-    ----------
-    definition
-        Of one kind of frame.
-
-    Returns
-    -------
-    tuple of Group
-        In the order of the fields. A tagged group that is alone, TAG8_8SVB of one field, is
-        written as a plain number.
-    """
+    """Group the fields of a frame as they are written."""
     groups: list[Group] = []
-    run = [_written_as(encoding) for encoding in definition.encodings]
+    # One number stands for all plain variable-byte numbers.
+    tagged = {*_GROUP_SIZE, Encoding.UNWRITTEN}
+    run = [e if e in tagged else Encoding.SIGNED_VB for e in definition.encodings]
     first = 0
     while first < len(run):
         encoding = run[first]
@@ -142,12 +116,6 @@ def group_fields(definition: FrameDefinition) -> tuple[Group, ...]:
         groups.append(Group(encoding=encoding, first=first, count=stop - first))
         first = stop
     return tuple(groups)
-
-
-def _written_as(encoding: Encoding) -> Encoding:
-    """Return the encoding, with one number for all plain variable-byte numbers."""
-    tagged = encoding in _GROUP_SIZE or encoding == Encoding.UNWRITTEN
-    return encoding if tagged else Encoding.SIGNED_VB
 
 
 def signed_from_zigzag(values: Integers) -> Integers:
@@ -169,26 +137,7 @@ def _bytes(index: ByteIndex, positions: Integers) -> Integers:
 def read_numbers(
     index: ByteIndex, starts: Int[np.ndarray, " n"], present: Bool[np.ndarray, "n k"]
 ) -> tuple[Int[np.ndarray, "n k"], Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Read runs of variable-byte numbers, of which some are left out.
-
-    Parameters
-    ----------
-    index
-        The bytes.
-    starts
-        Where each run begins.
-    present
-        Which of the numbers of each run are written.
-
-    Returns
-    -------
-    values
-        Unsigned; zero where not present.
-    stops
-        Position after each run.
-    bad
-        Whether a number of the run is longer than a 32-bit number can be.
-    """
+    """Read runs of variable-byte numbers, of which some are left out."""
     last = len(index.ends) - 1
     before = np.cumsum(present, axis=1) - present
     first = index.rank[starts].astype(np.int64)
@@ -208,24 +157,7 @@ def read_numbers(
 def read_tag2_3s32(
     index: ByteIndex, starts: Int[np.ndarray, " n"], variable: bool
 ) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
-    """Read TAG2_3S32 (three numbers of 2, 4 or 6 bits or of 1 to 4 bytes) or its variant.
-
-    Parameters
-    ----------
-    index
-        The bytes.
-    starts
-        Position of each tag.
-    variable
-        TAG2_3SVARIABLE: 5, 5, 4 and 8, 7, 7 bits in place of 4 and 6.
-
-    Returns
-    -------
-    values
-        Signed.
-    stops
-        Position after each group.
-    """
+    """Read TAG2_3S32 (three numbers of 2, 4 or 6 bits or of 1 to 4 bytes) or its variant."""
     b0, b1, b2 = (_bytes(index, starts + i) for i in range(3))
     if variable:
         word = (b0 << 16) | (b1 << 8) | b2
@@ -250,31 +182,14 @@ def read_tag2_3s32(
 def _chosen(
     number: Int[np.ndarray, " n"], choices: Sequence[Int[np.ndarray, " n"]]
 ) -> Int[np.ndarray, " n"]:
-    """Return from each row that of its number; numpy counts in the platform's own integers."""
+    """Choose an element of each row by its number; numpy indexes by the platform's integers."""
     return np.choose(number.astype(np.intp), choices)
 
 
 def read_tag8_4s16(
     index: ByteIndex, starts: Int[np.ndarray, " n"], version: int
 ) -> tuple[Int[np.ndarray, "n 4"], Int[np.ndarray, " n"]]:
-    """Read TAG8_4S16: a byte of four tags, then four numbers of 0, 4, 8 or 16 bits.
-
-    Parameters
-    ----------
-    index
-        The bytes.
-    starts
-        Position of each byte of tags.
-    version
-        Data version: 1 or 2; the first wrote 4-bit numbers in pairs, the second packs nibbles.
-
-    Returns
-    -------
-    values
-        Signed.
-    stops
-        Position after each group.
-    """
+    """Read TAG8_4S16: a byte of four tags, then four numbers of 0, 4, 8 or 16 bits."""
     tags = _bytes(index, starts)
     if version == 1:
         return _read_tag8_4s16_v1(index, starts, tags)
@@ -315,26 +230,7 @@ def _read_tag8_4s16_v1(
 def read_frames(
     index: ByteIndex, starts: Int[np.ndarray, " n"], definition: FrameDefinition, version: int
 ) -> tuple[Int[np.ndarray, "n k"], Bool[np.ndarray, " n"]]:
-    """Read the fields of frames of one kind as they are written, before prediction.
-
-    Parameters
-    ----------
-    index
-        The bytes.
-    starts
-        Position after the letter of each frame.
-    definition
-        Of this kind of frame.
-    version
-        Data version of the log.
-
-    Returns
-    -------
-    values
-        One row per frame.
-    bad
-        Frames with a number that cannot be.
-    """
+    """Read the fields of frames of one kind as they are written, before prediction."""
     values = np.zeros((len(starts), len(definition.names)), np.int64)
     bad = np.zeros(len(starts), bool)
     position = starts

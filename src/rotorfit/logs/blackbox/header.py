@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Final
 
 from rotorfit.errors import LogError
+from rotorfit.logs.blackbox import LOG_START
 
-LOG_START: Final = b"H Product:Blackbox flight data recorder by Nicholas Sherlock"
 MAX_BYTES: Final = 1 << 30
 """Largest file that is decoded; positions are 32-bit integers."""
 MAX_FIELDS: Final = 512
@@ -91,17 +91,7 @@ _INTEGER = re.compile(r"\s*[+-]?\d{1,10}\s*")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameDefinition:
-    """The fields of one kind of frame, one entry per field in each tuple.
-
-    Attributes
-    ----------
-    names
-        Such as ``"gyroADC[0]"``.
-    signed
-        Whether the value is a signed 32-bit integer.
-    predictors, encodings
-        Numbers of the Blackbox specification.
-    """
+    """The fields of one kind of frame, one entry per field in each tuple."""
 
     names: tuple[str, ...]
     signed: tuple[bool, ...]
@@ -109,7 +99,7 @@ class FrameDefinition:
     encodings: tuple[Encoding, ...]
 
     def only(self, names: Collection[str]) -> "FrameDefinition":
-        """Return the definition with some of the fields."""
+        """Reduce the definition to some of the fields."""
         kept = [i for i, name in enumerate(self.names) if name in names]
         return FrameDefinition(
             names=tuple(self.names[i] for i in kept),
@@ -153,12 +143,12 @@ class Header:
     damaged_bytes: int
 
     def numbers(self, name: str) -> tuple[int, ...] | None:
-        """Return a header line as integers; None if it is missing or something else."""
+        """Read a header line as integers; None if it is missing or something else."""
         return integers(self.entries.get(name, ""))
 
 
 def integers(text: str) -> tuple[int, ...] | None:
-    """Return comma-separated integers of ten digits at most; None if that is not what it is."""
+    """Parse comma-separated integers of ten digits at most; None if it is something else."""
     parts = text.split(",")
     if not all(_INTEGER.fullmatch(part) for part in parts):
         return None
@@ -166,42 +156,13 @@ def integers(text: str) -> tuple[int, ...] | None:
 
 
 def find_logs(data: bytes) -> list[tuple[int, int]]:
-    """Return the byte range, header included, of every log in a file.
-
-    Parameters
-    ----------
-    data
-        The whole file.
-
-    Returns
-    -------
-    list of (int, int)
-        First byte of each log, and the byte after its last.
-    """
+    """Find the byte range, header included, of every log in a file."""
     starts = [match.start() for match in re.finditer(re.escape(LOG_START), data)]
     return list(pairwise([*starts, len(data)]))
 
 
 def read_header(data: bytes, start: int, stop: int) -> Header:
-    """Read the header of one log.
-
-    Parameters
-    ----------
-    data
-        The whole file.
-    start, stop
-        Byte range of the log, as from `find_logs`.
-
-    Returns
-    -------
-    Header
-        Complete: the fields of the I frames are there and every encoding is known.
-
-    Raises
-    ------
-    LogError
-        If the header is damaged beyond use, or declares what cannot be decoded.
-    """
+    """Read the header of one log."""
     entries, data_start, damaged = _read_lines(data, start, stop)
     i_interval = (integers(entries.get("I interval", "")) or (DEFAULT_I_INTERVAL,))[0]
     if not 1 <= i_interval <= MAX_INTERVAL:
@@ -231,7 +192,7 @@ def read_header(data: bytes, start: int, stop: int) -> Header:
 
 
 def _read_lines(data: bytes, start: int, stop: int) -> tuple[dict[str, str], int, int]:
-    """Return the header lines, the offset of the first frame, and the number of damaged bytes."""
+    """Read the header lines, the offset of the first frame, and the number of damaged bytes."""
     entries: dict[str, str] = {}
     position, damaged = start, 0
     while True:
@@ -250,7 +211,7 @@ def _read_lines(data: bytes, start: int, stop: int) -> tuple[dict[str, str], int
 
 
 def _printable(raw: bytes) -> str:
-    """Return text that can be shown on any terminal."""
+    """Decode text for any terminal."""
     text = raw.decode("utf-8", "replace").strip()
     return "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
 
@@ -291,7 +252,7 @@ def _frame_definitions(entries: Mapping[str, str]) -> dict[str, FrameDefinition]
 
 
 def _field_numbers(entries: Mapping[str, str], letter: str, kind: str) -> tuple[int, ...]:
-    """Return the line "Field <letter> <kind>" as integers."""
+    """Read the line "Field <letter> <kind>" as integers."""
     name = f"Field {letter} {kind}"
     if name not in entries and kind == "signed":  # absent in the oldest logs
         return (1,) * (entries[f"Field {letter} name"].count(",") + 1)
@@ -341,7 +302,7 @@ def _definition(
 
 
 def _clash(names: tuple[str, ...], predictors: tuple[int, ...], encodings: tuple[int, ...]) -> str:
-    """Return in words what predictors and encodings demand of each other; empty if all is well."""
+    """Say what predictors and encodings demand of each other; empty if all is well."""
     pairs = list(zip(predictors, encodings, strict=True))
     if any(p == Predictor.INCREMENT and e != Encoding.UNWRITTEN for p, e in pairs):
         return "a counting field that is also written, expected it to be unwritten"

@@ -38,22 +38,7 @@ def wrap(values: Int[np.ndarray, "*n k"], signed: tuple[bool, ...]) -> Int[np.nd
 def add_constants(
     written: Int[np.ndarray, "n k"], definition: FrameDefinition, header: Header
 ) -> Int[np.ndarray, "n k"]:
-    """Add the predictions that do not depend on any frame.
-
-    Parameters
-    ----------
-    written
-        Fields as they are written.
-    definition
-        Of this kind of frame.
-    header
-        With minthrottle, vbatref and motorOutput; zero where missing.
-
-    Returns
-    -------
-    values
-        Complete where the predictor is a constant.
-    """
+    """Add the predictions that do not depend on any frame."""
     constants = {
         Predictor.MIN_THROTTLE: (header.numbers("minthrottle") or (0,))[0],
         Predictor.FIFTEEN_HUNDRED: 1500,
@@ -76,7 +61,7 @@ def add_motor_0(
 
 
 def position_after_intra(is_intra: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-    """Return how many frames before each frame the last I frame is; -1 before the first."""
+    """Count the frames from the last I frame to each frame; -1 before the first."""
     number = np.arange(len(is_intra), dtype=np.int32)
     last = (
         np.maximum.accumulate(np.where(is_intra, number, np.int32(-1))) if len(number) else number
@@ -87,23 +72,7 @@ def position_after_intra(is_intra: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " 
 def main_values(
     written: UInt32[np.ndarray, "n k"], is_intra: Bool[np.ndarray, " n"], header: Header
 ) -> UInt32[np.ndarray, "n k"]:
-    """Return the values of the main frames, some ten thousand frames at a time.
-
-    Parameters
-    ----------
-    written
-        Fields of I and P frames as they are written, in the order of the file, beginning with an
-        I frame.
-    is_intra
-        Which of them are I frames.
-    header
-        With the definition of both.
-
-    Returns
-    -------
-    values
-        Of every field, the 32 bits.
-    """
+    """Compute the values of the main frames, some ten thousand frames at a time."""
     values = np.empty_like(written)
     # So many stretches at once that their number outweighs that of the steps from I to I frame.
     least = max(_BLOCK_FRAMES, _BLOCK_STRETCHES * header.i_interval)
@@ -146,7 +115,7 @@ def _stretches(
 
 
 def _columns(definition: FrameDefinition, predictor: Predictor) -> list[int]:
-    """Return the fields with a predictor."""
+    """Find the fields with a predictor."""
     return [i for i, p in enumerate(definition.predictors) if p == predictor]
 
 
@@ -166,24 +135,7 @@ def gps_values(
     home: Int[np.ndarray, "n 2"],
     main_time: Int[np.ndarray, " n"],
 ) -> Int[np.ndarray, "n k"]:
-    """Return the values of the GPS frames.
-
-    Parameters
-    ----------
-    written
-        Fields as they are written.
-    header
-        With the definition of the G frames.
-    home
-        GPS_home[0] and [1] of the last H frame before each; zero before the first.
-    main_time
-        Time of the last main frame before each [us]; zero before the first.
-
-    Returns
-    -------
-    values
-        Of every field, as 32-bit integers.
-    """
+    """Compute the values of the GPS frames."""
     definition = header.frames["G"]
     values = add_constants(written, definition, header)
     for coordinate, column in enumerate(_columns(definition, Predictor.HOME_COORDINATE)):

@@ -3,17 +3,18 @@
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
+from rotorfit.logs.blackbox import LOG_START
 from rotorfit.logs.blackbox.channels import FIELDS, read_channels, seconds
 from rotorfit.logs.blackbox.decode import BlackboxLog, decode
-from rotorfit.logs.blackbox.header import LOG_START, find_logs, read_header
+from rotorfit.logs.blackbox.header import find_logs, read_header
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.flight_log import Circumstances, FlightLog
+from rotorfit.logs.formats import LogEntry
 
 _LISTED: Final = 8
 """Most logs that an error message lists."""
@@ -46,83 +47,13 @@ _METADATA: Final = (
 _FILTER = re.compile(r"(gyro|dterm|rpm|dyn|acc|yaw).*(lpf|lowpass|notch|filter).*", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LogEntry:
-    """One log of a Blackbox file.
-
-    Attributes
-    ----------
-    number
-        From 1.
-    start, stop
-        Byte range in the file.
-    description
-        Firmware, craft, date and size; or why the header cannot be read.
-    """
-
-    number: int
-    start: int
-    stop: int
-    description: str
-
-
-def is_blackbox(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a Blackbox log.
-
-    Parameters
-    ----------
-    head
-        Some thousand bytes; there may be remains of an older log before the header.
-
-    Returns
-    -------
-    bool
-        Whether a Blackbox header begins there.
-    """
-    return LOG_START in head
-
-
 def list_blackbox_logs(path: Path) -> tuple[LogEntry, ...]:
-    """Return the logs of a Blackbox file, from their headers alone.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    tuple of LogEntry
-        In the order of the file; empty if it holds none.
-
-    Raises
-    ------
-    LogError
-        If the file cannot be read.
-    """
+    """Return the logs of a Blackbox file, from their headers alone."""
     return _entries(read_bytes(path))
 
 
 def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
-    """Read one log of a Blackbox file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    log_number
-        Which log, from 1; may be left out if there is only one.
-
-    Returns
-    -------
-    FlightLog
-        Channels in SI units and FLU axes, all on the clock of the main frames.
-
-    Raises
-    ------
-    LogError
-        If the file cannot be read, holds several logs and none was chosen, or has no frames.
-    """
+    """Read one log of a Blackbox file."""
     data = read_bytes(path)
     if log_number is None and data.count(LOG_START) > 1:
         raise LogError(f"{path}: {_choice(_entries(data))}")
@@ -154,7 +85,7 @@ def read_blackbox(path: Path, *, log_number: int | None = None) -> FlightLog:
 
 
 def _entries(data: bytes) -> tuple[LogEntry, ...]:
-    """Return the logs in the bytes of a file."""
+    """List the logs in the bytes of a file."""
     return tuple(
         LogEntry(number=i, start=start, stop=stop, description=_describe(data, start, stop))
         for i, (start, stop) in enumerate(find_logs(data), start=1)
@@ -173,7 +104,7 @@ def _describe(data: bytes, start: int, stop: int) -> str:
 
 
 def _choice(entries: tuple[LogEntry, ...]) -> str:
-    """Return what to say of a file with several logs when none was chosen."""
+    """Describe a file with several logs when none was chosen."""
     listed = "; ".join(f"{e.number}: {e.description}" for e in entries[:_LISTED])
     more = f"; and {len(entries) - _LISTED} more" if len(entries) > _LISTED else ""
     return (
@@ -183,7 +114,7 @@ def _choice(entries: tuple[LogEntry, ...]) -> str:
 
 
 def _metadata(entries: Mapping[str, str]) -> dict[str, str]:
-    """Return the header lines that tell a person what was flown, under their own names."""
+    """Select the header lines that tell a person what was flown."""
     named = [name for name in _METADATA if name in entries]
     filters = [name for name in entries if name not in named and _FILTER.fullmatch(name)]
     metadata = {name: entries[name][:200] for name in [*named, *filters] if entries[name]}
@@ -204,7 +135,7 @@ def _circumstances(entries: Mapping[str, str]) -> Circumstances:
 
 
 def _frame_counts(log: BlackboxLog) -> str:
-    """Return how many frames of each kind were read."""
+    """Count the frames of each kind that were read."""
     intra = int(log.is_intra.sum())
     counts = {
         "I": intra,
@@ -218,7 +149,7 @@ def _frame_counts(log: BlackboxLog) -> str:
 
 
 def _damage(log: BlackboxLog) -> list[str]:
-    """Return what was damaged and passed over, one sentence each."""
+    """Say what was damaged and passed over, one sentence each."""
     notes: list[str] = []
     if log.damaged_stretches:
         notes.append(

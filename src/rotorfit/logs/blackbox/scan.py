@@ -1,4 +1,4 @@
-"""Where the frames of a log begin and end, across damage."""
+"""Where the frames and events of a log begin and end, across damage."""
 
 import re
 from array import array
@@ -18,8 +18,101 @@ from rotorfit.logs.blackbox.encodings import (
     read_tag2_3s32,
     read_tag8_4s16,
 )
-from rotorfit.logs.blackbox.events import EVENT, LOG_END, MAX_EVENT_BYTES, Event, read_event
 from rotorfit.logs.blackbox.header import Encoding, FrameDefinition, Header
+
+EVENT: Final = ord("E")
+LOG_END: Final = 255
+LOGGING_RESUME: Final = 14
+MAX_EVENT_BYTES: Final = 64
+"""No event is longer."""
+MAX_EVENTS: Final = 100_000
+"""Most events of one log; an hour of flight has some dozens."""
+
+# Payload by event number: "u" unsigned and "s" signed variable byte, a digit so many raw bytes.
+_PAYLOADS: Final[dict[int, tuple[str, str]]] = {
+    0: ("sync beep", "u"),
+    10: ("autotune cycle start", "5"),
+    11: ("autotune cycle result", "4"),
+    12: ("autotune targets", "8"),
+    14: ("logging resumed", "uu"),
+    15: ("disarmed", "u"),
+    20: ("G-tune cycle result", "1s2"),
+    30: ("flight mode", "uu"),
+    40: ("twitch test", "5"),
+}
+_INFLIGHT_ADJUSTMENT: Final = 13
+_END_MESSAGE = re.compile(rb"End of log(?: \(disarm reason:([^)]?)\))?\x00", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """One event: its number in the specification, its name, what is recorded with it.
+
+    Raw bytes are one integer, low byte first; `position` is of its E [bytes from the first frame].
+    """
+
+    kind: int
+    name: str
+    values: tuple[int, ...]
+    position: int
+
+
+def read_event(data: bytes, position: int) -> tuple[Event | None, int]:
+    """Read the event that begins with the E at `position`."""
+    refused = None, len(data) + 1
+    if position + 1 >= len(data):
+        return refused
+    kind, start = data[position + 1], position + 2
+    if kind == LOG_END:
+        message = _END_MESSAGE.match(data, start)
+        if message is None:
+            return refused
+        reason = message.group(1) or b""
+        return _event(kind, "end of log", tuple(reason), position), message.end()
+    if kind == _INFLIGHT_ADJUSTMENT:
+        # The high bit of the number of the adjusted function says that a float follows.
+        is_float = data[start : start + 1] >= b"\x80"
+        name, payload = "in-flight adjustment", "14" if is_float else "1s"
+    elif kind in _PAYLOADS:
+        name, payload = _PAYLOADS[kind]
+    else:
+        return refused
+    values, stop = _read_payload(data, start, payload)
+    return (_event(kind, name, values, position), stop) if stop <= len(data) else refused
+
+
+def _event(kind: int, name: str, values: tuple[int, ...], position: int) -> Event:
+    return Event(kind=kind, name=name, values=values, position=position)
+
+
+def _read_payload(data: bytes, start: int, payload: str) -> tuple[tuple[int, ...], int]:
+    """Read the numbers of a payload and the position after it; past the end if cut off."""
+    values: list[int] = []
+    position = start
+    for part in payload:
+        if part.isdigit():
+            stop = position + int(part)
+            value = int.from_bytes(data[position:stop], "little")
+        else:
+            value, stop = _read_vb(data, position)
+            if part == "s":
+                value = (value >> 1) ^ -(value & 1)
+        if stop > len(data):
+            return (), len(data) + 1
+        values.append(value)
+        position = stop
+    return tuple(values), position
+
+
+def _read_vb(data: bytes, start: int) -> tuple[int, int]:
+    """Read an unsigned variable-byte number and the position after it; past the end if none."""
+    value = 0
+    for i, byte in enumerate(data[start : start + 5]):
+        value |= (byte & 0x7F) << (7 * i)
+        if byte < 128:
+            return value & 0xFFFFFFFF, start + i + 1
+    return 0, len(data) + 1
+
 
 DAMAGE: Final = ord("?")
 """Stands among the letters of the frames where bytes had to be skipped."""
@@ -81,18 +174,6 @@ def scan_frames(data: bytes, header: Header) -> Iterator[Window]:
 
     A frame is accepted if another frame, or the end of the log, follows it at once. Otherwise
     the search goes on one byte after the letter with which it seemed to begin.
-
-    Parameters
-    ----------
-    data
-        The whole file.
-    header
-        With the definition of each kind of frame, and the range of the log in the file.
-
-    Yields
-    ------
-    Window
-        All frames that look whole; whether their values make sense is not known yet.
     """
     walks = {ord(k): _walk(d, header.data_version) for k, d in header.frames.items()}
     overlap = max(MAX_EVENT_BYTES, *(walk.longest for walk in walks.values())) + 2
@@ -110,7 +191,7 @@ def scan_frames(data: bytes, header: Header) -> Iterator[Window]:
 def _scan_part(
     data: bytes, walks: Mapping[int, _Walk], origin: int, stop_before: int
 ) -> tuple[Window, int]:
-    """Return the frames that begin in the first `WINDOW` bytes, and where to go on."""
+    """Find the frames that begin in the first `WINDOW` bytes, and where to go on."""
     index = index_bytes(data)
     markers = frozenset(walks) | {EVENT}
     search = re.compile(b"[" + re.escape(bytes(sorted(markers))) + b"]").search
@@ -155,7 +236,7 @@ def _scan_part(
 
 
 def _frame_stop(data: bytes, rank: memoryview, ends: memoryview, walk: _Walk, start: int) -> int:
-    """Return the position after the frame whose fields begin at `start`; past the end if none."""
+    """Find the position after the frame whose fields begin at `start`; past the end if none."""
     position = start
     try:
         for kind, count, table in walk.steps:

@@ -1,4 +1,11 @@
 """DataFlash logs of ArduPilot (.bin)."""
 
-from rotorfit.logs.dataflash.read import is_dataflash as is_dataflash
-from rotorfit.logs.dataflash.read import read_dataflash as read_dataflash
+from typing import Final
+
+HEAD: Final = b"\xa3\x95"
+"""With which each message begins."""
+
+
+def is_dataflash(head: bytes) -> bool:
+    """Tell a DataFlash log by its first bytes."""
+    return head.startswith(HEAD)

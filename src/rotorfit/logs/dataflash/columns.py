@@ -1,19 +1,20 @@
 """Fields of the messages of a DataFlash log as columns, scaled as their letters say."""
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from rotorfit.logs.dataflash.formats import TIMES, Field, MessageFormat
-from rotorfit.logs.dataflash.messages import Messages
+from rotorfit.logs.dataflash.messages import TIMES, Field, MessageFormat, Messages
+from rotorfit.logs.flight_log import in_order
 
 LATEST_TIME = 1e7
 """No autopilot is on for so long [s]: a later time is damage."""
 
 
 def field_values(rows: UInt8[np.ndarray, "n length"], field: Field) -> np.ndarray:
-    """Return one field of messages: numbers scaled, texts as bytes, arrays with 32 columns."""
+    """Read one field of messages: numbers scaled, texts as bytes, arrays with 32 columns."""
     width = field.dtype.itemsize
     raw = np.ascontiguousarray(rows[:, field.offset : field.offset + width])
     values = raw.view(field.dtype.base).reshape(len(rows), *field.dtype.shape)
@@ -22,7 +23,7 @@ def field_values(rows: UInt8[np.ndarray, "n length"], field: Field) -> np.ndarra
 
 
 def columns(messages: Messages, name: str, labels: Sequence[str]) -> dict[str, np.ndarray]:
-    """Return fields of all messages of a name, in the order of the file; empty if there are none.
+    """Read fields of all messages of a name, in the order of the file; empty if there are none.
 
     Where a log defines the name more than once, the definitions that have all the labels are
     taken one after the other.
@@ -42,19 +43,19 @@ def columns(messages: Messages, name: str, labels: Sequence[str]) -> dict[str, n
 
 
 def has_fields(messages: Messages, name: str, labels: Sequence[str]) -> bool:
-    """Return whether there are messages of a name that have all the labels."""
+    """Tell whether there are messages of a name that have all the labels."""
     return any(
         all(label in messages.formats[i].fields for label in labels) for i in messages.named(name)
     )
 
 
 def first_label(messages: Messages, name: str, labels: Sequence[str]) -> str | None:
-    """Return the first of some labels that the messages of a name have."""
+    """Find the first of some labels that the messages of a name have."""
     return next((label for label in labels if has_fields(messages, name, (label,))), None)
 
 
 def format_named(messages: Messages, name: str) -> MessageFormat | None:
-    """Return the first format of a name that has messages."""
+    """Find the first format of a name that has messages."""
     return next((messages.formats[i] for i in messages.named(name)), None)
 
 
@@ -73,7 +74,7 @@ def timed(
         return None
     time = vector(found, (label,), factor=TIMES[label])[:, 0]
     del found[label]
-    kept = in_order(time)
+    kept = possible_in_order(time)
     if kept.all():
         return time, found
     return time[kept], {name: values[kept] for name, values in found.items()}
@@ -102,19 +103,65 @@ def time_of(messages: Messages, name: str) -> Float[np.ndarray, " n"]:
     return vector(found, (label,), factor=TIMES[label])[:, 0]
 
 
-def in_order(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return which messages to keep, so that time never goes back, below 0 or beyond `LATEST_TIME`.
-
-    A wrong time is either too early or too late: left out are those earlier than one before, or
-    those later than one after, whichever are fewer.
-    """
+def possible_in_order(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Select the messages to keep, so that time never goes back, below 0 or past `LATEST_TIME`."""
     possible = (time >= 0.0) & (time < LATEST_TIME)
-    if not possible.all():
-        kept = np.zeros(len(time), dtype=bool)
-        kept[possible] = in_order(time[possible])
-        return kept
-    if len(time) == 0:
-        return possible
-    early = time < np.maximum.accumulate(time)
-    late = time > np.minimum.accumulate(time[::-1])[::-1]
-    return ~early if np.count_nonzero(early) <= np.count_nonzero(late) else ~late
+    if possible.all():
+        return in_order(time)
+    kept = np.zeros(len(time), dtype=bool)
+    kept[possible] = in_order(time[possible])
+    return kept
+
+
+def rate_of(time: Float[np.ndarray, " n"]) -> float:
+    """Return samples per second by the median step [Hz]; 0 for fewer than two, or without steps."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    return 1.0 / step if step > 0 else 0.0
+
+
+EXPECTED: Final = {
+    "GyrX": "rad/s",
+    "AccX": "m/s/s",
+    "RPM": "rpm",
+    "Volt": "V",
+    "VN": "m/s",
+    "PX": "m",
+}
+"""Unit of one field of each kind, as the firmware writes it."""
+CHECKED: Final = ("IMU", "GYR", "ACC", "ESC", "BAT", "XKF1", "VISP")
+
+
+def declared_units(messages: Messages) -> dict[tuple[str, str], str]:
+    """Read the unit of each field, by message and label, where the log declares them."""
+    letters = columns(messages, "UNIT", ("Id", "Label"))
+    uses = columns(messages, "FMTU", ("FmtType", "UnitIds"))
+    if not letters or not uses:
+        return {}
+    if letters["Label"].dtype.kind != "S" or uses["UnitIds"].dtype.kind != "S":
+        return {}
+    if letters["Id"].dtype.kind not in "iu" or uses["FmtType"].dtype.kind not in "iu":
+        return {}
+    names = {
+        chr(int(i) & 0xFF): label.decode("latin-1")
+        for i, label in zip(letters["Id"].tolist(), letters["Label"].tolist(), strict=True)
+    }
+    by_type = {f.type: f for f in messages.formats}
+    found: dict[tuple[str, str], str] = {}
+    for number, ids in zip(uses["FmtType"].tolist(), uses["UnitIds"].tolist(), strict=True):
+        form = by_type.get(number)
+        if form is None:
+            continue
+        for label, letter in zip(form.labels, ids.decode("latin-1"), strict=False):
+            found[form.name, label] = names.get(letter, "")
+    return found
+
+
+def unit_warnings(messages: Messages) -> list[str]:
+    """Warn for each field whose declared unit is not the one that it is read in."""
+    units = declared_units(messages)
+    return [
+        f"{name}.{label} is declared in {units[name, label]!a}, and read as {unit}: check the scale"
+        for name in CHECKED
+        for label, unit in EXPECTED.items()
+        if units.get((name, label), unit) not in (unit, "")
+    ]

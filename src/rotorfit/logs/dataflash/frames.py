@@ -39,7 +39,7 @@ TYPES: Final = {
 }
 
 # Motors in the order of their numbers: angle [deg], or roll and pitch factor, and + for ccw.
-_ROUND: Final = {
+ROUND: Final = {
     ("QUAD", "PLUS"): "90+ -90+ 0- 180-",
     ("QUAD", "X"): "45+ -135+ -45- 135-",
     ("QUAD", "H"): "45- -135- -45+ 135+",
@@ -71,7 +71,7 @@ _ROUND: Final = {
     ("DECA", "X"): "18+ 54- 90+ 126- 162+ -162- -126+ -90- -54+ -18-",
     ("DECA", "CW_X"): "18+ 54- 90+ 126- 162+ -162- -126+ -90- -54+ -18-",
 }
-_OTHER: Final = {
+UNEVEN: Final = {
     ("QUAD", "V"): "-.7071,.7071,.7981 .7071,-.7071,1 .7071,.7071,-.7981 -.7071,-.7071,-1",
     ("OCTAQUAD", "V"): (
         "-1,1,.7981 1,1,-.7981 1,-1,1 -1,-1,-1 1,1,.7981 -1,1,-.7981 -1,-1,1 1,-1,-1"
@@ -97,14 +97,8 @@ _OLD_CLASSES: Final = {"OCTA_QUAD": "OCTAQUAD", "OCTA QUAD": "OCTAQUAD"}
 class Frame:
     """A frame whose mixer is known.
 
-    Attributes
-    ----------
-    kind, type
-        Such as ``"QUAD"`` and ``"X"``.
-    factors
-        Of roll, pitch and yaw in each motor's thrust, as the firmware scales them (at most 0.5).
-    angles_deg
-        Of the motors; None where they are not on a circle.
+    `factors` are of roll, pitch and yaw in each motor's thrust, as the firmware scales them (at
+    most 0.5); `angles_deg` are None where the motors are not on a circle.
     """
 
     kind: str
@@ -123,13 +117,13 @@ class Frame:
         return f"{self.kind} {self.type}".strip()
 
 
-def frame_of(parameters: Parameters, said: list[str]) -> Frame | None:
+def frame_of(parameters: Parameters, texts: list[str]) -> Frame | None:
     """Return the frame that a log's parameters and texts tell; None where it is not known.
 
     Before version 3.5 the parameter FRAME was the type, and the class was compiled in: a text
     ``Frame: QUAD`` tells it.
     """
-    kind = CLASSES.get(parameters.integer("FRAME_CLASS") or 0) or _class_said(said)
+    kind = CLASSES.get(parameters.integer("FRAME_CLASS") or 0) or _class_of_texts(texts)
     number = parameters.integer("FRAME_TYPE")
     if number is None:
         number = parameters.integer("FRAME")
@@ -138,16 +132,16 @@ def frame_of(parameters: Parameters, said: list[str]) -> Frame | None:
     return _frame(kind, TYPES.get(number, ""))
 
 
-def frame_words(parameters: Parameters, said: list[str]) -> str:
-    """Return what a log says of its frame, for a frame that is not known."""
+def frame_words(parameters: Parameters, texts: list[str]) -> str:
+    """Quote what a log says of a frame that is not known."""
     names = ("FRAME_CLASS", "FRAME_TYPE", "Q_FRAME_CLASS", "Q_FRAME_TYPE", "FRAME")
     found = [f"{n} = {parameters.values[n]:g}" for n in names if n in parameters.values]
-    found += [text for text in said if text.startswith("Frame: ")][:1]
+    found += [text for text in texts if text.startswith("Frame: ")][:1]
     return ", ".join(found) or "neither FRAME_CLASS nor FRAME_TYPE"
 
 
-def _class_said(said: list[str]) -> str | None:
-    for text in said:
+def _class_of_texts(texts: list[str]) -> str | None:
+    for text in texts:
         match = re.match(r"Frame: ([A-Z0-9_ ]+)", text)
         if match:
             name = _OLD_CLASSES.get(match[1].strip(), match[1].strip())
@@ -157,16 +151,16 @@ def _class_said(said: list[str]) -> str | None:
 
 def _frame(kind: str, type_name: str) -> Frame | None:
     key = (kind, type_name)
-    if kind == "Y6" and key not in _ROUND:  # every other type is the first Y6
+    if kind == "Y6" and key not in ROUND:  # every other type is the first Y6
         key = ("Y6", "")
-    if key in _ROUND:
-        seats = [(float(seat[:-1]), seat[-1] == "+") for seat in _ROUND[key].split()]
+    if key in ROUND:
+        seats = [(float(seat[:-1]), seat[-1] == "+") for seat in ROUND[key].split()]
         turn = np.radians([angle for angle, _ in seats])
         yaw = [1.0 if is_ccw else -1.0 for _, is_ccw in seats]
         factors = np.column_stack([-np.sin(turn), np.cos(turn), yaw])
         return _scaled(key, factors, tuple(angle for angle, _ in seats))
-    if key in _OTHER:
-        rows = [[float(x) for x in seat.split(",")] for seat in _OTHER[key].split()]
+    if key in UNEVEN:
+        rows = [[float(x) for x in seat.split(",")] for seat in UNEVEN[key].split()]
         return _scaled(key, np.array(rows), None)
     return None
 
@@ -174,13 +168,13 @@ def _frame(kind: str, type_name: str) -> Frame | None:
 def _scaled(
     key: tuple[str, str], factors: Float[np.ndarray, "N 3"], angles: tuple[float, ...] | None
 ) -> Frame:
-    """Return a frame with each column of its factors reaching 0.5, as the firmware has it."""
+    """Scale each column of the factors of a frame to 0.5, as the firmware does."""
     scaled: Float[np.ndarray, "N 3"] = 0.5 * factors / np.abs(factors).max(axis=0)
     return Frame(kind=key[0], type=key[1], factors=scaled.round(9), angles_deg=angles)
 
 
 def airframe_text(frame: Frame, imu_position: tuple[float, float, float] | None) -> str:
-    """Return the ``[airframe]`` table of a frame, for people to complete and paste.
+    """Write the ``[airframe]`` table of a frame, for people to complete and paste.
 
     What must be measured is a text in it, where a number has to be: an experiment that was not
     completed is refused.

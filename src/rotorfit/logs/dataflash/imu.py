@@ -7,7 +7,14 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.logs.axes import vectors_to_flu
-from rotorfit.logs.dataflash.columns import columns, has_fields, in_order, timed, vector
+from rotorfit.logs.dataflash.columns import (
+    columns,
+    has_fields,
+    possible_in_order,
+    rate_of,
+    timed,
+    vector,
+)
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.parameters import Parameters
 from rotorfit.logs.flight_log import Channel
@@ -36,17 +43,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImuChannels:
-    """What one IMU recorded.
-
-    Attributes
-    ----------
-    gyro, accel
-        None where the log has neither.
-    notes
-        Which IMU, why, and how it is filtered.
-    gyro_lowpass
-        Cut-off of the low-pass on board [Hz]; None where there is none, or it is not known.
-    """
+    """What one IMU recorded; `gyro_lowpass` is the cut-off on board [Hz], None where unknown."""
 
     gyro: Channel | None
     accel: Channel | None
@@ -75,12 +72,14 @@ class ImuChoice:
 
 
 def read_imu(messages: Messages, parameters: Parameters, choice: ImuChoice) -> ImuChannels:
-    """Return gyro and accelerometer of the IMU that was chosen, body axes FLU."""
+    """Read gyro and accelerometer of the IMU that was chosen, body axes FLU."""
     loop = _loop(messages, choice.instance)
     raw = _raw(messages, choice.instance)
     gyro, accel = raw or loop or (None, None)
-    if loop and raw and not _is_faster(raw, loop):
-        gyro, accel = loop
+    if loop and raw:
+        loop_rate = max(rate_of(series.time) for series in loop)
+        if min(rate_of(series.time) for series in raw) <= FASTER * loop_rate:
+            gyro, accel = loop
     notes = list(choice.notes)
     lowpass: float | None = None
     if gyro is not None and gyro.source.startswith("IMU"):
@@ -97,7 +96,7 @@ def read_imu(messages: Messages, parameters: Parameters, choice: ImuChoice) -> I
 
 
 def choose_imu(messages: Messages, parameters: Parameters) -> ImuChoice:
-    """Return the IMU that the autopilot used, as far as the log tells.
+    """Choose the IMU that the autopilot used, as far as the log tells.
 
     Of the messages `GLIMPSED` some are enough.
     """
@@ -110,7 +109,7 @@ def choose_imu(messages: Messages, parameters: Parameters) -> ImuChoice:
 
 
 def _instances(messages: Messages) -> list[int]:
-    """Return the IMUs that a log has messages of, from 0."""
+    """List the IMUs that a log has messages of, from 0."""
     if has_fields(messages, "IMU", ("I", *GYRO)):
         return _numbers(messages, "IMU")
     found = [n for n, name in enumerate(LOOP_NAMES) if has_fields(messages, name, GYRO)]
@@ -122,7 +121,7 @@ def _instances(messages: Messages) -> list[int]:
 
 
 def _numbers(messages: Messages, name: str) -> list[int]:
-    """Return the instances that messages of a name are of."""
+    """Find the instances that messages of a name are of."""
     numbers = columns(messages, name, ("I",)).get("I")
     if numbers is None or numbers.dtype.kind not in "iu":
         return []
@@ -133,7 +132,7 @@ def _numbers(messages: Messages, name: str) -> list[int]:
 
 
 def _chosen(messages: Messages, parameters: Parameters, present: list[int]) -> tuple[int, str]:
-    """Return the IMU of the estimator's primary core, else the first that is in use; and why."""
+    """Choose the IMU of the estimator's primary core, else the first that is in use; and why."""
     primary = _primary_core(messages)
     mask = parameters.integer("EK3_IMU_MASK") or parameters.integer("EK2_IMU_MASK") or 0
     cores = [i for i in range(MOST_IMUS) if mask & (1 << i)]
@@ -149,7 +148,7 @@ def _chosen(messages: Messages, parameters: Parameters, present: list[int]) -> t
 
 
 def _primary_core(messages: Messages) -> int | None:
-    """Return the core of the estimator that was in charge most of the time."""
+    """Find the core of the estimator that was in charge most of the time."""
     for name in ("XKF4", "NKF4"):
         numbers = columns(messages, name, ("PI",)).get("PI")
         if numbers is not None and numbers.dtype.kind in "iu" and len(numbers):
@@ -172,7 +171,7 @@ def _series(
         time = time[of_instance]
         fields = {label: values[of_instance] for label, values in fields.items()}
     time = _sample_time(time, fields.get("SampleUS"))
-    kept = in_order(time)
+    kept = possible_in_order(time)
     if not kept.all():
         time, fields = time[kept], {name: values[kept] for name, values in fields.items()}
     source = f"{name}{f'[{instance}]' if 'I' in extra else ''}.{','.join(labels)}"
@@ -213,17 +212,6 @@ def _raw(messages: Messages, instance: int) -> tuple[Series, Series] | None:
     return found[0], found[1]
 
 
-def _is_faster(raw: tuple[Series, Series], loop: tuple[Series, Series]) -> bool:
-    return min(map(rate_of, raw)) > FASTER * max(map(rate_of, loop))
-
-
-def rate_of(series: Series) -> float:
-    """Return samples per second, by the median step [Hz]; 0 for fewer than two."""
-    steps = np.diff(series.time)
-    step = float(np.median(steps)) if len(steps) else 0.0
-    return 1.0 / step if step > 0 else 0.0
-
-
 def _channel(series: Series | None, unit: str) -> Channel | None:
     if series is None:
         return None
@@ -232,7 +220,7 @@ def _channel(series: Series | None, unit: str) -> Channel | None:
 
 
 def _filter_notes(parameters: Parameters) -> list[str]:
-    """Return how IMU messages are filtered on board."""
+    """Say how IMU messages are filtered on board."""
     gyro = parameters.number("INS_GYRO_FILTER")
     accel = parameters.number("INS_ACCEL_FILTER")
     if not gyro or not accel:

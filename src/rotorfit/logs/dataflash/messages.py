@@ -8,16 +8,127 @@ import numpy as np
 from jaxtyping import Bool, Int, UInt8
 
 from rotorfit.errors import LogError
-from rotorfit.logs.dataflash.formats import (
-    FMT_OF_FMT,
-    FMT_TYPE,
-    HEAD,
-    HEAD_BYTES,
-    LONGEST,
-    Field,
-    MessageFormat,
-    message_format,
+from rotorfit.logs.dataflash import HEAD
+
+HEAD_BYTES: Final = 3
+"""Of a message: the two bytes above and its type."""
+FMT_TYPE: Final = 128
+FMT_BYTES: Final = 89
+LONGEST: Final = 255
+
+LETTERS: Final[Mapping[str, tuple[str, float | None]]] = {
+    "a": ("(32,)<i2", None),
+    "b": ("<i1", None),
+    "B": ("<u1", None),
+    "h": ("<i2", None),
+    "H": ("<u2", None),
+    "i": ("<i4", None),
+    "I": ("<u4", None),
+    "q": ("<i8", None),
+    "Q": ("<u8", None),
+    "g": ("<f2", None),
+    "f": ("<f4", None),
+    "d": ("<f8", None),
+    "n": ("S4", None),
+    "N": ("S16", None),
+    "Z": ("S64", None),
+    "M": ("<i1", None),
+    "c": ("<i2", 1e2),
+    "C": ("<u2", 1e2),
+    "e": ("<i4", 1e2),
+    "E": ("<u4", 1e2),
+    "L": ("<i4", 1e7),
+}
+"""NumPy type of each letter, and what its integers are divided by."""
+
+TIMES: Final[Mapping[str, float]] = {"TimeUS": 1e-6, "TimeMS": 1e-3}
+"""Labels of a message's time, and their units [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """A field of a message: a letter of `LETTERS`, and its offset in the message [bytes]."""
+
+    letter: str
+    offset: int
+
+    @property
+    def dtype(self) -> np.dtype[np.generic]:
+        """As the file has it."""
+        return np.dtype(LETTERS[self.letter][0])
+
+    @property
+    def divisor(self) -> float | None:
+        """What scaled integers are divided by; None: nothing."""
+        return LETTERS[self.letter][1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MessageFormat:
+    """One definition of a type of message; `length` is with the head [bytes].
+
+    There are no `fields` where letters and length contradict each other.
+    """
+
+    type: int
+    name: str
+    length: int
+    letters: str
+    labels: tuple[str, ...]
+    fields: Mapping[str, Field]
+
+
+FMT_OF_FMT: Final = MessageFormat(
+    type=FMT_TYPE,
+    name="FMT",
+    length=FMT_BYTES,
+    letters="BBnNZ",
+    labels=("Type", "Length", "Name", "Format", "Columns"),
+    fields={
+        label: Field(letter=letter, offset=offset)
+        for label, letter, offset in (
+            *(("Type", "B", 3), ("Length", "B", 4), ("Name", "n", 5)),
+            *(("Format", "N", 9), ("Columns", "Z", 25)),
+        )
+    },
 )
+
+
+def message_format(body: bytes) -> MessageFormat:
+    """Return the definition in the body of an FMT message (86 bytes, without its head)."""
+    letters, labels = _text(body[6:22]), tuple(_text(body[22:86]).split(","))
+    length = body[1]
+    return MessageFormat(
+        type=body[0],
+        name=_text(body[2:6]),
+        length=length,
+        letters=letters,
+        labels=labels,
+        fields=_fields(letters, labels, length),
+    )
+
+
+def _text(data: bytes) -> str:
+    """Decode the text before the first null byte."""
+    return data.split(b"\0", 1)[0].decode("latin-1")
+
+
+def _fields(letters: str, labels: tuple[str, ...], length: int) -> dict[str, Field]:
+    """Lay out the fields of a message; none where the letters do not add up to its length.
+
+    Long lists of labels are cut off at 64 bytes: then only the first fields have a name.
+    """
+    if any(letter not in LETTERS for letter in letters):
+        return {}
+    places: list[Field] = []
+    offset = HEAD_BYTES
+    for letter in letters:
+        places.append(Field(letter=letter, offset=offset))
+        offset += places[-1].dtype.itemsize
+    if offset != length:
+        return {}
+    return dict(zip(labels, places, strict=False))
+
 
 AHEAD: Final = 2 * LONGEST + HEAD_BYTES
 """Bytes after a head that decide about it: its message, the next one, and the head after that."""
@@ -63,16 +174,16 @@ class Messages:
     bad_formats: int
 
     def without(self, names: Container[str]) -> "Messages":
-        """Return the same without the bytes of some messages."""
+        """Drop the bytes of some messages."""
         rows = {i: r for i, r in self.rows.items() if self.formats[i].name not in names}
         return replace(self, rows=rows)
 
     def named(self, name: str) -> list[int]:
-        """Return the formats of that name that have messages, as indices."""
+        """Find the formats of that name that have messages, as indices."""
         return [i for i, f in enumerate(self.formats) if f.name == name and self.counts[i]]
 
     def count(self, name: str) -> int:
-        """Return how many messages of that name there are."""
+        """Count the messages of that name."""
         return sum(self.counts[i] for i in self.named(name))
 
 
@@ -135,23 +246,11 @@ class _Block:
 
 
 def find_messages(blocks: Iterable[bytes], *, wanted: Wanted = ALL) -> Messages:
-    """Return the messages of a log.
+    """Find the messages of a log.
 
     Each message's length says where the next one begins. Runs of messages that follow each other
     are found by NumPy. Where no message of a known type begins, the search goes on at the next
     one that another one follows; a message within which that one begins is left out.
-
-    Parameters
-    ----------
-    blocks
-        The file in pieces, of any size.
-    wanted
-        The messages whose bytes are kept; all of them are counted.
-
-    Raises
-    ------
-    LogError
-        If the definitions cannot be those of a log: there are thousands.
     """
     walk = _Walk(wanted=wanted)
     walk.lengths[FMT_TYPE] = FMT_OF_FMT.length
@@ -250,7 +349,7 @@ def _read_heads(walk: _Walk, block: _Block, span: tuple[int, int], position: int
 
 
 def _linked(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"]) -> Bool[np.ndarray, " h"]:
-    """Return which heads are of a known type, and their messages end where another one begins."""
+    """Select which heads are of a known type, and their messages end where another one begins."""
     raw, size = block.raw, len(block.raw)
     lengths = walk.lengths[raw[heads + 2]]
     ends = heads + lengths
@@ -262,7 +361,7 @@ def _linked(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"]) -> Bool[np
 
 
 def _search(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"], position: int) -> int:
-    """Return the first head that can be trusted, else the place after the last one."""
+    """Find the first head that can be trusted, else the place after the last one."""
     first, span = 0, FEW_HEADS
     while first < len(heads):
         good = np.flatnonzero(_linked(walk, block, heads[first : first + span]))
@@ -279,7 +378,7 @@ def _search(walk: _Walk, block: _Block, heads: Int[np.ndarray, " h"], position: 
 
 
 def _inner_message(walk: _Walk, block: _Block, start: int, end: int) -> int | None:
-    """Return where a message begins within one that is followed by none; None: nowhere."""
+    """Find where a message begins within one that is followed by none; None: nowhere."""
     following = block.raw[end : end + HEAD_BYTES]
     if len(following) < HEAD_BYTES:
         return None

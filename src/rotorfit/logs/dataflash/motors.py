@@ -11,7 +11,7 @@ from rotorfit.logs.dataflash.columns import (
     columns,
     first_label,
     has_fields,
-    in_order,
+    possible_in_order,
     timed,
     vector,
 )
@@ -41,15 +41,7 @@ _FEW: Final = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wiring:
-    """Which output each motor is on.
-
-    Attributes
-    ----------
-    outputs
-        Of motors 1, 2, ..., numbered from 1; empty where it is not known.
-    words
-        How it is known, or why not.
-    """
+    """The output of each motor, numbered from 1; none where it is not known, and why."""
 
     outputs: tuple[int, ...]
     words: str
@@ -65,7 +57,7 @@ class Range:
 
 
 def wiring(parameters: Parameters, frame: Frame | None) -> Wiring:
-    """Return which output each motor is on, by SERVOn_FUNCTION; before 3.5, motor n is output n."""
+    """Find the output of each motor by SERVOn_FUNCTION; before 3.5, motor n is output n."""
     found: dict[int, int] = {}
     known = False
     for output in range(1, OUTPUTS + 1):
@@ -97,7 +89,7 @@ def wiring(parameters: Parameters, frame: Frame | None) -> Wiring:
 
 
 def output_range(parameters: Parameters, outputs: tuple[int, ...]) -> Range:
-    """Return the PWM range of the motors.
+    """Find the PWM range of the motors.
 
     MOT_PWM_MIN and MOT_PWM_MAX; where those are 0, firmware takes the throttle's RC3_MIN and
     RC3_MAX. Without either, SERVOn_MIN and SERVOn_MAX of the first motor, else 1000 to 2000.
@@ -119,7 +111,7 @@ def output_range(parameters: Parameters, outputs: tuple[int, ...]) -> Range:
 def read_commands(
     messages: Messages, parameters: Parameters, wired: Wiring
 ) -> tuple[Channel | None, list[str]]:
-    """Return the motors' commands, 0 to 1 in the order of the motors, from the outputs' PWM."""
+    """Read the motors' commands, 0 to 1 in the order of the motors, from the outputs' PWM."""
     if messages.count("RCOU") == 0:
         return None, ["no command: the log has no message RCOU"]
     if not wired.outputs:
@@ -150,7 +142,11 @@ def _outputs(
     time: Float[np.ndarray, " n"] | None = None
     sources: list[str] = []
     for name in OUTPUT_MESSAGES:
-        labels = {o: _output_label(messages, name, o) for o in outputs if o not in parts}
+        labels = {
+            o: first_label(messages, name, tuple(f"{base}{o}" for base in _OUTPUT_LABELS))
+            for o in outputs
+            if o not in parts
+        }
         here = {o: label for o, label in labels.items() if label is not None}
         found = timed(messages, name, tuple(here.values())) if here else None
         if found is None:
@@ -167,14 +163,10 @@ def _outputs(
     return time, pwm, " and ".join(sources)
 
 
-def _output_label(messages: Messages, name: str, output: int) -> str | None:
-    return first_label(messages, name, tuple(f"{base}{output}" for base in _OUTPUT_LABELS))
-
-
 def read_rotor_speed(
     messages: Messages, parameters: Parameters, wired: Wiring
 ) -> tuple[Channel | None, list[str]]:
-    """Return rotor speeds from ESC telemetry, in the order of the motors."""
+    """Read rotor speeds from ESC telemetry, in the order of the motors."""
     escs = _escs(messages)
     if not escs:
         return None, []
@@ -193,7 +185,7 @@ def read_rotor_speed(
 
 
 def _rpm_label(messages: Messages) -> str:
-    """Return the speed without the slew adjustment, where the log has it and it was filled in."""
+    """Prefer the speed without the slew adjustment, where the log has it filled in."""
     raw = columns(messages, "ESC", ("RawRPM",)).get("RawRPM")
     with np.errstate(invalid="ignore"):  # a damaged number may be a signalling NaN
         return "RawRPM" if raw is not None and raw.dtype.kind in "iuf" and np.any(raw) else "RPM"
@@ -223,7 +215,7 @@ def _escs(messages: Messages) -> dict[int, tuple[Float[np.ndarray, " _"], Float[
 
 
 def _esc_order(numbers: list[int], outputs: tuple[int, ...]) -> tuple[list[int], str]:
-    """Return the ESC of each motor, and how it is known; none where it is not."""
+    """Assign an ESC to each motor, and say how it is known; none where it is not."""
     if len(numbers) < len(outputs) or not outputs:
         heard = ", ".join(str(n + 1) for n in numbers)
         return [], (
@@ -256,6 +248,6 @@ def _common_clock(
             columns_.append(values)
             continue
         columns_.append(np.interp(base, time, values, left=np.nan, right=np.nan))
-    kept = in_order(base)
+    kept = possible_in_order(base)
     together = np.stack(columns_, axis=1)
     return (base, together) if kept.all() else (base[kept], together[kept])

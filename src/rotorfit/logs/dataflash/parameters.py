@@ -1,13 +1,16 @@
-"""What a DataFlash log says of the vehicle: parameters, messages of the firmware, arming."""
+"""What a DataFlash log says of the vehicle: parameters, firmware, arming, when and in what air."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.logs.dataflash.columns import columns, timed
+from rotorfit.logs.dataflash.columns import columns, timed, vector
 from rotorfit.logs.dataflash.messages import Messages
+from rotorfit.logs.flight_log import Circumstances, in_air
 
 ARMED_EVENT, DISARMED_EVENT = 10, 11
 """Of message EV."""
@@ -16,21 +19,13 @@ NAMES = ("PARM", "MSG", "ARM", "EV")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameters:
-    """The parameters of a log.
-
-    Attributes
-    ----------
-    values
-        By name; the last value where one was changed.
-    changed
-        Names of those that have more than one value in the log.
-    """
+    """The parameters of a log: the last values, and the names of those that changed."""
 
     values: Mapping[str, float]
     changed: tuple[str, ...]
 
     def number(self, name: str) -> float | None:
-        """Return a parameter; those of motors and frame also as a quadplane names them (Q_)."""
+        """Read a parameter; those of motors and frame also as a quadplane names them (Q_)."""
         value = self.values.get(name)
         if value is None and name.startswith("MOT_"):
             value = self.values.get("Q_M_" + name.removeprefix("MOT_"))
@@ -39,13 +34,13 @@ class Parameters:
         return value if value is not None and np.isfinite(value) else None
 
     def integer(self, name: str) -> int | None:
-        """Return a parameter that counts or chooses."""
+        """Read a parameter that counts or chooses."""
         value = self.number(name)
         return None if value is None or abs(value) > 2**31 else round(value)
 
 
 def read_parameters(messages: Messages) -> Parameters:
-    """Return the parameters that the messages PARM hold."""
+    """Read the parameters that the messages PARM hold."""
     found = columns(messages, "PARM", ("Name", "Value"))
     values: dict[str, float] = {}
     changed: dict[str, None] = {}
@@ -60,7 +55,7 @@ def read_parameters(messages: Messages) -> Parameters:
 
 
 def texts(messages: Messages) -> list[str]:
-    """Return what the firmware said (messages MSG), in order."""
+    """Read what the firmware said (messages MSG), in order."""
     found = columns(messages, "MSG", ("Message",))
     if not found or found["Message"].dtype.kind != "S":
         return []
@@ -86,3 +81,50 @@ def arming(messages: Messages) -> tuple[Float[np.ndarray, " n"], list[bool]] | N
         return None
     at = np.full(len(ids), np.nan) if time is None else time
     return at[chosen], [number == ARMED_EVENT for number in ids[chosen].tolist()]
+
+
+CIRCUMSTANCES: Final = ("BARO", "GPS")
+KELVIN: Final = 273.15
+GPS_EPOCH: Final = 315_964_800.0
+"""Of the satellites' weeks, seconds since 1970 (UTC)."""
+LEAP_SECONDS: Final = 18.0
+"""By which UTC is behind the satellites, since 2017."""
+_WEEK: Final = 604_800.0
+_BOARD: Final = re.compile(r"\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})\s*")
+"""What the firmware says of its board when it starts: a name, and the number of the processor."""
+
+
+def circumstances_of(
+    messages: Messages, texts_of_firmware: Sequence[str], begin: float
+) -> Circumstances:
+    """Return what the log says of itself."""
+    boards = [found[1] for text in texts_of_firmware if (found := _BOARD.fullmatch(text))]
+    pressure, temperature = _air(messages)
+    return Circumstances(
+        hardware=boards[0] if boards else "",
+        started=_started(messages, begin),
+        air_pressure=pressure,
+        air_temperature=temperature,
+    )
+
+
+def _air(messages: Messages) -> tuple[float | None, float | None]:
+    found = timed(messages, "BARO", ("Press", "Temp"))
+    if found is None or len(found[0]) == 0:
+        return None, None
+    values = vector(found[1], ("Press", "Temp"))
+    return in_air(values[:, 0], values[:, 1] + KELVIN)
+
+
+def _started(messages: Messages, begin: float) -> float | None:
+    """Return when the log began, by the clock of the satellites."""
+    found = timed(messages, "GPS", ("GMS", "GWk"))
+    if found is None:
+        return None
+    time, fields = found
+    values = vector(fields, ("GMS", "GWk"))
+    known = (values[:, 1] > 0) & np.isfinite(values).all(axis=1)
+    if not known.any():
+        return None
+    clock = GPS_EPOCH + values[known, 1] * _WEEK + 1e-3 * values[known, 0] - LEAP_SECONDS
+    return float(np.median(clock - time[known])) + begin

@@ -5,7 +5,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.logs.axes import attitude_from_euler, attitude_to_flu, vectors_to_flu
+from rotorfit.logs.axes import (
+    attitude_from_euler,
+    attitude_to_flu,
+    vectors_to_flu,
+    world_to_body,
+)
 from rotorfit.logs.dataflash.columns import first_label, format_named, has_fields, timed, vector
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.flight_log import Channel
@@ -20,7 +25,7 @@ _DEGREE: Final = np.pi / 180.0
 
 
 def read_battery(messages: Messages) -> Channel | None:
-    """Return the voltage of the first battery [V]."""
+    """Read the voltage of the first battery [V]."""
     for name in ("BAT", "CURR"):
         form = format_named(messages, name)
         if form is None or "Volt" not in form.fields:
@@ -41,7 +46,7 @@ def read_battery(messages: Messages) -> Channel | None:
 
 
 def read_pose(messages: Messages) -> dict[str, Channel]:
-    """Return position and attitude from a camera system (VISP), else the attitude on board."""
+    """Read position and attitude from a camera system (VISP), else the attitude on board."""
     for angles in _VISION_ANGLES:
         found = timed(messages, "VISP", ("PX", "PY", "PZ", *angles))
         if found is not None and len(found[0]):
@@ -66,7 +71,7 @@ def _attitude(fields: dict[str, np.ndarray], angles: tuple[str, ...]) -> Float[n
 
 
 def read_velocity(messages: Messages) -> Channel | None:
-    """Return the velocity of the estimator's first core, body axes [m/s]."""
+    """Read the velocity of the estimator's first core, body axes [m/s]."""
     for name in _ESTIMATES:
         labels = (*_VELOCITY, *_ANGLES)
         core = ("C",) if has_fields(messages, name, ("C",)) else ()
@@ -76,14 +81,14 @@ def read_velocity(messages: Messages) -> Channel | None:
         time, fields = found
         first = fields["C"] == 0 if core else np.ones(len(time), dtype=bool)
         world = vectors_to_flu(vector(fields, _VELOCITY), "FRD")
-        body = _to_body(world, _attitude(fields, _ANGLES))
+        body = world_to_body(world, _attitude(fields, _ANGLES))
         source = f"{name}.VN,VE,VD [m/s], turned into the body by its angles"
         return Channel(time=time[first], values=body[first], source=source)
     return None
 
 
 def read_reference(messages: Messages) -> Channel | None:
-    """Return the rates that the rate controllers were asked for, body axes [rad/s]."""
+    """Read the rates that the rate controllers were asked for, body axes [rad/s]."""
     found = timed(messages, "RATE", _RATES)
     if found is None or len(found[0]) == 0:
         return None
@@ -93,12 +98,3 @@ def read_reference(messages: Messages) -> Channel | None:
     values = vectors_to_flu(vector(fields, _RATES, factor=_DEGREE / per_degree), "FRD")
     words = f"RATE.RDes,PDes,YDes [{'0.01 ' if per_degree > 1.0 else ''}deg/s], FRD turned to FLU"
     return Channel(time=time, values=values, source=words)
-
-
-def _to_body(
-    world: Float[np.ndarray, "n 3"], attitude_wxyz: Float[np.ndarray, "n 4"]
-) -> Float[np.ndarray, "n 3"]:
-    """Return world vectors in body axes, by the quaternion from body to world."""
-    w, u = attitude_wxyz[:, :1], -attitude_wxyz[:, 1:]
-    turn = 2.0 * np.cross(u, world)
-    return world + w * turn + np.cross(u, turn)

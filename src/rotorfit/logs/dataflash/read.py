@@ -1,27 +1,28 @@
 """DataFlash files to FlightLog."""
 
-import hashlib
 import os
-from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.logs.dataflash import circumstances, imu, law, motors, parameters, pose, remix
-from rotorfit.logs.dataflash.advice import advice, too_slow
-from rotorfit.logs.dataflash.columns import in_order, time_of
-from rotorfit.logs.dataflash.formats import HEAD
+from rotorfit.logs.dataflash import HEAD, imu, motors, parameters, pose, remix
+from rotorfit.logs.dataflash.columns import possible_in_order, time_of, unit_warnings
+from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
-from rotorfit.logs.dataflash.units import unit_doubts
-from rotorfit.logs.files import read_head
-from rotorfit.logs.flight_log import CHANNELS, Channel, Circumstances, FlightLog, LoggedMotors
+from rotorfit.logs.files import read_head, sha256_of
+from rotorfit.logs.flight_log import (
+    CHANNELS,
+    Channel,
+    FlightLog,
+    seconds_of,
+    simulated_sentence,
+)
 from rotorfit.logs.progress import tell
-from rotorfit.logs.simulators import simulated_sentence
 
 BLOCK: Final = 4 << 20
 CHOICE: Final = Wanted(
@@ -29,14 +30,14 @@ CHOICE: Final = Wanted(
 )
 """Messages that tell which IMU to read."""
 NAMES: Final = (
-    *(*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, *circumstances.NAMES),
+    *(*motors.NAMES, *parameters.NAMES, *pose.NAMES, *remix.NAMES, *parameters.CIRCUMSTANCES),
     *("UNIT", "FMTU"),
 )
 LEAST_RESTART: Final = 1.0
 """By which the clock goes back where a log begins anew [s]."""
 LEAST_LEFT: Final = 0.01
 """Share of the messages left out from which that is said."""
-_SAID: Final = 200
+_LONGEST_TEXT: Final = 200
 _MOTOR_PARAMETERS: Final = (
     *("FRAME_CLASS", "FRAME_TYPE", "FRAME", "Q_FRAME_CLASS", "Q_FRAME_TYPE"),
     *("MOT_THST_EXPO", "MOT_SPIN_ARM", "MOT_SPIN_MIN", "MOT_SPIN_MAX", "MOT_PWM_MIN"),
@@ -49,54 +50,16 @@ _MOTOR_PARAMETERS: Final = (
 )
 
 
-def is_dataflash(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are an ArduPilot DataFlash log."""
-    return head.startswith(HEAD)
-
-
 def read_dataflash(path: Path) -> FlightLog:
-    """Read a DataFlash log of ArduPilot (.bin).
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    FlightLog
-        Channels in SI units and FLU axes, each on the clock of its messages; the frame as
-        ``[airframe]`` text in the metadata.
-
-    Raises
-    ------
-    LogError
-        If the file cannot be read, is no DataFlash log, or has none of the known messages.
-    """
+    """Read a DataFlash log of ArduPilot (.bin)."""
     head = read_head(path, len(HEAD))
-    if not is_dataflash(head):
+    if head != HEAD:
         raise LogError(f"{path}: begins with {head.hex(' ')}, expected a3 95 of a DataFlash log")
+    sha256 = sha256_of(path)
     try:
-        found = _understood(path)
-        channels = {name: found.channels[name] for name in CHANNELS if name in found.channels}
-        if not channels:
-            raise LogError(found.nothing)
+        return _flight_log(path, sha256)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
-    return FlightLog(
-        path=path,
-        sha256=_sha256(path),
-        format="dataflash",
-        channels=channels,
-        seconds=_seconds(channels),
-        metadata=found.metadata,
-        notes=found.notes,
-        warnings=found.warnings,
-        simulator=found.simulator,
-        motors=found.motors,
-        gyro_lowpass=found.gyro_lowpass,
-        circumstances=found.circumstances,
-    )
 
 
 def _blocks(path: Path, turn: tuple[float, float]) -> Iterator[bytes]:
@@ -114,45 +77,22 @@ def _blocks(path: Path, turn: tuple[float, float]) -> Iterator[bytes]:
         raise LogError(f"cannot be read ({error}): check the path and the disk") from error
 
 
-def _sha256(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error}): check the path and the disk") from error
-
-
 LEAST_MOVED: Final = 0.05
 """Change of a command, of full output, by which motors were driven."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
-    """What the messages mean."""
-
-    channels: dict[str, Channel]
-    metadata: dict[str, str]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
-    nothing: str
-    simulator: str
-    motors: LoggedMotors | None
-    gyro_lowpass: float | None
-    circumstances: Circumstances
-
-
-def _understood(path: Path) -> _Found:
-    """Return channels, metadata and what to say.
+def _flight_log(path: Path, sha256: str) -> FlightLog:
+    """Make the log of the messages in a file.
 
     The file is gone through twice: what the other IMUs recorded would fill most of the memory.
     """
     glimpse = find_messages(_blocks(path, (0.0, 0.4)), wanted=CHOICE)
-    settings, said = read_parameters(glimpse), parameters.texts(glimpse)
+    settings, texts = read_parameters(glimpse), parameters.texts(glimpse)
     choice = imu.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
     messages = find_messages(_blocks(path, (0.4, 0.6)), wanted=_wanted(choice, names))
-    frame = frame_of(settings, said)
+    frame = frame_of(settings, texts)
     wired = motors.wiring(settings, frame)
     # Messages are let go of when their channel is made: all of both would fill the memory.
     speed, speed_notes = motors.read_rotor_speed(messages, settings, wired)
@@ -167,38 +107,45 @@ def _understood(path: Path) -> _Found:
         "accel": sensors.accel,
         "rotor_speed": speed,
         "command": command,
-        **_beside_motors(messages),
+        **_other_sensors(messages),
     }
-    channels = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
+    found = {n: c for n, c in made.items() if c is not None and np.isfinite(c.values).any()}
+    channels = {name: found[name] for name in CHANNELS if name in found}
+    if not channels:
+        raise LogError(_nothing(messages))
     text = None if frame is None else airframe_text(frame, _imu_position(settings, choice.instance))
-    simulator = law.simulator_of(settings)
-    flown, doubts = _armed(messages, moved=_moves(command))
-    return _Found(
+    simulator = remix.simulator_of(settings)
+    flown, arming_warnings = _armed(messages, moved=_moves(command))
+    begin = min(float(channel.time[0]) for channel in channels.values())
+    return FlightLog(
+        path=path,
+        sha256=sha256,
+        format="dataflash",
         channels=channels,
-        metadata=_metadata(settings, said, text),
+        seconds=seconds_of(channels.values()),
+        metadata=_metadata(settings, texts, text),
         notes=(
             *([simulated_sentence(simulator)] if simulator else []),
             *flown,
             *sensors.notes,
             *command_notes,
             *speed_notes,
-            *_frame_notes(frame, settings, said),
+            *_frame_notes(frame, settings, texts),
             *_law_notes(settings),
-            *advice(messages, settings, channels, wired=wired),
+            *lack_notes(messages, settings, channels, wired=wired),
         ),
         warnings=(
-            *doubts,
+            *arming_warnings,
             *appended,
             *too_slow(settings, channels),
-            *unit_doubts(messages),
+            *unit_warnings(messages),
             *_changed(settings),
             *_damage(messages, names),
         ),
-        nothing=_nothing(messages),
         simulator=simulator,
-        motors=law.logged_motors(settings, battery="battery" in channels),
+        motors=remix.logged_motors(settings, battery="battery" in channels),
         gyro_lowpass=sensors.gyro_lowpass,
-        circumstances=circumstances.circumstances_of(messages, said, _begin(channels)),
+        circumstances=parameters.circumstances_of(messages, texts, begin),
     )
 
 
@@ -220,7 +167,7 @@ def _commands(
     return command, [*notes, *mixed]
 
 
-def _beside_motors(messages: Messages) -> dict[str, Channel | None]:
+def _other_sensors(messages: Messages) -> dict[str, Channel | None]:
     """Return the channels that are neither of the IMU nor of the motors."""
     return {
         "battery": pose.read_battery(messages),
@@ -231,7 +178,7 @@ def _beside_motors(messages: Messages) -> dict[str, Channel | None]:
 
 
 def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, float] | None:
-    """Return where the accelerometer is by INS_POSn, body axes FLU; None where it was never set."""
+    """Read the accelerometer's position (INS_POSn) [m], body axes FLU; None where never set."""
     names = [f"INS_POS{instance + 1}_{axis}" for axis in "XYZ"]
     x, y, z = (settings.number(name) or 0.0 for name in names)
     if x == y == z == 0.0:
@@ -239,28 +186,28 @@ def _imu_position(settings: Parameters, instance: int) -> tuple[float, float, fl
     return round(x, 6), round(-y, 6) + 0.0, round(-z, 6) + 0.0
 
 
-def _metadata(settings: Parameters, said: list[str], text: str | None) -> dict[str, str]:
-    """Return firmware, frame and the parameters that matter to motors and sensors."""
-    known = [t for t in said if t.startswith(("ArduCopter", "ArduPlane", "APM:", "ArduSub"))]
-    metadata = {"Firmware revision": known[0][:_SAID]} if known else {}
-    frames = [t for t in said if t.startswith("Frame: ")]
+def _metadata(settings: Parameters, texts: list[str], text: str | None) -> dict[str, str]:
+    """Read firmware, frame and the parameters that matter to motors and sensors."""
+    known = [t for t in texts if t.startswith(("ArduCopter", "ArduPlane", "APM:", "ArduSub"))]
+    metadata = {"Firmware revision": known[0][:_LONGEST_TEXT]} if known else {}
+    frames = [t for t in texts if t.startswith("Frame: ")]
     if frames:
-        metadata["Frame"] = frames[0].removeprefix("Frame: ")[:_SAID]
+        metadata["Frame"] = frames[0].removeprefix("Frame: ")[:_LONGEST_TEXT]
     if text is not None:
         metadata["airframe"] = text
     values = settings.values
     metadata |= {name: f"{values[name]:.10g}" for name in _MOTOR_PARAMETERS if name in values}
-    simulator = law.simulator_of(settings)
+    simulator = remix.simulator_of(settings)
     if simulator:
         metadata["Simulator"] = simulator
     frame = [name for name in values if name.startswith("SIM_FRM_")]
     return metadata | {name: f"{values[name]:.10g}" for name in frame}
 
 
-def _frame_notes(frame: Frame | None, settings: Parameters, said: list[str]) -> list[str]:
+def _frame_notes(frame: Frame | None, settings: Parameters, texts: list[str]) -> list[str]:
     if frame is None:
         return [
-            f"the frame is not known ({frame_words(settings, said)}): list the rotors with "
+            f"the frame is not known ({frame_words(settings, texts)}): list the rotors with "
             "position and spin under [airframe]"
         ]
     spins = ", ".join(frame.spins)
@@ -274,7 +221,7 @@ def _frame_notes(frame: Frame | None, settings: Parameters, said: list[str]) -> 
 
 
 def _law_notes(settings: Parameters) -> list[str]:
-    """Return what the firmware takes for the motors' thrust over command."""
+    """Say what the firmware takes for the motors' thrust over command."""
     curve = remix.thrust_curve(settings)
     if curve is None:
         return []
@@ -289,14 +236,14 @@ def _law_notes(settings: Parameters) -> list[str]:
 
 
 def _moves(command: Channel | None) -> bool:
-    """Return whether the motors were ever driven."""
+    """Tell whether the motors were ever driven."""
     if command is None or not np.isfinite(command.values).any():
         return False
     return float(np.nanmax(command.values) - np.nanmin(command.values)) > LEAST_MOVED
 
 
 def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[str]]:
-    """Return when the vehicle was armed, and a doubt where it never was.
+    """Say when the vehicle was armed, and a doubt where it never was.
 
     Logs begin while arming, and may miss its record: motors that were driven were armed.
     """
@@ -320,7 +267,7 @@ def _armed(messages: Messages, *, moved: bool) -> tuple[list[str], list[str]]:
 
 
 def _appended(messages: Messages, names: Container[str]) -> list[str]:
-    """Return a doubt where the clock begins anew: a second log stands behind the first.
+    """Warn where the clock begins anew: a second log stands behind the first.
 
     Their times overlap, so that one of them is left out.
     """
@@ -328,7 +275,7 @@ def _appended(messages: Messages, names: Container[str]) -> list[str]:
     for name in sorted(present):
         time = time_of(messages, name)
         back = np.flatnonzero(np.diff(time) < -LEAST_RESTART)
-        left = int(np.count_nonzero(~in_order(time)))
+        left = int(np.count_nonzero(~possible_in_order(time)))
         # One number that is damaged goes back, too, but leaves out hardly anything.
         if len(back) and left > LEAST_LEFT * len(time):
             return [
@@ -340,7 +287,7 @@ def _appended(messages: Messages, names: Container[str]) -> list[str]:
 
 
 def _changed(settings: Parameters) -> list[str]:
-    """Return a doubt where parameters that matter were changed in flight."""
+    """Warn where parameters that matter were changed in flight."""
     prefixes = ("MOT_PWM", "MOT_SPIN", "MOT_THST_EXPO", "FRAME", "INS_GYRO_F", "INS_ACCEL_F")
     names = [n for n in settings.changed if n.startswith(prefixes)]
     names += [n for n in settings.changed if n.startswith("SERVO") and n.endswith("_FUNCTION")]
@@ -349,17 +296,8 @@ def _changed(settings: Parameters) -> list[str]:
     return [f"{', '.join(names[:6])} changed within the log: the last value is taken"]
 
 
-def _begin(channels: Mapping[str, Channel]) -> float:
-    return min((float(c.time[0]) for c in channels.values() if len(c.time)), default=0.0)
-
-
-def _seconds(channels: Mapping[str, Channel]) -> float:
-    spans = [(c.time[0], c.time[-1]) for c in channels.values() if len(c.time)]
-    return float(max(b for _, b in spans) - min(a for a, _ in spans)) if spans else 0.0
-
-
 def _nothing(messages: Messages) -> str:
-    """Return what to say of a log without any channel."""
+    """Describe a log without any channel."""
     read = sum(messages.counts)
     names = sorted({messages.formats[i].name for i, n in enumerate(messages.counts) if n})
     listed = ", ".join(f"{name!a}"[1:-1] for name in names[:20])
@@ -375,7 +313,7 @@ def _nothing(messages: Messages) -> str:
 
 
 def _damage(messages: Messages, names: Container[str]) -> list[str]:
-    """Return what was damaged and passed over, one sentence each."""
+    """Say what was damaged and passed over, one sentence each."""
     words: list[str] = []
     if messages.damaged_places:
         words.append(

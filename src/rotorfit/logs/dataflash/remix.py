@@ -13,11 +13,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.logs.dataflash.columns import timed, vector
+from rotorfit.logs.dataflash.columns import rate_of, timed, vector
 from rotorfit.logs.dataflash.frames import Frame
 from rotorfit.logs.dataflash.messages import Messages
 from rotorfit.logs.dataflash.parameters import Parameters
-from rotorfit.logs.flight_log import Channel
+from rotorfit.logs.flight_log import SITL, Channel, LoggedMotors
+from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
 
 NAMES: Final = ("RATE",)
 MIXER_INPUTS: Final = ("ROut", "POut", "YOut", "AOut")
@@ -34,15 +35,7 @@ IDLE: Final = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThrustCurve:
-    """From relative thrust to a motor's output.
-
-    Attributes
-    ----------
-    expo
-        MOT_THST_EXPO.
-    spin_min, spin_max
-        MOT_SPIN_MIN and MOT_SPIN_MAX: the outputs at no thrust and at full thrust.
-    """
+    """From relative thrust to a motor's output: MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX."""
 
     expo: float
     spin_min: float
@@ -74,20 +67,12 @@ def remixed(
     *,
     frame: Frame | None,
 ) -> tuple[Channel, list[str]]:
-    """Return the commands at the rate of RATE, or the outputs as they are, and why.
-
-    Parameters
-    ----------
-    outputs
-        The motors' commands from RCOU, 0 to 1.
-    frame
-        Whose mixer it is; None where it is not known.
-    """
+    """Return the commands at the rate of RATE, or the outputs as they are, and why."""
     found = timed(messages, "RATE", MIXER_INPUTS)
     if found is None or len(found[0]) < 2 or len(outputs.time) < 2:
         return outputs, []
     time, fields = found
-    slow, fast = _rate(outputs.time), _rate(time)
+    slow, fast = rate_of(outputs.time), rate_of(time)
     if fast < SLOWER * slow:
         return outputs, []
     rates = f"RCOU comes at {slow:.0f} Hz, RATE at {fast:.0f} Hz"
@@ -113,12 +98,6 @@ def remixed(
         f"from RCOU by {100 * difference:.2f} % (median), {100 * saturated:.1f} % are limited"
     ]
     return Channel(time=time[inside], values=values, source=words), notes
-
-
-def _rate(time: Float[np.ndarray, " n"]) -> float:
-    """Return samples per second; 0 where the clock stands still."""
-    step = float(np.median(np.diff(time)))
-    return 1.0 / step if step > 0.0 else 0.0
 
 
 def _why_not(
@@ -150,7 +129,7 @@ def _to_outputs(
     outputs: Channel,
     curve: ThrustCurve,
 ) -> tuple[Float[np.ndarray, "m N"], float] | None:
-    """Return outputs for the shares, and how far they are from those logged.
+    """Compute outputs for the shares, and how far they are from those logged.
 
     The slow factor between them (battery voltage, density of the air) is a running median. While
     the motors idle, the outputs that were logged are held. None: too few to check by.
@@ -158,7 +137,7 @@ def _to_outputs(
     from scipy import ndimage
 
     width = curve.spin_max - curve.spin_min
-    flying = _flying(outputs.values, curve)
+    flying = outputs.values.mean(axis=1) > curve.spin_min + IDLE
     if int(flying.sum()) < FEWEST_CHECKS or len(time) < 2:
         return None
     at = outputs.time[flying]
@@ -176,6 +155,34 @@ def _to_outputs(
     return values, difference
 
 
-def _flying(values: Float[np.ndarray, "n N"], curve: ThrustCurve) -> Bool[np.ndarray, " n"]:
-    """Return where the mean output is more than idling."""
-    return values.mean(axis=1) > curve.spin_min + IDLE
+def simulator_of(parameters: Parameters) -> str:
+    """Return ArduPilot's simulator where its own parameters are in the log; empty elsewhere."""
+    return SITL if "SIM_RATE_HZ" in parameters.values or "SIM_SPEEDUP" in parameters.values else ""
+
+
+def logged_motors(parameters: Parameters, *, battery: bool) -> LoggedMotors | None:
+    """Make the law by which the firmware linearises thrust; speed in parts of the full one.
+
+    None where the log has no MOT_THST_EXPO, MOT_SPIN_MIN and MOT_SPIN_MAX (before 3.5).
+    """
+    curve = thrust_curve(parameters)
+    if curve is None or curve.expo < 0.0:
+        return None
+    law = SpeedLaw(
+        curve=SquareRootLaw(1.0, *map(_short, (curve.expo, curve.spin_min, curve.spin_max))),
+        voltage=_voltage(parameters) if battery else None,
+    )
+    names = ["MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX"]
+    names += [] if law.voltage is None else ["MOT_BAT_VOLT_MAX"]
+    return LoggedMotors(law=law, words=", ".join(names))
+
+
+def _short(value: float) -> float:
+    """Return a parameter as it was typed: logs hold them in single precision."""
+    return float(f"{value:.6g}")
+
+
+def _voltage(parameters: Parameters) -> VoltageFactor | None:
+    """Return the battery's factor where the firmware makes up for it: both limits are set."""
+    low, high = (parameters.number(f"MOT_BAT_VOLT_{end}") or 0.0 for end in ("MIN", "MAX"))
+    return VoltageFactor(_short(high), 1.0) if 0.0 < low < high else None

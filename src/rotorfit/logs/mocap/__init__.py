@@ -1,10 +1,16 @@
 """Motion-capture recordings to a FlightLog of position and attitude; one module per format."""
 
-from rotorfit.logs.mocap.motive import is_motive as is_motive
-from rotorfit.logs.mocap.motive import read_motive as read_motive
-from rotorfit.logs.mocap.qualisys import is_qualisys as is_qualisys
-from rotorfit.logs.mocap.qualisys import read_qualisys as read_qualisys
-from rotorfit.logs.mocap.trajectory import is_trajectory as is_trajectory
-from rotorfit.logs.mocap.trajectory import read_trajectory as read_trajectory
-from rotorfit.logs.mocap.vicon import is_vicon as is_vicon
-from rotorfit.logs.mocap.vicon import read_vicon as read_vicon
+
+def is_qualisys(head: bytes) -> bool:
+    """Tell an export of Qualisys Track Manager by its first bytes."""
+    return _begins(head, b"NO_OF_FRAMES\t", b"FILE_VERSION\t")
+
+
+def is_motive(head: bytes) -> bool:
+    """Tell a CSV export of OptiTrack Motive by its first bytes."""
+    return _begins(head, b"Format Version,")
+
+
+def _begins(head: bytes, *beginnings: bytes) -> bool:
+    # Behind the mark of the encoding that some programs put first.
+    return head.removeprefix(b"\xef\xbb\xbf").startswith(beginnings)

@@ -5,6 +5,7 @@ column its type, name, ID and whether it is position or rotation, then a row a f
 """
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -12,19 +13,18 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes, unit_or_nan
+from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import (
     LENGTHS,
     Body,
     Take,
-    begins,
     finite,
     log_of_file,
     numbers,
-    unit_or_nan,
 )
 
-_BEGINS: Final = b"Format Version,"
 _HEADER_LINES: Final = 16
 _AXES: Final = {
     ("Rotation", "W"): 0,
@@ -38,31 +38,15 @@ _AXES: Final = {
 _KEPT: Final = ("Format Version", "Take Name", "Capture Frame Rate", "Capture Start Time")
 
 
-def is_motive(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a CSV export of Motive."""
-    return begins(head, _BEGINS)
-
-
-def read_motive(path: Path, *, body: str | None = None) -> FlightLog:
+def read_motive(
+    path: Path, *, columns: Mapping[str, ColumnSpec] | None = None, axes: Axes = "FLU"
+) -> FlightLog:
     """Read the pose of a rigid body from Motive's CSV export.
 
     The world is turned from y up to z up, x staying as it is, and the body's axes with it: a rigid
     body that was defined with the vehicle's nose along x has x forward, y left, z up.
-
-    Parameters
-    ----------
-    path
-        The .csv file.
-    body
-        Name of the rigid body; None: the only one.
-
-    Raises
-    ------
-    LogError
-        If the file holds no rigid body, other units or angles, is damaged, or has several bodies
-        and none was named.
     """
-    return log_of_file(path, _take, body=body)
+    return log_of_file(path, _take, columns=columns, axes=axes)
 
 
 def _take(text: bytes) -> Take:
@@ -87,7 +71,7 @@ def _take(text: bytes) -> Take:
 
 
 def _header(text: bytes) -> tuple[list[list[str]], int]:
-    """Return the cells of the header's lines, and where the rows of numbers begin."""
+    """Read the cells of the header's lines, and where the rows of numbers begin."""
     rows: list[list[str]] = []
     start = 0
     while len(rows) < _HEADER_LINES and (end := text.find(b"\n", start)) >= 0:
@@ -119,7 +103,7 @@ def _refuse_other_settings(settings: dict[str, str], unit: str) -> None:
 
 
 def _columns_of_bodies(rows: list[list[str]]) -> dict[str, list[int]]:
-    """Return where each rigid body has its W X Y Z and X Y Z.
+    """Find the columns W X Y Z and X Y Z of each rigid body.
 
     Columns whose type is another one, such as the markers of a body, are passed over.
     """

@@ -5,6 +5,7 @@ tabs, a row of column names, then a row a frame; X Y Z [mm], roll pitch yaw [deg
 Rot[0] to Rot[8] for each body, with Rot[0] Rot[3] Rot[6] the first row of the matrix.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -12,10 +13,11 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
-from rotorfit.logs.mocap.take import Body, Take, begins, finite, log_of_file, numbers
+from rotorfit.logs.mocap.take import Body, Take, finite, log_of_file, numbers
 
-_BEGINS: Final = (b"NO_OF_FRAMES\t", b"FILE_VERSION\t")
 _PER_BODY: Final = 16
 _HEADER_LINES: Final = 64
 _MOST_BODIES: Final = 1000
@@ -23,27 +25,11 @@ _OFF_ORTHOGONAL: Final = 1e-3
 """Of R R^T from the identity; exported with five decimals, it is 3e-5."""
 
 
-def is_qualisys(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are an export of QTM."""
-    return begins(head, *_BEGINS)
-
-
-def read_qualisys(path: Path, *, body: str | None = None) -> FlightLog:
-    """Read the pose of a rigid body from QTM's 6DOF export.
-
-    Parameters
-    ----------
-    path
-        The .tsv file.
-    body
-        Name of the rigid body; None: the only one.
-
-    Raises
-    ------
-    LogError
-        If the file holds no 6DOF data, is damaged, or has several bodies and none was named.
-    """
-    return log_of_file(path, _take, body=body)
+def read_qualisys(
+    path: Path, *, columns: Mapping[str, ColumnSpec] | None = None, axes: Axes = "FLU"
+) -> FlightLog:
+    """Read the pose of a rigid body from QTM's 6DOF export."""
+    return log_of_file(path, _take, columns=columns, axes=axes)
 
 
 def _take(text: bytes) -> Take:
@@ -84,7 +70,7 @@ def _take(text: bytes) -> Take:
 
 
 def _header(text: bytes) -> tuple[dict[str, list[str]], int, int]:
-    """Return the header by name, and where the rows of numbers begin: offset and line number."""
+    """Read the header by name, and where the rows of numbers begin: offset and line number."""
     header: dict[str, list[str]] = {}
     start = 0
     for number in range(1, _HEADER_LINES):

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.delimited import DelimitedText, with_line_feeds
 from rotorfit.logs.files import read_bytes
 from rotorfit.logs.flight_log import Channel, FlightLog
@@ -25,20 +27,13 @@ LENGTHS: Final[Mapping[str, float]] = {
 """Metres in the units of length that motion-capture programs export."""
 
 _NAMES_SHOWN: Final = 12
-_OFF_LENGTH: Final = 0.05
-"""A quaternion this far from length 1 is no rotation, but a frame without the body."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """One rigid body, frame by frame; NaN where it was not seen.
+    """One rigid body: position of its tracked point, world with z up [m], attitude to that world.
 
-    Attributes
-    ----------
-    position
-        Of its tracked point, world with z up [m].
-    attitude_wxyz
-        From the body's axes to that world.
+    NaN where it was not seen.
     """
 
     position: Float[np.ndarray, "n 3"]
@@ -47,22 +42,9 @@ class Body:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Take:
-    """One recording.
+    """One recording: bodies by name (an empty one where the file names none), time of frames [s].
 
-    Attributes
-    ----------
-    format
-        Name of the reader.
-    time
-        Of the frames [s].
-    bodies
-        By name; an empty one where the file names none.
-    source
-        Units and axes of the file, in words.
-    metadata
-        What the file says of itself.
-    notes
-        What the reader did, one sentence each.
+    `format` is the name of the reader, `source` says units and axes of the file.
     """
 
     format: str
@@ -74,27 +56,16 @@ class Take:
 
 
 def log_of_file(
-    path: Path, take_of: Callable[[bytes], Take], *, body: str | None = None
+    path: Path,
+    take_of: Callable[[bytes], Take],
+    *,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    axes: Axes = "FLU",
 ) -> FlightLog:
-    """Return the pose of one rigid body of a file as a log.
-
-    Parameters
-    ----------
-    path
-        The file.
-    take_of
-        From its bytes, lines ended by line feeds, to what it holds.
-    body
-        Name of the rigid body; None: the only one.
-
-    Raises
-    ------
-    LogError
-        If the file is damaged, or there are several bodies and none was named, or it was never
-        seen, or time runs backwards; the message names the file.
-    """
+    """Return the pose of one rigid body of a file as a log."""
     data = read_bytes(path)
     try:
+        body = chosen_body(columns, axes)
         return _log_of_take(path, data, take_of(with_line_feeds(data)), body=body)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error.__cause__
@@ -140,16 +111,24 @@ def _log_of_take(path: Path, data: bytes, take: Take, *, body: str | None) -> Fl
     )
 
 
+def chosen_body(columns: Mapping[str, ColumnSpec] | None, axes: Axes) -> str | None:
+    """Choose the rigid body that a columns map names; refuse axes and other entries."""
+    if axes != "FLU":
+        raise LogError("the file says its own axes, turned to z up: leave out axes")
+    chosen = dict(columns or {})
+    spec = chosen.pop("position", None)
+    if chosen:
+        raise LogError(
+            "the file names its own columns; a columns map only chooses the rigid body, as "
+            'columns = { position = "NAME" }'
+        )
+    return None if spec is None else spec.name
+
+
 def numbers(
     text: bytes, start: int, *, columns: int, delimiter: str | None, first_line: int
 ) -> Float[np.ndarray, "n k"]:
-    """Return the rows of numbers that begin at `start` of a text; NaN for empty cells.
-
-    Raises
-    ------
-    LogError
-        If a row has other cells, or none is there.
-    """
+    """Read the rows of numbers that begin at `start` of a text; NaN for empty cells."""
     names = tuple(str(column) for column in range(columns))
     table = DelimitedText(
         text=text, start=start, names=names, delimiter=delimiter, first_line=first_line
@@ -160,25 +139,12 @@ def numbers(
     return values
 
 
-def unit_or_nan(attitude: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
-    """Return quaternions of length 1; what is no rotation becomes NaN."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        length = np.linalg.norm(attitude, axis=1)
-        good = np.abs(length - 1.0) < _OFF_LENGTH
-    return attitude / np.where(good, length, np.nan)[:, None]
-
-
 def number_or_nan(word: str) -> float:
-    """Return a number; NaN for what is none."""
+    """Parse a number; NaN for what is none."""
     try:
         return float(word)
     except ValueError:
         return float("nan")
-
-
-def begins(head: bytes, *beginnings: bytes) -> bool:
-    """Return whether a text file begins so, behind the mark that some programs put first."""
-    return head.removeprefix(b"\xef\xbb\xbf").startswith(beginnings)
 
 
 def finite(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rotorfit.errors import LogError
-from rotorfit.logs.axes import Axes, attitude_to_flu, vectors_to_flu
+from rotorfit.logs.axes import Axes, attitude_to_flu, unit_or_nan, vectors_to_flu
 from rotorfit.logs.delimited import with_line_feeds
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import (
@@ -22,7 +22,6 @@ from rotorfit.logs.mocap.take import (
     log_of_file,
     number_or_nan,
     numbers,
-    unit_or_nan,
 )
 
 _COLUMNS: Final = 8
@@ -34,7 +33,7 @@ _DELIMITERS: Final = (",", ";", "\t")
 
 
 def is_trajectory(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are poses, eight numbers a line."""
+    """Tell whether bytes from the beginning of a file are poses, eight numbers a line."""
     text = with_line_feeds(head) if not head.startswith((b"\xff\xfe", b"\xfe\xff")) else b""
     if b"\0" in text:
         return False
@@ -52,20 +51,7 @@ def is_trajectory(head: bytes) -> bool:
 
 
 def read_trajectory(path: Path, *, axes: Axes = "FLU") -> FlightLog:
-    """Read a trajectory in TUM's form.
-
-    Parameters
-    ----------
-    path
-        The file.
-    axes
-        With FRD, attitude is from body FRD to world north-east-down, and position in that world.
-
-    Raises
-    ------
-    LogError
-        If a line is not eight numbers, or time runs backwards.
-    """
+    """Read a trajectory in TUM's form."""
     return log_of_file(path, lambda text: _take(text, axes))
 
 
@@ -84,13 +70,7 @@ def _take(text: bytes, axes: Axes) -> Take:
 
 
 def _beginning(text: bytes) -> tuple[int, int, str | None, str]:
-    """Return where the poses begin: offset, line number, delimiter; and the row of names.
-
-    Raises
-    ------
-    LogError
-        If comments and at most one row of names are not followed by numbers.
-    """
+    """Find where the poses begin: offset, line number, delimiter; and the row of names."""
     start, line, header = 0, 1, ""
     while start < len(text):
         end = text.find(b"\n", start)

@@ -6,6 +6,7 @@ RZ RW, or a rotation vector RX RY RZ (axis times angle, "helical"), from body ax
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -14,6 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
+from rotorfit.logs.axes import Axes, unit_or_nan
+from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import FlightLog
 from rotorfit.logs.mocap.take import (
     Body,
@@ -22,7 +25,6 @@ from rotorfit.logs.mocap.take import (
     log_of_file,
     number_or_nan,
     numbers,
-    unit_or_nan,
 )
 
 _PROGRAMS: Final = {"segments": "Nexus", "objects": "Tracker"}
@@ -43,20 +45,9 @@ _MOST_TURN: Final = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Block:
-    """A block of rigid bodies.
+    """A block of rigid bodies: the cells of its header, and the text that ends with the block.
 
-    Attributes
-    ----------
-    kind
-        Its first line, in small letters.
-    rate
-        Frames per second, as text.
-    header
-        Cells of the rows of names, columns and units.
-    text, start, first_line
-        What ends with the block, and where its frames begin.
-    delimiter
-        Between cells.
+    `start` and `first_line` are where its frames begin.
     """
 
     kind: str
@@ -69,37 +60,25 @@ class _Block:
 
 
 def is_vicon(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a CSV export of Nexus or Tracker."""
+    """Tell whether bytes from the beginning of a file are a CSV export of Nexus or Tracker."""
     first, _, rest = head.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
     if _word(first[:200]).lower() not in _OTHER_BLOCKS | _PROGRAMS.keys():
         return False
     return math.isfinite(number_or_nan(_word(rest[:200].partition(b"\n")[0])))
 
 
-def read_vicon(path: Path, *, body: str | None = None, rotation: str | None = None) -> FlightLog:
-    """Read the pose of a rigid body from the CSV export of Nexus or Tracker.
-
-    Parameters
-    ----------
-    path
-        The .csv file.
-    body
-        Name of the segment or object; None: the only one.
-    rotation
-        ``"helical"``: three numbers RX RY RZ of Tracker are a rotation vector. Tracker writes
-        Euler angles under the same names, so that it must be said; of Nexus it is known.
-
-    Raises
-    ------
-    LogError
-        If the file holds no segment or object, or rotations of a kind that it does not tell, is
-        damaged, or has several bodies and none was named.
-    """
-    return log_of_file(path, lambda text: _take(_block(text), rotation), body=body)
+def read_vicon(
+    path: Path, *, columns: Mapping[str, ColumnSpec] | None = None, axes: Axes = "FLU"
+) -> FlightLog:
+    """Read the pose of a rigid body from the CSV export of Nexus or Tracker."""
+    bodies = dict(columns or {})
+    attitude = bodies.pop("attitude", None)
+    rotation = None if attitude is None else attitude.name
+    return log_of_file(path, lambda text: _take(_block(text), rotation), columns=bodies, axes=axes)
 
 
 def _block(text: bytes) -> _Block:
-    """Return the first block of rigid bodies."""
+    """Find the first block of rigid bodies."""
     start, number, met = 0, 1, list[str]()
     while start < len(text):
         kind = _word(text[start : start + 200].partition(b"\n")[0]).lower()
@@ -171,7 +150,7 @@ def _take(block: _Block, rotation: str | None) -> Take:
 
 
 def _columns_of_bodies(names: list[str], labels: list[str]) -> dict[str, dict[str, int]]:
-    """Return where each body has what; its name stands above the first of its columns."""
+    """Find the columns of each body; its name stands above the first of them."""
     found: dict[str, dict[str, int]] = {}
     current: dict[str, int] = {}
     for column in range(2, len(labels)):
@@ -195,7 +174,7 @@ def _columns_of_bodies(names: list[str], labels: list[str]) -> dict[str, dict[st
 
 
 def _name(cell: str) -> str:
-    """Return the name of a body; Tracker writes ``Global Angle Quad:Quad`` for Quad."""
+    """Shorten the name of a body; Tracker writes ``Global Angle Quad:Quad`` for Quad."""
     name = cell.removeprefix(_PREFIX)
     subject, _, segment = name.partition(":")
     return subject if subject == segment else name
@@ -272,7 +251,7 @@ def _body(values: Float[np.ndarray, "n k"], columns: dict[str, int], units: list
 
 
 def _turned(vector: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
-    """Return the quaternions of rotation vectors [rad]; NaN for what is none."""
+    """Compute the quaternions of rotation vectors [rad]; NaN for what is none."""
     from scipy.spatial.transform import Rotation
 
     attitude = np.full((len(vector), 4), np.nan)
@@ -293,7 +272,7 @@ def _unit(units: list[str], column: int, known: dict[str, float]) -> float:
 
 
 def _blank_line(text: bytes, start: int) -> int:
-    """Return where the first blank line from `start` on begins, or the end of the text."""
+    """Find where the first blank line from `start` on begins, or the end of the text."""
     while start < len(text):
         end = text.find(b"\n", start)
         end = len(text) if end < 0 else end

@@ -8,18 +8,25 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.axes import Axes, attitude_to_flu, vectors_to_flu
+from rotorfit.logs.axes import (
+    Axes,
+    attitude_from_euler,
+    attitude_to_flu,
+    unit_or_nan,
+    vectors_to_flu,
+)
+from rotorfit.logs.columns import EULER, ColumnSpec, Group, complete_groups, quantity_of, unit_of
 from rotorfit.logs.flight_log import Channel
 from rotorfit.logs.rosbag.clocks import Timing
 from rotorfit.logs.rosbag.messages import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
 from rotorfit.logs.rosbag.stream import Recorded
+from rotorfit.logs.units import conversion
 
 _RPM: Final = 2.0 * np.pi / 60.0
 _PULSE: Final = (1000.0, 2000.0)
 """Widths that mean stop and full [us]."""
 _PULSE_RANGE: Final = (700.0, 2300.0)
 _FEWEST: Final = 2
-_OFF_LENGTH: Final = 0.05
 _PAIRS: Final = (("gyro", "accel"), ("position", "attitude"))
 _SHOWN: Final = 8
 MEASURED: Final = ("gyro", "accel", "position", "attitude", "velocity")
@@ -28,19 +35,7 @@ MEASURED: Final = ("gyro", "accel", "position", "attitude", "velocity")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A topic that can give a channel.
-
-    Attributes
-    ----------
-    topic, kind
-        Its name and type.
-    channel
-        In SI units, FLU axes.
-    detail
-        What was done to its numbers, in words; empty where nothing is to be said.
-    rate
-        Of its samples, whatever is missing [Hz].
-    """
+    """A topic that can give a channel; `detail` says what was done to its numbers."""
 
     topic: str
     kind: str
@@ -79,8 +74,8 @@ def _candidate(
     time = timing.time[known]
     order = np.argsort(time, kind="stable")
     span = float(time[order[-1]] - time[order[0]])
-    said = f", {detail}" if detail else ""
-    source = f"{recorded.topic.name} ({recorded.topic.kind}{said})"
+    conversion_note = f", {detail}" if detail else ""
+    source = f"{recorded.topic.name} ({recorded.topic.kind}{conversion_note})"
     return Candidate(
         topic=recorded.topic.name,
         kind=recorded.topic.kind,
@@ -93,7 +88,7 @@ def _candidate(
 def converted(
     numbers: Float[np.ndarray, "n k"], form: Form, axes: Axes
 ) -> tuple[Float[np.ndarray, "n m"], str]:
-    """Return numbers of a message in SI units and FLU axes, and what is to be said of it."""
+    """Convert numbers of a message to SI units and FLU axes; also say how."""
     values = np.where(np.isfinite(numbers), numbers, np.nan)
     if form in ("vector", "position"):
         whole = values if values.shape[1] == 3 else np.full((len(values), 3), np.nan)
@@ -101,7 +96,7 @@ def converted(
     if form in ("xyzw", "wxyz"):
         whole = values if values.shape[1] == 4 else np.full((len(values), 4), np.nan)
         wxyz = np.roll(whole, 1, axis=1) if form == "xyzw" else whole
-        return attitude_to_flu(_unit(wxyz), axes), _turned(axes)
+        return attitude_to_flu(unit_or_nan(wxyz), axes), _turned(axes)
     if form == "outputs":
         return _motor_outputs(values)
     if form == "fraction":
@@ -117,14 +112,6 @@ def _turned(axes: Axes) -> str:
     return "turned from FRD" if axes == "FRD" else ""
 
 
-def _unit(attitude: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
-    """Return quaternions of length 1; zeros, as of an IMU without orientation, become NaN."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        length = np.linalg.norm(attitude, axis=1)
-        good = np.abs(length - 1.0) < _OFF_LENGTH
-    return attitude / np.where(good, length, np.nan)[:, None]
-
-
 def _until_last_used(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n m"]:
     """Return the columns up to the last one that is ever other than zero."""
     used = np.flatnonzero((np.nan_to_num(values) != 0).any(axis=0))
@@ -132,7 +119,7 @@ def _until_last_used(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n m
 
 
 def _fractions(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m"], str]:
-    """Return commands from 0 to 1; motors that are stopped (NaN) command 0."""
+    """Clip commands to 0 to 1; motors that are stopped (NaN) command 0."""
     used = np.flatnonzero(np.isfinite(values).any(axis=0))
     kept = values[:, : int(used[-1]) + 1 if len(used) else 0]
     return np.clip(np.nan_to_num(kept), 0.0, 1.0), ""
@@ -160,21 +147,9 @@ def _motor_outputs(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, 
 def chosen(
     found: Mapping[str, list[Candidate]], asked: Mapping[str, str]
 ) -> tuple[dict[str, Candidate], list[str]]:
-    """Return a topic for each channel, and notes on the others.
+    """Choose a topic for each channel, and notes on the others.
 
     Gyro and accelerometer come from one topic, and so do position and attitude, where one has both.
-
-    Parameters
-    ----------
-    found
-        Candidates by channel.
-    asked
-        Topic by channel, where the user said so.
-
-    Raises
-    ------
-    LogError
-        If a topic that was asked for does not give the channel.
     """
     taken: dict[str, Candidate] = {}
     for name, topic in asked.items():
@@ -250,7 +225,7 @@ def _best(
 
 
 def _merit(name: str, option: Candidate) -> int:
-    """Return how much better than others the kind of a topic is for a channel."""
+    """Rank the kind of a topic for a channel."""
     words = option.topic.lower()
     merit = -4 if any(word in words for word in AIMS) else 0
     if name in ("position", "attitude", "velocity"):
@@ -276,3 +251,94 @@ def _others(name: str, one: Candidate, options: Sequence[Candidate]) -> str:
         f"{name} is from {one.topic} ({one.rate:.0f} Hz); not used: {shown}; choose with columns = "
         f'{{ {name} = "TOPIC" }}.'
     )
+
+
+_VECTORS = ("gyro", "accel", "velocity", "reference", "position")
+
+
+def mapped_paths(topic: str, columns: Mapping[str, ColumnSpec]) -> dict[str, tuple[str, ...]]:
+    """Return the paths in a topic's messages that a map names, by canonical name.
+
+    The name of a topic may have dots; a path follows it after one.
+    """
+    return {
+        name: (spec.name.removeprefix(f"{topic}."),)
+        for name, spec in columns.items()
+        if spec.name.startswith(f"{topic}.")
+    }
+
+
+def mapped_channels(
+    topics: Sequence[Recorded],
+    clocks: Sequence[Timing],
+    columns: Mapping[str, ColumnSpec],
+    *,
+    axes: Axes,
+    motor_poles: int | None,
+) -> dict[str, Channel]:
+    """Return the channels of a map."""
+    if not columns:
+        return {}
+    for name in columns:
+        if quantity_of(name) is None or name == "time":
+            raise LogError(
+                f"the columns map names {name!r}; for a ROS recording it names channels (gyro, "
+                "rotor_speed, ...) or columns of flight tables (gyro_x, rotor_1, ...)"
+            )
+    groups, _ = complete_groups(columns, columns)
+    return {
+        group.channel: _channel(group, topics, clocks, columns, axes, motor_poles)
+        for group in groups
+    }
+
+
+def _channel(
+    group: Group,
+    topics: Sequence[Recorded],
+    clocks: Sequence[Timing],
+    columns: Mapping[str, ColumnSpec],
+    axes: Axes,
+    motor_poles: int | None,
+) -> Channel:
+    """Return one channel, its columns all from one topic."""
+    recorded, timing = _home(group, topics, clocks, columns)
+    parts: list[np.ndarray] = []
+    for name in group.names:
+        spec = columns[name]
+        to_si = conversion(
+            group.quantity,
+            unit_of(name, spec),
+            motor_poles=motor_poles,
+            recorded_range=spec.range,
+        )
+        values = to_si(recorded.values[name][:, 0] * spec.scale + spec.offset)
+        parts.append(np.where(np.isfinite(values), values, np.nan))
+    values = np.stack(parts, axis=1)
+    if group.channel == "attitude":
+        values = attitude_to_flu(attitude_from_euler(values) if group == EULER else values, axes)
+    elif group.channel in _VECTORS:
+        values = vectors_to_flu(values, axes)
+    order = np.argsort(timing.time, kind="stable")
+    paths = ", ".join(columns[name].name for name in group.names)
+    return Channel(time=timing.time[order], values=values[order], source=f"{paths} (columns map)")
+
+
+def _home(
+    group: Group,
+    topics: Sequence[Recorded],
+    clocks: Sequence[Timing],
+    columns: Mapping[str, ColumnSpec],
+) -> tuple[Recorded, Timing]:
+    """Return the topic that has all columns of a channel."""
+    for recorded, timing in zip(topics, clocks, strict=True):
+        have = [name for name in group.names if recorded.values.get(name, _NONE).shape[1] == 1]
+        if len(have) == len(group.names):
+            return recorded, timing
+    wanted = ", ".join(repr(columns[name].name) for name in group.names)
+    raise LogError(
+        f"no topic has all of {wanted}, which the columns map gives for {group.channel}: write "
+        "TOPIC.path.to.number as `ros2 topic echo` shows it, all of one topic"
+    )
+
+
+_NONE = np.zeros((0, 0))

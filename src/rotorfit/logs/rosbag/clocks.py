@@ -27,16 +27,9 @@ _REPEATED: Final = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """The clock of one topic.
+    """The clock of one topic, since the beginning of the recording [s].
 
-    Attributes
-    ----------
-    time
-        Of its messages, since the beginning of the recording [s].
-    basis
-        ``"stamp"``, ``"moved"`` or ``"received"``.
-    why
-        In words, with the numbers that decided.
+    `basis` is ``"stamp"``, ``"moved"`` or ``"received"``; `why` has the numbers that decided.
     """
 
     time: Float[np.ndarray, " n"]
@@ -45,15 +38,7 @@ class Timing:
 
 
 def timings(topics: Sequence[Recorded], start: int) -> list[Timing]:
-    """Return the clock of each topic.
-
-    Parameters
-    ----------
-    topics
-        With a message at least.
-    start
-        Beginning of the recording [ns].
-    """
+    """Return the clock of each topic."""
     offsets = [_offset(topic) for topic in topics]
     return [
         _timing(topic, offset, _shared(offset, offsets), start)
@@ -112,6 +97,6 @@ def _why_not(topic: Recorded) -> str:
 def _seconds(
     later: Int[np.ndarray, " n"], earlier: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, " n"]:
-    """Return a difference of nanoseconds in seconds; wide apart, it does not overflow."""
+    """Subtract nanoseconds without overflow [s]."""
     whole = later // 1_000_000_000 - earlier // 1_000_000_000
     return whole + 1e-9 * (later % 1_000_000_000 - earlier % 1_000_000_000)

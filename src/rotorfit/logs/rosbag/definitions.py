@@ -5,14 +5,16 @@ becomes as many lines of code. So what is damaged or made to hurt is kept from i
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Final
+from operator import attrgetter
+from typing import Any, Final, TypeAlias
 
 from rosbags.interfaces import Msgdef, Nodetype
-from rosbags.interfaces.typing import FieldDesc, Typesdict
+from rosbags.interfaces.typing import BaseDesc, FieldDesc, NameDesc, Typesdict
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
@@ -34,17 +36,7 @@ _SEPARATING: Final = "=" * 80 + "\n"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition:
-    """The messages of a type, ready to be decoded.
-
-    Attributes
-    ----------
-    kind
-        The type, as ``package/msg/Name``.
-    store
-        Of rosbags, with this type and those inside it.
-    made
-        The functions that rosbags made of the type.
-    """
+    """The messages of a type (``package/msg/Name``), with the functions that rosbags made of it."""
 
     kind: str
     store: Typestore
@@ -61,13 +53,7 @@ class Definitions:
     fields: int = 0
 
     def of(self, topic: Topic) -> tuple[Definition, ...]:
-        """Return the definition of a topic's messages, or several that may be it.
-
-        Raises
-        ------
-        DamageError
-            If it cannot be read or is too large to be meant.
-        """
+        """Return the definition of a topic's messages, or several that may be it."""
         encoding: Encoding = topic.encoding or "cdr"
         texts = (topic.definition,) if topic.definition else KNOWN.get(topic.kind, ("",))
         return tuple(self._made(topic.kind, text, encoding) for text in texts)
@@ -86,7 +72,7 @@ class Definitions:
 
     def _make(self, kind: str, text: str, encoding: Encoding) -> Definition:
         if text:
-            types = {**_built_in(encoding), **parsed(kind, text)}
+            types = {**built_in(encoding), **parsed(kind, text)}
         else:
             standard = Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST
             types = get_typestore(standard).fielddefs
@@ -101,21 +87,7 @@ class Definitions:
 
 
 def parsed(kind: str, text: str) -> Typesdict:
-    """Return the types that a definition describes, by name.
-
-    Parameters
-    ----------
-    kind
-        Name of the first one.
-    text
-        That of its .msg file, those of the messages inside below it, after a line of equals signs
-        and ``MSG: package/Name``.
-
-    Raises
-    ------
-    DamageError
-        If a line is no field, or the text is far longer than a definition is.
-    """
+    """Return the types that a definition describes, by name."""
     if len(text) > _LARGEST_TEXT:
         raise DamageError(
             f"the definition of {kind_of(kind)[:80]} has {len(text)} characters: damaged"
@@ -133,7 +105,7 @@ def parsed(kind: str, text: str) -> Typesdict:
 
 
 def _plain(line: str) -> str:
-    """Return a line with what tells of fields; rosbags is strict about the rest."""
+    """Strip a line of all but fields; rosbags is strict about the rest."""
     bare = line.partition("#")[0].strip()
     if bare.startswith("@") or _SEPARATOR.match(bare) or _CONSTANT.match(bare):
         return ""
@@ -141,13 +113,7 @@ def _plain(line: str) -> str:
 
 
 def needed(types: Typesdict, kind: str) -> tuple[Typesdict, int]:
-    """Return a type with those inside it, and how many fields all of it has.
-
-    Raises
-    ------
-    DamageError
-        If a type is not defined, or it is deeper or larger than can be meant.
-    """
+    """Collect a type and those inside it; also count their fields."""
     found: Typesdict = {}
 
     def walk(name: str, depth: int) -> tuple[int, bool]:
@@ -165,7 +131,7 @@ def needed(types: Typesdict, kind: str) -> tuple[Typesdict, int]:
         return count, takes_room
 
     def one(desc: FieldDesc, owner: str, depth: int) -> tuple[int, bool]:
-        """Return the same of a field."""
+        """Count the fields of one field, and tell whether it takes any room."""
         if desc[0] == Nodetype.BASE:
             return 1, True
         if desc[0] == Nodetype.NAME:
@@ -191,7 +157,7 @@ def needed(types: Typesdict, kind: str) -> tuple[Typesdict, int]:
 
 
 @cache
-def _built_in(encoding: Encoding) -> Typesdict:
+def built_in(encoding: Encoding) -> Typesdict:
     """Return the types that a file may leave out."""
     header = "time stamp\nstring frame_id\n"
     text = f"uint32 seq\n{header}" if encoding == "ros1" else header
@@ -257,3 +223,82 @@ are no standard ones, which rosbags knows.
 
 Where a message changed, the variants; the one whose size is that of the messages is taken.
 """
+
+
+Numbers: TypeAlias = Sequence[int | float]
+Taken: TypeAlias = Callable[[Any], Numbers]
+"""Takes numbers from a message, which has any class."""
+_INDEX: Final = re.compile("[0-9]{0,9}")
+
+
+def taken_by(types: Typesdict, kind: str, paths: Sequence[str]) -> Taken:
+    """Make a function that takes the numbers of paths from messages of a type."""
+    if len(paths) > 1 and are_numbers(types, kind, paths):
+        return attrgetter(*map(_attribute, paths))  # nearly always, and much faster
+    found = [taken for path in paths if (taken := _taken(types, kind, path)) is not None]
+    return lambda message: [number for taken in found for number in taken(message)]
+
+
+def are_numbers(types: Typesdict, kind: str, paths: Sequence[str]) -> bool:
+    """Tell whether each path leads to one number without passing an array."""
+    fields = [_field(types, kind, path) for path in paths]
+    return all(field is not None and _is_number(field) for field in fields)
+
+
+def _taken(types: Typesdict, kind: str, path: str) -> Taken | None:
+    """Make the function of one path; None where the type does not have it."""
+    before, mark, after = path.partition("[")
+    field = _field(types, kind, before)
+    if field is None:
+        return None
+    get = attrgetter(_attribute(before))
+    if mark:
+        return _taken_of_items(types, get, field, after)
+    if _is_number(field):
+        return lambda message: (get(message),)
+    item = _item(field)
+    return (lambda message: get(message).tolist()) if item and _is_number(item) else None
+
+
+def _taken_of_items(
+    types: Typesdict, get: Callable[[Any], Any], field: FieldDesc, after: str
+) -> Taken | None:
+    """Make the function of one item or of all, by what follows the bracket."""
+    index, _, rest = after.partition("]")
+    item = _item(field)
+    if item is None or not _INDEX.fullmatch(index):
+        return None
+    part = slice(int(index), int(index) + 1) if index else slice(None)
+    if rest.startswith(".") and item[0] == Nodetype.NAME:
+        inner = _taken(types, item[1], rest[1:])
+        if inner is None:
+            return None
+        return lambda message: [x for one in get(message)[part] for x in inner(one)]
+    if rest or not index or not _is_number(item):
+        return None
+    return lambda message: get(message)[part].tolist()
+
+
+def _field(types: Typesdict, kind: str, path: str) -> FieldDesc | None:
+    """Return the field that names lead to, past no array."""
+    field: FieldDesc | None = None
+    for name in path.split("."):
+        field = dict(types[kind][1]).get(name) if kind else None
+        if field is None:
+            return None
+        kind = field[1] if field[0] == Nodetype.NAME else ""
+    return field
+
+
+def _item(field: FieldDesc) -> BaseDesc | NameDesc | None:
+    if field[0] == Nodetype.ARRAY or field[0] == Nodetype.SEQUENCE:
+        return field[1][0]
+    return None
+
+
+def _is_number(field: FieldDesc) -> bool:
+    return field[0] == Nodetype.BASE and field[1][0] != "string"
+
+
+def _attribute(path: str) -> str:
+    return ".".join(normalize_fieldname(name) for name in path.split("."))

@@ -19,8 +19,8 @@ from rosbags.rosbag2.storage_mcap import (
 )
 
 from rotorfit.errors import LogError
-from rotorfit.logs.rosbag.container import MCAP_MAGIC
-from rotorfit.logs.rosbag.edge import DamageError, decoded
+from rotorfit.logs.rosbag import MCAP_MAGIC
+from rotorfit.logs.rosbag.edge import DamageError, decoded, unfolded, unfolded_message
 from rotorfit.logs.rosbag.stream import (
     Encoding,
     Messages,
@@ -30,7 +30,6 @@ from rotorfit.logs.rosbag.stream import (
     Wanted,
     kind_of,
 )
-from rotorfit.logs.rosbag.unfold import unfolded, unfolded_message
 
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 3, 4, 5, 6, 15
 _MESSAGE_HEAD: Final = 22
@@ -71,13 +70,7 @@ class _Declared:
 
 
 def scan_mcap(file: Source, wanted: Wanted, tally: Tally) -> Messages:
-    """Yield the messages of the topics that are wanted, in the order of the file.
-
-    Raises
-    ------
-    LogError
-        If compression is not known, or unfolds without end.
-    """
+    """Yield the messages of the topics that are wanted, in the order of the file."""
     file.seek(len(MCAP_MAGIC))
     declared = _Declared(wanted, tally)
     try:
@@ -98,13 +91,7 @@ def scan_mcap(file: Source, wanted: Wanted, tally: Tally) -> Messages:
 
 
 def _records(file: Source, end: int) -> Iterator[tuple[int, int]]:
-    """Yield opcode and length of each record, with the file at its content.
-
-    Raises
-    ------
-    DamageError
-        If the last record ends before its length.
-    """
+    """Yield opcode and length of each record, with the file at its content."""
     while (start := file.tell()) < end:
         head = decoded(read_exact, file, 9)
         length = int.from_bytes(head[1:], "little")

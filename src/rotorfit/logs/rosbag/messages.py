@@ -20,15 +20,7 @@ Rank = Literal["mocap", "estimate", "sensor", "outputs"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """Numbers of one channel in a message.
-
-    Attributes
-    ----------
-    paths
-        As of `paths.taken_by`.
-    form
-        What they are.
-    """
+    """Numbers of one channel in a message, by paths as of `definitions.taken_by`."""
 
     paths: tuple[str, ...]
     form: Form
@@ -36,14 +28,9 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageKind:
-    """A type of message that is read.
+    """A type of message that is read, by channels.
 
-    Attributes
-    ----------
-    channels
-        By name of the channel.
-    frd
-        Whether its axes are FRD and north-east-down whatever the user says (PX4); else the user's.
+    With `frd` its axes are FRD and north-east-down whatever the user says (PX4).
     """
 
     channels: Mapping[str, Quantity]

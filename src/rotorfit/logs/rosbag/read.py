@@ -1,7 +1,7 @@
 """ROS recordings: from the file to a FlightLog."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -9,12 +9,11 @@ from typing import Final
 from rotorfit.errors import LogError
 from rotorfit.logs.axes import Axes
 from rotorfit.logs.columns import ColumnSpec
-from rotorfit.logs.flight_log import CHANNELS, Channel, FlightLog
-from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim
+from rotorfit.logs.flight_log import CHANNELS, FlightLog, seconds_of
+from rotorfit.logs.rosbag import files_of
+from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim, mapped_channels
 from rotorfit.logs.rosbag.clocks import Timing, timings
-from rotorfit.logs.rosbag.container import files_of
 from rotorfit.logs.rosbag.edge import require_rosbags
-from rotorfit.logs.rosbag.mapped import mapped_channels
 from rotorfit.logs.rosbag.messages import NOT_MOTORS
 from rotorfit.logs.rosbag.stream import Contents, Recorded
 
@@ -28,27 +27,7 @@ def read_rosbag(
     axes: Axes = "FLU",
     motor_poles: int | None = None,
 ) -> FlightLog:
-    """Read a ROS 1 bag, a ROS 2 bag (SQLite or MCAP, file or folder) or another MCAP of ROS.
-
-    Parameters
-    ----------
-    path
-        The file, or the folder that ``ros2 bag record`` made.
-    columns
-        Name of a channel to a topic, to choose among several; or canonical name of a column (as of
-        flight tables) to ``TOPIC.path.to.number``, for messages that rotorfit does not know.
-    axes
-        Of ROS messages, which are FLU with a world of z up by convention (REP 103). Those of PX4
-        are FRD and north-east-down always.
-    motor_poles
-        For rotor speeds in ``erpm`` of a map.
-
-    Raises
-    ------
-    LogError
-        If it cannot be read, has no message that is known, or lacks what the map names; or if
-        rosbags is not installed.
-    """
+    """Read a ROS 1 bag, a ROS 2 bag (SQLite or MCAP, file or folder) or another MCAP of ROS."""
     specs = dict(columns or {})
     # The battery is a channel and a column of that name: a path to a number has a dot.
     mapped = {n: s for n, s in specs.items() if n not in CHANNELS or "." in s.name}
@@ -96,20 +75,15 @@ def _log(
         sha256=_sha256(files),
         format="rosbag",
         channels={name: channels[name] for name in CHANNELS if name in channels},
-        seconds=_seconds(channels.values()),
+        seconds=seconds_of(channels.values()),
         metadata=_metadata(contents, start),
         notes=(*notes, *_clock_notes(topics, clocks, used), *_left_out(contents)),
         warnings=(*_damage(contents), *_aims(taken)),
     )
 
 
-def _seconds(channels: Iterable[Channel]) -> float:
-    times = [channel.time for channel in channels if len(channel.time)]
-    return float(max(t[-1] for t in times) - min(t[0] for t in times))
-
-
 def _nothing(contents: Contents) -> str:
-    """Return the message for a recording without anything that is known."""
+    """Describe a recording without anything that is known."""
     names = [f"{t.name} ({t.kind})" for t in contents.others]
     empty = [f"{r.topic.name} ({_state(r)})" for r in contents.topics]
     listed = ", ".join([*empty, *names][:_SHOWN]) or "none"
@@ -139,7 +113,7 @@ def _metadata(contents: Contents, start: int) -> dict[str, str]:
 
 
 def _clock_notes(topics: Sequence[Recorded], clocks: Sequence[Timing], used: set[str]) -> list[str]:
-    """Return which clock each used topic is on, the same words together."""
+    """Say which clock each used topic is on, the same words together."""
     words: dict[str, list[str]] = {}
     for recorded, timing in zip(topics, clocks, strict=True):
         if recorded.topic.name in used:

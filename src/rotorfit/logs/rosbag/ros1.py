@@ -12,9 +12,8 @@ from typing import Final
 from rosbags.rosbag1.reader import Header, read_uint32
 
 from rotorfit.errors import LogError
-from rotorfit.logs.rosbag.edge import DamageError, decoded
+from rotorfit.logs.rosbag.edge import DamageError, decoded, unfolded
 from rotorfit.logs.rosbag.stream import Messages, Source, Tally, Topic, Wanted, kind_of
-from rotorfit.logs.rosbag.unfold import unfolded
 
 _VERSION: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
@@ -27,13 +26,7 @@ _Topics = dict[bytes, tuple[Topic, bool]]
 
 
 def scan_ros1(file: Source, wanted: Wanted, tally: Tally) -> Messages:
-    """Yield the messages of the topics that are wanted, in the order of the file.
-
-    Raises
-    ------
-    LogError
-        If the bag has another version, or compression that cannot be read.
-    """
+    """Yield the messages of the topics that are wanted, in the order of the file."""
     begin = file.read(len(_VERSION))
     if begin != _VERSION:
         raise LogError(
@@ -61,11 +54,6 @@ def _records(file: Source, end: int) -> Iterator[tuple[Header, int]]:
     """Yield header and length of each record, with the file at its data.
 
     A header that is damaged, in a record whose lengths are not, has no fields.
-
-    Raises
-    ------
-    DamageError
-        If the lengths of a record lead out of the file.
     """
     while (start := file.tell()) < end:
         size = decoded(read_uint32, file)

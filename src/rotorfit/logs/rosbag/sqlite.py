@@ -12,9 +12,8 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefiniti
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rotorfit.errors import LogError
-from rotorfit.logs.rosbag.edge import DamageError, decoded
+from rotorfit.logs.rosbag.edge import DamageError, decoded, unfolded_message
 from rotorfit.logs.rosbag.stream import Messages, Tally, Topic, Wanted, kind_of
-from rotorfit.logs.rosbag.unfold import unfolded_message
 
 _LARGEST_VALUE: Final = 64 * 2**20
 _STEPS_AT_ONCE: Final = 100_000
@@ -43,13 +42,7 @@ CREATE TEMP TABLE message_definitions (
 
 
 def scan_sqlite(path: Path, wanted: Wanted, tally: Tally) -> Messages:
-    """Yield the messages of the topics that are wanted, by the time of receipt.
-
-    Raises
-    ------
-    LogError
-        If it is no ROS 2 bag, or damaged so that nothing of it can be read.
-    """
+    """Yield the messages of the topics that are wanted, by the time of receipt."""
     if path.with_name(path.name + "-wal").exists():
         tally.passed_over("a write-ahead log beside it was not merged (the recorder crashed)")
     # rosbags puts the path into a URI as it is.

@@ -15,18 +15,9 @@ Encoding = Literal["ros1", "cdr"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topic:
-    """A topic of a recording.
+    """A topic of a recording; `kind` is the type of its messages as ``package/Name``.
 
-    Attributes
-    ----------
-    name
-        Such as ``/mavros/imu/data_raw``.
-    kind
-        Type of its messages as ``package/Name``.
-    encoding
-        Of its messages; None where rotorfit does not know it.
-    definition
-        Of its messages, as the file has it; empty where it has none.
+    `encoding` is None where rotorfit does not know it, `definition` empty where the file has none.
     """
 
     name: str
@@ -45,20 +36,10 @@ Messages: TypeAlias = Iterator[Message]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """What one topic recorded.
+    """What one topic recorded: times of receipt and of the messages' own stamps [ns], numbers.
 
-    Attributes
-    ----------
-    topic
-        Its name and type.
-    received
-        When each message was received [ns].
-    stamps
-        When its data were taken, by the message itself [ns]; empty where it does not say.
-    values
-        Numbers by quantity, one row a message; NaN for elements that a message does not have.
-    unreadable
-        How many messages did not fit their definition, and why the first did not.
+    NaN stands for elements that a message does not have; `unreadable` counts the messages that did
+    not fit their definition, and says why the first did not.
     """
 
     topic: Topic
@@ -70,19 +51,7 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
-    """What the files of a recording hold.
-
-    Attributes
-    ----------
-    topics
-        Those that were read.
-    others
-        Those that were not.
-    damage
-        What was passed over, one phrase each, with how often.
-    cause
-        What was raised where the first damage was met.
-    """
+    """What the files of a recording hold: topics that were read, others, and damage by phrase."""
 
     topics: list[Recorded]
     others: list[Topic]
@@ -92,24 +61,10 @@ class Contents:
 
 @dataclass(slots=True, kw_only=True)
 class Tally:
-    """What was met on the way through a file; filled while it is read.
+    """What was met on the way through a file, filled while it is read.
 
-    Attributes
-    ----------
-    file_size
-        [bytes]
-    before
-        Bytes of the recording's files that come before this one.
-    recording_size
-        Bytes of all its files.
-    unfolded
-        Bytes that compressed parts came to.
-    topics
-        All of them, by name and type.
-    damage
-        What was passed over, one phrase each, with how often.
-    cause
-        What was raised where the first damage was met.
+    `before` are the bytes of the recording's files before this one, `unfolded` those that
+    compressed parts came to.
     """
 
     file_size: int

@@ -1,4 +1,10 @@
 """Logs of PX4 (ULog)."""
 
-from rotorfit.logs.ulog.read import is_ulog as is_ulog
-from rotorfit.logs.ulog.read import read_ulog as read_ulog
+from typing import Final
+
+MAGIC: Final = b"ULog\x01\x12\x35"
+
+
+def is_ulog(head: bytes) -> bool:
+    """Tell a ULog by its first bytes."""
+    return head.startswith(MAGIC)

@@ -73,16 +73,9 @@ def rate_of(channel: Channel | None) -> float:
 
 
 def find_imu(scan: Scan, *, raw: Callable[[], Scan]) -> Imu:
-    """Return the first source that is fast enough, else the fastest.
+    """Find the first source that is fast enough, else the fastest.
 
     In the order of sensor_combined, vehicle_imu, the controllers' signals and raw samples.
-
-    Parameters
-    ----------
-    scan
-        With `TOPICS`.
-    raw
-        Reads the file again for `FIFO_TOPICS`, which can be most of a file.
     """
     best = Imu(gyro=None, accel=None)
     makers = (
@@ -135,7 +128,7 @@ def _combined(scan: Scan) -> Imu:
 
 
 def _rising(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return which samples are not earlier than one before."""
+    """Select which samples are not earlier than one before."""
     return time >= np.maximum.accumulate(time)
 
 
@@ -168,7 +161,7 @@ def _over_time(topic: Topic, name: str) -> Channel | None:
 
 
 def _filtered(scan: Scan) -> Imu:
-    """Return the signals of the controllers, low-passed on board."""
+    """Read the signals of the controllers, low-passed on board."""
     gyro, accel = scan.first("vehicle_angular_velocity"), scan.first("vehicle_acceleration")
     cutoffs = [
         f"{name} = {cutoff:g} Hz" if cutoff is not None else f"{name} unknown"
@@ -194,7 +187,7 @@ def _controller_signal(topic: Topic | None) -> Channel | None:
 
 
 def _selected(scan: Scan, instances: tuple[Topic, ...], device: str) -> Topic | None:
-    """Return the instance of the sensor that the autopilot flew with, else the first."""
+    """Find the instance of the sensor that the autopilot flew with, else the first."""
     selection = scan.first("sensor_selection")
     chosen = None if selection is None else selection.number(device)
     for topic in instances:
@@ -205,7 +198,7 @@ def _selected(scan: Scan, instances: tuple[Topic, ...], device: str) -> Topic | 
 
 
 def _fifo(scan: Scan, raw: Callable[[], Scan]) -> Imu:
-    """Return the raw samples of each transfer as their mean."""
+    """Average the raw samples of each transfer."""
     turned = scan.number("SENS_BOARD_ROT")
     if not any(name in scan.counts for name in FIFO_TOPICS) or turned not in (None, 0.0):
         return Imu(gyro=None, accel=None)
@@ -225,7 +218,7 @@ def _selected_fifo(found: Scan, kind: str) -> Channel | None:
 
 
 def _transfer_means(topic: Topic) -> Channel | None:
-    """Return the mean of each transfer, at the middle of its samples; None with holes in them."""
+    """Average each transfer, at the middle of its samples; None with holes in them."""
     step, scale, count = (topic.number(name) for name in ("dt", "scale", "samples"))
     axes = [topic.vector(axis, 1) for axis in "xyz"]
     if step is None or scale is None or count is None or any(a is None for a in axes):

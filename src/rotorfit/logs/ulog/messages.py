@@ -6,17 +6,17 @@ no message, the search goes on at the next synchronisation mark or data message 
 Format: docs.px4.io, "ULog File Format".
 """
 
+import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import BinaryIO, Final, Protocol, runtime_checkable
+from typing import Any, BinaryIO, Final, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Int, UInt8
 
 from rotorfit.errors import LogError
 
-MAGIC: Final = b"ULog\x01\x12\x35"
 HEADER_BYTES: Final = 16
 BLOCK_BYTES: Final = 1 << 20
 SYNC: Final = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
@@ -33,11 +33,11 @@ class Judge(Protocol):
     """Knows which data messages a log may have."""
 
     def accept(self, content: bytes, starts: Int[np.ndarray, " n"]) -> int:
-        """Return how many of these messages are sound, up to the first that is not."""
+        """Count the messages that are sound, up to the first that is not."""
         ...
 
     def first_fit(self, raw: UInt8[np.ndarray, " n"]) -> int | None:
-        """Return the first place in some bytes where a known data message fits."""
+        """Find the first place in some bytes where a known data message fits."""
         ...
 
 
@@ -45,18 +45,8 @@ class Judge(Protocol):
 class Block:
     """Whole messages of a stretch of the file.
 
-    Attributes
-    ----------
-    content
-        The bytes.
-    starts
-        Where in them each message begins.
-    skipped
-        Bytes passed over as damage.
-    places
-        In how many places.
-    trailing
-        Bytes at the end of the stretch that are no whole message.
+    `skipped` bytes were passed over as damage, in so many `places`; `trailing` ones at the end are
+    no whole message.
     """
 
     content: bytes
@@ -67,17 +57,7 @@ class Block:
 
 
 def read_blocks(file: BinaryIO, begin: int, end: int, *, judge: Judge) -> Iterator[Block]:
-    """Yield the messages from byte `begin` of a file to byte `end`, block by block.
-
-    Parameters
-    ----------
-    file
-        Open for reading.
-    begin, end
-        A message that `end` cuts is left out.
-    judge
-        Asked of every message.
-    """
+    """Yield the messages from byte `begin` of a file to byte `end`, block by block."""
     file.seek(begin)
     left, rest = end - begin, b""
     while left > 0:
@@ -131,7 +111,7 @@ def refuse_ruin(places: int) -> None:
 
 
 def _chain(content: bytes, position: int) -> tuple[Int[np.ndarray, " n"], int]:
-    """Return where whole messages begin that follow each other, and where the next would."""
+    """Find where whole messages begin that follow each other, and where the next would."""
     starts: list[int] = []
     append, unpack, is_known = starts.append, struct.Struct("<HB").unpack_from, _IS_KNOWN
     length = len(content)
@@ -146,7 +126,7 @@ def _chain(content: bytes, position: int) -> tuple[Int[np.ndarray, " n"], int]:
 
 
 def _is_cut(content: bytes, position: int) -> bool:
-    """Return whether what begins at a place looks like a message that goes on past the end."""
+    """Tell whether what begins at a place looks like a message that goes on past the end."""
     if len(content) - position < 3:
         return True
     size, kind = struct.unpack_from("<HB", content, position)
@@ -154,7 +134,7 @@ def _is_cut(content: bytes, position: int) -> bool:
 
 
 def _next_message(content: bytes, position: int, judge: Judge) -> int | None:
-    """Return the next place where a mark stands or a known data message fits."""
+    """Find the next place where a mark stands or a known data message fits."""
     window = _SEARCH_BYTES[0]
     while position < len(content):
         piece = content[position : position + window + len(SYNC)]
@@ -165,3 +145,99 @@ def _next_message(content: bytes, position: int, judge: Judge) -> int | None:
         position += window
         window = _SEARCH_BYTES[1]
     return None
+
+
+LARGEST_ROW: Final = 65_533
+"""A message is at most 65 535 bytes long, two of which are its number."""
+DEEPEST: Final = 4
+"""PX4 nests once."""
+MOST_FIELDS: Final = 1000
+
+TYPES: Final[Mapping[str, str]] = {
+    "int8_t": "<i1",
+    "uint8_t": "<u1",
+    "int16_t": "<i2",
+    "uint16_t": "<u2",
+    "int32_t": "<i4",
+    "uint32_t": "<u4",
+    "int64_t": "<i8",
+    "uint64_t": "<u8",
+    "float": "<f4",
+    "double": "<f8",
+    "bool": "<u1",
+    "char": "<i1",
+}
+_FIELD: Final = re.compile(r"([A-Za-z_]\w*)(?:\[(\d{1,5})\])? ([A-Za-z_]\w*)")
+_NAME: Final = re.compile(r"[A-Za-z_][\w\-/]*")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """A field of a format: its type, its name, and how many of it (0: one, not an array)."""
+
+    type: str
+    name: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """The type of a topic's rows without padding at the end; the largest size with it [bytes]."""
+
+    dtype: np.dtype[Any]
+    largest: int
+
+
+def parse_format(text: str) -> tuple[str, tuple[Field, ...]] | None:
+    """Return name and fields of a format such as ``a:uint64_t timestamp;float[3] x;``.
+
+    None where it is no format.
+    """
+    name, colon, listed = text.partition(":")
+    parts = [part for part in listed.split(";") if part]
+    if not (colon and parts and _NAME.fullmatch(name)) or len(parts) > MOST_FIELDS:
+        return None
+    fields: list[Field] = []
+    for part in parts:
+        match = _FIELD.fullmatch(part)
+        if match is None:
+            return None
+        fields.append(Field(type=match[1], name=match[3], count=int(match[2] or 0)))
+    return name, tuple(fields)
+
+
+def row_of(formats: Mapping[str, tuple[Field, ...]], name: str) -> Row | None:
+    """Return the row of a topic; None where its format is missing, circular or too large."""
+    fields = formats.get(name, ())
+    kept = list(fields)
+    while kept and kept[-1].name.startswith("_padding"):
+        kept.pop()
+    whole = _dtype(formats, fields, DEEPEST)
+    dtype = _dtype(formats, tuple(kept), DEEPEST)
+    if whole is None or dtype is None:
+        return None
+    return Row(dtype=dtype, largest=whole.itemsize)
+
+
+def _dtype(
+    formats: Mapping[str, tuple[Field, ...]], fields: tuple[Field, ...], depth: int
+) -> np.dtype[Any] | None:
+    """Return the packed type of some fields, nested formats as types within it."""
+    parts: list[Any] = []
+    size = 0
+    names = [field.name for field in fields]
+    if not fields or depth == 0 or len(set(names)) < len(names):
+        return None
+    for field in fields:
+        inner = (
+            np.dtype(TYPES[field.type])
+            if field.type in TYPES
+            else _dtype(formats, formats.get(field.type, ()), depth - 1)
+        )
+        if inner is None:
+            return None
+        size += inner.itemsize * (field.count or 1)
+        if size > LARGEST_ROW:
+            return None
+        parts.append((field.name, inner, (field.count,)) if field.count else (field.name, inner))
+    return np.dtype(parts)

@@ -53,7 +53,7 @@ class Motors:
 
 
 def motor_count(scan: Scan) -> int | None:
-    """Return the number of motors by the parameters; None where they do not say."""
+    """Read the number of motors by the parameters; None where they do not say."""
     declared = scan.number("CA_ROTOR_COUNT")
     if declared is not None and 0 < declared <= MOST_MOTORS:
         return int(declared)
@@ -62,7 +62,7 @@ def motor_count(scan: Scan) -> int | None:
 
 
 def is_vtol(scan: Scan) -> bool:
-    """Return whether the parameters are those of a vehicle that hovers and flies on a wing."""
+    """Tell whether the parameters are those of a vehicle that hovers and flies on a wing."""
     own = {name: scan.number(name) for name in ("CA_AIRFRAME", "MAV_TYPE", "SYS_AUTOSTART")}
     airframe = own["SYS_AUTOSTART"]
     return (
@@ -76,7 +76,7 @@ def is_vtol(scan: Scan) -> bool:
 
 
 def find_rotor_speed(scan: Scan) -> Motors:
-    """Return the rotor speeds of esc_status, in the order of the motors."""
+    """Read the rotor speeds of esc_status, in the order of the motors."""
     topic = scan.first("esc_status")
     if topic is None or "esc" not in (topic.rows.dtype.names or ()):
         return Motors(notes=(f"No rotor speed (esc_status): {TELEMETRY}.",))
@@ -107,16 +107,16 @@ def find_rotor_speed(scan: Scan) -> Motors:
 
 
 def _places_of_motors(scan: Scan, topic: Topic, turns: Bool[np.ndarray, " e"]) -> list[int]:
-    """Return which place in esc_status each motor has, in the order of the motors."""
+    """Find the place of each motor in esc_status, in the order of the motors."""
     escs = topic.rows["esc"]
     if "actuator_function" in (escs.dtype.names or ()):
         functions = np.max(escs["actuator_function"], axis=0).astype(int).tolist()
         motors = {f: i for i, f in enumerate(functions) if FIRST_MOTOR <= f <= LAST_MOTOR}
         if motors:
             return [motors[function] for function in sorted(motors)]
-    told = topic.number("esc_count")
+    declared_count = topic.number("esc_count")
     turning = np.flatnonzero(turns)
-    count = motor_count(scan) or int(0 if told is None else told.max())
+    count = motor_count(scan) or int(0 if declared_count is None else declared_count.max())
     count = count or (int(turning[-1]) + 1 if len(turning) else len(turns))
     return list(range(min(count, len(turns))))
 
@@ -179,7 +179,7 @@ def _joined(
 
 
 def _smallest_step(rpm: Float[np.ndarray, "n N"]) -> float:
-    """Return the step of the telemetry: 1 rpm, or 100 electrical ones over the pole pairs."""
+    """Find the step of the telemetry: 1 rpm, or 100 electrical ones over the pole pairs."""
     levels, least = np.zeros(0), np.inf
     for piece in pieces(len(rpm)):
         some = rpm[piece]
@@ -194,7 +194,7 @@ def _smallest_step(rpm: Float[np.ndarray, "n N"]) -> float:
 
 
 def find_command(scan: Scan) -> Motors:
-    """Return the motor commands as the fraction of the output range that was sent."""
+    """Read the motor commands as the fraction of the output range that was sent."""
     topic = scan.first("actuator_motors")
     if topic is not None and topic.vector("control", 1) is not None and len(topic.rows) > 1:
         return _from_thrusts(scan, topic)
@@ -252,7 +252,7 @@ def _from_thrusts(scan: Scan, topic: Topic) -> Motors:
 
 
 def _fraction_of(thrust: Float[np.ndarray, "n N"], factor: float) -> Float[np.ndarray, "n N"]:
-    """Return u >= 0 of factor u^2 + (1 - factor) u = thrust."""
+    """Solve for u >= 0: factor u^2 + (1 - factor) u = thrust."""
     if factor == 0.0:
         return thrust
     b = 1.0 - factor
@@ -268,7 +268,7 @@ class _Outputs:
 
     places: tuple[int, ...]
     ranges: tuple[tuple[float, float], ...]
-    said_by: str
+    basis: str
 
 
 def _from_outputs(scan: Scan) -> Motors:
@@ -290,7 +290,7 @@ def _from_outputs(scan: Scan) -> Motors:
     if bool((values > high + 0.05 * (high - low)).any()):
         note = (
             f"{topic.label} reaches {float(np.nanmax(values)):g}, beyond its range "
-            f"{low.min():g} to {high.max():g} ({wiring.said_by}): commands are left out; log "
+            f"{low.min():g} to {high.max():g} ({wiring.basis}): commands are left out; log "
             "actuator_motors."
         )
         return Motors(notes=(note,))
@@ -298,14 +298,14 @@ def _from_outputs(scan: Scan) -> Motors:
     values /= high - low
     np.clip(values, 0.0, 1.0, out=values)
     shown = ", ".join(str(place) for place in wiring.places)
-    source = f"{topic.label}.output[{shown}], {low.min():g}..{high.max():g} ({wiring.said_by})"
+    source = f"{topic.label}.output[{shown}], {low.min():g}..{high.max():g} ({wiring.basis})"
     resolution = 1.0 / float((high - low).min()) if float((high - low).min()) >= 100 else None
     channel = Channel(time=topic.time, values=values, source=source, resolution=resolution)
     return Motors(channel=channel)
 
 
 def _assigned(scan: Scan) -> _Outputs | None:
-    """Return the outputs that the parameters ..._FUNC1 and so on give to motors (PX4 1.13 on)."""
+    """Find the outputs that the parameters ..._FUNC1 and so on give to motors (PX4 1.13 on)."""
     found: dict[str, dict[int, int]] = {}
     for name, value in scan.parameters.items():
         match = re.fullmatch(r"([A-Z0-9_]+)_FUNC(\d{1,2})", name)
@@ -317,7 +317,7 @@ def _assigned(scan: Scan) -> _Outputs | None:
     numbers = [outputs[function] for function in sorted(outputs)]
     ranges = tuple(_assigned_range(scan, prefix, number) for number in numbers)
     places = tuple(number - 1 for number in numbers)
-    return _Outputs(places=places, ranges=ranges, said_by=f"{prefix}_FUNC, _MIN, _MAX")
+    return _Outputs(places=places, ranges=ranges, basis=f"{prefix}_FUNC, _MIN, _MAX")
 
 
 def _assigned_range(scan: Scan, prefix: str, number: int) -> tuple[float, float]:
@@ -335,12 +335,14 @@ def _dshot_range(scan: Scan) -> tuple[float, float]:
 
 
 def _main_outputs(scan: Scan) -> _Outputs:
-    """Return the first outputs, which older versions of PX4 gave to the motors."""
+    """Find the first outputs, which older versions of PX4 gave to the motors."""
     count = motor_count(scan) or _used_outputs(scan)
     places = tuple(range(max(count, 1)))
     if (scan.number("DSHOT_CONFIG") or 0) > 0:
         return _Outputs(
-            places=places, ranges=(_dshot_range(scan),) * len(places), said_by="DSHOT_CONFIG"
+            places=places,
+            ranges=(_dshot_range(scan),) * len(places),
+            basis="DSHOT_CONFIG",
         )
     low = _first_positive(scan, ("PWM_MAIN_MIN", "PWM_MIN"), 1000.0)
     high = _first_positive(scan, ("PWM_MAIN_MAX", "PWM_MAX"), 2000.0)
@@ -352,7 +354,7 @@ def _main_outputs(scan: Scan) -> _Outputs:
         for i in places
     ]
     sound = tuple((a, b) if b > a else (1000.0, 2000.0) for a, b in ranges)
-    return _Outputs(places=places, ranges=sound, said_by="PWM_MIN, PWM_MAX")
+    return _Outputs(places=places, ranges=sound, basis="PWM_MIN, PWM_MAX")
 
 
 def _first_positive(scan: Scan, names: tuple[str, ...], default: float) -> float:
@@ -364,7 +366,7 @@ def _first_positive(scan: Scan, names: tuple[str, ...], default: float) -> float
 
 
 def _used_outputs(scan: Scan) -> int:
-    """Return how many outputs of the first instance ever differ from 0."""
+    """Count the outputs of the first instance that ever differ from 0."""
     topic = scan.first("actuator_outputs")
     values = None if topic is None else topic.vector("output", 1)
     if topic is None or values is None:
@@ -374,7 +376,7 @@ def _used_outputs(scan: Scan) -> int:
 
 
 def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
-    """Return the instance whose motor outputs move most; several drivers publish their own."""
+    """Find the instance whose motor outputs move most; several drivers publish their own."""
     moved: list[tuple[float, int, Topic]] = []
     for topic in scan.all("actuator_outputs"):
         values = topic.vector("output", 1 + max(wiring.places))
@@ -385,7 +387,7 @@ def _instance_with_motors(scan: Scan, wiring: _Outputs) -> Topic | None:
 
 
 def output_speeds(scan: Scan) -> tuple[float, float] | None:
-    """Return the speeds at no and at full output, where Gazebo makes the output the speed itself.
+    """Read the speeds at no and at full output, where Gazebo makes the output the speed itself.
 
     By SIM_GZ_EC_MIN and _MAX [rad/s]; None elsewhere, or where the motors differ.
     """
@@ -403,7 +405,7 @@ def output_speeds(scan: Scan) -> tuple[float, float] | None:
 
 
 def commanded_law(scan: Scan) -> str:
-    """Return the ``law`` of the experiment file by the parameters, or an empty text.
+    """Write the ``law`` of the experiment file by the parameters; empty where unknown.
 
     Outside Gazebo PX4 only assumes how thrust goes with the output.
     """

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.logs.axes import attitude_to_flu, vectors_to_flu
+from rotorfit.logs.axes import attitude_to_flu, vectors_to_flu, world_to_body
 from rotorfit.logs.flight_log import Channel, pieces
 from rotorfit.logs.ulog.scan import Scan
 from rotorfit.logs.ulog.topic import Topic
@@ -33,7 +33,7 @@ _FRAMES: Final = {"pose_frame": {1: NED, 2: FRD}, "local_frame": {0: NED, 1: FRD
 
 
 def find_pose(scan: Scan) -> tuple[dict[str, Channel], list[str]]:
-    """Return position and attitude by motion capture or vision, z up, and notes."""
+    """Find position and attitude by motion capture or vision, z up, and notes."""
     for name in MOCAP:
         topic = scan.first(name)
         if topic is not None and len(topic.rows) > 1:
@@ -67,7 +67,7 @@ def _pose(topic: Topic) -> tuple[dict[str, Channel], list[str]]:
 
 
 def _position(topic: Topic, rows: slice) -> Float[np.ndarray, "n 3"] | None:
-    """Return the position as an array (from PX4 1.14 on), or from x, y and z."""
+    """Find the position as an array (from PX4 1.14 on), or from x, y and z."""
     if topic.has_vector("position", 3):
         return topic.column("position", rows)[:, :3]
     if not all(topic.has_number(axis) for axis in "xyz"):
@@ -84,7 +84,7 @@ def _world(topic: Topic) -> str | None:
 
 
 def find_velocity(scan: Scan) -> Channel | None:
-    """Return the estimated velocity in body axes, where position and attitude are logged."""
+    """Read the estimated velocity in body axes, where position and attitude are logged."""
     place, turned = scan.first("vehicle_local_position"), scan.first("vehicle_attitude")
     if place is None or turned is None:
         return None
@@ -99,7 +99,7 @@ def find_velocity(scan: Scan) -> Channel | None:
     for rows in pieces(len(time)):
         columns = [place.column(name, rows) for name in ("vx", "vy", "vz")]
         attitude = _interpolated(time[rows], turned_time, turned)
-        velocity[rows] = vectors_to_flu(_to_body(attitude, np.stack(columns, axis=1)), "FRD")
+        velocity[rows] = vectors_to_flu(world_to_body(np.stack(columns, axis=1), attitude), "FRD")
     velocity[~known] = np.nan
     if not np.isfinite(velocity).all(axis=1).any():
         return None
@@ -108,7 +108,7 @@ def find_velocity(scan: Scan) -> Channel | None:
 
 
 def _on_one_side(q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
-    """Return the same attitudes, each on its neighbours' side: q and -q are one attitude."""
+    """Flip quaternions to the side of their neighbours: q and -q are one attitude."""
     flips = np.where(np.einsum("nk,nk->n", q[1:], q[:-1]) < 0, -1.0, 1.0)
     return q * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
 
@@ -116,7 +116,7 @@ def _on_one_side(q: Float[np.ndarray, "m 4"]) -> Float[np.ndarray, "m 4"]:
 def _interpolated(
     time: Float[np.ndarray, " n"], t: Float[np.ndarray, " m"], turned: Topic
 ) -> Float[np.ndarray, "n 4"]:
-    """Return unit quaternions at other times, by the straight line between neighbours."""
+    """Interpolate unit quaternions at other times, by the straight line between neighbours."""
     first = max(int(np.searchsorted(t, float(time[0]))) - 1, 0)
     last = int(np.searchsorted(t, float(time[-1]), side="right")) + 1
     t, q = t[first:last], _on_one_side(turned.column("q", slice(first, last))[:, :4])
@@ -127,17 +127,8 @@ def _interpolated(
     return between / np.where(length > 0.5, length, np.nan)[:, None]
 
 
-def _to_body(
-    q: Float[np.ndarray, "n 4"], world: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, "n 3"]:
-    """Return world vectors in body axes; q turns body into world, w first."""
-    w, v = q[:, :1], -q[:, 1:]
-    t = 2.0 * np.cross(v, world)
-    return world + w * t + np.cross(v, t)
-
-
 def find_reference(scan: Scan) -> Channel | None:
-    """Return the rates that the rate controller was asked for, body axes [rad/s]."""
+    """Read the rates that the rate controller was asked for, body axes [rad/s]."""
     topic = scan.first("vehicle_rates_setpoint")
     axes = ("roll", "pitch", "yaw")
     if topic is None or not all(map(topic.has_number, axes)):
@@ -148,7 +139,7 @@ def find_reference(scan: Scan) -> Channel | None:
 
 
 def find_battery(scan: Scan) -> Channel | None:
-    """Return the voltage of the first battery that has one."""
+    """Read the voltage of the first battery that has one."""
     for topic in scan.all("battery_status"):
         volts = topic.number("voltage_v")
         if volts is not None and bool((volts > 0).any()):

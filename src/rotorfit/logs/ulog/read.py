@@ -4,10 +4,8 @@ from pathlib import Path
 from typing import Final
 
 from rotorfit.errors import LogError
-from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.logs.simulators import SIH, simulated_sentence
-from rotorfit.logs.ulog import circumstances, imu, motors, pose, simulated, vehicle
-from rotorfit.logs.ulog.messages import MAGIC
+from rotorfit.logs.flight_log import SIH, Channel, FlightLog, simulated_sentence
+from rotorfit.logs.ulog import imu, motors, pose, vehicle
 from rotorfit.logs.ulog.scan import Scan, scan_file
 
 WANTED: Final = {
@@ -15,43 +13,21 @@ WANTED: Final = {
     **motors.TOPICS,
     **pose.TOPICS,
     **vehicle.TOPICS,
-    **circumstances.TOPICS,
 }
 SLOW_MOTORS: Final = 50.0
 """Commands slower than this say little of inertia [Hz]."""
 _LISTED: Final = 20
 
 
-def is_ulog(head: bytes) -> bool:
-    """Return whether bytes from the beginning of a file are a ULog."""
-    return head.startswith(MAGIC)
-
-
 def read_ulog(path: Path) -> FlightLog:
-    """Read a log of PX4.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Returns
-    -------
-    FlightLog
-        Channels in SI units and FLU axes, on the clock of the autopilot, seconds since its boot.
-
-    Raises
-    ------
-    LogError
-        If the file cannot be read, or has none of the topics that make a channel.
-    """
+    """Read a log of PX4."""
     try:
         channels, notes, scan = _channels(path)
         if not channels:
             raise LogError(_no_channels(scan))
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
-    simulator = simulated.simulator_of(scan)
+    simulator = vehicle.simulator_of(scan)
     # A topic begins with its last message before the log: the sensors say when the log began.
     timed = [c for name, c in channels.items() if name in ("gyro", "accel")] or [*channels.values()]
     begin, end = min(c.time[0] for c in timed), max(c.time[-1] for c in timed)
@@ -61,7 +37,7 @@ def read_ulog(path: Path) -> FlightLog:
         format="ulog",
         channels=channels,
         seconds=float(end - begin),
-        metadata={**vehicle.metadata_of(scan), **simulated.simulated_metadata(scan)},
+        metadata={**vehicle.metadata_of(scan), **vehicle.simulated_metadata(scan)},
         notes=(
             *([simulated_sentence(simulator)] if simulator else []),
             *notes,
@@ -70,10 +46,10 @@ def read_ulog(path: Path) -> FlightLog:
             *vehicle.change_notes(scan),
             *_appended_note(scan),
         ),
-        warnings=(*scan.warnings, *vehicle.flight_doubts(scan), *_rate_doubts(channels)),
+        warnings=(*scan.warnings, *vehicle.flight_warnings(scan), *_rate_warnings(channels)),
         simulator=simulator,
-        motors=simulated.logged_motors(scan),
-        circumstances=circumstances.circumstances_of(scan, float(begin)),
+        motors=vehicle.logged_motors(scan),
+        circumstances=vehicle.circumstances_of(scan, float(begin)),
     )
 
 
@@ -115,24 +91,24 @@ def _channels(path: Path) -> tuple[dict[str, Channel], list[str], Scan]:
     return channels, notes, scan
 
 
-def _rate_doubts(channels: dict[str, Channel]) -> list[str]:
-    """Return what to set where motor data come too slowly for rotations."""
-    doubts: list[str] = []
+def _rate_warnings(channels: dict[str, Channel]) -> list[str]:
+    """Say what to set where motor data come too slowly for rotations."""
+    warnings: list[str] = []
     for name in ("rotor_speed", "command"):
         channel = channels.get(name)
         rate = 0.0 if channel is None else imu.rate_of(channel)
         if 0.0 < rate < SLOW_MOTORS:
-            doubts.append(
+            warnings.append(
                 f"the {name} channel comes at {rate:.0f} Hz, too slow for inertia and motor lag: "
                 f"{imu.LOG_FASTER}"
             )
-    return doubts
+    return warnings
 
 
 def _law_notes(scan: Scan, channels: dict[str, Channel]) -> list[str]:
-    """Return how commands and speed belong together, by the parameters."""
+    """Say how commands and speed belong together, by the parameters."""
     law = motors.commanded_law(scan)
-    if "command" not in channels or not law or simulated.simulator_of(scan) == SIH:
+    if "command" not in channels or not law or vehicle.simulator_of(scan) == SIH:
         return []
     if "linear" in law:
         return [f"Simulated motors: the command is a speed, by [motors] {law}."]
@@ -153,7 +129,7 @@ def _appended_note(scan: Scan) -> list[str]:
 
 
 def _no_channels(scan: Scan) -> str:
-    """Return the message for a log with nothing to use."""
+    """Describe a log with nothing to use."""
     topics = sorted(name for name, count in scan.counts.items() if count)
     shown = ascii(", ".join(topics[:_LISTED]))[1:-1] or "none"
     more = f" and {len(topics) - _LISTED} more" if len(topics) > _LISTED else ""

@@ -16,11 +16,20 @@ from jaxtyping import Int, UInt8
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import read_head
+from rotorfit.logs.flight_log import in_order
 from rotorfit.logs.progress import tell
-from rotorfit.logs.ulog.formats import Field, Row, parse_format, row_of
-from rotorfit.logs.ulog.messages import HEADER_BYTES, MAGIC, Block, read_blocks, refuse_ruin
-from rotorfit.logs.ulog.rows import appended
-from rotorfit.logs.ulog.topic import Topic
+from rotorfit.logs.ulog import MAGIC
+from rotorfit.logs.ulog.messages import (
+    HEADER_BYTES,
+    Block,
+    Field,
+    Row,
+    parse_format,
+    read_blocks,
+    refuse_ruin,
+    row_of,
+)
+from rotorfit.logs.ulog.topic import Topic, appended
 
 Value = int | float
 Wanted = Mapping[str, Container[str] | None]
@@ -87,19 +96,19 @@ class Scan:
     sha256: str
 
     def without(self, names: Container[str]) -> "Scan":
-        """Return the same without the messages of some topics."""
+        """Drop the messages of some topics."""
         return replace(self, topics={n: t for n, t in self.topics.items() if n not in names})
 
     def all(self, name: str) -> tuple[Topic, ...]:
-        """Return the instances of a topic."""
+        """Find the instances of a topic."""
         return self.topics.get(name, ())
 
     def first(self, name: str) -> Topic | None:
-        """Return the first instance of a topic."""
+        """Find the first instance of a topic."""
         return next(iter(self.all(name)), None)
 
     def number(self, name: str) -> float | None:
-        """Return a parameter; None where the log does not have it."""
+        """Read a parameter; None where the log does not have it."""
         value = self.parameters.get(name)
         return None if value is None else float(value)
 
@@ -162,7 +171,7 @@ class _Reading:
         return int(data[bad[0]]) if len(bad) else len(starts)
 
     def first_fit(self, raw: UInt8[np.ndarray, " n"]) -> int | None:
-        """Return the first place where a data message of a known number and length fits.
+        """Find the first place where a data message of a known number and length fits.
 
         Or where a format, a parameter or a subscription does: without those behind the damage, the
         data behind them say nothing.
@@ -276,7 +285,7 @@ class _Reading:
 
 
 def _key_and_value(content: bytes) -> tuple[str, Value] | None:
-    """Return name and value of a parameter; None where it is damaged."""
+    """Read name and value of a parameter; None where it is damaged."""
     end = 1 + content[0] if content else 0
     kind, _, key = content[1:end].decode("utf-8", "replace").partition(" ")
     if not key or not key.isprintable() or len(key) > 40 or len(content) != end + 4:
@@ -297,21 +306,7 @@ def _uint16(raw: UInt8[np.ndarray, " n"], places: Int[np.ndarray, " m"]) -> Int[
 
 
 def scan_file(path: Path, wanted: Wanted) -> Scan:
-    """Return the wanted topics of a file, and all its parameters.
-
-    Parameters
-    ----------
-    path
-        The file.
-    wanted
-        Names of topics, and the fields of them that are kept; the messages of others are counted
-        only.
-
-    Raises
-    ------
-    LogError
-        If the file cannot be read, is no ULog, or of a later, incompatible kind.
-    """
+    """Read the wanted topics of a file, and all its parameters."""
     head = read_head(path, HEADER_BYTES + 3 + 40)
     _refuse_other(head)
     reading = _Reading(wanted=wanted)
@@ -319,7 +314,7 @@ def scan_file(path: Path, wanted: Wanted) -> Scan:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
             size = os.fstat(file.fileno()).st_size
-            offsets, doubts = _appended(head, size)
+            offsets, damage = _appended(head, size)
             _read_sections(file, [HEADER_BYTES, *offsets, size], reading)
     except OSError as error:
         raise LogError(f"cannot be read ({error}): check the path and the disk") from error
@@ -335,7 +330,7 @@ def scan_file(path: Path, wanted: Wanted) -> Scan:
         info=reading.info,
         dropouts=tuple(reading.dropouts),
         appended=len(offsets),
-        warnings=(*doubts, *_damage(reading, unordered)),
+        warnings=(*damage, *_damage(reading, unordered)),
         sha256=digest,
     )
 
@@ -357,7 +352,7 @@ def _read_sections(file: BinaryIO, edges: list[int], reading: _Reading) -> None:
 
 
 def _appended(head: bytes, size: int) -> tuple[list[int], list[str]]:
-    """Return where appended stretches begin, from the flags, and doubts about them."""
+    """Find where appended stretches begin, from the flags, and doubts about them."""
     length, kind = struct.unpack_from("<HB", head, HEADER_BYTES)
     flags = head[HEADER_BYTES + 3 :][:length]
     if kind != ord("B") or len(flags) < 40:
@@ -385,7 +380,7 @@ def _topics(reading: _Reading) -> tuple[dict[str, tuple[Topic, ...]], int]:
         dtype = rows.dtype
         if "timestamp" not in (dtype.names or ()) or dtype["timestamp"] != np.dtype("<u8"):
             continue
-        kept = _in_order(rows["timestamp"])
+        kept = in_order(rows["timestamp"])
         unordered += int(np.count_nonzero(~kept))
         rows = rows if kept.all() else rows[kept]
         topic = Topic(
@@ -409,19 +404,6 @@ def _lengths(row: Row | None) -> dict[str, int]:
     return {name: int(dtype.shape[0]) for name, dtype in inner.items() if dtype.shape}
 
 
-def _in_order(stamps: np.ndarray) -> np.ndarray:
-    """Return which messages to keep, so that time never goes back.
-
-    A wrong time is either too early or too late: left out are those earlier than one before, or
-    those later than one after, whichever are fewer.
-    """
-    early = stamps < np.maximum.accumulate(stamps)
-    if not early.any():
-        return ~early
-    late = stamps > np.minimum.accumulate(stamps[::-1])[::-1]
-    return ~early if np.count_nonzero(early) <= np.count_nonzero(late) else ~late
-
-
 def _counts(reading: _Reading) -> dict[str, int]:
     counts: dict[str, int] = {}
     for number, subscription in reading.subscribed.items():
@@ -430,21 +412,21 @@ def _counts(reading: _Reading) -> dict[str, int]:
 
 
 def _damage(reading: _Reading, unordered: int) -> list[str]:
-    """Return what was damaged or lost, one sentence each."""
-    doubts: list[str] = []
+    """Say what was damaged or lost, one sentence each."""
+    damage: list[str] = []
     if reading.dropouts:
         total, longest = sum(reading.dropouts), max(reading.dropouts)
-        doubts.append(
+        damage.append(
             f"the logger lost messages {len(reading.dropouts)} times, {total / 1000:.2f} s in all, "
             f"{longest} ms at most: gaps are cut out, not bridged; use a faster card, or log less"
         )
     if reading.places:
-        doubts.append(
+        damage.append(
             f"{reading.places} damaged places: {reading.skipped} bytes skipped; copy the log again "
             "from the card"
         )
     if reading.trailing:
-        doubts.append(f"the log was cut off: {reading.trailing} bytes at its end are no message")
+        damage.append(f"the log was cut off: {reading.trailing} bytes at its end are no message")
     if unordered:
-        doubts.append(f"{unordered} messages left out: their times are out of order")
-    return doubts
+        damage.append(f"{unordered} messages left out: their times are out of order")
+    return damage

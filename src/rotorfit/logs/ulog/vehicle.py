@@ -1,4 +1,4 @@
-"""What a PX4 log says of the vehicle: geometry, versions, settings, and when it flew."""
+"""What a PX4 log says of the vehicle: geometry, settings, simulator, and when it flew."""
 
 import math
 from collections.abc import Mapping
@@ -8,14 +8,28 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rotorfit.logs.ulog.motors import commanded_law, is_vtol, motor_count
+from rotorfit.logs.flight_log import GAZEBO, PX4_OTHER, SIH, Circumstances, LoggedMotors, in_air
+from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
+from rotorfit.logs.ulog.motors import (
+    commanded_law,
+    is_vtol,
+    motor_count,
+    output_speeds,
+    thrust_curve,
+)
 from rotorfit.logs.ulog.scan import Scan
 from rotorfit.logs.ulog.topic import Topic
 
+_GPS: Final = ("vehicle_gps_position", "sensor_gps")
 TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "actuator_armed": ("timestamp", "armed"),
     "vehicle_status": ("timestamp", "arming_state"),
     "vehicle_land_detected": ("timestamp", "landed"),
+    "vehicle_air_data": (
+        *("timestamp", "baro_pressure_pa", "baro_temp_celcius"),
+        "ambient_temperature",
+    ),
+    **dict.fromkeys(_GPS, ("timestamp", "time_utc_usec")),
 }
 """Topics and the fields of them that are used."""
 ARMED: Final = 2
@@ -90,7 +104,7 @@ def _negative(value: float) -> float:
 
 
 def airframe_text(sites: tuple[RotorSite, ...]) -> str:
-    """Return the rotors as a line of the ``[airframe]`` table of an experiment file."""
+    """Write the rotors as a line of the ``[airframe]`` table of an experiment file."""
     rows: list[str] = []
     for site in sites:
         place = ", ".join(f"{value!r}" for value in site.position)
@@ -101,7 +115,7 @@ def airframe_text(sites: tuple[RotorSite, ...]) -> str:
 
 
 def geometry_notes(scan: Scan) -> tuple[str, ...]:
-    """Return what to say of the geometry: whose it is, and whether it was ever measured."""
+    """Describe the geometry: whose it is, and whether it was ever measured."""
     sites = rotor_sites(scan)
     notes: list[str] = []
     kind = scan.number("CA_AIRFRAME")
@@ -129,7 +143,7 @@ def geometry_notes(scan: Scan) -> tuple[str, ...]:
 
 
 def _is_template(scan: Scan, sites: tuple[RotorSite, ...]) -> bool:
-    """Return whether the geometry was left as it is delivered.
+    """Tell whether the geometry was left as it is delivered.
 
     The log names a default where a parameter differs from it: where none of the airframe's is
     named for the places of the rotors, they are the airframe's own. That of a generic airframe is
@@ -143,7 +157,7 @@ def _is_template(scan: Scan, sites: tuple[RotorSite, ...]) -> bool:
 
 
 def metadata_of(scan: Scan) -> dict[str, str]:
-    """Return what the log says of vehicle, firmware and settings."""
+    """Read what the log says of vehicle, firmware and settings."""
     found: dict[str, str] = {}
     if isinstance(scan.info.get("ver_sw_release"), int):
         found["Firmware revision"] = f"PX4 {_version(int(scan.info['ver_sw_release']))}"
@@ -169,7 +183,7 @@ def _version(packed: int) -> str:
 
 
 def change_notes(scan: Scan) -> tuple[str, ...]:
-    """Return what to say of parameters that were changed in the log."""
+    """Describe parameters that were changed in the log."""
     if not scan.changes:
         return ()
     # Those that change what is measured come first.
@@ -180,13 +194,7 @@ def change_notes(scan: Scan) -> tuple[str, ...]:
 
 
 def flown_notes(scan: Scan, begin: float) -> tuple[str, ...]:
-    """Return when the vehicle was armed, and when it was off the ground, as the autopilot saw it.
-
-    Parameters
-    ----------
-    begin
-        First sample of the log [s]; the times told count from it.
-    """
+    """Say when the vehicle was armed, and when it was off the ground, as the autopilot saw it."""
     notes: list[str] = []
     for what, state in (("Armed", _armed(scan)), ("Off the ground", _in_air(scan))):
         if state is not None and state[1].any():
@@ -199,8 +207,8 @@ def flown_notes(scan: Scan, begin: float) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def flight_doubts(scan: Scan) -> tuple[str, ...]:
-    """Return a doubt where the vehicle never flew, by its own account, or not on rotors alone."""
+def flight_warnings(scan: Scan) -> tuple[str, ...]:
+    """Warn where the vehicle never flew, by its own account, or not on rotors alone."""
     armed, air = _armed(scan), _in_air(scan)
     if is_vtol(scan):
         return (VTOL, *_never_flown(armed, air))
@@ -244,9 +252,108 @@ def _in_air(scan: Scan) -> _State | None:
 def _spans(
     time: Float[np.ndarray, " n"], state: Bool[np.ndarray, " n"]
 ) -> list[tuple[float, float]]:
-    """Return the first few stretches of True; each ends where the state is told to be False."""
+    """Find the first few stretches of True [s]; each ends at the first False after it."""
     edges = np.diff(np.concatenate([[False], state, [False]]).astype(int))
     begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
     last = len(time) - 1
     spans = [(float(time[a]), float(time[min(b, last)])) for a, b in zip(begins, ends, strict=True)]
     return spans[:_LISTED]
+
+
+BOARD: Final = "PX4_SITL"
+"""ver_hw of PX4 on a computer."""
+SIH_IN_HARDWARE, HITL = 2, 1
+"""SYS_HITL."""
+QUADCOPTER: Final = 0
+"""SIH_VEHICLE_TYPE; of others the thrust goes otherwise with the signal."""
+_SIH_SETTINGS: Final = (
+    *("SIH_VEHICLE_TYPE", "SIH_MASS", "SIH_IXX", "SIH_IYY", "SIH_IZZ", "SIH_IXY", "SIH_IXZ"),
+    *("SIH_IYZ", "SIH_T_MAX", "SIH_Q_MAX", "SIH_L_ROLL", "SIH_L_PITCH", "SIH_T_TAU", "SIH_KDV"),
+    *("SIH_KDW", "IMU_GYRO_RATEMAX"),
+)
+
+
+def simulator_of(scan: Scan) -> str:
+    """Name the simulator that flew, by board and parameters; empty for a vehicle."""
+    on_computer = str(scan.info.get("ver_hw", "")) == BOARD
+    hitl = scan.number("SYS_HITL")
+    if output_speeds(scan) is not None and (on_computer or hitl == HITL):
+        return GAZEBO
+    if scan.number("SIH_T_MAX") is not None and (on_computer or hitl == SIH_IN_HARDWARE):
+        return SIH
+    return PX4_OTHER if on_computer or hitl == HITL else ""
+
+
+def logged_motors(scan: Scan) -> LoggedMotors | None:
+    """Return the law of simulated motors, or the one that was set by THR_MDL_FAC.
+
+    An untouched THR_MDL_FAC of 0 is no measurement, and says nothing.
+    """
+    simulator = simulator_of(scan)
+    speeds = output_speeds(scan)
+    if simulator == GAZEBO and speeds is not None:
+        curve = PolynomialLaw((speeds[0], speeds[1] - speeds[0]))
+        return LoggedMotors(law=SpeedLaw(curve=curve), words="SIM_GZ_EC_MIN, SIM_GZ_EC_MAX")
+    if simulator == SIH and scan.number("SIH_VEHICLE_TYPE") in (None, QUADCOPTER):
+        law = SpeedLaw(curve=SquareRootLaw(1.0, 0.0))
+        return LoggedMotors(
+            law=law, words="SIH: thrust is proportional to the motor signal", lag_on="thrust"
+        )
+    factor = thrust_curve(scan)
+    if factor > 0.0:
+        law = SpeedLaw(curve=SquareRootLaw(1.0, factor))
+        return LoggedMotors(law=law, words=f"THR_MDL_FAC = {factor:g}")
+    return None
+
+
+def simulated_metadata(scan: Scan) -> dict[str, str]:
+    """Read the simulator and its vehicle, as the log left them."""
+    simulator = simulator_of(scan)
+    if not simulator:
+        return {}
+    logged = {name: scan.last(name) for name in _SIH_SETTINGS if simulator == SIH}
+    return {"Simulator": simulator} | {n: f"{v:g}" for n, v in logged.items() if v is not None}
+
+
+KELVIN: Final = 273.15
+_A_DATE: Final = 1e9
+"""Seconds since 1970 from which a clock was set: before it is 2001."""
+
+
+def circumstances_of(scan: Scan, begin: float) -> Circumstances:
+    """Return what the log says of itself; `begin` is its first sample [s]."""
+    pressure, temperature = _air(scan)
+    number = str(scan.info.get("sys_uuid", "")).strip()
+    return Circumstances(
+        hardware=number if number.strip("0") else "",  # simulators have none
+        started=_started(scan, begin),
+        air_pressure=pressure,
+        air_temperature=temperature,
+    )
+
+
+def _air(scan: Scan) -> tuple[float | None, float | None]:
+    topic = scan.first("vehicle_air_data")
+    pressure = None if topic is None else topic.number("baro_pressure_pa")
+    if topic is None or pressure is None:
+        return None, None
+    # The name with the slip of the pen is that of PX4 before 1.15.
+    for name in ("ambient_temperature", "baro_temp_celcius"):
+        celsius = topic.number(name)
+        if celsius is not None:
+            return in_air(pressure, celsius + KELVIN)
+    return None, None
+
+
+def _started(scan: Scan, begin: float) -> float | None:
+    """Return when the log began, by the clock of the satellites."""
+    for name in _GPS:
+        topic = scan.first(name)
+        clock = None if topic is None else topic.number("time_utc_usec")
+        if topic is None or clock is None:
+            continue
+        offset = clock * 1e-6 - topic.time
+        known = offset > _A_DATE
+        if known.any():
+            return float(np.median(offset[known])) + begin
+    return None

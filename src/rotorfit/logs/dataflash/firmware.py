@@ -1,0 +1,191 @@
+"""Settings of ArduPilot: which to change for a better log, and the filters that they set.
+
+Sources: ArduPilot "Complete Parameter List", ArduCopter/defines.h (bits of LOG_BITMASK),
+AP_InertialSensor_Backend.cpp (raw IMU), "ESC Telemetry" and "Managing Gyro Noise" (INS_HNTCH_*).
+"""
+
+from collections.abc import Mapping, Set
+from typing import Final
+
+from rotorfit.logs.dataflash.columns import rate_of
+from rotorfit.logs.dataflash.messages import Messages
+from rotorfit.logs.dataflash.motors import Wiring
+from rotorfit.logs.dataflash.parameters import Parameters
+from rotorfit.logs.firmware import (
+    NO_BATTERY,
+    NO_SPEED,
+    SLOW_IMU,
+    SLOW_MOTORS,
+    Advice,
+    Filter,
+    Lack,
+    asked_for,
+    bits_set,
+    fixed_notch,
+    logged_integer,
+    logged_number,
+    low_pass,
+    rotor_notch,
+    sensor_sources,
+    settings_of,
+    with_value,
+)
+from rotorfit.logs.flight_log import Channel, FlightLog
+
+BATTERY: Final = {9: "battery"}
+FAST: Final = {0: "fast attitude", 10: "RC output", 18: "fast IMU"}
+RAW_IMU: Final = {19: "raw IMU"}
+"""Bits of ArduCopter's LOG_BITMASK; the last is every sample of every IMU: for a fast card."""
+ENOUGH_RATE: Final = 150.0
+"""Below this the fast motion that inertia shows in is lost [Hz]."""
+TOO_SLOW: Final = 40.0
+"""Below this all of it is [Hz]."""
+ROTOR_MODES: Final = (2, 3, 5)
+"""INS_HNTCH_MODE of notches that follow measured rotor speeds."""
+SETTINGS: Final = settings_of(
+    (
+        "LOG_BITMASK",
+        "bits 0, 9, 10 and 18",
+        "attitude and IMU at the loop's rate, motor outputs, battery",
+        SLOW_IMU | SLOW_MOTORS | NO_BATTERY,
+    ),
+    ("INS_RAW_LOG_OPT", "0", "raw IMU, where it is logged, before the filters", SLOW_IMU),
+    ("INS_LOG_BAT_MASK", "0", "batch logging records gyro and accelerometer in turns", SLOW_IMU),
+    (
+        "SERVO_BLH_BDMASK",
+        "2^(output - 1) of each motor's output, added up (15: outputs 1 to 4)",
+        "rotor speed by bidirectional DShot",
+        NO_SPEED,
+    ),
+    ("SERVO_BLH_POLES", "magnets of a motor", "without it the rotor speed is wrong", NO_SPEED),
+    ("BATT_MONITOR", "the kind of your power module", "logs the battery", NO_BATTERY),
+)
+NO_LIMIT: Final = settings_of(
+    (
+        "LOG_FILE_RATEMAX",
+        "0",
+        "LOG_BITMASK asks for all of it already, so something limits the rate of the messages",
+        SLOW_IMU | SLOW_MOTORS,
+    )
+)
+"""In place of LOG_BITMASK, where no bit is missing."""
+
+
+def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
+    """Advise settings of ArduPilot; LOG_BITMASK gets the missing bits beside those that are set."""
+    found = asked_for(SETTINGS, lacks)
+    if found and found[0].name == "LOG_BITMASK":
+        limited = asked_for(NO_LIMIT, lacks)
+        current = logged_integer(metadata, "LOG_BITMASK")
+        value = log_bitmask(current, slow=bool(limited), raw=bool(SLOW_IMU & lacks))
+        first = limited if value is None else with_value(found[0], value)
+        found = (*first, *found[1:])
+    return Advice(settings=found, file="ardupilot.parm")
+
+
+def filters(log: FlightLog) -> list[Filter]:
+    """Find ArduPilot's filters; raw samples (INS_RAW_LOG_OPT) are from before them."""
+    logged, sources = log.metadata, sensor_sources(log)
+    gyro, accel = (sources[name].startswith("IMU") for name in ("gyro", "accel"))
+    found = low_pass(logged, "gyro", "INS_GYRO_FILTER", passed=gyro)
+    for name in ("INS_HNTCH", "INS_HNTC2"):
+        if not logged_number(logged, f"{name}_ENABLE") > 0:
+            continue
+        mode = int(logged_number(logged, f"{name}_MODE"))
+        bits = int(logged_number(logged, f"{name}_HMNCS")) or 1
+        harmonics = tuple(i + 1 for i in range(16) if bits >> i & 1)
+        if mode in ROTOR_MODES:
+            least = logged_number(logged, f"{name}_FREQ")
+            found.append(rotor_notch(harmonics, least, f"{name}_FREQ", gyro))
+        else:
+            found += fixed_notch(logged, f"{name}_FREQ", f"{name}_BW", passed=gyro)
+    return found + low_pass(logged, "accel", "INS_ACCEL_FILTER", passed=accel)
+
+
+def lack_notes(
+    messages: Messages,
+    parameters: Parameters,
+    channels: Mapping[str, Channel],
+    *,
+    wired: Wiring,
+) -> list[str]:
+    """Say what the log lacks and what to set for a better one, one sentence each."""
+    slow, raw = _slow(channels)
+    current = parameters.integer("LOG_BITMASK")
+    value = log_bitmask(current, slow=bool(slow), raw=raw)
+    to_set = f"LOG_BITMASK = {value}"
+    notes = [_esc_advice(wired)] if "rotor_speed" not in channels else []
+    if slow:
+        notes.append(f"{'; '.join(slow)}: set {to_set if value else _no_limit(current)}")
+    if raw and value is not None and "raw IMU" in value:
+        notes.append(
+            "raw IMU logs every sample of every IMU; on a slow card leave it out (400 Hz remain)"
+        )
+    if "battery" not in channels:
+        also = f", and {to_set}" if value and not slow else ""
+        notes.append(f"there is no battery voltage: set BATT_MONITOR to your power module{also}")
+    return notes + _batch_note(messages)
+
+
+def too_slow(parameters: Parameters, channels: Mapping[str, Channel]) -> list[str]:
+    """Warn where no flying would show inertia, the log being too slow, and what to set."""
+    slow, raw = _slow(channels)
+    rates = [rate_of(channels[name].time) for name in ("gyro", "command") if name in channels]
+    if not rates or not 0.0 < min(rates) < TOO_SLOW or "rotor_speed" in channels:
+        return []
+    current = parameters.integer("LOG_BITMASK")
+    value = log_bitmask(current, slow=True, raw=raw)
+    cure = f"set LOG_BITMASK = {value}" if value else _no_limit(current)
+    return [f"{' and '.join(slow)}: too slow for inertia and motor lag, whatever is flown; {cure}"]
+
+
+def _slow(channels: Mapping[str, Channel]) -> tuple[list[str], bool]:
+    """Return what is missing or too slow, and whether the IMU is."""
+    slow: list[str] = []
+    gyro, command = channels.get("gyro"), channels.get("command")
+    if gyro is None or "accel" not in channels:
+        slow.append("there is no IMU message")
+    elif (rate := rate_of(gyro.time)) < ENOUGH_RATE:
+        slow.append(f"the IMU comes at {rate:.0f} Hz only")
+    raw = bool(slow)
+    if command is None:
+        slow.append("there are no motor outputs")
+    elif "rotor_speed" not in channels and (rate := rate_of(command.time)) < ENOUGH_RATE:
+        slow.append(
+            f"commands come at {rate:.0f} Hz only (from firmware 3.5 on they are mixed again from "
+            "fast attitude's messages RATE)"
+        )
+    return slow, raw
+
+
+def log_bitmask(current: int | None, *, slow: bool, raw: bool) -> str | None:
+    """Say which value LOG_BITMASK is to have; None where it has all of it.
+
+    The battery is always asked for, IMU and motors where they are `slow`, raw IMU where `raw`.
+    """
+    return bits_set(current, BATTERY | (FAST if slow else {}) | (RAW_IMU if raw else {}))
+
+
+def _no_limit(current: int | None) -> str:
+    return f"LOG_FILE_RATEMAX = 0, since LOG_BITMASK = {current} asks for all of it already"
+
+
+def _esc_advice(wired: Wiring) -> str:
+    mask = sum(1 << (output - 1) for output in wired.outputs)
+    which = f" = {mask} (the motors' outputs)" if mask else " to the motors' outputs"
+    return (
+        "no ESC telemetry, so no measured rotor speed: with DShot ESCs set SERVO_BLH_BDMASK"
+        f"{which} and SERVO_BLH_POLES to the magnets of a motor (SERVO_DSHOT_ESC to the ESCs' "
+        f"firmware); with a telemetry wire SERVO_BLH_MASK{which} and SERVO_BLH_TRATE = 100"
+    )
+
+
+def _batch_note(messages: Messages) -> list[str]:
+    count = messages.count("ISBH")
+    if count == 0:
+        return []
+    return [
+        f"{count} batches of IMU samples (ISBH, ISBD) are left out: batch sampling records the "
+        "accelerometer and the gyro in turns, never both at once; set INS_LOG_BAT_MASK = 0, and "
+        "log raw IMU instead (LOG_BITMASK bit 19, INS_RAW_LOG_OPT = 0)"
+    ]

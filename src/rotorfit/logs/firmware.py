@@ -1,0 +1,211 @@
+"""What the settings of a firmware mean: advice for a better log, and the filters on board."""
+
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+from rotorfit.logs.flight_log import FlightLog
+
+# Advice
+
+Lack = Literal[
+    "no gyro",
+    "slow gyro",
+    "no accel",
+    "slow accel",
+    "filtered accel",
+    "no rotor speed",
+    "no motors",
+    "slow motors",
+    "no battery",
+]
+"""What a log lacks for an identification."""
+SLOW_IMU: Final[frozenset[Lack]] = frozenset({"no gyro", "slow gyro", "no accel", "slow accel"})
+NO_SPEED: Final[frozenset[Lack]] = frozenset({"no rotor speed"})
+SLOW_MOTORS: Final[frozenset[Lack]] = frozenset({"no motors", "slow motors"})
+NO_MOTORS: Final[frozenset[Lack]] = frozenset({"no motors"})
+NO_BATTERY: Final[frozenset[Lack]] = frozenset({"no battery"})
+NO_ACCEL: Final[frozenset[Lack]] = frozenset({"no accel"})
+FILTERED_ACCEL: Final[frozenset[Lack]] = frozenset({"filtered accel"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """One setting of a firmware, what it is for, and what in a log asks for it."""
+
+    name: str
+    value: str
+    why: str
+    asked_by: frozenset[Lack]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advice:
+    """The settings to change before the next log, and the file of all of a firmware's settings."""
+
+    settings: tuple[Setting, ...]
+    file: str
+
+
+def settings_of(*rows: tuple[str, str, str, frozenset[Lack]]) -> tuple[Setting, ...]:
+    """Make the table of a firmware's settings from rows of name, value, reason and lacks."""
+    return tuple(
+        Setting(name=name, value=value, why=why, asked_by=asked_by)
+        for name, value, why, asked_by in rows
+    )
+
+
+def asked_for(settings: Iterable[Setting], lacks: Set[Lack]) -> tuple[Setting, ...]:
+    """Select the settings that what a log lacks asks for."""
+    return tuple(setting for setting in settings if setting.asked_by & lacks)
+
+
+def with_value(setting: Setting, value: str | None) -> tuple[Setting, ...]:
+    """Give a setting its value for this log; none where the log has it already."""
+    return () if value is None else (replace(setting, value=value),)
+
+
+def logged_integer(metadata: Mapping[str, str], name: str) -> int | None:
+    """Read a parameter of bits from a log's metadata; None where it is not known."""
+    text = metadata.get(name, "")
+    return int(text) if text.removeprefix("-").isdecimal() else None
+
+
+def bits_set(current: int | None, bits: Mapping[int, str]) -> str | None:
+    """Say which value sets some bits and keeps those of `current`; None where all are set.
+
+    Such as ``"917503, which adds raw IMU (bit 19)"``. Never "add so much": a bit that is set
+    already would carry over and clear others. Negative values are two's complements.
+    """
+    known = 0 if current is None else current
+    missing = {bit: what for bit, what in sorted(bits.items()) if not known >> bit & 1}
+    if not missing:
+        return None
+    words = ", ".join(f"{what} (bit {bit})" for bit, what in missing.items())
+    if current is None:
+        return f"what it is with {words} ticked, too (do not add numbers)"
+    return f"{known | sum(1 << bit for bit in missing)}, which adds {words}"
+
+
+# Filters on board
+
+FilterKind = Literal["low-pass", "notch"]
+SENSORS: Final = {"gyro": "the gyro", "accel": "the accelerometer"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filter:
+    """One filter on board.
+
+    Attributes
+    ----------
+    channel
+        ``gyro`` or ``accel``.
+    low, high
+        The cut-off of a low-pass, or the edges of a notch [Hz]; where it moves, the range; the
+        same twice where it is fixed. Of one that follows the rotors, `low` is where it begins.
+    middle
+        Of a fixed notch [Hz].
+    harmonics
+        Multiples of the rotors' frequency that it follows.
+    setting
+        Its name in the log's settings.
+    passed
+        Whether the samples of this log went through it.
+    """
+
+    channel: str
+    kind: FilterKind
+    low: float
+    high: float
+    setting: str
+    passed: bool
+    middle: float | None = None
+    harmonics: tuple[int, ...] = ()
+
+    @property
+    def short(self) -> str:
+        """For a label in a picture."""
+        if self.harmonics:
+            return f"rotor {self.kind}"
+        if self.middle is not None or self.low == self.high:
+            return f"{self.kind} {self.middle or self.low:g} Hz"
+        return f"{self.kind} {self.low:g} to {self.high:g} Hz"
+
+    @property
+    def words(self) -> str:
+        """In a sentence."""
+        sensor = f"{SENSORS[self.channel]}'s {self.kind}"
+        if self.harmonics:
+            times = ", ".join(map(str, self.harmonics))
+            words = f"{sensor} follows the rotors at {times} times their frequency, from "
+            words += f"{self.low:g} Hz ({self.setting})"
+        elif self.middle is not None or self.low == self.high:
+            words = f"{sensor} is at {self.middle or self.low:g} Hz ({self.setting})"
+        else:
+            words = f"{sensor} is at {self.low:g} to {self.high:g} Hz ({self.setting})"
+        return words if self.passed else f"{words}; the samples of this log are from before it"
+
+
+def sensor_sources(log: FlightLog) -> dict[str, str]:
+    """Find where the samples of gyro and accelerometer come from; empty where there are none."""
+    return {name: log.channels[name].source if name in log.channels else "" for name in SENSORS}
+
+
+def logged_numbers(metadata: Mapping[str, str], name: str) -> tuple[float, ...]:
+    """Read the numbers of a setting; none where it is missing or something else."""
+    try:
+        return tuple(float(part) for part in metadata.get(name, "").split(","))
+    except ValueError:
+        return ()
+
+
+def logged_number(metadata: Mapping[str, str], name: str) -> float:
+    """Read a setting; 0, as if it were switched off, where it is missing."""
+    found = logged_numbers(metadata, name)
+    return found[0] if found else 0.0
+
+
+def low_pass(
+    metadata: Mapping[str, str], channel: str, setting: str, *, passed: bool, scale: float = 1.0
+) -> list[Filter]:
+    """Make the low-pass whose cut-off a setting gives in units of `scale` [Hz], if it is on."""
+    at = logged_number(metadata, setting) / scale
+    if not at > 0:
+        return []
+    return [
+        Filter(channel=channel, kind="low-pass", low=at, high=at, setting=setting, passed=passed)
+    ]
+
+
+def fixed_notch(
+    metadata: Mapping[str, str], frequency: str, width: str, *, passed: bool
+) -> list[Filter]:
+    """Make the gyro's notch whose middle and width two settings give [Hz], if it is on."""
+    middle, half = logged_number(metadata, frequency), 0.5 * logged_number(metadata, width)
+    if not middle > 0:
+        return []
+    return [
+        Filter(
+            channel="gyro",
+            kind="notch",
+            low=max(middle - half, 0.0),
+            high=middle + half,
+            middle=middle,
+            setting=frequency,
+            passed=passed,
+        )
+    ]
+
+
+def rotor_notch(harmonics: tuple[int, ...], least: float, setting: str, passed: bool) -> Filter:
+    """Make the gyro's notch that follows the rotors from a least frequency on [Hz]."""
+    return Filter(
+        channel="gyro",
+        kind="notch",
+        low=least,
+        high=least,
+        harmonics=harmonics,
+        setting=setting,
+        passed=passed,
+    )

@@ -1,0 +1,289 @@
+"""The formats that rotorfit reads, one row each: all that the project asks of a format by its name.
+
+Functions of a format stand in its row as ``module:function`` below `rotorfit.logs`. `load` imports
+one when a file asks for it, so that no reader is imported for the files of another format.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Final
+
+from rotorfit.logs.axes import Axes
+from rotorfit.logs.columns import ColumnSpec
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadOptions:
+    """What a reader is told besides the file.
+
+    Attributes
+    ----------
+    format
+        Name of a format of `FORMATS`; None: told from the content.
+    log_number
+        Which log of a file with several, from 1; None: the reader's choice.
+    columns
+        For tables: canonical name to column. For motion capture with several rigid bodies: the
+        name of one under ``position``, for Vicon's also ``"helical"`` under ``attitude`` where the
+        file does not tell. For ROS bags: channel to topic, or canonical name to
+        ``TOPIC.path``.
+    axes
+        For tables: the file's body axes.
+    motor_poles
+        For tables: magnet poles of a motor, for rotor speeds in ``erpm``.
+    """
+
+    format: str | None = None
+    log_number: int | None = None
+    columns: Mapping[str, ColumnSpec] | None = None
+    axes: Axes = "FLU"
+    motor_poles: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogEntry:
+    """One log of a file with several: its number from 1, its byte range, and what it is."""
+
+    number: int
+    start: int
+    stop: int
+    description: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """A format that rotorfit reads; functions are places for `load`, empty where it has none.
+
+    Attributes
+    ----------
+    name
+        As in `ReadOptions` and `FlightLog`.
+    title
+        For people.
+    recognises, recognises_folder
+        From the first bytes of a file, or the path of a folder, to whether it has this format.
+    read, takes
+        From a path to a `FlightLog`, and the `ReadOptions` that the reader takes by name.
+    list_logs
+        From a path to the entries of a file that may hold several logs.
+    suffixes
+        Of files that are logs of this format by their names.
+    certain
+        Whether the first bytes tell this format for sure.
+    names_fields
+        Whether the file names its own fields, units and axes: no columns map of units is taken.
+    map_refusal
+        Why a columns map or axes are refused before reading; empty where the reader takes them.
+    map_format
+        Name of the format that the file is read as where a columns map is given.
+    single
+        What to call a file that holds one log only.
+    advice
+        From what a log lacks and its metadata to the `firmware.Advice` for the next log.
+    filters
+        From a `FlightLog` to the `firmware.Filter` on board.
+    notes_filters
+        Whether the notes of the reader name the filters already.
+    motor_order
+        Whose motor numbering the log usually has, of `model.layouts`.
+    velocity_estimated
+        Whether the velocity is an autopilot's estimate.
+    """
+
+    name: str
+    title: str
+    recognises: str
+    read: str
+    takes: tuple[str, ...] = ()
+    recognises_folder: str = ""
+    list_logs: str = ""
+    suffixes: tuple[str, ...] = ()
+    certain: bool = True
+    names_fields: bool = False
+    map_refusal: str = ""
+    map_format: str = ""
+    single: str = ""
+    advice: str = ""
+    filters: str = ""
+    notes_filters: bool = False
+    motor_order: str | None = None
+    velocity_estimated: bool = False
+
+
+FORMATS: Final = (
+    Format(
+        name="blackbox",
+        title="Blackbox (Betaflight, INAV, INDIflight)",
+        recognises="blackbox:is_blackbox",
+        read="blackbox.read:read_blackbox",
+        takes=("log_number",),
+        list_logs="blackbox.read:list_blackbox_logs",
+        suffixes=(".bfl", ".bbl"),
+        names_fields=True,
+        map_refusal="a Blackbox log names its own fields and axes",
+        advice="blackbox.firmware:advice",
+        filters="blackbox.firmware:filters",
+        motor_order="betaflight",
+    ),
+    Format(
+        name="crazyflie",
+        title="Crazyflie micro-SD logs",
+        recognises="crazyflie:is_crazyflie",
+        read="crazyflie:read_crazyflie",
+        names_fields=True,
+        map_refusal="a Crazyflie log names its own variables",
+        single="a Crazyflie file",
+        advice="crazyflie:advice",
+        motor_order="crazyflie",
+    ),
+    Format(
+        name="ulog",
+        title="PX4 logs (ULog)",
+        recognises="ulog:is_ulog",
+        read="ulog.read:read_ulog",
+        suffixes=(".ulg",),
+        names_fields=True,
+        map_refusal="a ULog names its own topics and axes",
+        single="a ULog",
+        advice="ulog.firmware:advice",
+        filters="ulog.firmware:filters",
+        notes_filters=True,
+        motor_order="px4",
+        velocity_estimated=True,
+    ),
+    Format(
+        name="dataflash",
+        title="ArduPilot DataFlash logs (.bin)",
+        recognises="dataflash:is_dataflash",
+        read="dataflash.read:read_dataflash",
+        suffixes=(".bin",),
+        names_fields=True,
+        map_refusal="a DataFlash log names its own fields and axes",
+        single="a DataFlash file",
+        advice="dataflash.firmware:advice",
+        filters="dataflash.firmware:filters",
+        notes_filters=True,
+        motor_order="ardupilot",
+        velocity_estimated=True,
+    ),
+    Format(
+        name="rosbag",
+        title="ROS bags (ROS 1, ROS 2, MCAP)",
+        recognises="rosbag:is_rosbag",
+        recognises_folder="rosbag:is_rosbag_folder",
+        read="rosbag.read:read_rosbag",
+        takes=("columns", "axes", "motor_poles"),
+        suffixes=(".bag", ".db3", ".mcap"),
+        single="a bag",
+    ),
+    Format(
+        name="qualisys",
+        title="Qualisys 6DOF exports (TSV)",
+        recognises="mocap:is_qualisys",
+        read="mocap.qualisys:read_qualisys",
+        takes=("columns", "axes"),
+        names_fields=True,
+        single="a recording",
+    ),
+    Format(
+        name="motive",
+        title="OptiTrack Motive exports (CSV)",
+        recognises="mocap:is_motive",
+        read="mocap.motive:read_motive",
+        takes=("columns", "axes"),
+        names_fields=True,
+        single="a recording",
+    ),
+    Format(
+        name="vicon",
+        title="Vicon Nexus and Tracker exports (CSV)",
+        recognises="mocap.vicon:is_vicon",
+        read="mocap.vicon:read_vicon",
+        takes=("columns", "axes"),
+        names_fields=True,
+        single="a recording",
+    ),
+    Format(
+        name="trajectory",
+        title="TUM trajectories",
+        recognises="mocap.trajectory:is_trajectory",
+        read="mocap.trajectory:read_trajectory",
+        takes=("axes",),
+        names_fields=True,
+        map_format="table",
+        single="a trajectory",
+    ),
+    Format(
+        name="table",
+        title="flight tables (CSV or Parquet)",
+        recognises="formats:is_table",
+        read="table:read_table",
+        takes=("columns", "axes", "motor_poles"),
+        suffixes=(".csv", ".tsv", ".parquet"),
+        certain=False,
+        single="a table",
+    ),
+)
+"""What rotorfit reads, tried in this order. A new format is one row."""
+
+BY_NAME: Final[Mapping[str, Format]] = {form.name: form for form in FORMATS}
+
+
+def load(place: str) -> Any:
+    """Import a function of a format, given as ``module:function`` below `rotorfit.logs`."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(f"rotorfit.logs.{module}"), name)
+
+
+def recognise(head: bytes) -> Format | None:
+    """Find the first format that has a file's first bytes."""
+    return next((form for form in FORMATS if load(form.recognises)(head)), None)
+
+
+# Nearly any text may be a table, unless it is known to be something else.
+
+_PRINTABLE: Final = bytes(range(32, 256)) + b"\t\n\r\f"
+_TOML_TABLE: Final = re.compile(
+    rb"(?:[ \t]*(?:#[^\r\n]*|[A-Za-z_]\w*[ \t]*=[^\r\n]*)?\r?\n)*"
+    rb"[ \t]*\[\[?[A-Za-z_][\w.-]*\]\]?[ \t]*(?:#[^\r\n]*)?\r?\n"
+)
+
+
+def is_table(head: bytes) -> bool:
+    """Tell whether the bytes are Parquet or text that may begin with a row of names."""
+    if head.startswith((b"PAR1", b"\xff\xfe", b"\xfe\xff")):
+        return True
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    is_foreign = any(recognises(text) for _, recognises in FOREIGN)
+    return bool(text) and not text.translate(None, _PRINTABLE) and not is_foreign
+
+
+def _begins(*magic: bytes) -> Callable[[bytes], bool]:
+    return lambda head: head.startswith(magic)
+
+
+def _is_toml(head: bytes) -> bool:
+    # A table after comments and plain keys; a list of JSON has no bare word in its brackets.
+    return _TOML_TABLE.match(head) is not None
+
+
+def _is_c3d(head: bytes) -> bool:
+    # The block in which its parameters begin, nearly always the second, and its mark.
+    return head[1:2] == b"\x50" and 0 < head[0] < 9
+
+
+FOREIGN: Final[tuple[tuple[str, Callable[[bytes], bool]], ...]] = (
+    ("a zip archive: unpack it first", _begins(b"PK\x03\x04", b"PK\x05\x06")),
+    ("a gzip archive: unpack it first", _begins(b"\x1f\x8b")),
+    ("a zstd archive: unpack it first", _begins(b"\x28\xb5\x2f\xfd")),
+    ("a PDF document", _begins(b"%PDF")),
+    ("an image", _begins(b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"II*\x00", b"MM\x00*")),
+    ("a MATLAB file", _begins(b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n")),
+    ("a C3D file: export the rigid bodies as text", _is_c3d),
+    ("a TOML file: name the log itself, and an airframe file with --airframe", _is_toml),
+    ("JSON", _begins(b"{", b"[")),
+    ("a web page or other XML", _begins(b"<")),
+)
+"""Formats that are met where logs are kept, but not read."""

@@ -1,0 +1,83 @@
+"""Settings of PX4: which to change for a better log, and the filters that they set.
+
+Sources: PX4 "Parameter Reference", "DShot ESCs" (to 1.17, and from 1.18 on), logger/
+logged_topics.cpp (bits of SDLOG_PROFILE) and sensors/vehicle_angular_velocity.
+"""
+
+from collections.abc import Mapping, Set
+from typing import Final
+
+from rotorfit.logs.firmware import (
+    NO_SPEED,
+    SLOW_IMU,
+    SLOW_MOTORS,
+    Advice,
+    Filter,
+    Lack,
+    asked_for,
+    bits_set,
+    fixed_notch,
+    logged_integer,
+    logged_number,
+    low_pass,
+    rotor_notch,
+    sensor_sources,
+    settings_of,
+    with_value,
+)
+from rotorfit.logs.flight_log import FlightLog
+
+PROFILE_BITS: Final = {0: "default set", 4: "high rate"}
+"""Bits of SDLOG_PROFILE."""
+SETTINGS: Final = settings_of(
+    (
+        "SDLOG_PROFILE",
+        "bits 0 and 4",
+        "logs motors and ESCs fast; the IMU comes at its full rate with the default set",
+        SLOW_IMU | SLOW_MOTORS,
+    ),
+    (
+        "DSHOT_BIDIR_EN",
+        "1 (PX4 1.16 and 1.17; from 1.18 on choose BDShot for the motors' outputs in the actuator "
+        "configuration)",
+        "rotor speed over the signal wire (DShot ESCs)",
+        NO_SPEED,
+    ),
+    (
+        "DSHOT_TEL_CFG",
+        "the port of the telemetry wire",
+        "otherwise, rotor speed by wire",
+        NO_SPEED,
+    ),
+    ("UAVCAN_ENABLE", "3", "otherwise, rotor speed of DroneCAN ESCs", NO_SPEED),
+    (
+        "MOT_POLE_COUNT",
+        "magnets of a motor (PX4 to 1.17; from 1.18 on DSHOT_MOT_POL1 to DSHOT_MOT_POL12)",
+        "without it the rotor speed of DShot ESCs is wrong",
+        NO_SPEED,
+    ),
+)
+
+
+def advice(lacks: Set[Lack], metadata: Mapping[str, str]) -> Advice:
+    """Advise settings of PX4; SDLOG_PROFILE gets the missing bits beside those that are set."""
+    found = asked_for(SETTINGS, lacks)
+    if found and found[0].name == "SDLOG_PROFILE":
+        profile = bits_set(logged_integer(metadata, "SDLOG_PROFILE"), PROFILE_BITS)
+        found = (*with_value(found[0], profile), *found[1:])
+    return Advice(settings=found, file="px4.params")
+
+
+def filters(log: FlightLog) -> list[Filter]:
+    """Find PX4's filters, which the sensors' own topics did not go through."""
+    logged, sources = log.metadata, sensor_sources(log)
+    gyro = sources["gyro"].startswith("vehicle_angular_velocity")
+    accel = sources["accel"].startswith("vehicle_acceleration")
+    found = low_pass(logged, "gyro", "IMU_GYRO_CUTOFF", passed=gyro)
+    for name in ("IMU_GYRO_NF0", "IMU_GYRO_NF1"):
+        found += fixed_notch(logged, f"{name}_FRQ", f"{name}_BW", passed=gyro)
+    if int(logged_number(logged, "IMU_GYRO_DNF_EN")) & 1:
+        count = int(min(max(logged_number(logged, "IMU_GYRO_DNF_HMC"), 1.0), 10.0))
+        least = logged_number(logged, "IMU_GYRO_DNF_MIN")
+        found.append(rotor_notch(tuple(range(1, count + 1)), least, "IMU_GYRO_DNF_EN", gyro))
+    return found + low_pass(logged, "accel", "IMU_ACCEL_CUTOFF", passed=accel)
