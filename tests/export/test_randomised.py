@@ -30,7 +30,7 @@ from export_material import (
 )
 
 from rotorfit.errors import OutputError
-from rotorfit.export.randomised.targets import randomised, variant_files
+from rotorfit.export.write import randomised, variant_files
 from rotorfit.results.result import IdentificationResult
 
 TOGETHER = 0.98

@@ -25,15 +25,15 @@ from export_material import (
     not_identified,
     parameter,
     steiner,
-    text_of,
     vehicle,
 )
+from export_material import text_of as exported_text
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import OutputError
-from rotorfit.export import targets, units
+from rotorfit.export import file_format
 from rotorfit.export.result_numbers import numbers_of
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
@@ -49,10 +49,9 @@ EVERY = sorted(TARGETS)
 WITH_YAW = [target for target in EVERY if "kd" in TARGETS[target].needs]
 
 
-@pytest.fixture(autouse=True)
-def few_drawn(monkeypatch):
-    """No interval of what is drawn is looked at here."""
-    monkeypatch.setattr(targets, "DRAWN", 3)
+def text_of(result, target, **options):
+    """Return the file; no interval of what is drawn is looked at here."""
+    return exported_text(result, target, draws=3, **options)
 
 
 def with_numbers(result, *parameters):
@@ -253,7 +252,7 @@ def test_an_autopilot_needs_only_the_thrust_at_full_command():
     assert found["CA_ROTOR0_KM"] == pytest.approx(KD / KT_EACH[0])
     assert "SIM_GZ_EC_MAX1" not in found
     sih = text_of(in_commands(), "px4-sih", assumed={"motor_lag": 0.03})
-    assert f"SIH_T_MAX\t{units.text(KT_EACH.mean() * 1e6)}\t" in sih
+    assert f"SIH_T_MAX\t{file_format.text(KT_EACH.mean() * 1e6)}\t" in sih
 
 
 def test_half_of_a_ratio_gives_the_other():
@@ -492,28 +491,28 @@ def test_a_missing_lag_says_why_it_is_missing():
 
 def test_what_is_not_known_is_never_written():
     with pytest.raises(ValueError, match="not known was to be written"):
-        units.text(float("nan"))
+        file_format.text(float("nan"))
 
 
 @given(st.floats(-1e9, 1e9, allow_nan=False))
 def test_numbers_are_read_back(value):
-    assert float(units.text(value)) == pytest.approx(value, rel=1e-11, abs=0.0)
+    assert float(file_format.text(value)) == pytest.approx(value, rel=1e-11, abs=0.0)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1))
 def test_rotations_take_z_to_the_axis(direction):
     axis = np.array(direction) / np.linalg.norm(direction)
-    w, x, y, z = units.quaternion_wxyz(axis)
+    w, x, y, z = file_format.quaternion_wxyz(axis)
     np.testing.assert_allclose(Rotation.from_quat([x, y, z, w]).apply([0, 0, 1]), axis, atol=1e-6)
-    turned = Rotation.from_euler("xyz", units.roll_pitch_yaw(axis)).apply([0, 0, 1])
+    turned = Rotation.from_euler("xyz", file_format.roll_pitch_yaw(axis)).apply([0, 0, 1])
     np.testing.assert_allclose(turned, axis, atol=1e-7)
 
 
 def test_an_inertia_in_frd_is_the_turned_one():
     turn = Rotation.from_euler("x", np.pi).as_matrix()
-    found = units.inertia_frd(INERTIA_COM)
+    found = file_format.inertia_frd(INERTIA_COM)
     np.testing.assert_allclose(found, turn @ INERTIA_COM @ turn.T, atol=1e-15)
-    assert units.elements(found)[3] == -units.elements(INERTIA_COM)[3]
+    assert file_format.elements(found)[3] == -file_format.elements(INERTIA_COM)[3]
 
 
 @pytest.mark.parametrize("f", [0.0, 0.35, 1.0])
