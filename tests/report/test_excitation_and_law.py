@@ -6,10 +6,9 @@ from dataclasses import replace
 import pytest
 from report_material import ROTORS, a_comparison, a_result
 
-from rotorfit.report.excitation import excitation_chart, excitation_figure, excitation_words
-from rotorfit.report.figures import figure_texts
-from rotorfit.report.html import report_html
 from rotorfit.report.motor_law import law_picture, law_section
+from rotorfit.report.result_page import figure_texts, report_html
+from rotorfit.report.wrenches import excitation_chart, excitation_figure, excitation_words
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.validation.wrench_spectra import wrench_spectra
 

@@ -13,8 +13,8 @@ from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
 from rotorfit.errors import OutputError
 from rotorfit.formatting.digits import number_of
-from rotorfit.report.html import report_html, write_report
 from rotorfit.report.parameters import parameter_tables
+from rotorfit.report.result_page import report_html, write_report
 from rotorfit.report.summary import summary_of
 from rotorfit.results.result import IdentificationResult
 

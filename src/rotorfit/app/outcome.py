@@ -14,9 +14,9 @@ from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.identification.identify import identify
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.progress import watched
-from rotorfit.report.html import report_html
 from rotorfit.report.number_words import PREDICTED_WELL
 from rotorfit.report.parameters import ParameterTable, Row, parameter_tables
+from rotorfit.report.result_page import report_html
 from rotorfit.report.summary import summary_of
 from rotorfit.report.text import advice_of, doubts_of, hangs_on, result_text
 from rotorfit.results.result import IdentificationResult, configuration_names

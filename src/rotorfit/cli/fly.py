@@ -243,9 +243,9 @@ def _notes(
 
 def _write(request: FlyRequest, outcome: FlyOutcome) -> None:
     # jinja2 is not worth its time to those who want numbers only.
-    from rotorfit.report.figures import HINT, can_write_png
     from rotorfit.report.fly_page import write_fly_figures, write_fly_page
     from rotorfit.report.fly_text import fly_text
+    from rotorfit.report.pages import HINT, can_write_png
 
     if request.output is not None:
         write_whole(request.output, outcome.to_json(), force=request.force)

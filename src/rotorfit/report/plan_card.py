@@ -10,8 +10,8 @@ import numpy as np
 from rotorfit.logs.files import write_whole
 from rotorfit.planning.plan import FlightPlan
 from rotorfit.planning.wanted import WANTABLE
-from rotorfit.report.page_templates import page_template, template_text
-from rotorfit.report.plan_words import (
+from rotorfit.report.pages import render_page
+from rotorfit.report.plan_text import (
     Step,
     flown_words,
     mass_words,
@@ -24,7 +24,7 @@ from rotorfit.report.plan_words import (
     wanted_words,
     width_words,
 )
-from rotorfit.report.svg import clean, drawing, label, tag
+from rotorfit.report.svg import drawing, label, tag
 
 WIDTH: Final = 78
 PLAIN_NAMES: Final = {
@@ -56,7 +56,9 @@ class CardFlight:
 
 def card_html(plan: FlightPlan) -> str:
     """Return the card as one self-contained HTML page of A4 size."""
-    page = page_template("card.html").render(
+    return render_page(
+        "card",
+        "card",
         plan=plan,
         headline=headline(plan),
         promise=promise(plan).replace("+-", "\u00b1"),
@@ -67,9 +69,7 @@ def card_html(plan: FlightPlan) -> str:
         payload=payload_words(plan) if plan.chosen.payload else "",
         view=_top_view(plan),
         mass=mass_words(plan.rough.truth.mass),
-        style=template_text("card.css"),
     )
-    return clean(page)
 
 
 def card_text(plan: FlightPlan) -> str:

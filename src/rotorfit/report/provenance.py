@@ -1,13 +1,109 @@
-"""Section 7: settings, versions, and fingerprints of the flights."""
+"""Sections 6 and 7: what of each flight was used and why not more; settings, versions, hashes."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 from rotorfit.logs.files import file_name
-from rotorfit.results.result import IdentificationResult
+from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
+from rotorfit.results.result import FlightRecord, IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison
+
+WIDTH, HEIGHT, BAR = 920.0, 56.0, 22.0
+MARGIN = 12.0
+MOST_LISTED = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """Why something was cut, how much in all, and where."""
+
+    reason: str
+    shade: int
+    seconds: float
+    places: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsedFlightView:
+    """One flight as it is shown."""
+
+    name: str
+    configuration: str
+    seconds: float
+    samples: int
+    bar: str
+    cuts: tuple[Cut, ...]
+    warnings: tuple[str, ...]
+
+
+def used_flights(result: IdentificationResult) -> tuple[UsedFlightView, ...]:
+    """Return every flight with its time bar; equal reasons have equal shades on the page."""
+    reasons = list(dict.fromkeys(why for f in result.flights for _, _, why in f.cuts))
+    shades = {reason: i % 5 for i, reason in enumerate(reasons)}
+    return tuple(_view(flight, shades) for flight in result.flights)
+
+
+def _view(flight: FlightRecord, shades: dict[str, int]) -> UsedFlightView:
+    return UsedFlightView(
+        name=file_name(flight.file),
+        configuration=flight.configuration,
+        seconds=flight.seconds_used,
+        samples=flight.samples_used,
+        bar=time_bar(flight, shades),
+        cuts=_cuts(flight, shades),
+        warnings=flight.warnings,
+    )
+
+
+def _cuts(flight: FlightRecord, shades: dict[str, int]) -> tuple[Cut, ...]:
+    """Return the cuts by reason."""
+    by_reason: dict[str, list[tuple[float, float]]] = {}
+    for start, end, reason in flight.cuts:
+        by_reason.setdefault(reason, []).append((start, end))
+    return tuple(
+        Cut(
+            reason=reason,
+            shade=shades[reason],
+            seconds=sum(end - start for start, end in places),
+            places=_places(places),
+        )
+        for reason, places in by_reason.items()
+    )
+
+
+def _places(places: list[tuple[float, float]]) -> str:
+    shown = [f"{start:.1f} to {end:.1f} s" for start, end in places[:MOST_LISTED]]
+    more = len(places) - MOST_LISTED
+    return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
+
+
+def time_bar(flight: FlightRecord, shades: dict[str, int]) -> str:
+    """Return a flight from its first sample to its last: used parts and cuts."""
+    spans = [*flight.used, *((a, b) for a, b, _ in flight.cuts)]
+    t0 = min([0.0, *(a for a, _ in spans)])
+    t1 = max([t0 + 1e-3, *(b for _, b in spans)])
+
+    def block(start: float, end: float, style: str, words: str) -> str:
+        x = MARGIN + (start - t0) / (t1 - t0) * (WIDTH - 2 * MARGIN)
+        width = max((end - start) / (t1 - t0) * (WIDTH - 2 * MARGIN), 0.8)
+        title = tag("title", {}, text(f"{start:.2f} to {end:.2f} s: {words}"))
+        box: dict[str, str | float] = {"x": x, "y": 4, "width": width, "height": BAR}
+        return tag("rect", {"class": style, **box}, title)
+
+    parts = [block(a, b, f"cut shade-{shades[why]}", why) for a, b, why in flight.cuts]
+    parts += [block(a, b, "used", "used") for a, b in flight.used]
+    values = ticks(t0, t1, 8)
+    step = values[1] - values[0] if len(values) > 1 else 1.0
+    for value in values:
+        x = MARGIN + (value - t0) / (t1 - t0) * (WIDTH - 2 * MARGIN)
+        parts.append(tag("path", {"class": "tick-mark", "d": f"M{x:.2f} {BAR + 4}v5"}))
+        words = tick_label(value, step) + (" s" if value == values[-1] else "")
+        parts.append(label(words, {"class": "tick middle", "x": x, "y": BAR + 24}))
+    name = f"Time bar of {file_name(flight.file)}"
+    return drawing(WIDTH, HEIGHT, {"class": "time-bar", "role": "img", "aria-label": name}, *parts)
+
 
 METHODS = {
     "ols": "equation by equation, weighted by frequency band",
@@ -26,7 +122,7 @@ class Provenance:
 
 
 def provenance_of(
-    result: IdentificationResult, comparisons: tuple[WrenchComparison, ...]
+    result: IdentificationResult, comparisons: Sequence[WrenchComparison]
 ) -> Provenance:
     """Return settings as key and value, versions, and hashes of every flight shown."""
     hashes = [(file_name(f.file), f.sha256, "fitted") for f in result.flights]
@@ -39,11 +135,6 @@ def provenance_of(
         versions=tuple((name, str(version)) for name, version in result.versions.items()),
         hashes=tuple(hashes),
     )
-
-
-def method_words(method: str) -> str:
-    """Return what a method does."""
-    return METHODS.get(method, method)
 
 
 def _leaves(value: Any, path: str) -> list[tuple[str, str]]:
