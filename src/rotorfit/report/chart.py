@@ -13,7 +13,16 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.formatting.series import Series, column_starts, extremes, middles
-from rotorfit.report.svg import drawing, label, nice_step, tag, text, tick_label, ticks
+from rotorfit.report.svg import (
+    drawing,
+    label,
+    labelled_ticks,
+    nice_step,
+    tag,
+    text,
+    tick_label,
+    ticks,
+)
 
 WIDTH: Final = 920.0
 LEFT: Final = 58.0
@@ -249,13 +258,8 @@ def _x(value: float, axis: Axis) -> float:
 
 
 def _curve(curve: Curve, panel: Panel, axis: Axis) -> str:
-    d = path_of(
-        curve.series,
-        curve.key,
-        size=(PLOT, panel.height),
-        span=span_of(panel),
-        ends=axis.ends,
-    )
+    size = (PLOT, panel.height)
+    d = path_of(curve.series, curve.key, size=size, span=span_of(panel), ends=axis.ends)
     return tag("path", {"class": f"curve {curve.style}", "data-key": curve.key, "d": d})
 
 
@@ -304,34 +308,31 @@ def _y_ticks(panel: Panel, top: float) -> list[str]:
             for i, name in enumerate(panel.rows)
         ]
     span = span_of(panel)
+    few = np.floor(span[1]) - np.ceil(span[0]) < 1
+    marks = (
+        _decades(span, (1, 2, 5) if few else (1,))
+        if panel.log
+        else labelled_ticks(*span, panel.count)
+    )
     parts: list[str] = []
-    for value, words in _decades(span) if panel.log else _plain_ticks(span, panel.count):
+    for value, words in marks:
         y = top + (span[1] - value) / (span[1] - span[0]) * panel.height
         parts.append(tag("path", {"class": "grid", "d": f"M{LEFT} {y:.2f}H{WIDTH - RIGHT}"}))
         parts.append(label(words, {"class": "tick right", "x": LEFT - 7, "y": y + 4}))
     return parts
 
 
-def _plain_ticks(span: tuple[float, float], count: int) -> list[tuple[float, str]]:
-    values = ticks(*span, count)
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    return [(value, tick_label(value, step)) for value in values]
+def _decades(ends: tuple[float, float], factors: Sequence[int]) -> list[tuple[float, str]]:
+    """Choose multiples of the powers of ten between two ends, which are logarithms."""
+    marks = [
+        (power + float(np.log10(factor)), power_label(factor, power))
+        for power in range(int(np.floor(ends[0])), int(np.ceil(ends[1])) + 1)
+        for factor in factors
+    ]
+    return [(value, words) for value, words in marks if ends[0] <= value <= ends[1]]
 
 
-def _decades(span: tuple[float, float]) -> list[tuple[float, str]]:
-    """Return whole powers of ten, with 2 and 5 between where there are few."""
-    first, last = int(np.ceil(span[0])), int(np.floor(span[1]))
-    between = (1, 2, 5) if last - first < 1 else (1,)
-    found: list[tuple[float, str]] = []
-    for power in range(first - 1, last + 1):
-        for factor in between:
-            value = power + float(np.log10(factor))
-            if span[0] <= value <= span[1]:
-                found.append((value, power_words(factor, power)))
-    return found
-
-
-def power_words(factor: int, power: int) -> str:
+def power_label(factor: int, power: int) -> str:
     """Return a number of a logarithmic axis: plain where short, else a power of ten."""
     if -3 <= power <= 3:
         return f"{factor * 10.0**power:g}"
@@ -342,7 +343,7 @@ def power_words(factor: int, power: int) -> str:
 def _x_axis(axis: Axis, height: float) -> str:
     low, high = axis.ends
     if axis.log:
-        marks = _log_marks(axis.ends)
+        marks = _decades(axis.ends, (1, 2, 5))
     else:
         step = nice_step(high - low, 8)
         marks = [(v, tick_label(v, step)) for v in ticks(low, high, 8)]
@@ -357,16 +358,6 @@ def _x_axis(axis: Axis, height: float) -> str:
     return tag(
         "g", {"class": "x-axis", "data-top": top}, tag("g", {"class": "x-ticks"}, *words), name
     )
-
-
-def _log_marks(ends: tuple[float, float]) -> list[tuple[float, str]]:
-    first, last = int(np.floor(ends[0])), int(np.ceil(ends[1]))
-    marks = [
-        (power + float(np.log10(factor)), power_words(factor, power))
-        for power in range(first, last + 1)
-        for factor in (1, 2, 5)
-    ]
-    return [(v, w) for v, w in marks if ends[0] <= v <= ends[1]]
 
 
 def logarithms(series: Series) -> Series:

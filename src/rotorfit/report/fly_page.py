@@ -11,7 +11,7 @@ from jaxtyping import Float
 from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.fly_text import force_rows, headline, manoeuvre_words, rate_rows, verdicts
 from rotorfit.report.pages import render_page, template_text, write_drawings
-from rotorfit.report.svg import drawing, label, standalone, tag, tick_label, ticks
+from rotorfit.report.svg import drawing, label, labelled_ticks, standalone, tag
 from rotorfit.validation.fly_outcome import AXES, IDENTIFIED, FlyOutcome, told_times
 from rotorfit.validation.model_flight import MANOEUVRES, Manoeuvre
 from rotorfit.validation.replay import (
@@ -273,16 +273,12 @@ def _spans(panel: Panel) -> tuple[tuple[float, float], tuple[float, float]]:
 def _ticks(place: _Place) -> list[str]:
     parts: list[str] = []
     right, bottom = place.left + place.width, place.top + place.height
-    values = ticks(*place.spans[1], 5)
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    for value, y in zip(values, place.y(np.array(values)).tolist(), strict=True):
+    for value, words in labelled_ticks(*place.spans[1], 5):
+        y = float(place.y(np.array(value)))
         parts.append(tag("path", {"class": "grid", "d": f"M{place.left:.1f} {y:.1f}H{right:.1f}"}))
-        words = tick_label(value, step)
         parts.append(label(words, {"class": "tick right", "x": place.left - 6, "y": y + 4}))
-    values = ticks(*place.spans[0], max(round(place.width / 100), 3))
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    for value, x in zip(values, place.x(np.array(values)).tolist(), strict=True):
-        words = tick_label(value, step)
+    for value, words in labelled_ticks(*place.spans[0], max(round(place.width / 100), 3)):
+        x = float(place.x(np.array(value)))
         parts.append(label(words, {"class": "tick middle", "x": x, "y": bottom + 14}))
     return parts
 

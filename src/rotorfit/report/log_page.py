@@ -179,7 +179,12 @@ def _trace_panel(trace: Trace, picture: TimePicture) -> Panel:
         named = {f"{trace.channel} {name}": values for name, values in part.values.items()}
         series = Series(time=part.time, values=named, gap=part.gap)
         curves += [
-            Curve(key=f"{trace.channel} {name}", name=name, style=_style(name), series=series)
+            Curve(
+                key=f"{trace.channel} {name}",
+                name=name,
+                style=STYLES.get(name) or f"rotor-{(int(name) - 1) % COLORS + 1}",
+                series=series,
+            )
             for name in part.values
         ]
     curves.sort(key=lambda curve: (len(curve.name), curve.name))
@@ -190,19 +195,16 @@ def _trace_panel(trace: Trace, picture: TimePicture) -> Panel:
         curves=tuple(curves),
         count=5,
         spans=tuple(
-            Span(start=m.start, end=m.end, style=m.kind, words=_mark_words(m))
+            Span(
+                start=m.start,
+                end=m.end,
+                style=m.kind,
+                words=f"{m.words}, {m.start:.2f} to {m.end:.2f} s",
+            )
             for m in picture.marks
             if m.channel in (None, trace.channel)
         ),
     )
-
-
-def _style(name: str) -> str:
-    return STYLES.get(name) or f"rotor-{(int(name) - 1) % COLORS + 1}"
-
-
-def _mark_words(mark: Mark) -> str:
-    return f"{mark.words}, {mark.start:.2f} to {mark.end:.2f} s"
 
 
 def _activity_panel(picture: TimePicture) -> Panel:

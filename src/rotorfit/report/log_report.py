@@ -210,16 +210,11 @@ def gravity_words(found: GravitySeen | None) -> list[str]:
     if found is None:
         return []
     rest = [] if found.at_rest is None else [f"{found.at_rest:.3f} g at rest"]
+    margin = "" if found.in_flight_std is None else f" +- {1.96 * found.in_flight_std:.3f}"
     flight = (
-        []
-        if found.in_flight is None
-        else [f"{found.in_flight:.3f}{_plus_minus(found)} g on average in hover"]
+        [] if found.in_flight is None else [f"{found.in_flight:.3f}{margin} g on average in hover"]
     )
     return [f"the accelerometer reads {' and '.join([*rest, *flight])}"] if rest or flight else []
-
-
-def _plus_minus(found: GravitySeen) -> str:
-    return "" if found.in_flight_std is None else f" +- {1.96 * found.in_flight_std:.3f}"
 
 
 def prospect_words(found: Prospects | None) -> list[str]:

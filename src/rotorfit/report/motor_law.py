@@ -15,7 +15,7 @@ from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.preprocessing.motors.thrust_curve import speeds
 from rotorfit.report.number_words import unit_words
 from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
-from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
+from rotorfit.results.command_law import CommandLaw, LawPoint
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison
 
@@ -74,7 +74,15 @@ def law_section(
     return LawSection(
         told=False,
         formula=formula_of(law),
-        rows=tuple(_row(number) for number in law.numbers),
+        rows=tuple(
+            LawRow(
+                name=n.name,
+                title=NAMES.get(n.name, n.name),
+                number=number_of(n.value, n.interval),
+                unit=unit_words(n.unit),
+            )
+            for n in law.numbers
+        ),
         sentences=law_sentences(law),
         motors=motors_lines(law),
         picture=law_picture(law),
@@ -120,15 +128,6 @@ def _told_law(result: IdentificationResult) -> SpeedLaw | None:
     except ExperimentError:
         return None
     return None if entry is None else speed_law_of(entry)
-
-
-def _row(number: LawNumber) -> LawRow:
-    return LawRow(
-        name=number.name,
-        title=NAMES.get(number.name, number.name),
-        number=number_of(number.value, number.interval),
-        unit=unit_words(number.unit),
-    )
 
 
 def formula_of(law: CommandLaw) -> str:
@@ -214,8 +213,8 @@ def _picture(
         parts.append(tag("path", {"class": "spread", "d": f"M{there}L{back}Z"}))
     for value in values:
         x, y = at(0.0, value)
-        parts.append(tag("path", {"class": "grid", "d": f"M{x:.1f} {y:.1f}h{wide:.1f}"}))
         words = tick_label(value, values[1] - values[0])
+        parts.append(tag("path", {"class": "grid", "d": f"M{x:.1f} {y:.1f}h{wide:.1f}"}))
         parts.append(label(words, {"class": "tick right", "x": x - 6, "y": y + 4}))
     for value in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
         x, y = at(value, 0.0)

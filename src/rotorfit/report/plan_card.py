@@ -86,7 +86,8 @@ def card_text(plan: FlightPlan) -> str:
     for flight in card_flights(plan):
         lines += ["", f"{flight.name.upper()}  ({flight.load}, {flight.seconds:.0f} s in all)"]
         for step in flight.steps:
-            lines += _wrapped(f"{step.title}: {step.words}", f"  [ ] {_seconds(step):>5}  ")
+            seconds = f"{step.seconds:.3g} s"
+            lines += _wrapped(f"{step.title}: {step.words}", f"  [ ] {seconds:>5}  ")
     lines += ["", "AFTER", *_wrapped(after_words(plan), "  ")]
     expectations = ", ".join(f"{name} +-{width}" for name, width in expected(plan))
     lines += ["", *_wrapped(f"Expected: {expectations}")]
@@ -187,10 +188,6 @@ def after_words(plan: FlightPlan) -> str:
         )
     mass = f"{plan.rough.truth.mass:g}"
     return f"rotorfit identify LOG --mass {mass} --airframe {plan.request.name} -o result.json"
-
-
-def _seconds(step: Step) -> str:
-    return f"{step.seconds:.3g} s"
 
 
 def _wrapped(words: str, indent: str = "") -> list[str]:

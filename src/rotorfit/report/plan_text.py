@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rotorfit.planning.after import Missing
 from rotorfit.planning.candidate import Candidate, ScheduleName
 from rotorfit.planning.plan import SCHEDULES, FlightPlan
 from rotorfit.planning.vehicle import payload_rotors
@@ -77,7 +76,10 @@ def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
         _steps(plan, width),
         _table(plan, width),
         _lengths(plan),
-        _assumed(plan, width),
+        [
+            "Assumed",
+            *(f"  {line}" for words in assumed_words(plan) for line in _wrapped(width, words)),
+        ],
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
@@ -154,19 +156,18 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
     )
     for missing in plan.missing:
         head = f"  {missing.name:<14} {missing.verdict:<15}"
+        then = (
+            ""
+            if missing.manoeuvre is None
+            else (f" (then +-{digits(100.0 * missing.relative)} %, {missing.predicted})")
+        )
         lines += textwrap.wrap(
-            _missing_words(missing),
+            f"{missing.advice}{then}",
             width,
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
     return lines
-
-
-def _missing_words(missing: Missing) -> str:
-    if missing.manoeuvre is None:
-        return missing.advice
-    return f"{missing.advice} (then +-{digits(100.0 * missing.relative)} %, {missing.predicted})"
 
 
 def _steps(plan: FlightPlan, width: int) -> list[str]:
@@ -189,7 +190,8 @@ def _table(plan: FlightPlan, width: int) -> list[str]:
     lines = [
         f"Predicted half of the 95 % interval, each flight {seconds:g} s",
         "(CoM in mm, others in %; - not identified; * reaches what is wanted)",
-        _header(),
+        " " * (NAME_WIDTH + 2)
+        + "".join(f"{name.replace('com_', 'CoM '):>{COLUMN}}" for name in WANTABLE),
     ]
     rows = [c for c in plan.candidates if c.seconds == seconds]
     lines += [_row(TITLES[c.schedule], c) for c in rows if not c.payload]
@@ -211,22 +213,10 @@ def _lengths(plan: FlightPlan) -> list[str]:
     return [title, *(_row(f"{c.seconds:g} s", c) for c in same)]
 
 
-def _header() -> str:
-    names = (name.replace("com_", "CoM ") for name in WANTABLE)
-    return " " * (NAME_WIDTH + 2) + "".join(f"{name:>{COLUMN}}" for name in names)
-
-
 def _row(title: str, candidate: Candidate) -> str:
     mark = "*" if candidate.meets else " "
     cells = "".join(f"{width_words(candidate, name):>{COLUMN}}" for name in WANTABLE)
     return f"  {title:<{NAME_WIDTH}}{cells} {mark}".rstrip()
-
-
-def _assumed(plan: FlightPlan, width: int) -> list[str]:
-    return [
-        "Assumed",
-        *(f"  {line}" for words in assumed_words(plan) for line in _wrapped(width, words)),
-    ]
 
 
 def assumed_words(plan: FlightPlan) -> Iterator[str]:

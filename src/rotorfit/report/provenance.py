@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from rotorfit.logs.files import file_name
-from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
+from rotorfit.report.svg import drawing, label, labelled_ticks, tag, text
 from rotorfit.results.result import FlightRecord, IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison
 
@@ -42,18 +42,17 @@ def used_flights(result: IdentificationResult) -> tuple[UsedFlightView, ...]:
     """Return every flight with its time bar; equal reasons have equal shades on the page."""
     reasons = list(dict.fromkeys(why for f in result.flights for _, _, why in f.cuts))
     shades = {reason: i % 5 for i, reason in enumerate(reasons)}
-    return tuple(_view(flight, shades) for flight in result.flights)
-
-
-def _view(flight: FlightRecord, shades: dict[str, int]) -> UsedFlightView:
-    return UsedFlightView(
-        name=file_name(flight.file),
-        configuration=flight.configuration,
-        seconds=flight.seconds_used,
-        samples=flight.samples_used,
-        bar=time_bar(flight, shades),
-        cuts=_cuts(flight, shades),
-        warnings=flight.warnings,
+    return tuple(
+        UsedFlightView(
+            name=file_name(flight.file),
+            configuration=flight.configuration,
+            seconds=flight.seconds_used,
+            samples=flight.samples_used,
+            bar=time_bar(flight, shades),
+            cuts=_cuts(flight, shades),
+            warnings=flight.warnings,
+        )
+        for flight in result.flights
     )
 
 
@@ -94,12 +93,11 @@ def time_bar(flight: FlightRecord, shades: dict[str, int]) -> str:
 
     parts = [block(a, b, f"cut shade-{shades[why]}", why) for a, b, why in flight.cuts]
     parts += [block(a, b, "used", "used") for a, b in flight.used]
-    values = ticks(t0, t1, 8)
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    for value in values:
+    marks = labelled_ticks(t0, t1, 8)
+    for value, number in marks:
         x = MARGIN + (value - t0) / (t1 - t0) * (WIDTH - 2 * MARGIN)
         parts.append(tag("path", {"class": "tick-mark", "d": f"M{x:.2f} {BAR + 4}v5"}))
-        words = tick_label(value, step) + (" s" if value == values[-1] else "")
+        words = number + (" s" if value == marks[-1][0] else "")
         parts.append(label(words, {"class": "tick middle", "x": x, "y": BAR + 24}))
     name = f"Time bar of {file_name(flight.file)}"
     return drawing(WIDTH, HEIGHT, {"class": "time-bar", "role": "img", "aria-label": name}, *parts)
@@ -142,8 +140,8 @@ def _leaves(value: Any, path: str) -> list[tuple[str, str]]:
     if isinstance(value, Mapping):
         table = cast("Mapping[str, Any]", value)
         if path and not any(isinstance(v, Mapping | list | tuple) for v in table.values()):
-            words = (f"{key} = {_word(key, v)}" for key, v in table.items())
-            return [(path, ", ".join(words))]
+            shown = {key: _shortened(key, v) for key, v in table.items()}
+            return [(path, ", ".join(f"{key} = {_text(v)}" for key, v in shown.items()))]
         return [
             line
             for key, v in table.items()
@@ -154,7 +152,7 @@ def _leaves(value: Any, path: str) -> list[tuple[str, str]]:
     ):
         items = cast("list[Any]", value)
         return [line for i, v in enumerate(items, 1) for line in _leaves(_flat(v), f"{path} {i}")]
-    return [(path, value if isinstance(value, str) else _json(value))]
+    return [(path, _text(value))]
 
 
 def _flat(value: Any) -> Any:
@@ -171,9 +169,8 @@ def _is_vector(value: Any) -> bool:
     )
 
 
-def _word(key: str, value: Any) -> str:
-    shown = _shortened(key, value)
-    return shown if isinstance(shown, str) else _json(shown)
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else _json(value)
 
 
 def _shortened(key: str, value: Any) -> Any:

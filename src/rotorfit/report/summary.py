@@ -137,7 +137,7 @@ def _finding(
 
     `twin` is the parameter with its verdict; `ratios` are among numbers that were derived.
     """
-    verdict = twin.verdict if number is twin else _verdict_of(number, twin)
+    verdict = body_verdict(number, twin) if isinstance(number, Derived) else twin.verdict
     subject = SUBJECTS.get(number.name, title_of(number.name))
     return Finding(
         verdict=verdict,
@@ -145,10 +145,6 @@ def _finding(
         words=_words(number, verdict, twin, ratios),
         advice=twin.advice if verdict in ("weak", "ratio-only", "not-identified") else None,
     )
-
-
-def _verdict_of(number: Parameter | Derived, twin: Parameter) -> str:
-    return body_verdict(number, twin) if isinstance(number, Derived) else number.verdict
 
 
 def _words(

@@ -18,7 +18,10 @@ def clean(words: str) -> str:
 
 def tag(name: str, attributes: Attributes, *children: str) -> str:
     """Return one element; children are elements already, or escaped text."""
-    inside = "".join(f' {key}="{_value(value)}"' for key, value in attributes.items())
+    inside = "".join(
+        f' {key}="{escape(clean(value)) if isinstance(value, str) else decimal(value)}"'
+        for key, value in attributes.items()
+    )
     return f"<{name}{inside}>{''.join(children)}</{name}>" if children else f"<{name}{inside}/>"
 
 
@@ -78,12 +81,15 @@ def ticks(low: float, high: float, count: int) -> list[float]:
     return [i * step for i in range(first, last + 1)]
 
 
+def labelled_ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
+    """Choose round numbers between two ends, with the decimals that their distance needs."""
+    values = ticks(low, high, count)
+    step = values[1] - values[0] if len(values) > 1 else 1.0
+    return [(value, tick_label(value, step)) for value in values]
+
+
 def tick_label(value: float, step: float) -> str:
     """Return a tick's number with the decimals that its step needs."""
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
     digits = f"{value:.{decimals}f}"
     return digits.replace("-", "\u2212") if float(digits) else f"{0:.{decimals}f}"
-
-
-def _value(value: str | float | int) -> str:
-    return escape(clean(value)) if isinstance(value, str) else decimal(value)

@@ -41,11 +41,7 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
             _table(f"Body, configuration {name}", _body_lines(result, name))
             for name in configuration_names(result)
         ),
-        _listed(
-            "Flights kept apart: what is left unexplained",
-            map(_validated, result.validation),
-            width,
-        ),
+        _listed(UNEXPLAINED, map(_validated, result.validation), width),
         _listed("What the verdicts mean", _meanings(result), width),
         _listed("What to do next", advice_of(result), width),
         _listed("To know", doubts_of(result), width),
@@ -110,24 +106,22 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
     several = len(configuration_names(result)) > 1
     return [
         *(_of_parameter(p) for name, p in parameters.items() if name == "mass"),
-        *(_of_body(d, parameters.get(twin_of(d.name)), derived) for d in about_com),
+        *(
+            (d, _verdict(body_entry(d, parameters.get(twin_of(d.name)), derived)))
+            for d in about_com
+        ),
         *map(_of_parameter, others),
         *(_rotor_derived(result, {configuration}) if several else []),
     ]
 
 
 def _of_parameter(parameter: Parameter) -> Line:
-    verdict = _verdict(parameter.verdict, parameter.partner)
+    verdict = _verdict(parameter)
     # Weak by another rule than the width of its interval, which is seen beside it.
     width = percent(parameter)
     narrow = width is not None and width <= 100.0 * WEAK
     own = parameter.verdict == "weak" and narrow and parameter.name.startswith("kt_")
     return parameter, f"{verdict} (mostly prior)" if own else verdict
-
-
-def _of_body(derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived]) -> Line:
-    entry = body_entry(derived, twin, kin)
-    return derived, _verdict(entry.verdict, entry.partner)
 
 
 def _judged(result: IdentificationResult) -> list[Entry]:
@@ -149,15 +143,16 @@ def _judged(result: IdentificationResult) -> list[Entry]:
     return entries
 
 
-def _verdict(verdict: str, partner: str | None) -> str:
-    return f"{verdict} with {partner}" if verdict == "ratio-only" and partner else verdict
+def _verdict(of: Parameter | Entry) -> str:
+    with_partner = of.verdict == "ratio-only" and of.partner
+    return f"{of.verdict} with {of.partner}" if with_partner else of.verdict
 
 
 def _table(title: str, lines: list[Line]) -> list[str]:
     """Return numbers one below the other, units and verdicts each in their column."""
     if not lines:
         return []
-    units = [_unit(number) for number, _ in lines]
+    units = ["" if number.unit == "1" else number.unit for number, _ in lines]
     names = max(15, *(len(number.name) for number, _ in lines))
     room = max(14, *map(len, units))
     rows = [
@@ -166,10 +161,6 @@ def _table(title: str, lines: list[Line]) -> list[str]:
         for (number, words), unit in zip(lines, units, strict=True)
     ]
     return [title, *(row.rstrip() for row in rows)]
-
-
-def _unit(number: Parameter | Derived) -> str:
-    return "" if number.unit == "1" else number.unit
 
 
 def _validated(row: Mapping[str, Any]) -> str:
