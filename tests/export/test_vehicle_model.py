@@ -127,7 +127,7 @@ def test_settings_in_either_axes_are_the_same_vehicle(axes):
     np.testing.assert_allclose([r.axis for r in model.rotors], [[0, 0, 1]] * 4)
 
 
-def test_where_the_origin_is_the_imu_the_rotors_move_with_their_centre():
+def test_with_the_imu_as_origin_rotors_move_with_their_centre():
     """The torque about the CoM of rotors declared at p is that of rotors at p + rotor_center."""
     center = np.array([0.02, -0.015, 0.0])
     result = with_numbers(
@@ -200,7 +200,7 @@ def per_kilogram():
     return changed(result, mass={**UNKNOWN, "verdict": "not-identified"}, **changes)
 
 
-def test_an_unknown_mass_is_refused_and_scales_everything_once_assumed():
+def test_an_unknown_mass_is_refused_and_scales_all_if_assumed():
     with pytest.raises(OutputError) as refused:
         vehicle_model(per_kilogram())
     words = str(refused.value)
@@ -276,7 +276,7 @@ def test_an_inertia_at_the_origin_may_be_assumed():
 
 
 @pytest.mark.parametrize("target", WITH_YAW)
-def test_every_target_refuses_a_lost_yaw_with_the_flag_that_would_allow_it(target):
+def test_every_target_refuses_a_lost_yaw_with_the_cure(target):
     with pytest.raises(OutputError) as refused:
         text_of(changed(a_result(), **YAW_LOST), target)
     words = str(refused.value)
@@ -310,7 +310,7 @@ def test_every_target_marks_what_is_weak(target):
     assert "WEAK" in comx
 
 
-def test_a_wide_interval_about_the_com_is_marked_though_the_one_at_the_origin_is_not():
+def test_a_wide_interval_about_the_com_alone_is_marked():
     wide = changed(a_result(), Ixx_com={"interval": (0.01, 0.03)})
     assert "[WEAK: known only to +-55 %]" in text_of(wide, "px4")
 
@@ -391,7 +391,7 @@ def test_inertia_that_no_body_has_is_refused():
     assert vehicle_model(a_result(inertia_com=np.diag([0.01, 0.01, 0.02]))).mass == MASS
 
 
-def test_inertia_that_only_its_products_make_impossible_is_refused():
+def test_inertia_impossible_by_its_products_is_refused():
     tensor = np.diag([0.01, 0.01, 0.015])
     tensor[0, 2] = tensor[2, 0] = 0.008
     with pytest.raises(OutputError, match="no body has this inertia"):
@@ -408,7 +408,7 @@ def impossible():
     )
 
 
-def test_impossible_inertia_is_projected_on_request_and_the_distance_is_told():
+def test_impossible_inertia_is_projected_with_its_distance():
     pytest.importorskip("clarabel", reason="clarabel is not installed")
     with pytest.raises(OutputError, match="--project"):
         vehicle_model(impossible())
@@ -576,7 +576,7 @@ def test_what_is_about_the_com_is_weak_where_the_report_says_so(name, interval, 
         (4e-4, not_identified(), "weak"),
     ],
 )
-def test_a_product_whose_moment_is_lost_is_weak_where_the_report_says_so(half, twin, origin):
+def test_a_product_with_a_lost_moment_is_weak_as_in_the_report(half, twin, origin):
     result = changed(a_result(), Izz_com=UNKNOWN, Ixz_com=half_width(6e-4, half), Ixz=twin)
     found = numbers_of(result, "A", assumed={}, full_speed=None)["Ixz_com"]
     assert found.origin == origin

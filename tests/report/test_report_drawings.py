@@ -92,7 +92,7 @@ def test_the_origin_without_a_known_imu_is_the_imu() -> None:
     airframe = {k: v for k, v in result.settings["airframe"].items() if k != "imu"}
     scene = scene_of(a_result(configurations=("A",), settings={"airframe": airframe}))
     assert scene is not None
-    assert scene.imu_words.startswith("IMU (the origin;")
+    assert scene.imu_label.startswith("IMU (the origin;")
     assert scene.imu == (0.0, 0.0, 0.0)
 
 
@@ -218,7 +218,7 @@ def test_png_stands_beside_svg_where_the_renderer_is_installed(tmp_path: Path) -
     assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for p in png)
 
 
-def test_a_centre_of_mass_of_unknown_height_is_drawn_from_above_only() -> None:
+def test_a_com_of_unknown_height_is_drawn_from_above_only() -> None:
     result = a_result(configurations=("A",))
     derived = tuple(
         replace(d, value=None, std=None, interval=None) if d.name == "com_z" else d

@@ -48,17 +48,7 @@ Legend = tuple[tuple[str, tuple[Switch, ...]], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
-    """One curve.
-
-    Attributes
-    ----------
-    key
-        Of its values in `series`, and in the page; once in a chart.
-    name
-        As the legend and the reading at the pointer have it.
-    style
-        Class of the style sheet.
-    """
+    """One curve; its `key` in `series` and the page is unique in a chart, `style` a CSS class."""
 
     key: str
     name: str
@@ -89,22 +79,10 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One pair of axes.
+    """One pair of axes; without a title it stands close to the one above.
 
-    Attributes
-    ----------
-    title
-        With its unit; a panel without one stands close to the one above.
-    note
-        At the right of the title.
-    height, count
-        In pixels; and about how many ticks.
-    log
-        Whether the values are powers of ten.
-    rows
-        Names of strips in place of a vertical axis; curves are then only read at the pointer.
-    missing
-        Why there is nothing to draw.
+    With `log` the values are powers of ten; with `rows`, names of strips in place of a vertical
+    axis, curves are only read at the pointer; `missing` says why there is nothing to draw.
     """
 
     title: str
@@ -127,17 +105,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """What all panels share.
-
-    Attributes
-    ----------
-    ends
-        Of the drawing; powers of ten where `log`.
-    name, unit
-        Beneath it; and behind the number at the pointer.
-    least
-        What zooming ends at.
-    """
+    """The common axis: its ends (powers of ten where `log`), and `least`, at which zooming ends."""
 
     ends: tuple[float, float]
     name: str
@@ -163,7 +131,7 @@ class Chart:
 
 
 def chart_data(chart: Chart) -> dict[str, object]:
-    """Return what a page needs to redraw a chart: clocks, and 16-bit values by curve."""
+    """Encode what a page needs to redraw a chart: clocks, and 16-bit values by curve."""
     clocks: dict[int, Series] = {id(curve.series.time): curve.series for curve in chart.curves}
     index = {key: i for i, key in enumerate(clocks)}
     axis = chart.axis
@@ -183,7 +151,7 @@ def chart_data(chart: Chart) -> dict[str, object]:
 
 
 def chart_svg(chart: Chart) -> str:
-    """Return the drawing."""
+    """Draw the panels above their common axis."""
     parts: list[str] = []
     top = 0.0
     for i, panel in enumerate(chart.panels):
@@ -203,7 +171,7 @@ def chart_svg(chart: Chart) -> str:
 
 
 def _panel(panel: Panel, axis: Axis, top: float) -> str:
-    """Return one pair of axes with its curves, in a clipping frame of its own."""
+    """Draw one pair of axes with its curves, in a clipping frame of its own."""
     head = [label(panel.title, {"class": "panel-title", "x": LEFT, "y": top + 16})]
     if panel.note:
         place: dict[str, str | float] = {"x": WIDTH - RIGHT, "y": top + 16}
@@ -239,7 +207,7 @@ def _panel(panel: Panel, axis: Axis, top: float) -> str:
 
 
 def span_of(panel: Panel) -> tuple[float, float]:
-    """Return the ends of a panel's axis: the values, with a little room."""
+    """Choose the ends of a panel's axis: the values, with a little room."""
     if panel.span is not None:
         return panel.span
     values = [curve.series.values[curve.key] for curve in panel.curves]
@@ -280,7 +248,7 @@ def _span(span: Span, panel: Panel, axis: Axis) -> str:
 
 
 def _lines(panel: Panel, axis: Axis) -> list[str]:
-    """Return the lines, and the labels of lines and spans in rows that do not overlap."""
+    """Draw lines, and the labels of lines and spans in rows that do not overlap."""
     named = [Line(at=s.start, style=s.style, label=s.label) for s in panel.spans if s.label]
     parts: list[str] = []
     free: list[float] = []
@@ -333,7 +301,7 @@ def _decades(ends: tuple[float, float], factors: Sequence[int]) -> list[tuple[fl
 
 
 def power_label(factor: int, power: int) -> str:
-    """Return a number of a logarithmic axis: plain where short, else a power of ten."""
+    """Write a number of a logarithmic axis: plain where short, else a power of ten."""
     if -3 <= power <= 3:
         return f"{factor * 10.0**power:g}"
     digits = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
@@ -361,7 +329,7 @@ def _x_axis(axis: Axis, height: float) -> str:
 
 
 def logarithms(series: Series) -> Series:
-    """Return values as powers of ten, what is far below the largest one cut off."""
+    """Convert values to powers of ten, what is far below the largest one cut off."""
     values: dict[str, np.ndarray] = {}
     for key, v in series.values.items():
         largest = max(float(v.max(initial=0.0)), 1e-30)
@@ -370,7 +338,7 @@ def logarithms(series: Series) -> Series:
 
 
 def legend_of(panels: Sequence[Panel]) -> Legend:
-    """Return the switches of all curves, panel by panel."""
+    """Collect the switches of all curves, panel by panel."""
     return tuple(
         (panel.title.split(" [")[0], tuple((c.name, c.style, c.key) for c in panel.curves))
         for panel in panels
@@ -387,21 +355,7 @@ def path_of(
     ends: tuple[float, float] | None = None,
     columns: int = 720,
 ) -> str:
-    """Return a series as the data of an SVG path, broken at cuts.
-
-    Parameters
-    ----------
-    series, key
-        Which series.
-    size
-        Width and height of its panel [px].
-    span
-        Least and greatest value of the panel.
-    ends
-        Of its time axis; those of the series if None.
-    columns
-        Of the reduction.
-    """
+    """Draw a series as SVG path data of so many columns, broken at cuts; `ends` of its axis."""
     if not len(series.time):
         return ""
     starts = column_starts(series, columns)
@@ -421,7 +375,7 @@ def path_of(
 
 
 def encoded(values: Float[np.ndarray, " n"]) -> dict[str, float | str]:
-    """Return values as 16-bit integers in base64: value = low + (integer + 32768) step."""
+    """Encode values as 16-bit integers in base64: value = low + (integer + 32768) step."""
     low = float(values.min()) if len(values) else 0.0
     step = (float(values.max()) - low) / 65535.0 if len(values) else 0.0
     integers = np.zeros(len(values)) if step <= 0 else np.rint((values - low) / step)
@@ -430,5 +384,5 @@ def encoded(values: Float[np.ndarray, " n"]) -> dict[str, float | str]:
 
 
 def encoded_time(time: Float[np.ndarray, " n"]) -> str:
-    """Return times as 32-bit floats in base64."""
+    """Encode times as 32-bit floats in base64."""
     return base64.b64encode(time.astype("<f4").tobytes()).decode()

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.logs.files import file_name, write_whole
-from rotorfit.report.fly_text import force_rows, headline, manoeuvre_words, rate_rows, verdicts
+from rotorfit.report.fly_text import force_rows, headline, manoeuvre_summary, rate_rows, verdicts
 from rotorfit.report.pages import render_page, template_text, write_drawings
 from rotorfit.report.svg import drawing, label, labelled_ticks, standalone, tag
 from rotorfit.validation.fly_outcome import AXES, IDENTIFIED, FlyOutcome, told_times
@@ -77,7 +77,7 @@ def fly_html(outcome: FlyOutcome) -> str:
         verdicts=verdicts(outcome),
         legend=[(name, kind_of(outcome.labels, name)) for name in outcome.labels],
         names=[file_name(replay.flight) for replay in outcome.replays],
-        manoeuvres=[(name, manoeuvre_words(outcome, name)) for name in outcome.manoeuvres],
+        manoeuvres=[(name, manoeuvre_summary(outcome, name)) for name in outcome.manoeuvres],
         drawings=fly_drawings(outcome),
     )
 
@@ -95,7 +95,7 @@ def write_fly_figures(folder: Path, outcome: FlyOutcome, *, force: bool = False)
 
 
 def fly_drawings(outcome: FlyOutcome) -> dict[str, str]:
-    """Return every drawing as an inline SVG, by name."""
+    """Draw everything as inline SVG, by name."""
     out = {
         f"replay-{i}": replay_svg(replay, outcome.labels)
         for i, replay in enumerate(outcome.replays, 1)
@@ -105,12 +105,12 @@ def fly_drawings(outcome: FlyOutcome) -> dict[str, str]:
 
 
 def kind_of(labels: Sequence[str], name: str) -> str:
-    """Return the style of a label's curves."""
+    """Select the style of a label's curves."""
     return KINDS[min(labels.index(name), len(KINDS) - 1)]
 
 
 def replay_svg(replay: Replay, labels: Sequence[str]) -> str:
-    """Return the rates of the liveliest stretch of a flight, flown and predicted in windows."""
+    """Draw the rates of the liveliest stretch of a flight, flown and predicted in windows."""
     chosen = _liveliest(replay)
     panels = [
         Panel(
@@ -125,7 +125,7 @@ def replay_svg(replay: Replay, labels: Sequence[str]) -> str:
 
 
 def growth_svg(outcome: FlyOutcome) -> str:
-    """Return how the error of the rates grows after the start of a window."""
+    """Draw how the error of the rates grows after the start of a window."""
     t = growth_time(outcome.replays)
     errors = {name: error_growth(outcome.replays, name) for name in (*outcome.labels, HOLD)}
     band = band_growth(outcome.replays, IDENTIFIED)
@@ -148,7 +148,7 @@ def growth_svg(outcome: FlyOutcome) -> str:
 
 
 def manoeuvre_svg(outcome: FlyOutcome) -> str:
-    """Return hover and steps of the model, asked and flown."""
+    """Draw hover and steps of the model, asked and flown."""
     panels: list[Panel] = []
     for i, name in enumerate(MANOEUVRES):
         flights = {label: flown[i] for label, flown in outcome.manoeuvres.items()}
@@ -163,7 +163,7 @@ def manoeuvre_svg(outcome: FlyOutcome) -> str:
 
 
 def _liveliest(replay: Replay) -> list[int]:
-    """Return the windows of the stretch in which the rates are largest."""
+    """Select the windows of the stretch in which the rates are largest."""
     starts = replay.time[:, 0]
     power = (replay.rates**2).mean(axis=(1, 2))
     within = (starts >= starts[:, None]) & (starts < starts[:, None] + SHOWN_SECONDS)
@@ -198,7 +198,7 @@ def _rate_band(replay: Replay, windows: Sequence[int], axis: int) -> Band:
 
 
 def _broken(values: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " m"]:
-    """Return rows one after the other, with a NaN between them."""
+    """Join rows one after the other, with a NaN between them."""
     gap = np.full((len(values), 1), np.nan)
     return np.concatenate([values, gap], axis=1).ravel()
 
@@ -255,7 +255,7 @@ class _Place:
 
 
 def _spans(panel: Panel) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the ends of both axes; a curve far out does not flatten all others."""
+    """Choose the ends of both axes; a curve far out does not flatten all others."""
     x = np.concatenate([curve.x for curve in panel.curves])
     sizes = [curve.y[np.isfinite(curve.y)] for curve in panel.curves]
     reach = [float(np.ptp(y)) for y in sizes if len(y)]
@@ -284,7 +284,7 @@ def _ticks(place: _Place) -> list[str]:
 
 
 def _path(curve: Curve, place: _Place) -> str:
-    """Return a curve as path data, broken at NaN, thinned to what can be seen."""
+    """Draw a curve as path data, broken at NaN, thinned to what can be seen."""
     every = max(len(curve.x) // 4000, 1)
     good = np.isfinite(curve.y)
     keep = (np.arange(len(curve.x)) % every == 0) | ~good

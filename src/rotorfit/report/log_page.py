@@ -36,7 +36,7 @@ from rotorfit.report.chart import (
     legend_of,
     logarithms,
 )
-from rotorfit.report.log_report import KNOW, sections, spans_words
+from rotorfit.report.log_report import KNOW, sections, spans_phrase
 from rotorfit.report.number_words import unit_words
 from rotorfit.report.pages import render_page
 
@@ -105,7 +105,7 @@ def _article(report: LogReport) -> LogArticle:
     return LogArticle(
         report=report,
         title=Path(report.file).name,
-        airborne=spans_words(report.airborne),
+        airborne=spans_phrase(report.airborne),
         trouble=report.trouble,
         figures=log_figures(report),
         left_out=() if report.pictures is None else report.pictures.left_out,
@@ -119,7 +119,7 @@ def write_log_page(path: Path, reports: Sequence[LogReport], *, force: bool) -> 
 
 
 def log_figures(report: LogReport) -> tuple[LogFigure, ...]:
-    """Return the figures of a log that can be drawn."""
+    """Draw the figures that a log allows."""
     pictures = report.pictures
     if pictures is None:
         return ()
@@ -145,7 +145,7 @@ def _figure(
 
 
 def _time_figure(picture: TimePicture, airborne: Sequence[tuple[float, float]]) -> LogFigure:
-    """Return the channels over time, and below them which axis moved when."""
+    """Draw the channels over time, and below them which axis moved when."""
     used = [Span(start=a, end=b, style="flown", words="", row=0) for a, b in airborne]
     panels = [_trace_panel(trace, picture) for trace in picture.traces]
     if used:
@@ -153,7 +153,7 @@ def _time_figure(picture: TimePicture, airborne: Sequence[tuple[float, float]]) 
         panels = [lane, *panels]
     if picture.activity:
         panels.append(_activity_panel(picture))
-    words = time_words(picture, airborne)
+    words = time_sentences(picture, airborne)
     chart = Chart(
         panels=tuple(panels),
         axis=Axis(
@@ -173,7 +173,7 @@ def _time_figure(picture: TimePicture, airborne: Sequence[tuple[float, float]]) 
 
 
 def _trace_panel(trace: Trace, picture: TimePicture) -> Panel:
-    """Return a channel with its marks; what is not used is shaded in all of them."""
+    """Lay out a channel with its marks; what is not used is shaded in all of them."""
     curves: list[Curve] = []
     for part in trace.curves:
         named = {f"{trace.channel} {name}": values for name, values in part.values.items()}
@@ -208,7 +208,7 @@ def _trace_panel(trace: Trace, picture: TimePicture) -> Panel:
 
 
 def _activity_panel(picture: TimePicture) -> Panel:
-    """Return a strip for each axis, darker where it moved more; read in numbers."""
+    """Lay out a strip for each axis, darker where it moved more; read in numbers."""
     spans = [span for row, axis in enumerate(picture.activity) for span in _level_spans(axis, row)]
     return Panel(
         title="Which axis moved",
@@ -228,7 +228,7 @@ def _moved(axis: Activity) -> Curve:
 
 
 def _level_spans(axis: Activity, row: int) -> list[Span]:
-    """Return the windows of one level together."""
+    """Join the neighbouring windows of one level."""
     level: list[int] = axis.level.tolist()
     edges = [0, *(np.flatnonzero(np.diff(level)) + 1).tolist(), len(level)]
     spans: list[Span] = []
@@ -242,14 +242,14 @@ def _level_spans(axis: Activity, row: int) -> list[Span]:
     return spans
 
 
-def time_words(picture: TimePicture, airborne: Sequence[tuple[float, float]]) -> list[str]:
-    """Return what is to be seen over time, one sentence each."""
+def time_sentences(picture: TimePicture, airborne: Sequence[tuple[float, float]]) -> list[str]:
+    """Describe what is to be seen over time."""
     words = _mark_sentences([mark for mark in picture.marks if mark.kind != "cut"])
     if picture.activity:
         where = "In the air" if airborne else "In all of the log"
-        said = [f"{a.axis} for {a.seconds(2, airborne):.0f} s" for a in picture.activity]
+        parts = [f"{a.axis} for {a.seconds(2, airborne):.0f} s" for a in picture.activity]
         words.append(
-            f"{where}, lively or harder: {', '.join(said)}. Gentle begins at a rate of "
+            f"{where}, lively or harder: {', '.join(parts)}. Gentle begins at a rate of "
             f"{TURN_LEVELS[0]:.0f} deg/s (rms), lively at {TURN_LEVELS[1]:.0f}, hard at "
             f"{TURN_LEVELS[2]:.0f}; for thrust, at changes of {THRUST_LEVELS[0]:g}, "
             f"{THRUST_LEVELS[1]:g} and {THRUST_LEVELS[2]:g} g."
@@ -258,7 +258,7 @@ def time_words(picture: TimePicture, airborne: Sequence[tuple[float, float]]) ->
 
 
 def _mark_sentences(marks: Sequence[Mark]) -> list[str]:
-    """Return where the marks are; what is at the same places in one sentence."""
+    """Describe where the marks are; those at the same places in one sentence."""
     at: dict[str, list[tuple[float, float]]] = {}
     for mark in marks:
         at.setdefault(mark.words, []).append((mark.start, mark.end))
@@ -273,10 +273,10 @@ def _mark_sentences(marks: Sequence[Mark]) -> list[str]:
 
 
 def _spectrum_figure(pictures: LogPictures) -> LogFigure:
-    """Return the spectra over one frequency axis, with the filters and named peaks."""
+    """Draw the spectra over one frequency axis, with the filters and named peaks."""
     top = max(float(s.frequency[-1]) for s in pictures.spectra)
     panels = tuple(_spectrum_panel(s, pictures, top) for s in pictures.spectra)
-    words = spectrum_words(pictures)
+    words = spectrum_sentences(pictures)
     chart = Chart(
         panels=panels,
         axis=Axis(ends=(0.0, top), name="frequency [Hz]", unit="Hz", least=top / 100.0),
@@ -335,7 +335,7 @@ def _band_span(band: RotorBand) -> Span:
 
 
 def _filter_marks(one: Filter, bands: Sequence[RotorBand]) -> tuple[list[Line], list[Span]]:
-    """Return what is drawn of a filter: a line where it is fixed, a stretch where it moves."""
+    """Mark a filter: a line where it is fixed, a stretch where it moves."""
     style = one.kind if one.passed else "elsewhere"
     if one.harmonics:
         spans = [
@@ -359,20 +359,20 @@ def _filter_marks(one: Filter, bands: Sequence[RotorBand]) -> tuple[list[Line], 
     return [], [Span(start=one.low, end=one.high, style=style, words=one.words, label=one.short)]
 
 
-def spectrum_words(pictures: LogPictures) -> list[str]:
-    """Return what is to be seen in the spectra, one sentence each."""
-    words = [_peak_words(found) for found in pictures.spectra]
+def spectrum_sentences(pictures: LogPictures) -> list[str]:
+    """Describe what is to be seen in the spectra."""
+    words = [_peak_sentence(found) for found in pictures.spectra]
     first = pictures.spectra[0]
     if pictures.bands:
         band = pictures.bands[0]
-        said = f"The rotors turn at {band.low:.0f} to {band.high:.0f} Hz"
+        sentence = f"The rotors turn at {band.low:.0f} to {band.high:.0f} Hz"
         if band.high > 0.5 * first.sample_rate:
-            said += (
+            sentence += (
                 f", over half of the log's {first.sample_rate:.0f} Hz: what they shake stands "
                 "folded down to lower frequencies, where little of it can be named; log at "
                 f"{_faster(2.2 * band.high)} Hz or more to see it"
             )
-        words.append(f"{said}.")
+        words.append(f"{sentence}.")
     elif any(found.peaks for found in pictures.spectra):
         words.append(
             "No peak can be named after the rotors: their speed is not in the log (ESC telemetry)."
@@ -387,13 +387,13 @@ def _sentence(words: str) -> str:
 
 
 def _faster(rate: float) -> int:
-    """Return a log rate that people set: 500, 1000, 2000 and so on."""
+    """Choose a log rate that people set: 500, 1000, 2000 and so on."""
     return next((r for r in (250, 500, 1000, 2000, 4000) if r >= rate), 8000)
 
 
-def _peak_words(found: Spectrum) -> str:
+def _peak_sentence(found: Spectrum) -> str:
     name = TITLES[found.channel]
     if not found.peaks:
         return f"{name}: no clear peak over {found.seconds:.0f} s."
-    said = "; ".join(peak.words for peak in found.peaks)
-    return f"{name}, {found.seconds:.0f} s: peaks at {said}."
+    parts = "; ".join(peak.words for peak in found.peaks)
+    return f"{name}, {found.seconds:.0f} s: peaks at {parts}."

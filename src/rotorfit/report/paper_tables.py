@@ -12,7 +12,7 @@ from typing import Any, Final, cast
 from rotorfit.formatting.digits import known
 from rotorfit.logs.files import file_name
 from rotorfit.report.number_words import title_of, unit_words
-from rotorfit.report.wrenches import error_words
+from rotorfit.report.wrenches import error_percent
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
@@ -139,7 +139,7 @@ class PaperSection:
 
 
 def is_paper_vehicle(result: IdentificationResult) -> bool:
-    """Whether the paper's preset was used on configurations named and weighed as the paper's."""
+    """Test whether the paper's preset was used on configurations named and weighed as its own."""
     settings = cast("Mapping[str, Any]", result.settings.get("identification") or {})
     names = configuration_names(result)
     if settings.get("preset") != "paper" or not names:
@@ -159,7 +159,7 @@ def _weighs(result: IdentificationResult, configuration: str, mass: float) -> bo
 def paper_section(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison]
 ) -> PaperSection:
-    """Return the paper's tables beside ours: I for one configuration, II for two at once."""
+    """Tabulate the paper's numbers alongside ours: I for one configuration, II for two."""
     names = [name for name in configuration_names(result) if name in MASSES]
     both = len(names) > 1
     source, name = (TABLE_2, "Table II") if both else (TABLE_1, "Table I")
@@ -214,7 +214,7 @@ def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | 
 
 
 def _scientific(value: float | None) -> str:
-    """Return a number as the paper prints it: three digits and a power of ten."""
+    """Write a number as the paper prints it: three digits and a power of ten."""
     if value is None:
         return ""
     if value == 0:
@@ -231,7 +231,7 @@ def _two(value: float | None) -> str:
 def _errors(
     comparisons: Sequence[WrenchComparison],
 ) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
-    """Return Table III: the paper's rows, then ours."""
+    """Tabulate the paper's rows of Table III, then ours."""
     rows = [
         ("paper", where, tuple(f"{e[n]:.2f} %" if n in e else "–" for n in SHOWN))
         for where, e in TABLE_3.items()
@@ -240,7 +240,7 @@ def _errors(
         (
             "rotorfit",
             f"{file_name(c.flight)} ({c.configuration})",
-            tuple(error_words(c, n) for n in SHOWN),
+            tuple(error_percent(c, n) for n in SHOWN),
         )
         for c in comparisons
     ]

@@ -69,7 +69,7 @@ class Entry:
 
 
 def parameter_tables(result: IdentificationResult) -> tuple[ParameterTable, ...]:
-    """Return the tables: rotors, then each body about its CoM, then at the origin."""
+    """Tabulate rotors, then each body about its CoM, then at the origin."""
     tables = [
         _table(
             "Rotors",
@@ -119,7 +119,7 @@ _ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total"
 
 
 def _shared_derived(result: IdentificationResult) -> list[Entry]:
-    """Return the derived numbers of the rotors; with one configuration its ratios too."""
+    """Collect the derived numbers of the rotors; with one configuration its ratios too."""
     names = _ROTOR_DERIVED if len(configuration_names(result)) == 1 else ()
     return [
         Entry(number=d, verdict="")
@@ -139,7 +139,7 @@ def _of_parameter(parameter: Parameter) -> Entry:
 
 
 def body_entry(derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived]) -> Entry:
-    """Return a derived number with its verdict, and why; `kin` is all of its body, by name."""
+    """Judge a derived number, and why; `kin` is all of its body, by name."""
     verdict = body_verdict(derived, twin, kin)
     if twin is None or verdict == "identified":
         return Entry(number=derived, verdict=verdict)
@@ -190,7 +190,7 @@ def _row(entry: Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
 
 
 def _notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
-    """Return reasons and advice, each once, lettered in the order of the rows."""
+    """Collect reasons and advice, each once, lettered in the order of the rows."""
     groups: dict[tuple[str | None, str | None], list[str]] = {}
     for entry in entries:
         if entry.reason or entry.advice:
@@ -211,7 +211,7 @@ def _letter(index: int) -> str:
 
 
 def axis_of(name: str) -> str:
-    """Return the name of the axis that a number shares with its kin, so that sizes compare."""
+    """Name the axis that a number shares with its kin, so that sizes compare."""
     for family in FAMILIES:
         if name.startswith(family) and len(name) == len(family) + 1:
             return family
@@ -223,7 +223,7 @@ def axis_of(name: str) -> str:
 
 
 def axis_range(numbers: Sequence[Parameter | Derived]) -> tuple[float, float]:
-    """Return the ends of an axis that shows zero and every interval."""
+    """Choose the ends of an axis that shows zero and every interval."""
     ends = [0.0]
     for number in numbers:
         value = known(number.value)
@@ -235,7 +235,7 @@ def axis_range(numbers: Sequence[Parameter | Derived]) -> tuple[float, float]:
 def interval_bar(
     number: Parameter | Derived, ends: tuple[float, float], verdict: str
 ) -> str | None:
-    """Return a drawn interval: a thin line at zero, a bar over the interval, a dot at the value."""
+    """Draw a thin line at zero, a bar over the interval, a dot at the value."""
     value = known(number.value)
     if value is None or ends[0] == ends[1]:
         return None

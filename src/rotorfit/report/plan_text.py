@@ -78,7 +78,11 @@ def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
         _lengths(plan),
         [
             "Assumed",
-            *(f"  {line}" for words in assumed_words(plan) for line in _wrapped(width, words)),
+            *(
+                f"  {line}"
+                for words in assumption_sentences(plan)
+                for line in _wrapped(width, words)
+            ),
         ],
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
@@ -89,7 +93,7 @@ def _title(plan: FlightPlan) -> list[str]:
     return [
         f"{request.name}: {rough.truth.mass:g} kg, {len(rough.vehicle.rotors)} rotors, "
         f"{rough.vehicle.arm:.3g} m from their centre, rotor speed {request.speed}",
-        f"Wanted: {wanted_words(plan)} (half of the 95 % interval)",
+        f"Wanted: {wanted_phrase(plan)} (half of the 95 % interval)",
     ]
 
 
@@ -97,22 +101,22 @@ def _answer(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
         return _wrapped(width, "Nothing more to fly: the result reaches this already.")
     if plan.recommended is not None:
-        return _wrapped(width, f"Fly: {flown_words(plan.recommended)}.", *_with_payload(plan))
+        return _wrapped(width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan))
     return _wrapped(
         width,
-        f"No flight considered here reaches this. The closest is: {flown_words(plan.best)}; it "
+        f"No flight considered here reaches this. The closest is: {flight_phrase(plan.best)}; it "
         "leaves "
-        f"{unmet_words(plan)}.",
+        f"{unmet_phrase(plan)}.",
         *_with_payload(plan),
-        *remedy_words(plan),
+        *remedy_sentences(plan),
     )
 
 
-def remedy_words(plan: FlightPlan) -> list[str]:
-    """Return what would reach what is wanted, or what is in the way."""
+def remedy_sentences(plan: FlightPlan) -> list[str]:
+    """Describe what would reach what is wanted, or what is in the way."""
     words: list[str] = []
     for remedy in plan.remedies:
-        flown = flown_words(remedy.candidate)
+        flown = flight_phrase(remedy.candidate)
         if remedy.kind == "measured-speed":
             words.append(f"With measured rotor speed (ESC telemetry) in the log: {flown}.")
         else:
@@ -139,8 +143,8 @@ def _with_payload(plan: FlightPlan) -> list[str]:
     if not plan.chosen.payload:
         return []
     return [
-        f"Payload: {payload_words(plan)}; weigh each to "
-        f"{scale_words(plan)}, measure their places to {place_words(plan)}."
+        f"Payload: {payload_phrase(plan)}; weigh each to "
+        f"{scale_accuracy(plan)}, measure their places to {place_accuracy(plan)}."
     ]
 
 
@@ -196,7 +200,7 @@ def _table(plan: FlightPlan, width: int) -> list[str]:
     rows = [c for c in plan.candidates if c.seconds == seconds]
     lines += [_row(TITLES[c.schedule], c) for c in rows if not c.payload]
     if plan.payload:
-        lines += ["", *_wrapped(width, f"and again with {payload_words(plan)}")]
+        lines += ["", *_wrapped(width, f"and again with {payload_phrase(plan)}")]
         lines += [_row(TITLES[c.schedule], c) for c in rows if c.payload]
     return lines
 
@@ -215,12 +219,12 @@ def _lengths(plan: FlightPlan) -> list[str]:
 
 def _row(title: str, candidate: Candidate) -> str:
     mark = "*" if candidate.meets else " "
-    cells = "".join(f"{width_words(candidate, name):>{COLUMN}}" for name in WANTABLE)
+    cells = "".join(f"{width_text(candidate, name):>{COLUMN}}" for name in WANTABLE)
     return f"  {title:<{NAME_WIDTH}}{cells} {mark}".rstrip()
 
 
-def assumed_words(plan: FlightPlan) -> Iterator[str]:
-    """Yield what the predictions rest on."""
+def assumption_sentences(plan: FlightPlan) -> Iterator[str]:
+    """Describe what the predictions assume."""
     a, truth = plan.assumed, plan.rough.truth
     speed = (
         f"rotor speed with noise of {100 * a.speed_noise:g} % of hover"
@@ -229,7 +233,7 @@ def assumed_words(plan: FlightPlan) -> Iterator[str]:
     )
     yield (
         f"gyro {a.gyro_std:g} rad/s, accelerometer {a.accel_std:g} m/s^2 (a sample at 200 Hz, "
-        f"vibration included), {speed}, log at {a.log_rate:g} Hz, weighed to {scale_words(plan)}"
+        f"vibration included), {speed}, log at {a.log_rate:g} Hz, weighed to {scale_accuracy(plan)}"
     )
     yield (
         f"gusts of {100 * a.force:g} % of the weight, and torques of {100 * a.torque[0]:.2g}, "
@@ -252,12 +256,12 @@ def _wrapped(width: int, *paragraphs: str) -> list[str]:
 
 
 def steps_of(candidate: Candidate) -> tuple[Step, ...]:
-    """Return a flight from the ground and back, each step as the pilot flies it."""
+    """Lay out a flight from the ground and back, each step as the pilot flies it."""
     manoeuvres = [
         Step(
             seconds=share * candidate.seconds,
             title=MANOEUVRE_TITLES[manoeuvre],
-            words=_manoeuvre_words(manoeuvre),
+            words=_manoeuvre_instruction(manoeuvre),
         )
         for manoeuvre, share in SCHEDULES[candidate.schedule].items()
     ]
@@ -276,7 +280,7 @@ def steps_of(candidate: Candidate) -> tuple[Step, ...]:
     )
 
 
-def _manoeuvre_words(manoeuvre: Manoeuvre) -> str:
+def _manoeuvre_instruction(manoeuvre: Manoeuvre) -> str:
     sticks = MANOEUVRES[manoeuvre]
     roll, pitch, yaw = peak_deg(sticks.roll), peak_deg(sticks.pitch), peak_deg(sticks.yaw)
     side = f"{0.5 / sticks.yaw.band[0]:.0f} s"
@@ -310,7 +314,7 @@ def _manoeuvre_words(manoeuvre: Manoeuvre) -> str:
 
 
 def peak_deg(stick: Stick) -> int:
-    """Return how far a stick usually goes [deg or deg/s], rounded to five."""
+    """Compute how far a stick usually goes [deg or deg/s], rounded to five."""
     match stick.shape:
         case "noise":
             peak = 2.0 * stick.rms
@@ -321,8 +325,8 @@ def peak_deg(stick: Stick) -> int:
     return 5 * round(math.degrees(peak) / 5)
 
 
-def width_words(candidate: Candidate, name: str) -> str:
-    """Return a predicted half-width in percent or millimetres, ``-`` where there is no number."""
+def width_text(candidate: Candidate, name: str) -> str:
+    """Write a predicted half-width in percent or millimetres, ``-`` where there is no number."""
     number = candidate.numbers[name]
     known = number.verdict != "not-identified"
     # Against the few millimetres that matter a wide one is lost, but where it is can be said.
@@ -332,17 +336,17 @@ def width_words(candidate: Candidate, name: str) -> str:
 
 
 def digits(value: float) -> str:
-    """Return a number with two digits."""
+    """Write a number with two digits."""
     return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
 
 
 def unit_of(name: str) -> str:
-    """Return the unit in which a half-width is shown."""
+    """Select the unit in which a half-width is shown."""
     return "mm" if name in IN_MM else "%"
 
 
-def wanted_words(plan: FlightPlan) -> str:
-    """Return what is wanted, names of equal accuracy together."""
+def wanted_phrase(plan: FlightPlan) -> str:
+    """Describe what is wanted, names of equal accuracy together."""
     by_limit: dict[tuple[float, str], list[str]] = {}
     for name, limit in plan.request.wanted.limits.items():
         by_limit.setdefault((limit, unit_of(name)), []).append(name)
@@ -351,38 +355,38 @@ def wanted_words(plan: FlightPlan) -> str:
     )
 
 
-def payload_words(plan: FlightPlan) -> str:
-    """Return what the payload is, and where."""
+def payload_phrase(plan: FlightPlan) -> str:
+    """Describe the payload, and its place."""
     first, second = payload_rotors(plan.rough.vehicle, plan.payload)
-    mass = mass_words(plan.payload[0].mass)
+    mass = mass_text(plan.payload[0].mass)
     return f"two equal masses of {mass}, one under rotor {first} and one under rotor {second}"
 
 
-def place_words(plan: FlightPlan) -> str:
-    """Return how well the places of the payload have to be known."""
+def place_accuracy(plan: FlightPlan) -> str:
+    """Write how well the places of the payload have to be known."""
     return f"{1e3 * plan.payload[0].position_std:.1g} mm"
 
 
-def mass_words(mass: float) -> str:
-    """Return a mass in grams."""
+def mass_text(mass: float) -> str:
+    """Write a mass in grams."""
     return f"{1e3 * mass:.3g} g" if mass < 1.0 else f"{1e3 * mass:.0f} g"
 
 
-def scale_words(plan: FlightPlan) -> str:
-    """Return how finely to weigh."""
+def scale_accuracy(plan: FlightPlan) -> str:
+    """Write how finely to weigh."""
     return f"{1e3 * plan.assumed.mass_step:g} g"
 
 
-def flown_words(candidate: Candidate) -> str:
-    """Return a candidate in a few words."""
+def flight_phrase(candidate: Candidate) -> str:
+    """Describe a candidate in a few words."""
     title = TITLES[candidate.schedule]
     if candidate.payload:
         return f"{title}, {candidate.seconds:g} s without and {candidate.seconds:g} s with payload"
     return f"{title}, {candidate.seconds:g} s"
 
 
-def unmet_words(plan: FlightPlan) -> str:
-    """Return what the best candidate does not reach."""
+def unmet_phrase(plan: FlightPlan) -> str:
+    """List what the best candidate does not reach."""
     parts: list[str] = []
     for name, limit in plan.request.wanted.limits.items():
         number = plan.best.numbers[name]

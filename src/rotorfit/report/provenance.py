@@ -39,7 +39,7 @@ class UsedFlightView:
 
 
 def used_flights(result: IdentificationResult) -> tuple[UsedFlightView, ...]:
-    """Return every flight with its time bar; equal reasons have equal shades on the page."""
+    """Describe every flight with its time bar; equal reasons have equal shades on the page."""
     reasons = list(dict.fromkeys(why for f in result.flights for _, _, why in f.cuts))
     shades = {reason: i % 5 for i, reason in enumerate(reasons)}
     return tuple(
@@ -57,7 +57,7 @@ def used_flights(result: IdentificationResult) -> tuple[UsedFlightView, ...]:
 
 
 def _cuts(flight: FlightRecord, shades: dict[str, int]) -> tuple[Cut, ...]:
-    """Return the cuts by reason."""
+    """Group the cuts by reason."""
     by_reason: dict[str, list[tuple[float, float]]] = {}
     for start, end, reason in flight.cuts:
         by_reason.setdefault(reason, []).append((start, end))
@@ -79,7 +79,7 @@ def _places(places: list[tuple[float, float]]) -> str:
 
 
 def time_bar(flight: FlightRecord, shades: dict[str, int]) -> str:
-    """Return a flight from its first sample to its last: used parts and cuts."""
+    """Draw a flight from its first sample to its last: used parts and cuts."""
     spans = [*flight.used, *((a, b) for a, b, _ in flight.cuts)]
     t0 = min([0.0, *(a for a, _ in spans)])
     t1 = max([t0 + 1e-3, *(b for _, b in spans)])
@@ -122,7 +122,7 @@ class Provenance:
 def provenance_of(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison]
 ) -> Provenance:
-    """Return settings as key and value, versions, and hashes of every flight shown."""
+    """Collect settings as key and value, versions, and hashes of every flight shown."""
     hashes = [(file_name(f.file), f.sha256, "fitted") for f in result.flights]
     fitted = {f.sha256 for f in result.flights}
     hashes += [
@@ -136,7 +136,7 @@ def provenance_of(
 
 
 def _leaves(value: Any, path: str) -> list[tuple[str, str]]:
-    """Return nested tables as lines; a list of small tables has one line for each."""
+    """Flatten nested tables to lines; a list of small tables has one line for each."""
     if isinstance(value, Mapping):
         table = cast("Mapping[str, Any]", value)
         if path and not any(isinstance(v, Mapping | list | tuple) for v in table.values()):
@@ -156,7 +156,7 @@ def _leaves(value: Any, path: str) -> list[tuple[str, str]]:
 
 
 def _flat(value: Any) -> Any:
-    """Return a table with its short lists as words, so that a rotor takes one line."""
+    """Write the short lists of a table as text, so that a rotor takes one line."""
     if not isinstance(value, Mapping):
         return value
     table = cast("Mapping[str, Any]", value)
@@ -174,7 +174,7 @@ def _text(value: Any) -> str:
 
 
 def _shortened(key: str, value: Any) -> Any:
-    """Return a file without its folders: they are nobody else's business."""
+    """Strip a file's folders: they are nobody else's business."""
     return file_name(value) if key == "file" and isinstance(value, str) else value
 
 

@@ -143,5 +143,5 @@ def figure_texts(
 
 
 def _plain(name: str) -> str:
-    """Return a name with nothing in it that a file system may not like."""
+    """Make a name with nothing in it that a file system may not like."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(file_name(name)).stem).strip("-")[:40] or "flight"

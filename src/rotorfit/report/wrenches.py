@@ -64,7 +64,7 @@ class WrenchFigure:
 
 
 def wrench_figures(comparisons: Sequence[WrenchComparison]) -> tuple[WrenchFigure, ...]:
-    """Return the figures of all compared flights."""
+    """Draw all compared flights."""
     return tuple(_figure(comparison) for comparison in comparisons)
 
 
@@ -80,20 +80,20 @@ def _figure(comparison: WrenchComparison) -> WrenchFigure:
         data=chart_data(chart),
         legend=switches(comparison),
         errors=tuple(
-            (COMPONENT[n][0], error_words(comparison, n), whiteness_words(comparison, n))
+            (COMPONENT[n][0], error_percent(comparison, n), whiteness_text(comparison, n))
             for n in SHOWN
         ),
         seconds=float(series.time[-1] - series.time[0]) if len(series.time) else 0.0,
     )
 
 
-def error_words(comparison: WrenchComparison, component: str) -> str:
-    """Return the relative error norm of a component in percent, a dash where there is none."""
+def error_percent(comparison: WrenchComparison, component: str) -> str:
+    """Write the relative error norm of a component in percent, a dash where there is none."""
     return _percent(comparison.relative_error.get(component))
 
 
-def whiteness_words(comparison: WrenchComparison, component: str) -> str:
-    """Return what is left of the motion in the difference, a dash where that is not known."""
+def whiteness_text(comparison: WrenchComparison, component: str) -> str:
+    """Write what is left of the motion in the difference, a dash where that is not known."""
     value = comparison.whiteness.get(component)
     return f"{value:.2f}" if value is not None and math.isfinite(value) else "–"
 
@@ -101,7 +101,7 @@ def whiteness_words(comparison: WrenchComparison, component: str) -> str:
 def validation_rows(
     result: IdentificationResult,
 ) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
-    """Return the error norms that the result itself holds, for pages without figures."""
+    """Tabulate the error norms that the result itself holds, for pages without figures."""
     return tuple(
         (
             file_name(str(row.get("flight", ""))),
@@ -117,12 +117,12 @@ def _percent(value: float | None) -> str:
 
 
 def wrench_svg(comparison: WrenchComparison, series: Series) -> str:
-    """Return the four components of one flight, each with its error below, over one time axis."""
+    """Draw the four components of one flight, each with its error below, over one time axis."""
     return chart_svg(wrench_chart(comparison, series))
 
 
 def wrench_chart(comparison: WrenchComparison, series: Series) -> Chart:
-    """Return the panels of one flight."""
+    """Lay out the panels of one flight."""
     ends = (float(series.time[0]), float(series.time[-1])) if len(series.time) else (0.0, 1.0)
     return Chart(
         panels=tuple(
@@ -137,7 +137,7 @@ def wrench_chart(comparison: WrenchComparison, series: Series) -> Chart:
 
 
 def _component_panels(comparison: WrenchComparison, series: Series, name: str) -> tuple[Panel, ...]:
-    """Return a component and its error; one that the result cannot predict is said, not drawn."""
+    """Lay out a component and its error; one that cannot be predicted is said, not drawn."""
     words, unit = COMPONENT[name]
     title = f"{words} [{unit}]"
     if not is_predicted(comparison, name):
@@ -148,7 +148,7 @@ def _component_panels(comparison: WrenchComparison, series: Series, name: str) -
         key, shown = f"{name} {kind}", KINDS[kind]
         return Curve(key=key, name=shown, style=kind, series=series)
 
-    note = f"error {error_words(comparison, name)}"
+    note = f"error {error_percent(comparison, name)}"
     return (
         Panel(title=title, note=note, height=MAIN, curves=(curve("body"), curve("rotor"))),
         Panel(title="", height=ERROR, count=3, curves=(curve("error"),)),
@@ -156,7 +156,7 @@ def _component_panels(comparison: WrenchComparison, series: Series, name: str) -
 
 
 def switches(comparison: WrenchComparison) -> Legend:
-    """Return what switches the curves of a flight on and off, all components together."""
+    """Switch the curves of a flight on and off, all components together."""
     names = [name for name in SHOWN if is_predicted(comparison, name)]
     kinds = tuple(
         (words, kind, "|".join(f"{n} {kind}" for n in names)) for kind, words in KINDS.items()
@@ -165,10 +165,7 @@ def switches(comparison: WrenchComparison) -> Legend:
 
 
 def series_of(comparison: WrenchComparison) -> Series:
-    """Return the series of a comparison's figure, without samples that are not numbers.
-
-    A component that the result cannot predict has no error norm, and no series.
-    """
+    """Select the finite samples of a comparison's figure, of the components that are predicted."""
     index = [("Fx", "Fy", "Fz", "Mx", "My", "Mz").index(name) for name in SHOWN]
     body, rotor = comparison.body_wrench[:, index], comparison.rotor_wrench[:, index]
     usable = np.isfinite(np.column_stack([comparison.time, body, rotor])).all(axis=1)
@@ -187,7 +184,7 @@ def series_of(comparison: WrenchComparison) -> Series:
 
 
 def is_predicted(comparison: WrenchComparison, component: str) -> bool:
-    """Whether the result knows enough to say what the rotors do in a component."""
+    """Test whether the result knows enough to say what the rotors do in a component."""
     error = comparison.relative_error.get(component)
     return error is not None and math.isfinite(error)
 
@@ -204,7 +201,7 @@ class ExcitationFigure:
 
 
 def excitation_figure(comparisons: Sequence[WrenchComparison]) -> ExcitationFigure | None:
-    """Return the figure of all compared flights together; None where they are too short."""
+    """Draw all compared flights together; None where they are too short."""
     found = wrench_spectra(comparisons)
     if found is None:
         return None
@@ -216,13 +213,13 @@ def excitation_figure(comparisons: Sequence[WrenchComparison]) -> ExcitationFigu
         svg=chart_svg(chart),
         data=chart_data(chart),
         legend=(("Curves", switches),),
-        words=tuple(excitation_words(found)),
+        words=tuple(excitation_sentences(found)),
         seconds=found.seconds,
     )
 
 
 def excitation_chart(found: WrenchSpectra) -> Chart:
-    """Return two panels over a logarithmic frequency."""
+    """Lay out two panels over a logarithmic frequency."""
     time = np.log10(found.frequency)
     level = np.full(len(time), 1.0)
     coherence = {f"{n} coherence": v for n, v in found.coherence.items()} | {
@@ -263,17 +260,17 @@ def excitation_chart(found: WrenchSpectra) -> Chart:
             least=LEAST_OCTAVE,
             log=True,
         ),
-        words=" ".join(["What the flights excite, by frequency.", *excitation_words(found)]),
+        words=" ".join(["What the flights excite, by frequency.", *excitation_sentences(found)]),
         style="excitation",
     )
 
 
-def excitation_words(found: WrenchSpectra) -> list[str]:
-    """Return where each component is excited, one sentence each."""
-    return [_component_words(found, name) for name in found.coherence]
+def excitation_sentences(found: WrenchSpectra) -> list[str]:
+    """Describe where each component is excited."""
+    return [_component_sentence(found, name) for name in found.coherence]
 
 
-def _component_words(found: WrenchSpectra, name: str) -> str:
+def _component_sentence(found: WrenchSpectra, name: str) -> str:
     coherence, ratio = found.coherence[name], found.ratio[name]
     axis, best = NAMES[name].capitalize(), int(np.argmax(ratio))
     rotors = (
