@@ -39,6 +39,7 @@ LETTER: Final = 6.0
 ROW: Final = 14.0
 MOST_DECADES: Final = 6
 LINE: Final = "line"
+LEAST_SECONDS: Final = 0.02
 
 Switch = tuple[str, str, str]
 """Name, style, and the keys of the curves that it turns on and off, parted by |."""
@@ -128,6 +129,12 @@ class Chart:
         """Of all panels."""
         for panel in self.panels:
             yield from panel.curves
+
+
+def time_axis(start: float, end: float) -> Axis:
+    """Lay out an axis of time since the log's first sample [s]."""
+    name = "time since the log's first sample [s]"
+    return Axis(ends=(start, end), name=name, unit="s", least=LEAST_SECONDS)
 
 
 def chart_data(chart: Chart) -> dict[str, object]:

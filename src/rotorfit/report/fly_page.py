@@ -46,11 +46,8 @@ class Curve:
     y: Points
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
-    """An area between two curves, in pieces."""
-
-    pieces: tuple[tuple[Points, Points, Points], ...]
+Band = tuple[tuple[Points, Points, Points], ...]
+"""An area between two curves, in pieces of time, low and high."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +57,7 @@ class Panel:
     title: str
     x_name: str
     curves: tuple[Curve, ...]
-    band: Band = Band(pieces=())
+    band: Band = ()
 
 
 def fly_html(outcome: FlyOutcome) -> str:
@@ -140,7 +137,7 @@ def growth_svg(outcome: FlyOutcome) -> str:
                     for name in reversed(outcome.labels)
                 ),
             ),
-            band=Band(pieces=((t, np.zeros_like(t), band[:, i]),) if outcome.draws else ()),
+            band=((t, np.zeros_like(t), band[:, i]),) if outcome.draws else (),
         )
         for i, axis in enumerate(AXES)
     ]
@@ -187,14 +184,9 @@ def _rate_band(replay: Replay, windows: Sequence[int], axis: int) -> Band:
     own = replay.predicted[0]
     half = NORMAL_95 * own.rates_std[windows, :, axis]
     if not half.any():
-        return Band(pieces=())
+        return ()
     middle = own.rates[windows, :, axis]
-    return Band(
-        pieces=tuple(
-            (t, low, high)
-            for t, low, high in zip(replay.time[windows], middle - half, middle + half, strict=True)
-        )
-    )
+    return tuple(zip(replay.time[windows], middle - half, middle + half, strict=True))
 
 
 def _broken(values: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " m"]:
@@ -226,7 +218,7 @@ def _panel(panel: Panel, corner: tuple[float, float], size: tuple[float, float])
         {"class": "panel"},
         label(panel.title, {"class": "panel-title", "x": left, "y": corner[1] + 16}),
         *_ticks(place),
-        *(tag("path", {"class": "band", "d": _area(piece, place)}) for piece in panel.band.pieces),
+        *(tag("path", {"class": "band", "d": _area(piece, place)}) for piece in panel.band),
         *(
             tag("path", {"class": f"curve {curve.kind}", "d": _path(curve, place)})
             for curve in panel.curves

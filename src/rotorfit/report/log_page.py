@@ -24,6 +24,7 @@ from rotorfit.inspection.time_picture import (
 )
 from rotorfit.logs.files import write_whole
 from rotorfit.report.chart import (
+    LEAST_SECONDS,
     Axis,
     Chart,
     Curve,
@@ -35,6 +36,7 @@ from rotorfit.report.chart import (
     chart_svg,
     legend_of,
     logarithms,
+    time_axis,
 )
 from rotorfit.report.log_report import KNOW, sections, spans_phrase
 from rotorfit.report.number_words import unit_words
@@ -50,7 +52,6 @@ TITLES: Final = {
 HEIGHTS: Final = {"gyro": 124.0, "accel": 124.0, "rotor_speed": 110.0, "command": 92.0}
 SPECTRUM_HEIGHT: Final = 210.0
 ROW_HEIGHT: Final = 20.0
-LEAST_SECONDS: Final = 0.02
 STYLES: Final = {"x": "axis-x", "y": "axis-y", "z": "axis-z"}
 COLORS: Final = 8
 """Of rotors; the ninth has the first one's."""
@@ -156,12 +157,7 @@ def _time_figure(picture: TimePicture, airborne: Sequence[tuple[float, float]]) 
     words = time_sentences(picture, airborne)
     chart = Chart(
         panels=tuple(panels),
-        axis=Axis(
-            ends=(picture.start, max(picture.end, picture.start + LEAST_SECONDS)),
-            name="time since the log's first sample [s]",
-            unit="s",
-            least=LEAST_SECONDS,
-        ),
+        axis=time_axis(picture.start, max(picture.end, picture.start + LEAST_SECONDS)),
         words=" ".join(["What the log recorded over time.", *words]),
         style="signals",
     )

@@ -199,7 +199,7 @@ def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | 
     value = None if ours is None else known(ours.value)
     std = None if ours is None else known(ours.std)
     sigma = 100 * std / abs(value) if std is not None and value else None
-    apart = 100 * (value - paper[0]) / abs(paper[0]) if value is not None and paper else None
+    difference = 100 * (value - paper[0]) / abs(paper[0]) if value is not None and paper else None
     return PaperRow(
         name=name,
         title=title_of(name),
@@ -209,7 +209,7 @@ def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | 
         mocap=_scientific(None if mocap is None else mocap[0]),
         ours=_scientific(value) if ours is None or value is not None else ours.verdict,
         our_sigma=_two(sigma),
-        difference="" if apart is None else f"{apart:+.1f} %".replace("-", "−"),
+        difference="" if difference is None else f"{difference:+.1f} %".replace("-", "−"),
     )
 
 

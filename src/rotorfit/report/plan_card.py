@@ -228,7 +228,7 @@ def _top_view(plan: FlightPlan) -> str:
 
 def _spacing(places: np.ndarray) -> float:
     """Compute the smallest distance between two rotors [m]."""
-    apart = np.hypot(
+    distances = np.hypot(
         places[:, None, 0] - places[None, :, 0], places[:, None, 1] - places[None, :, 1]
     )
-    return float(apart[~np.eye(len(places), dtype=bool)].min())
+    return float(distances[~np.eye(len(places), dtype=bool)].min())

@@ -19,6 +19,7 @@ from rotorfit.report.chart import (
     chart_data,
     chart_svg,
     logarithms,
+    time_axis,
 )
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
@@ -38,7 +39,6 @@ TOO_SHORT: Final = (
 
 
 MAIN, ERROR = 104.0, 42.0
-LEAST_SECONDS = 0.02
 KINDS = {"body": "body", "rotor": "rotors", "error": "error"}
 COMPONENT = {
     "Fz": ("Thrust Fz", "N"),
@@ -128,9 +128,7 @@ def wrench_chart(comparison: WrenchComparison, series: Series) -> Chart:
         panels=tuple(
             panel for name in SHOWN for panel in _component_panels(comparison, series, name)
         ),
-        axis=Axis(
-            ends=ends, name="time since the log's first sample [s]", unit="s", least=LEAST_SECONDS
-        ),
+        axis=time_axis(*ends),
         words=f"Body wrench against rotor wrench over time, flight {file_name(comparison.flight)}",
         style="wrench",
     )
