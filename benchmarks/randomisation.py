@@ -36,11 +36,9 @@ from scipy.optimize import minimize
 
 from rotorfit.errors import FlightWarning
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.export.mjcf import NEEDS
 from rotorfit.export.mujoco_flight import FREE, fly_manoeuvre
-from rotorfit.export.possible import is_possible
-from rotorfit.export.randomised.variants import variants
-from rotorfit.export.vehicle import VehicleModel
+from rotorfit.export.variants import variants
+from rotorfit.export.vehicle import VehicleModel, is_possible
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.identification.identify import identify
 from rotorfit.simulation.controller import Gains
@@ -143,7 +141,7 @@ def one_seed(
 ) -> dict[str, tuple[float, ...]]:
     """Return by set: cost on the true vehicle, worst of the posterior, worst within 20 %; gains."""
     result, truth = identified(seed, seconds)
-    nominal = vehicle_model(result, needs=NEEDS)
+    nominal = vehicle_model(result, needs=TARGETS["mujoco"].needs)
     chance = np.random.default_rng(seed)
     real = true_model(nominal, truth)
     guess = replace(near(real, chance), com=np.array([0.0, 0.0, 0.0]))

@@ -47,11 +47,11 @@ if TYPE_CHECKING:
     from rotorfit.preprocessing.motors.motor_model import MotorModel as MotorModel
     from rotorfit.preprocessing.prepare import PreparedFlight as PreparedFlight
     from rotorfit.preprocessing.prepare import prepare as prepare
-    from rotorfit.report.figures import figure_texts as figure_texts
-    from rotorfit.report.html import write_report as write_report
     from rotorfit.report.latex import latex_table as latex_table
     from rotorfit.report.plan_card import write_card as write_card
     from rotorfit.report.plan_text import plan_text as plan_text
+    from rotorfit.report.result_page import figure_texts as figure_texts
+    from rotorfit.report.result_page import write_report as write_report
     from rotorfit.report.text import result_text as result_text
     from rotorfit.results.command_law import CommandLaw as CommandLaw
     from rotorfit.results.command_law import LawNumber as LawNumber
@@ -118,8 +118,7 @@ else:
         "rotorfit.logs.read": ("read_log",),
         "rotorfit.model.layouts": ("layout_rotors",),
         "rotorfit.model.vehicle": ("Rotor", "Vehicle"),
-        "rotorfit.report.figures": ("figure_texts",),
-        "rotorfit.report.html": ("write_report",),
+        "rotorfit.report.result_page": ("figure_texts", "write_report"),
         "rotorfit.report.latex": ("latex_table",),
         "rotorfit.report.plan_card": ("write_card",),
         "rotorfit.report.plan_text": ("plan_text",),

@@ -15,8 +15,7 @@ from rotorfit.export.vehicle_model import owner_of
 from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.report.correlations import correlation
 from rotorfit.report.number_words import unit_words
-from rotorfit.report.series import series_of
-from rotorfit.report.wrenches import COMPONENT
+from rotorfit.report.wrenches import COMPONENT, series_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
 from rotorfit.validation.fly_outcome import AXES, IDENTIFIED
 from rotorfit.validation.replay import HOLD, Replay

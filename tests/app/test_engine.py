@@ -8,11 +8,10 @@ import pytest
 from served import FORM
 
 from rotorfit.app.engine import Engine
-from rotorfit.app.export_targets import TITLES
 from rotorfit.app.files import MOST_FILES, receive
 from rotorfit.errors import OutputError
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.export.target_names import AnyTargetName
+from rotorfit.export.targets import OFFERED, AnyTargetName
 from rotorfit.identification.identify import identify
 from rotorfit.model.layouts import LAYOUTS
 
@@ -114,8 +113,8 @@ def test_exports_without_sense_are_refused(identified):
 def test_every_layout_and_target_is_offered(engine):
     offered = engine.call("options", {}, quiet)
     assert [(one["layout"], one["order"]) for one in offered["layouts"]] == list(LAYOUTS)
-    assert set(TITLES) == set(get_args(AnyTargetName)) - {"table"}
-    assert {one["target"] for one in offered["targets"]} == set(TITLES)
+    assert set(OFFERED) == set(get_args(AnyTargetName)) - {"table"}
+    assert {one["target"] for one in offered["targets"]} == set(OFFERED)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from rotorfit.cli import fly
-from rotorfit.export import mujoco_flight
 from rotorfit.export.vehicle_model import vehicle_model
 
 sys.path.append(str(Path(__file__).parents[1] / "export"))
@@ -157,10 +156,7 @@ def test_other_vehicles_are_refused(refused, there):
 
 
 def test_without_mujoco_the_flights_are_replayed_all_the_same(run, there, monkeypatch):
-    def absent(name):
-        raise ImportError(name)
-
-    monkeypatch.setattr(mujoco_flight, "import_module", absent)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
     ended = run(
         *("fly", "result.json", *KNOWN, *BENCH, "-o", "fly.json"),
         *("--report", "fly.html", "--figures", "figures"),

@@ -9,7 +9,7 @@ import pytest
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.report.plan_card import card_html, card_text
-from rotorfit.report.plan_text import plan_text, remedy_words
+from rotorfit.report.plan_text import plan_text, remedy_sentences
 from rotorfit.simulation import paper_vehicle
 
 QUICK = ("--mass", "1.285", "--payload", "0", "--seconds", "20")
@@ -43,7 +43,7 @@ def test_the_plan_as_text(planned, golden):
 def test_what_was_tried_in_vain_is_what_was_left_to_try(planned, speed, words):
     request = dataclasses.replace(planned.request, speed=speed)
     in_vain = dataclasses.replace(planned, request=request, remedies=())
-    (said,) = remedy_words(in_vain)
+    (said,) = remedy_sentences(in_vain)
     assert said.startswith(words)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rotorfit.export.targets import export
+from rotorfit.export.write import export
 from rotorfit.model.parameters import DERIVED, INERTIA, PARAMETERS
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.results.result import (

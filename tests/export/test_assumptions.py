@@ -2,7 +2,7 @@
 
 import pytest
 
-from rotorfit.export.assumptions import parse_assumptions
+from rotorfit.export.result_numbers import parse_assumptions
 
 
 def test_assumptions_are_numbers_by_name():

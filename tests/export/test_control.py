@@ -26,9 +26,8 @@ from export_material import (
 from pyulog import ULog
 
 from rotorfit.errors import OutputError
-from rotorfit.export import targets
-from rotorfit.export.control.effectiveness import effectiveness
-from rotorfit.export.control.px4_setpoints import newton_per_unit, scaled_mix
+from rotorfit.export.effectiveness import effectiveness
+from rotorfit.export.px4_setpoints import newton_per_unit, scaled_mix
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.results.command_units import effective_unit
@@ -42,10 +41,8 @@ SQUARE = tuple(
 FRD = np.array([1.0, -1.0, -1.0])
 
 
-@pytest.fixture
-def few_drawn(monkeypatch):
-    """For what does not look at the intervals."""
-    monkeypatch.setattr(targets, "DRAWN", 20)
+FEW = 20
+"""Draws where the intervals are not looked at."""
 
 
 def indiflight(text):
@@ -71,10 +68,9 @@ def test_effectiveness_is_newton_euler():
     assert found.turn @ SPEEDS**2 + found.spin_up @ spin_up == pytest.approx(FRD * turned, rel=1e-9)
 
 
-@pytest.mark.usefixtures("few_drawn")
 def test_indiflight_is_in_its_units():
     own = effectiveness(vehicle_model(a_result()))
-    found = indiflight(text_of(a_result(), "indiflight"))
+    found = indiflight(text_of(a_result(), "indiflight", draws=FEW))
     assert found["g1_fz"] == pytest.approx(100 * FULL**2 * own.force[2], abs=0.5)
     assert found["g1_yaw"] == pytest.approx(10 * FULL**2 * own.turn[2], abs=0.5)
     assert found["g2_yaw"] == pytest.approx(1e5 * own.spin_up[2], abs=0.5)
@@ -82,10 +78,9 @@ def test_indiflight_is_in_its_units():
     assert found["time_constant_ms"].tolist() == [35] * 4
 
 
-@pytest.mark.usefixtures("few_drawn")
 def test_paparazzi_is_what_one_unit_does_about_hover():
     model = vehicle_model(a_result())
-    own, found = effectiveness(model), paparazzi(text_of(a_result(), "paparazzi"))
+    own, found = effectiveness(model), paparazzi(text_of(a_result(), "paparazzi", draws=FEW))
     step = 1040.0 / 9600.0  # of the law, rad/s a unit
     more = (model.hover_speed + 0.5 * step) ** 2 - (model.hover_speed - 0.5 * step) ** 2
     assert found["G1_ROLL"] == pytest.approx(1e3 * own.turn[0] * more, rel=1e-4)
@@ -93,28 +88,25 @@ def test_paparazzi_is_what_one_unit_does_about_hover():
     assert found["G2"] == pytest.approx(1e3 * 512 * own.spin_up[2] * step, rel=1e-4)
 
 
-@pytest.mark.usefixtures("few_drawn")
 def test_without_rotor_inertia_there_is_no_g2():
     lost = changed(a_result(), Jr=not_identified(), Jr_over_Izz=UNKNOWN)
     for target in ("indiflight", "paparazzi"):
-        text = text_of(lost, target)
+        text = text_of(lost, target, draws=FEW)
         assert "g2 is left out: Jr is not known" in text.replace("G2", "g2")
         assert "_g2_" not in text and 'name="G2"' not in text
 
 
-@pytest.mark.usefixtures("few_drawn")
 def test_without_a_law_it_is_said_what_is_missing():
     with pytest.raises(OutputError, match=r"max_speed is not in the result .* --assume max_speed"):
-        text_of(a_result(law=None), "indiflight")
-    text = text_of(a_result(law=None), "indiflight", assumed={"max_speed": FULL})
+        text_of(a_result(law=None), "indiflight", draws=FEW)
+    text = text_of(a_result(law=None), "indiflight", draws=FEW, assumed={"max_speed": FULL})
     assert "act_nonlinearity is left out: no law" in text
     assert "act_time_constant_ms is left out" in text
 
 
-@pytest.mark.usefixtures("few_drawn")
 def test_what_does_not_fit_into_16_bits_is_refused():
     with pytest.raises(OutputError, match=r"g1_fz would be .* over the 32767"):
-        text_of(a_result(law={"linear": [0.0, 12e3]}), "indiflight")
+        text_of(a_result(law={"linear": [0.0, 12e3]}), "indiflight", draws=FEW)
 
 
 def test_a_unit_of_thrust_is_all_motors_at_full():
@@ -144,7 +136,6 @@ def test_intervals_are_those_of_the_numbers():
     assert hover["interval"][0] < hover["value"] < hover["interval"][1]
 
 
-@pytest.mark.usefixtures("few_drawn")
 def test_of_commands_alone_thrust_is_known_too():
     """kt per squared command is the thrust at full command."""
     per_command = {"kt": 4.0, "kd": 0.05, "Jr": 0.002}
@@ -154,7 +145,7 @@ def test_of_commands_alone_thrust_is_known_too():
     }
     left_out = dict.fromkeys([*(f"kt_{i}" for i in range(1, 5)), "Jr_over_Izz", "kd_over_Izz"])
     result = changed(a_result(law=None), **changes, **left_out)
-    found = json.loads(text_of(result, "px4-setpoints"))
+    found = json.loads(text_of(result, "px4-setpoints", draws=FEW))
     assert found["thrust"]["value"] == pytest.approx(16.0)
     assert found["thr_mdl_fac"] == 1.0
     assert "as proportional to the command" in " ".join(found["about"])

@@ -131,7 +131,7 @@ def test_px4_says_what_another_curve_gazebo_has():
     assert "over the 1000" not in text_of(a_result(law={"linear": [0.0, 900.0]}), "px4")
 
 
-def test_px4_refuses_a_hover_beyond_its_range_and_more_rotors_than_it_has():
+def test_px4_refuses_hover_beyond_its_range_and_too_many_rotors():
     strong = text_of(a_result(law={"linear": [0.0, 4000.0]}), "px4")
     assert "MPC_THR_HOVER" not in params(strong)
     assert "MPC_THR_HOVER would be 0.0542" in strong

@@ -88,7 +88,7 @@ def test_all_links_together_are_the_vehicle(axes):
     np.testing.assert_allclose(numbers(imu)[:3], IMU)
 
 
-def test_rotors_are_where_they_point_and_carry_their_angular_momentum():
+def test_rotors_have_place_axis_and_angular_momentum():
     root = ET.fromstring(text_of(a_result(axes=TILTED), "gazebo"))
     plugin = plugins_of(root)[0]
     for i, (name, _, _, tensor, turn) in enumerate(list(links_of(root))[1:]):
@@ -131,7 +131,7 @@ def test_up_and_down_may_differ():
     assert (plugin["timeConstantUp"], plugin["timeConstantDown"]) == ("0.02", "0.05")
 
 
-def test_without_rotor_inertia_the_links_are_light_and_the_file_says_so():
+def test_without_rotor_inertia_links_are_light_with_a_note():
     text = text_of(changed(a_result(), Jr=not_identified()), "gazebo")
     assert "Jr is not known from these flights: left out" in text
     spins = [tensor[2, 2] for name, _, _, tensor, _ in links_of(ET.fromstring(text))][1:]

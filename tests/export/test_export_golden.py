@@ -11,7 +11,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rotorfit import version
-from rotorfit.export import targets
 from rotorfit.export.targets import TARGETS
 from rotorfit.findings import doubt
 
@@ -86,14 +85,8 @@ def test_any_name_leaves_the_file_readable(words):
     result = a_result()
     flight = replace(result.flights[0], file=words)
     named = replace(result, name=words, flights=(flight,), findings=(doubt("made", words),))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(targets, "DRAWN", 3)  # the intervals' numbers are not looked at
-        check_readable(named)
-
-
-def check_readable(named):
     for target, read in READERS.items():
-        text = text_of(named, target)
+        text = text_of(named, target, draws=3)  # the intervals' numbers are not looked at
         assert read(text.encode("utf-8") if target in ("gazebo", "mujoco", "urdf") else text)
     lines = text_of(named, "px4").split("\n")
     assert all(line.startswith("#") or line.count("\t") == 4 for line in lines if line)

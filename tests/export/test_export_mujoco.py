@@ -95,7 +95,7 @@ def test_thrust_lags_as_the_motors_do():
     assert data.act[0] == pytest.approx(expected, rel=1e-9)
 
 
-def test_an_accelerometer_at_the_imu_reads_the_specific_force_there():
+def test_an_accelerometer_at_the_imu_reads_specific_force():
     model, data = loaded(a_result())
     with_motion(model, data, KT_EACH * SPEEDS**2, RATES)
     alpha, dw = motion(body_of(Jr=0.0), vehicle())

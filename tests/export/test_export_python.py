@@ -37,7 +37,7 @@ def test_the_dictionary_has_the_vehicle(tmp_path):
     assert (found["k_eta"], found["k_m"], found["tau_m"]) == pytest.approx((KT, KD, LAG))
 
 
-def test_the_dictionary_turns_as_the_vehicle_by_rotorpy_s_formulas(tmp_path):
+def test_the_dictionary_turns_as_the_vehicle_in_rotorpy(tmp_path):
     """multirotor.py: M = sum r x k_eta w^2 z + rotor_directions k_m w^2 z; + is a cw rotor."""
     p = runpy.run_path(str(saved(tmp_path, flat(), "rotorpy", "params.py")))["quad_params"]
     thrust = np.outer(p["k_eta"] * SPEEDS**2, [0.0, 0.0, 1.0])

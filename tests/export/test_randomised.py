@@ -30,7 +30,7 @@ from export_material import (
 )
 
 from rotorfit.errors import OutputError
-from rotorfit.export.randomised.targets import randomised, variant_files
+from rotorfit.export.write import randomised, variant_files
 from rotorfit.results.result import IdentificationResult
 
 TOGETHER = 0.98
@@ -255,7 +255,7 @@ def test_isaac_lab_without_a_term_is_told(result, monkeypatch):
     assert {t["params"]["asset_cfg"] for t in terms.values()} == {"body"}
 
 
-def test_urdf_variants_are_read_as_gym_pybullet_drones_reads_them(result):
+def test_urdf_variants_are_readable_by_gym_pybullet_drones(result):
     """BaseAviary._parseURDFParameters takes elements by their place, all numbers with one value."""
     files, found = variant_files(result, "urdf", count=3, date=DATE)
     for text, model in zip(files.values(), found.models, strict=True):

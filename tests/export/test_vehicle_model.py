@@ -25,15 +25,15 @@ from export_material import (
     not_identified,
     parameter,
     steiner,
-    text_of,
     vehicle,
 )
+from export_material import text_of as exported_text
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import OutputError
-from rotorfit.export import targets, units
+from rotorfit.export import file_format
 from rotorfit.export.result_numbers import numbers_of
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import inertia_at_origin
@@ -49,10 +49,9 @@ EVERY = sorted(TARGETS)
 WITH_YAW = [target for target in EVERY if "kd" in TARGETS[target].needs]
 
 
-@pytest.fixture(autouse=True)
-def few_drawn(monkeypatch):
-    """No interval of what is drawn is looked at here."""
-    monkeypatch.setattr(targets, "DRAWN", 3)
+def text_of(result, target, **options):
+    """Return the file; no interval of what is drawn is looked at here."""
+    return exported_text(result, target, draws=3, **options)
 
 
 def with_numbers(result, *parameters):
@@ -128,7 +127,7 @@ def test_settings_in_either_axes_are_the_same_vehicle(axes):
     np.testing.assert_allclose([r.axis for r in model.rotors], [[0, 0, 1]] * 4)
 
 
-def test_where_the_origin_is_the_imu_the_rotors_move_with_their_centre():
+def test_with_the_imu_as_origin_rotors_move_with_their_centre():
     """The torque about the CoM of rotors declared at p is that of rotors at p + rotor_center."""
     center = np.array([0.02, -0.015, 0.0])
     result = with_numbers(
@@ -201,7 +200,7 @@ def per_kilogram():
     return changed(result, mass={**UNKNOWN, "verdict": "not-identified"}, **changes)
 
 
-def test_an_unknown_mass_is_refused_and_scales_everything_once_assumed():
+def test_an_unknown_mass_is_refused_and_scales_all_if_assumed():
     with pytest.raises(OutputError) as refused:
         vehicle_model(per_kilogram())
     words = str(refused.value)
@@ -253,7 +252,7 @@ def test_an_autopilot_needs_only_the_thrust_at_full_command():
     assert found["CA_ROTOR0_KM"] == pytest.approx(KD / KT_EACH[0])
     assert "SIM_GZ_EC_MAX1" not in found
     sih = text_of(in_commands(), "px4-sih", assumed={"motor_lag": 0.03})
-    assert f"SIH_T_MAX\t{units.text(KT_EACH.mean() * 1e6)}\t" in sih
+    assert f"SIH_T_MAX\t{file_format.text(KT_EACH.mean() * 1e6)}\t" in sih
 
 
 def test_half_of_a_ratio_gives_the_other():
@@ -277,7 +276,7 @@ def test_an_inertia_at_the_origin_may_be_assumed():
 
 
 @pytest.mark.parametrize("target", WITH_YAW)
-def test_every_target_refuses_a_lost_yaw_with_the_flag_that_would_allow_it(target):
+def test_every_target_refuses_a_lost_yaw_with_the_cure(target):
     with pytest.raises(OutputError) as refused:
         text_of(changed(a_result(), **YAW_LOST), target)
     words = str(refused.value)
@@ -311,7 +310,7 @@ def test_every_target_marks_what_is_weak(target):
     assert "WEAK" in comx
 
 
-def test_a_wide_interval_about_the_com_is_marked_though_the_one_at_the_origin_is_not():
+def test_a_wide_interval_about_the_com_alone_is_marked():
     wide = changed(a_result(), Ixx_com={"interval": (0.01, 0.03)})
     assert "[WEAK: known only to +-55 %]" in text_of(wide, "px4")
 
@@ -392,7 +391,7 @@ def test_inertia_that_no_body_has_is_refused():
     assert vehicle_model(a_result(inertia_com=np.diag([0.01, 0.01, 0.02]))).mass == MASS
 
 
-def test_inertia_that_only_its_products_make_impossible_is_refused():
+def test_inertia_impossible_by_its_products_is_refused():
     tensor = np.diag([0.01, 0.01, 0.015])
     tensor[0, 2] = tensor[2, 0] = 0.008
     with pytest.raises(OutputError, match="no body has this inertia"):
@@ -409,7 +408,7 @@ def impossible():
     )
 
 
-def test_impossible_inertia_is_projected_on_request_and_the_distance_is_told():
+def test_impossible_inertia_is_projected_with_its_distance():
     pytest.importorskip("clarabel", reason="clarabel is not installed")
     with pytest.raises(OutputError, match="--project"):
         vehicle_model(impossible())
@@ -492,28 +491,28 @@ def test_a_missing_lag_says_why_it_is_missing():
 
 def test_what_is_not_known_is_never_written():
     with pytest.raises(ValueError, match="not known was to be written"):
-        units.text(float("nan"))
+        file_format.text(float("nan"))
 
 
 @given(st.floats(-1e9, 1e9, allow_nan=False))
 def test_numbers_are_read_back(value):
-    assert float(units.text(value)) == pytest.approx(value, rel=1e-11, abs=0.0)
+    assert float(file_format.text(value)) == pytest.approx(value, rel=1e-11, abs=0.0)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1))
 def test_rotations_take_z_to_the_axis(direction):
     axis = np.array(direction) / np.linalg.norm(direction)
-    w, x, y, z = units.quaternion_wxyz(axis)
+    w, x, y, z = file_format.quaternion_wxyz(axis)
     np.testing.assert_allclose(Rotation.from_quat([x, y, z, w]).apply([0, 0, 1]), axis, atol=1e-6)
-    turned = Rotation.from_euler("xyz", units.roll_pitch_yaw(axis)).apply([0, 0, 1])
+    turned = Rotation.from_euler("xyz", file_format.roll_pitch_yaw(axis)).apply([0, 0, 1])
     np.testing.assert_allclose(turned, axis, atol=1e-7)
 
 
 def test_an_inertia_in_frd_is_the_turned_one():
     turn = Rotation.from_euler("x", np.pi).as_matrix()
-    found = units.inertia_frd(INERTIA_COM)
+    found = file_format.inertia_frd(INERTIA_COM)
     np.testing.assert_allclose(found, turn @ INERTIA_COM @ turn.T, atol=1e-15)
-    assert units.elements(found)[3] == -units.elements(INERTIA_COM)[3]
+    assert file_format.elements(found)[3] == -file_format.elements(INERTIA_COM)[3]
 
 
 @pytest.mark.parametrize("f", [0.0, 0.35, 1.0])
@@ -577,7 +576,7 @@ def test_what_is_about_the_com_is_weak_where_the_report_says_so(name, interval, 
         (4e-4, not_identified(), "weak"),
     ],
 )
-def test_a_product_whose_moment_is_lost_is_weak_where_the_report_says_so(half, twin, origin):
+def test_a_product_with_a_lost_moment_is_weak_as_in_the_report(half, twin, origin):
     result = changed(a_result(), Izz_com=UNKNOWN, Ixz_com=half_width(6e-4, half), Ixz=twin)
     found = numbers_of(result, "A", assumed={}, full_speed=None)["Ixz_com"]
     assert found.origin == origin

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.inspection.frequency_sweep import AXES, frequency_sweeps
-from rotorfit.report.log_report import sweep_words
+from rotorfit.report.log_report import sweep_messages
 from rotorfit.simulation.pilot import Stick, movement
 
 RATE = 250.0
@@ -61,9 +61,9 @@ def test_what_is_no_sweep_is_none():
 
 def test_the_axes_that_are_missing_are_named():
     found = frequency_sweeps(TIME, rates(swept(1.0, 10.0, 20.0)))
-    [words] = sweep_words(found)
+    [words] = sweep_messages(found)
     assert words.startswith(
         "frequency sweeps (ArduPilot's SystemID mode, Betaflight's chirp): roll: "
     )
     assert words.endswith("; sweep pitch and yaw, too")
-    assert sweep_words(()) == []
+    assert sweep_messages(()) == []

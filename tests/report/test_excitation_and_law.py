@@ -6,10 +6,9 @@ from dataclasses import replace
 import pytest
 from report_material import ROTORS, a_comparison, a_result
 
-from rotorfit.report.excitation import excitation_chart, excitation_figure, excitation_words
-from rotorfit.report.figures import figure_texts
-from rotorfit.report.html import report_html
 from rotorfit.report.motor_law import law_picture, law_section
+from rotorfit.report.result_page import figure_texts, report_html
+from rotorfit.report.wrenches import excitation_chart, excitation_figure, excitation_sentences
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
 from rotorfit.validation.wrench_spectra import wrench_spectra
 
@@ -45,7 +44,7 @@ def test_each_component_is_excited_where_it_was_moved() -> None:
         assert at.min() <= moved <= at.max() + 0.25
         assert abs(found.frequency[found.ratio[name].argmax()] - moved) <= 0.25
         assert at.max() < moved + 1.0
-    words = excitation_words(found)
+    words = excitation_sentences(found)
     assert [w.split(":")[0] for w in words] == ["Thrust", "Roll", "Pitch", "Yaw"]
     assert "excited well (coherence over 0.8)" in words[1]
 
@@ -55,7 +54,7 @@ def test_an_axis_whose_rotors_do_little_says_so() -> None:
     still.rotor_wrench[:, 5] *= 1e-3
     found = wrench_spectra([still])
     assert found is not None
-    words = excitation_words(found)[3]
+    words = excitation_sentences(found)[3]
     assert words.startswith("Yaw: nowhere excited well; the coherence is up to 1.00")
     assert "the rotors give up to 0.001 times what is left" in words
 
@@ -81,7 +80,7 @@ def test_a_told_law_is_drawn_with_what_was_flown() -> None:
     flown = replace(a_comparison(seconds=2.0), speeds=(200.0, 800.0))
     result = a_result(configurations=("A",), settings=TOLD)
     section = law_section(result, [flown])
-    assert section is not None and section.told
+    assert section is not None and section.declared
     assert "speeds in flight were 200 to 800 rad/s, at commands of about 0.20 to 0.80" in " ".join(
         section.sentences
     )
@@ -94,7 +93,7 @@ def test_a_told_law_is_drawn_with_what_was_flown() -> None:
     assert law_section(a_result(configurations=("A",), settings=measured), [flown]) is None
 
 
-def test_a_law_that_was_found_has_a_band_and_is_dashed_beyond_the_flight() -> None:
+def test_an_identified_law_has_a_band_dashed_beyond_the_flight() -> None:
     picture = law_picture(FOUND)
     [band] = re.findall(r'class="spread" d="M([^"]*)Z"', picture)
     there, back = band.split("L")[:101], band.split("L")[101:]

@@ -6,7 +6,12 @@ import pytest
 
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
 from rotorfit.inspection.recording import ChannelReport
-from rotorfit.report.log_report import LogReport, flight_words, prospect_words, recording_words
+from rotorfit.report.log_report import (
+    LogReport,
+    flight_messages,
+    prospect_messages,
+    recording_messages,
+)
 
 THRUST = Thrust(
     change=0.13, from_changes=6.6, from_weight=7.4, agree=True, width=0.02, followed=True
@@ -32,7 +37,7 @@ CHANNEL = ChannelReport(
 
 def said(thrust=THRUST, axis=YAW, *, commanded=False):
     found = Prospects(excitation=(axis,), thrust=thrust, commanded=commanded, motors=None)
-    return prospect_words(found)
+    return prospect_messages(found)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +63,7 @@ def test_the_thrust(thrust, words):
     assert words in said(thrust, commanded=True)[0]
 
 
-def test_two_values_of_kt_with_measured_speed_are_the_accelerometers():
+def test_two_kt_with_measured_speed_are_the_accelerometers():
     [words, _] = said(replace(THRUST, agree=False, width=0.15))
     assert words.endswith("calibrate the accelerometer (its scale)")
 
@@ -96,18 +101,18 @@ def report(**changes):
 
 
 def test_one_gap_is_no_gaps():
-    assert recording_words(report(channels=(CHANNEL,))) == [
+    assert recording_messages(report(channels=(CHANNEL,))) == [
         "gyro: a gap of 2.1 s, which is cut out"
     ]
     two = replace(CHANNEL, gaps=2, name="battery")
-    assert recording_words(report(channels=(two,))) == ["battery: 2 gaps, the longest 2.1 s"]
+    assert recording_messages(report(channels=(two,))) == ["battery: 2 gaps, the longest 2.1 s"]
 
 
 def test_a_share_has_no_exponent():
     all_of_it = replace(CHANNEL, gaps=0, at_limit=0.998)
-    [words] = recording_words(report(channels=(all_of_it,)))
+    [words] = recording_messages(report(channels=(all_of_it,)))
     assert "99.8 % of the samples" in words
-    [words] = recording_words(report(channels=(replace(all_of_it, at_limit=1.0),)))
+    [words] = recording_messages(report(channels=(replace(all_of_it, at_limit=1.0),)))
     assert "100 % of the samples" in words
 
 
@@ -122,13 +127,13 @@ def test_a_share_has_no_exponent():
 )
 def test_lateness(late, words):
     speed = replace(CHANNEL, name="rotor_speed", gaps=0)
-    [told] = flight_words(report(channels=(speed,), motor_lateness=late))
+    [told] = flight_messages(report(channels=(speed,), motor_lateness=late))
     assert words in told
 
 
 def test_commands_that_follow_the_motion_are_an_autopilot_alone():
     command = replace(CHANNEL, name="command", gaps=0)
-    [told] = flight_words(report(channels=(command,), motor_lateness=-0.006))
+    [told] = flight_messages(report(channels=(command,), motor_lateness=-0.006))
     assert told.startswith("the commands follow the motion by 6 ms instead of leading it")
-    [told] = flight_words(report(channels=(command,), motor_lateness=-0.1))
+    [told] = flight_messages(report(channels=(command,), motor_lateness=-0.1))
     assert "their clocks are apart" in told

@@ -13,7 +13,7 @@ import pytest
 from report_material import a_comparison, a_result
 
 from real_browser import opened_browser
-from rotorfit.report.html import write_report
+from rotorfit.report.result_page import write_report
 
 
 @pytest.fixture(scope="module")

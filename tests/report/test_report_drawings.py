@@ -3,6 +3,7 @@
 import base64
 import importlib
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,12 +17,14 @@ from report_material import ROTORS, a_comparison, a_result
 from rotorfit.errors import OutputError
 from rotorfit.formatting.digits import number_of
 from rotorfit.formatting.series import Series, column_starts, extremes, thinned
-from rotorfit.report import figures
+from rotorfit.report.chart import encoded, encoded_time, path_of
 from rotorfit.report.number_words import percent_words
+from rotorfit.report.pages import HINT
+from rotorfit.report.result_page import figure_texts, write_figures
 from rotorfit.report.scene import scene_of
-from rotorfit.report.series import encoded, encoded_time, path_of, series_of
 from rotorfit.report.svg import nice_step, tick_label, ticks
 from rotorfit.report.vehicle import SIDE, TOP, whole_view
+from rotorfit.report.wrenches import series_of
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -89,7 +92,7 @@ def test_the_origin_without_a_known_imu_is_the_imu() -> None:
     airframe = {k: v for k, v in result.settings["airframe"].items() if k != "imu"}
     scene = scene_of(a_result(configurations=("A",), settings={"airframe": airframe}))
     assert scene is not None
-    assert scene.imu_words.startswith("IMU (the origin;")
+    assert scene.imu_label.startswith("IMU (the origin;")
     assert scene.imu == (0.0, 0.0, 0.0)
 
 
@@ -148,7 +151,7 @@ def test_the_encoding_is_read_back_to_a_sixteen_bit_step() -> None:
 
 
 def test_a_flight_without_samples_is_drawn_empty() -> None:
-    names = figures.figure_texts(a_result(), [a_comparison(seconds=0.0)])
+    names = figure_texts(a_result(), [a_comparison(seconds=0.0)])
     assert len(names) == 6
 
 
@@ -188,9 +191,9 @@ def test_percentages_have_two_digits() -> None:
 def test_figures_are_svg_files_that_stand_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(figures, "can_write_png", lambda: False)
+    monkeypatch.setitem(sys.modules, "resvg_py", None)
     comparison = a_comparison(flight="../<odd> name.csv", seconds=5)
-    paths = figures.write_figures(tmp_path / "figures", a_result(), [comparison])
+    paths = write_figures(tmp_path / "figures", a_result(), [comparison])
     assert [p.name for p in paths] == [
         "vehicle-top.svg", "vehicle-side.svg", "center-top.svg", "center-side.svg",
         "wrench-1-A-odd-name.svg", "correlations.svg",
@@ -201,29 +204,27 @@ def test_figures_are_svg_files_that_stand_alone(
         assert float(root.attrib["width"]) > 100
         assert root.find(f"{SVG}style") is not None
     with pytest.raises(OutputError, match=r"already holds vehicle-top\.svg"):
-        figures.write_figures(tmp_path / "figures", a_result(), [comparison])
-    assert (
-        figures.write_figures(tmp_path / "figures", a_result(), [comparison], force=True) == paths
-    )
-    assert 'pip install "rotorfit[figures]"' in figures.HINT
+        write_figures(tmp_path / "figures", a_result(), [comparison])
+    assert write_figures(tmp_path / "figures", a_result(), [comparison], force=True) == paths
+    assert 'pip install "rotorfit[figures]"' in HINT
 
 
 def test_png_stands_beside_svg_where_the_renderer_is_installed(tmp_path: Path) -> None:
     pytest.importorskip("resvg_py", reason='PNG needs the extra: pip install "rotorfit[figures]"')
     assert importlib.import_module("resvg_py")
-    paths = figures.write_figures(tmp_path, a_result(), [a_comparison(seconds=5)])
+    paths = write_figures(tmp_path, a_result(), [a_comparison(seconds=5)])
     png = [p for p in paths if p.suffix == ".png"]
     assert len(png) == 6
     assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for p in png)
 
 
-def test_a_centre_of_mass_of_unknown_height_is_drawn_from_above_only() -> None:
+def test_a_com_of_unknown_height_is_drawn_from_above_only() -> None:
     result = a_result(configurations=("A",))
     derived = tuple(
         replace(d, value=None, std=None, interval=None) if d.name == "com_z" else d
         for d in result.derived
     )
-    drawn = figures.figure_texts(replace(result, derived=derived))
+    drawn = figure_texts(replace(result, derived=derived))
     assert list(drawn) == ["vehicle-top", "vehicle-side", "center-top", "correlations"]
     assert 'class="ring"' in drawn["vehicle-top"]
     assert 'class="ring"' not in drawn["vehicle-side"]

@@ -13,8 +13,8 @@ from report_material import ROTORS, UNKNOWN, a_comparison, a_result, parameter
 
 from rotorfit.errors import OutputError
 from rotorfit.formatting.digits import number_of
-from rotorfit.report.html import report_html, write_report
 from rotorfit.report.parameters import parameter_tables
+from rotorfit.report.result_page import report_html, write_report
 from rotorfit.report.summary import summary_of
 from rotorfit.results.result import IdentificationResult
 
@@ -69,7 +69,7 @@ class Page(HTMLParser):
         return sum(name == tag for name, _ in self.elements)
 
 
-def test_every_parameter_stands_in_the_page_with_its_verdict_and_unit() -> None:
+def test_the_page_has_every_parameter_with_verdict_and_unit() -> None:
     result = a_result()
     page = Page(report_html(result))
     rows = [" ".join(" ".join(row).split()) for row in page.rows]
@@ -86,7 +86,7 @@ def test_every_parameter_stands_in_the_page_with_its_verdict_and_unit() -> None:
     assert result.warnings[0] in page.text
 
 
-def test_the_tables_have_inertia_about_the_com_before_inertia_at_the_origin() -> None:
+def test_inertia_about_the_com_precedes_inertia_at_the_origin() -> None:
     titles = [table.title for table in parameter_tables(a_result())]
     assert titles == [
         "Rotors",

@@ -171,20 +171,20 @@ def body_with(twin: Parameter, half: float, value: float = 0.5, moment: float | 
     return result_text(result_of([*others, twin], [*about, product]))
 
 
-def test_a_sharp_number_is_not_called_weak_for_its_like_at_the_origin():
+def test_a_sharp_number_is_not_weak_for_its_twin_at_the_origin():
     text = body_with(parameter("Ixz", "weak", reason="known only to +-60 %", advice=ROLL), 0.05)
     assert rows(text)["Ixz_com"].endswith(" identified")
     assert "Ixz_com (" not in text and "weak:" not in text
 
 
-def test_a_number_that_is_shown_is_not_said_to_be_wider_than_its_value():
+def test_a_shown_number_is_not_called_wider_than_its_value():
     lost = parameter("Ixz", "not-identified", reason="the interval is wider", advice=ROLL)
     text = body_with(lost, 0.2)
     assert rows(text)["Ixz_com"].endswith(" weak")
     assert "wider" not in text and "Ixz_com (weak): " in text
 
 
-def test_a_wide_number_is_weak_where_its_like_at_the_origin_is_sharp():
+def test_a_wide_number_is_weak_with_a_sharp_twin_at_the_origin():
     text = body_with(parameter("Ixz"), 0.2)
     assert rows(text)["Ixz_com"].endswith(" weak")
     assert "Ixz_com (weak): roll briskly" in text

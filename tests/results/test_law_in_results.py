@@ -7,8 +7,9 @@ import pytest
 
 import flown
 from rotorfit.errors import OutputError
-from rotorfit.export.targets import TARGETS, export
-from rotorfit.report.html import report_html
+from rotorfit.export.targets import TARGETS
+from rotorfit.export.write import export
+from rotorfit.report.result_page import report_html
 from rotorfit.report.text import result_text
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import load_sound

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from rotorfit import version
-from rotorfit.app.export_targets import targets
 from rotorfit.app.files import Progress, dropped, file_named, forget, in_their_names, receive, tell
 from rotorfit.app.form import described, form_of_file
 from rotorfit.errors import (
@@ -20,6 +19,7 @@ from rotorfit.errors import (
     MissingNumbersError,
     RotorfitError,
 )
+from rotorfit.export.targets import OFFERED
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.formats import FORMATS
 from rotorfit.model.layouts import LAYOUTS, layout_rotors
@@ -91,7 +91,10 @@ class Engine:
                 }
                 for layout, order in LAYOUTS
             ],
-            "targets": targets(),
+            "targets": [
+                {"target": name, "suffix": target.suffix, "title": target.title}
+                for name, target in OFFERED.items()
+            ],
             "meanings": VERDICT_MEANING,
             "most_bytes": self.most_bytes,
             "accepts": list(ACCEPTS),

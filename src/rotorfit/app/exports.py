@@ -3,15 +3,12 @@
 import base64
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from rotorfit.app.export_targets import TITLES
 from rotorfit.errors import MissingNumbersError, OutputError
-from rotorfit.export.assumptions import parse_assumptions, unit_of
-from rotorfit.export.randomised.targets import drawn_words, randomised
-from rotorfit.export.result_numbers import doubts_in_words
-from rotorfit.export.target_names import SUFFIXES, RandomTargetName
-from rotorfit.export.targets import export
+from rotorfit.export.result_numbers import number_warnings, parse_assumptions, unit_of
+from rotorfit.export.targets import OFFERED, RANDOM_TARGETS
+from rotorfit.export.write import drawn_sentence, export, randomised
 from rotorfit.results.sound_result import load_sound
 
 
@@ -31,21 +28,21 @@ def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
         If there is no result yet, or what the target needs is not known.
     """
     target = wanted["target"]
-    if target not in TITLES:
-        raise OutputError(f"no target {target!r}; targets: {', '.join(TITLES)}")
+    if target not in OFFERED:
+        raise OutputError(f"no target {target!r}; targets: {', '.join(OFFERED)}")
     path = folder / "result.json"
     if not path.exists():
         raise OutputError("there is no result yet: identify first")
     result = load_sound(path)
     assumed = _assumed(wanted.get("assume") or {})
     configuration = wanted.get("configuration")
-    name = f"{target}{SUFFIXES[target]}"
-    if target in get_args(RandomTargetName):
+    name = f"{target}{OFFERED[target].suffix}"
+    if target in RANDOM_TARGETS:
         content, found = randomised(
             result, target, Path(name), configuration=configuration, assumed=assumed
         )
         data = base64.b64encode(content).decode()
-        return {"name": name, "base64": data, "notes": drawn_words(found)}
+        return {"name": name, "base64": data, "notes": [drawn_sentence(found)]}
     made = export(
         result,
         target,
@@ -56,7 +53,7 @@ def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": name,
         "text": made.text,
-        "notes": [*doubts_in_words(made.model.numbers), *made.model.notes],
+        "notes": [*number_warnings(made.model.numbers), *made.model.notes],
     }
 
 

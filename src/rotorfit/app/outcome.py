@@ -14,11 +14,11 @@ from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.identification.identify import identify
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.progress import watched
-from rotorfit.report.html import report_html
 from rotorfit.report.number_words import PREDICTED_WELL
 from rotorfit.report.parameters import ParameterTable, Row, parameter_tables
+from rotorfit.report.result_page import report_html
 from rotorfit.report.summary import summary_of
-from rotorfit.report.text import advice_of, doubts_of, hangs_on, result_text
+from rotorfit.report.text import advice_of, assumptions_of, result_text, warnings_of
 from rotorfit.results.result import IdentificationResult, configuration_names
 from rotorfit.validation.validate import drawn_comparisons
 
@@ -114,8 +114,8 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
         ],
         "validation_predicted_well": PREDICTED_WELL,
         "advice": advice_of(result),
-        "doubts": doubts_of(result),
-        "hangs_on": hangs_on(result),
+        "doubts": warnings_of(result),
+        "hangs_on": assumptions_of(result),
         "configurations": configuration_names(result),
         "result": json.loads(result.to_json()),
     }

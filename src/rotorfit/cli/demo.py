@@ -12,7 +12,7 @@ from rotorfit.cli.simulate import simulate_into
 from rotorfit.cli.terminal import say, show
 from rotorfit.experiment.experiment import Experiment, load_experiment
 from rotorfit.formatting.digits import with_interval
-from rotorfit.report.html import write_report
+from rotorfit.report.result_page import write_report
 from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.simulation.experiment_files import EXPERIMENT_FILE, configuration_truth, file_names
 from rotorfit.simulation.experiments import ExperimentPlan, Quality, plan_experiment

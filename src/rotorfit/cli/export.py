@@ -15,10 +15,7 @@ from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import show, terminal_width
 from rotorfit.errors import OutputError, RotorfitWarning
-from rotorfit.export.assumptions import parse_assumptions
-from rotorfit.export.randomised.targets import COUNT, drawn_words, randomised, variant_files
-from rotorfit.export.randomised.variants import Variants
-from rotorfit.export.result_numbers import Number, doubts_in_words
+from rotorfit.export.result_numbers import Number, number_warnings, parse_assumptions
 from rotorfit.export.table import (
     columns_of,
     csv_text,
@@ -26,8 +23,9 @@ from rotorfit.export.table import (
     parquet_bytes,
     table_files,
 )
-from rotorfit.export.target_names import AnyTargetName, RandomTargetName, TargetName
-from rotorfit.export.targets import export
+from rotorfit.export.targets import AnyTargetName, RandomTargetName, TargetName
+from rotorfit.export.variants import Variants
+from rotorfit.export.write import COUNT, drawn_sentence, export, randomised, variant_files
 from rotorfit.logs.files import write_whole
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import load_sound
@@ -135,7 +133,7 @@ def _tell_drawn(request: ExportRequest, files: Sequence[Path], found: Variants) 
         return
     count = f", {len(files)} files" if len(files) > 1 else ""
     show(f"{request.output}: {request.target}, configuration {model.configuration}{count}")
-    for line in (*drawn_words(found), *doubts_in_words(model.numbers), *model.notes):
+    for line in (drawn_sentence(found), *number_warnings(model.numbers), *model.notes):
         show(textwrap.fill(line, terminal_width(), initial_indent="  ", subsequent_indent="    "))
 
 
@@ -164,7 +162,7 @@ def _write_vehicle(
         show(json.dumps(described, indent=1, allow_nan=False))
         return
     show(f"{request.output}: {target}, configuration {made.model.configuration}")
-    for line in (*doubts_in_words(made.model.numbers), *made.model.notes):
+    for line in (*number_warnings(made.model.numbers), *made.model.notes):
         show(textwrap.fill(line, terminal_width(), initial_indent="  ", subsequent_indent="    "))
 
 

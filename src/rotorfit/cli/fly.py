@@ -12,10 +12,10 @@ from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
 from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import painted, say, show, terminal_width
 from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
-from rotorfit.export.assumptions import parse_assumptions
 from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
-from rotorfit.export.result_numbers import doubts_in_words
-from rotorfit.export.vehicle import BODY, ROTORS, VehicleModel
+from rotorfit.export.result_numbers import number_warnings, parse_assumptions
+from rotorfit.export.targets import BODY, ROTORS
+from rotorfit.export.vehicle import VehicleModel
 from rotorfit.export.vehicle_model import owner_of, terms_left_out, vehicle_model
 from rotorfit.logs.files import write_whole
 from rotorfit.results.command_units import is_per_command
@@ -221,7 +221,7 @@ def _refuse_other_vehicle(own: VehicleModel, other: VehicleModel, label: str) ->
 def _notes(
     result: IdentificationResult, model: VehicleModel, bench: Mapping[str, float]
 ) -> list[str]:
-    notes = doubts_in_words(model.numbers)
+    notes = number_warnings(model.numbers)
     if bench:
         given = ", ".join(f"{name}={value:g}" for name, value in bench.items())
         notes.append(f"bench: {given}; all else as identified, which favours it")
@@ -243,9 +243,9 @@ def _notes(
 
 def _write(request: FlyRequest, outcome: FlyOutcome) -> None:
     # jinja2 is not worth its time to those who want numbers only.
-    from rotorfit.report.figures import HINT, can_write_png
     from rotorfit.report.fly_page import write_fly_figures, write_fly_page
     from rotorfit.report.fly_text import fly_text
+    from rotorfit.report.pages import HINT, can_write_png
 
     if request.output is not None:
         write_whole(request.output, outcome.to_json(), force=request.force)

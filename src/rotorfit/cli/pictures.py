@@ -21,8 +21,8 @@ def write_pictures(
 ) -> None:
     """Write the page and the figures that were asked for, and say so."""
     # jinja2 is not worth its time to those who want numbers only.
-    from rotorfit.report.figures import HINT, can_write_png, write_figures
-    from rotorfit.report.html import write_report
+    from rotorfit.report.pages import HINT, can_write_png
+    from rotorfit.report.result_page import write_figures, write_report
 
     comparisons = _comparisons(result, experiment)
     if report is not None:
@@ -37,7 +37,7 @@ def write_pictures(
 
 def figure_names() -> tuple[str, ...]:
     """Return the files by which an earlier report's figures are known."""
-    from rotorfit.report.figures import ALWAYS
+    from rotorfit.report.result_page import ALWAYS
 
     return ALWAYS
 

@@ -25,7 +25,7 @@ from rotorfit.cli.options import (
     Start,
 )
 from rotorfit.cli.terminal import interruptible
-from rotorfit.export.target_names import AnyTargetName
+from rotorfit.export.targets import AnyTargetName
 
 commands = typer.Typer()
 

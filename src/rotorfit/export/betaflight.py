@@ -6,21 +6,16 @@ x (1 + c (1 - x)^2), c = thrust_linear / 100, between idle and full output) and 
 """
 
 from collections.abc import Sequence
-from typing import Final
 
-from rotorfit.errors import OutputError
-from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.vehicle import SPEED, VehicleModel
-from rotorfit.logs.speed_law import SpeedLaw
+from rotorfit.export.file_format import hash_comment, with_notes
+from rotorfit.export.vehicle import VehicleModel, required_law
 from rotorfit.preprocessing.motors.thrust_curve import betaflight_linear
-
-NEEDS: Final = SPEED
 
 
 def write_betaflight(model: VehicleModel, head: Sequence[str]) -> str:
-    """Return lines for the CLI tab of the configurator."""
+    """Write lines for the CLI tab of the configurator."""
     linear = betaflight_linear(required_law(model, "betaflight"))
-    comment = noted(
+    comment = with_notes(
         head,
         "paste into the CLI tab with the PID profile chosen that it is for, then  save",
         f"with thrust_linear thrust is within {100 * linear.error:.2g} % of full thrust of a "
@@ -28,19 +23,3 @@ def write_betaflight(model: VehicleModel, head: Sequence[str]) -> str:
         "it turns the loop gain up at low throttle: lower the PID gains if motors get warm there",
     )
     return hash_comment(comment) + f"\nset thrust_linear = {round(100 * linear.factor)}\n"
-
-
-def required_law(model: VehicleModel, target: str) -> SpeedLaw:
-    """Return the law of the motors.
-
-    Raises
-    ------
-    OutputError
-        If there is none.
-    """
-    if model.law is None:
-        raise OutputError(
-            f"no law from command to rotor speed is known, and {target} is written from it: "
-            "identify a log with commands and measured rotor speeds, or give law under [motors]"
-        )
-    return model.law

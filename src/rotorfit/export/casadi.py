@@ -6,12 +6,10 @@ its gyroscopic torque and reaction included. Nothing but casadi is needed to use
 
 from collections.abc import Sequence
 
-from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.units import listed, text
-from rotorfit.export.vehicle import BODY, LAG, ROTORS, VehicleModel, refuse_no_lag
+from rotorfit.export.file_format import hash_comment, listed, text, with_notes
+from rotorfit.export.vehicle import VehicleModel, refuse_no_lag
 from rotorfit.preprocessing.airborne import GRAVITY
 
-NEEDS = (*BODY, *ROTORS, *LAG)
 FUNCTION = '''
 def dynamics():
     """Return the CasADi function (state, command) -> rate of change of the state.
@@ -47,9 +45,9 @@ def dynamics():
 
 
 def write_casadi(model: VehicleModel, head: Sequence[str]) -> str:
-    """Return a Python module with the function `dynamics`."""
+    """Write a Python module with the function `dynamics`."""
     refuse_no_lag(model, "the CasADi function")
-    comment = noted(
+    comment = with_notes(
         head,
         "ARMS are the rotors' positions from the CoM, INERTIA is about it; SPINS +1 for ccw",
     )

@@ -1,10 +1,18 @@
-"""A whole Gazebo model: SDF 1.9 with a body, one turning link per rotor, IMU and motor plugins.
+"""Gazebo: a whole model (SDF 1.9: a body, a turning link per rotor, IMU), or its motor plugins.
 
 The rotors' links have to have a mass and turn; mass, CoM and inertia of all links together are
 those of the result. A rotor's joint turns `SLOWDOWN` times slower than the rotor: its spin inertia
 is as many times larger than Jr, so that angular momentum, and with it gyroscopic torque and the
 reaction to spinning up, are right. Inertia is about a link's CoM (SDF specification, <inertial>);
 links and CoM are given from the origin of the model, FLU, as Gazebo's axes are.
+
+Names, units and signs of the plugins are those of gz-sim (6 and newer), src/systems/
+multicopter_motor_model/MulticopterMotorModel.cc: thrust = motorConstant w^2 along z of the rotor's
+link; torque on the parent link = -turningDirection momentConstant thrust (ccw: +1); the speed
+follows its command with timeConstantUp or timeConstantDown, whichever way it goes. The two
+coefficients of rotor drag, which are left out, have defaults other than zero there, and are written
+as zero. The place of a rotor in the commands is motorNumber in gz-sim 6, and actuator_number in
+newer ones, which warn of the former: both are written.
 """
 
 from collections.abc import Sequence
@@ -14,19 +22,21 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.export.gazebo_motors import NEEDS as MOTOR_NEEDS
-from rotorfit.export.gazebo_motors import SLOWDOWN, motor_plugins
-from rotorfit.export.header import identifier, noted, xml_comment
-from rotorfit.export.units import elements, roll_pitch_yaw, text, texts
-from rotorfit.export.vehicle import (
-    BODY,
-    ExportedRotor,
-    VehicleModel,
-    inertia_at_origin,
+from rotorfit.export.file_format import (
+    identifier,
+    roll_pitch_yaw,
+    text,
+    texts,
+    with_notes,
+    xml_comment,
+    xml_elements,
 )
+from rotorfit.export.vehicle import ExportedRotor, VehicleModel, inertia_at_origin
 from rotorfit.results.physical_inertia import second_moments
 
-NEEDS = (*BODY, *MOTOR_NEEDS)
+SLOWDOWN = 10.0
+"""rotorVelocitySlowdownSim: the joint turns so many times slower than the rotor, so that its angle
+does not alias."""
 ROTOR_MASS = 1e-3
 """Of one rotor's link, as a fraction of the vehicle's: any small one does, it is taken off the
 body's."""
@@ -45,34 +55,42 @@ class Part:
 
 
 def write_gazebo(model: VehicleModel, head: Sequence[str]) -> str:
-    """Return the model as SDF."""
+    """Write the whole model as SDF."""
     rotors = [_rotor_part(rotor, model) for rotor in model.rotors]
-    base = _rest(model, rotors)
-    comment = noted(
+    base = _body_part(model, rotors)
+    comment = with_notes(
         head,
         "inertia of each link is about its own CoM; base_link and rotors together have mass, CoM "
         "and inertia of the numbers above",
         f"joints turn {SLOWDOWN:g} times slower than the rotors (rotorVelocitySlowdownSim); "
-        + _spin_words(model),
+        + _spin_remark(model),
         "rotor discs are for show: their size is not known to rotorfit",
     )
-    links = [_base_link(base, model)]
-    links += [
-        _rotor_link(i, rotor, part)
-        for i, (rotor, part) in enumerate(zip(model.rotors, rotors, strict=True))
-    ]
+    parts = enumerate(zip(model.rotors, rotors, strict=True))
     name = identifier(f"{model.name}_{model.configuration}")
     return (
         '<?xml version="1.0"?>\n'
         + xml_comment(comment)
         + f'<sdf version="1.9">\n  <model name="{name}">\n'
-        + "".join(links)
-        + motor_plugins(model)
+        + _base_link(base, model)
+        + "".join(_rotor_link(i, rotor, part) for i, (rotor, part) in parts)
+        + _motor_plugins(model)
         + "  </model>\n</sdf>\n"
     )
 
 
-def _spin_words(model: VehicleModel) -> str:
+def write_gazebo_motors(model: VehicleModel, head: Sequence[str]) -> str:
+    """Write the plugins of all rotors, to be pasted into an SDF model."""
+    comment = with_notes(
+        head,
+        "paste into <model>; joints rotor_N_joint and links rotor_N are numbered as the log's "
+        "motors, from 0",
+        "motorConstant in N s^2/rad^2, momentConstant = kd/kt in m, times in s, speed in rad/s",
+    )
+    return xml_comment(comment) + _motor_plugins(model)
+
+
+def _spin_remark(model: VehicleModel) -> str:
     if model.Jr:
         return f"their links' spin inertia is {SLOWDOWN:g} Jr"
     return (
@@ -82,15 +100,15 @@ def _spin_words(model: VehicleModel) -> str:
 
 
 def _rotor_part(rotor: ExportedRotor, model: VehicleModel) -> Part:
-    """Return a rotor as a thin disc that spins about its axis."""
+    """Model a rotor as a thin disc that spins about its axis."""
     spin = SLOWDOWN * model.Jr if model.Jr else NO_SPIN_INERTIA * float(model.inertia_com[2, 2])
     n = rotor.axis
     inertia = 0.5 * spin * (np.eye(3) + np.outer(n, n))
     return Part(mass=ROTOR_MASS * model.mass, com=rotor.position, inertia=inertia)
 
 
-def _rest(model: VehicleModel, rotors: Sequence[Part]) -> Part:
-    """Return what is left of the vehicle without its rotors."""
+def _body_part(model: VehicleModel, rotors: Sequence[Part]) -> Part:
+    """Take the rotors off the vehicle; OutputError where no body is left."""
     mass = model.mass - sum(part.mass for part in rotors)
     moment = model.mass * model.com - sum(part.mass * part.com for part in rotors)
     com = np.asarray(moment / mass)
@@ -110,15 +128,14 @@ def _steiner(mass: float, com: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 
     return mass * (float(com @ com) * np.eye(3) - np.outer(com, com))
 
 
-def _inertial(part: Part, com: Float[np.ndarray, " 3"]) -> str:
-    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+def _inertial(part: Part) -> str:
     inertia = "".join(
-        f"          <{name}>{text(value)}</{name}>\n"
-        for name, value in zip(names, elements(part.inertia), strict=True)
+        f"          <{name}>{value}</{name}>\n"
+        for name, value in xml_elements(part.inertia).items()
     )
     return (
         "      <inertial>\n"
-        f"        <pose>{texts(com)} 0 0 0</pose>\n"
+        f"        <pose>{texts(part.com)} 0 0 0</pose>\n"
         f"        <mass>{text(part.mass)}</mass>\n"
         f"        <inertia>\n{inertia}        </inertia>\n"
         "      </inertial>\n"
@@ -131,7 +148,7 @@ def _base_link(base: Part, model: VehicleModel) -> str:
     shape = f"<pose>{texts(base.com)} 0 0 0</pose><geometry>{box}</geometry>"
     return (
         '    <link name="base_link">\n'
-        + _inertial(base, base.com)
+        + _inertial(base)
         + f'      <visual name="body_visual">{shape}</visual>\n'
         + f'      <collision name="body_collision">{shape}</collision>\n'
         + '      <sensor name="imu_sensor" type="imu">\n'
@@ -144,17 +161,47 @@ def _base_link(base: Part, model: VehicleModel) -> str:
 def _rotor_link(i: int, rotor: ExportedRotor, part: Part) -> str:
     roll_pitch = texts(roll_pitch_yaw(rotor.axis))
     spin = float(rotor.axis @ part.inertia @ rotor.axis)
-    own = Part(mass=part.mass, com=np.zeros(3), inertia=np.diag([0.5 * spin, 0.5 * spin, spin]))
-    disc = "<cylinder><radius>0.05</radius><length>0.005</length></cylinder>"
+    disc = Part(mass=part.mass, com=np.zeros(3), inertia=np.diag([0.5 * spin, 0.5 * spin, spin]))
+    shape = "<cylinder><radius>0.05</radius><length>0.005</length></cylinder>"
     return (
         f'    <link name="rotor_{i}">\n'
         f"      <pose>{texts(rotor.position)} {roll_pitch}</pose>\n"
-        + _inertial(own, own.com)
-        + f'      <visual name="disc"><geometry>{disc}</geometry></visual>\n'
+        + _inertial(disc)
+        + f'      <visual name="disc"><geometry>{shape}</geometry></visual>\n'
         + "    </link>\n"
         + f'    <joint name="rotor_{i}_joint" type="revolute">\n'
         + f"      <parent>base_link</parent>\n      <child>rotor_{i}</child>\n"
         + "      <axis>\n        <xyz>0 0 1</xyz>\n        <limit>\n"
         + "          <lower>-1e16</lower>\n          <upper>1e16</upper>\n"
         + "        </limit>\n      </axis>\n    </joint>\n"
+    )
+
+
+def _motor_plugins(model: VehicleModel) -> str:
+    return "".join(_plugin(i, rotor, model) for i, rotor in enumerate(model.rotors))
+
+
+def _plugin(i: int, rotor: ExportedRotor, model: VehicleModel) -> str:
+    fields = (
+        ("jointName", f"rotor_{i}_joint"),
+        ("linkName", f"rotor_{i}"),
+        ("turningDirection", "ccw" if rotor.spin > 0 else "cw"),
+        ("timeConstantUp", text(model.lag_up)),
+        ("timeConstantDown", text(model.lag_down)),
+        ("maxRotVelocity", text(model.max_speed)),
+        ("motorConstant", text(rotor.kt)),
+        ("momentConstant", text(model.kd / rotor.kt)),
+        ("commandSubTopic", "command/motor_speed"),
+        ("motorNumber", str(i)),
+        ("actuator_number", str(i)),
+        ("rotorDragCoefficient", "0"),
+        ("rollingMomentCoefficient", "0"),
+        ("rotorVelocitySlowdownSim", text(SLOWDOWN)),
+        ("motorType", "velocity"),
+    )
+    inner = "".join(f"      <{name}>{value}</{name}>\n" for name, value in fields)
+    return (
+        '    <plugin filename="gz-sim-multicopter-motor-model-system"\n'
+        '            name="gz::sim::systems::MulticopterMotorModel">\n'
+        f"{inner}    </plugin>\n"
     )

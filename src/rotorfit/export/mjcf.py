@@ -11,22 +11,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rotorfit.export.header import identifier, noted, xml_comment
-from rotorfit.export.units import elements, quaternion_wxyz, text, texts
-from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, ExportedRotor, VehicleModel
+from rotorfit.export.file_format import (
+    elements,
+    identifier,
+    quaternion_wxyz,
+    text,
+    texts,
+    with_notes,
+    xml_comment,
+)
+from rotorfit.export.vehicle import ExportedRotor, VehicleModel
 from rotorfit.preprocessing.airborne import GRAVITY
 
-NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 TIMESTEP = 0.002
 
 
 def write_mujoco(model: VehicleModel, head: Sequence[str]) -> str:
-    """Return the model as MJCF."""
-    comment = noted(head, *_remarks(model))
+    """Write the model as MJCF."""
     name = identifier(f"{model.name}_{model.configuration}")
     rotors = list(enumerate(model.rotors, start=1))
     return (
-        xml_comment(comment)
+        xml_comment(with_notes(head, *_remarks(model)))
         + f'<mujoco model="{name}">\n'
         + '  <compiler angle="radian" autolimits="true" inertiafromgeom="false"/>\n'
         + f'  <option timestep="{TIMESTEP:g}" gravity="0 0 {-GRAVITY:g}"/>\n'

@@ -27,29 +27,29 @@ STEPS_PER_COMMAND: Final = 2
 HOVER_SECONDS: Final = 8.0
 STEP_SECONDS: Final = 2.0
 STOCK_LAG: Final = 0.03
-"""Of motors whose lag is not known, as measured rotor speed does not show it [s]."""
+"""Lag of motors for which it is not known, as measured rotor speed does not show it [s]."""
 STOCK_THRUST: Final = 2.5
-"""Largest thrust over weight where no law from command to speed tells it."""
+"""Largest thrust over weight where no law from command to speed gives it."""
 FREE: Final = Gains(position=0.0, velocity=0.0)
 """Steps are of attitude: nothing holds the place."""
 
 
 def flyable(model: VehicleModel) -> tuple[VehicleModel, tuple[str, ...]]:
-    """Return the vehicle with stock motors where its own are not known, and what was taken."""
-    taken: list[str] = []
+    """Give the vehicle stock motors where its own are not known; with notes on what was taken."""
+    notes: list[str] = []
     if not (np.isfinite(model.lag_up) and np.isfinite(model.lag_down)):
         model = replace(model, lag_up=STOCK_LAG, lag_down=STOCK_LAG)
-        taken.append(
+        notes.append(
             f"the motors' lag is not known (measured speed does not show it): {STOCK_LAG:g} s is "
             "taken for hover and steps; --assume motor_lag=VALUE for yours"
         )
     if not np.isfinite(model.max_speed):
         model = replace(model, max_speed=STOCK_THRUST**0.5 * model.hover_speed)
-        taken.append(
+        notes.append(
             f"the largest rotor speed is not known: {STOCK_THRUST:g} times the weight is taken as "
             "the largest thrust; --assume max_speed=VALUE for yours"
         )
-    return model, tuple(taken)
+    return model, tuple(notes)
 
 
 def fly_manoeuvre(
@@ -59,23 +59,10 @@ def fly_manoeuvre(
     believed: VehicleModel | None = None,
     gains: Gains | None = None,
 ) -> ModelFlight:
-    """Fly one manoeuvre in MuJoCo.
+    """Fly one manoeuvre in MuJoCo; OutputError where that is not installed or refuses the file.
 
-    Parameters
-    ----------
-    model
-        What flies; its motors known (`flyable`).
-    manoeuvre
-        Hover for 8 s, or a step.
-    believed
-        What the autopilot takes the vehicle for; the vehicle itself by default.
-    gains
-        Of the autopilot; the stock ones by default, which hold the place in hover alone.
-
-    Raises
-    ------
-    OutputError
-        If MuJoCo is not installed, or does not take the file.
+    The motors of `model` are known (`flyable`). The autopilot takes the vehicle for `believed`, by
+    default for what it is; its stock `gains` hold the place in hover alone.
     """
     mujoco = require_mujoco()
     world = _loaded(mujoco, model)
@@ -86,17 +73,17 @@ def fly_manoeuvre(
     pilot = autopilot_of(
         belief,
         vehicle,
-        thrust_to_weight=_thrust_to_weight(model),
+        thrust_to_weight=float((model.max_speed / model.hover_speed) ** 2),
         period=period,
         gains=gains or (Gains() if manoeuvre == "hover" else FREE),
     )
-    memory, rows = _settled(model, pilot), list[list[float]]()
+    memory, rows = _trimmed(model, pilot), list[list[float]]()
     kt = np.array([rotor.kt for rotor in model.rotors])
     for k in range(round((HOVER_SECONDS if manoeuvre == "hover" else STEP_SECONDS) / period)):
         state = _state(mujoco, data)
-        reference, wish = _reference(manoeuvre, k * period)
+        reference, target = _reference(manoeuvre, k * period)
         speeds, memory = control(pilot, memory, state, reference, grounded=False)
-        rows.append([k * period, wish, *_seen(manoeuvre, state)])
+        rows.append([k * period, target, *_response(manoeuvre, state)])
         data.ctrl[:] = kt * speeds**2
         mujoco.mj_step(world, data, STEPS_PER_COMMAND)
     time, asked, flown, tilt = np.array(rows).T
@@ -104,7 +91,7 @@ def fly_manoeuvre(
 
 
 def has_mujoco() -> bool:
-    """Say whether manoeuvres can be flown here."""
+    """Test whether manoeuvres can be flown here."""
     try:
         require_mujoco()
     except OutputError:
@@ -113,13 +100,7 @@ def has_mujoco() -> bool:
 
 
 def require_mujoco() -> Any:
-    """Return the module.
-
-    Raises
-    ------
-    OutputError
-        If it is not installed; with the command that installs it.
-    """
+    """Import the module; OutputError with the command that installs it where it is absent."""
     try:
         return import_module("mujoco")
     except ImportError as error:
@@ -139,7 +120,7 @@ def _loaded(mujoco: Any, model: VehicleModel) -> Any:
 
 
 def _belief(model: VehicleModel) -> tuple[Truth, Vehicle]:
-    """Return the vehicle in the words of the simulated flights."""
+    """Describe the vehicle as the simulated flights do."""
     x, y, z = (model.mass * model.com).tolist()
     kt = model.kt
     truth = Truth(
@@ -150,14 +131,14 @@ def _belief(model: VehicleModel) -> tuple[Truth, Vehicle]:
         kd=model.kd,
         kt_spread=tuple(rotor.kt / kt for rotor in model.rotors),
     )
-    return truth, Vehicle(rotors=tuple(_rotor(rotor) for rotor in model.rotors))
+    return truth, Vehicle(rotors=tuple(map(_rotor, model.rotors)))
 
 
-def _settled(model: VehicleModel, pilot: Autopilot) -> Memory:
-    """Return the memory of an autopilot whose integrators have found the trim of hover.
+def _trimmed(model: VehicleModel, pilot: Autopilot) -> Memory:
+    """Set the autopilot's integrators to the trim of hover.
 
-    What its mixer, made for equal rotors, must be asked for so that the rotors as they are give
-    the weight, and its torque about the origin.
+    Its mixer, made for equal rotors, is asked for what makes the rotors as they are give the
+    weight, and its torque about the origin.
     """
     _, vehicle = _belief(model)
     kt = np.array([rotor.kt for rotor in model.rotors])
@@ -174,12 +155,8 @@ def _rotor(rotor: ExportedRotor) -> Rotor:
     return Rotor(position=(px, py, pz), axis=(nx, ny, nz), spin=spin)
 
 
-def _thrust_to_weight(model: VehicleModel) -> float:
-    return float((model.max_speed / model.hover_speed) ** 2)
-
-
 def _state(mujoco: Any, data: Any) -> tuple[float, ...]:
-    """Return what the autopilot sees: rates, attitude, velocity in body axes, place."""
+    """Collect what the autopilot sees: rates, attitude, velocity in body axes, place."""
     turned, velocity = np.empty(4), np.empty(3)
     mujoco.mju_negQuat(turned, data.qpos[3:7])
     mujoco.mju_rotVecQuat(velocity, data.qvel[:3], turned)
@@ -188,7 +165,7 @@ def _state(mujoco: Any, data: Any) -> tuple[float, ...]:
 
 
 def _reference(manoeuvre: Manoeuvre, time: float) -> tuple[Reference, float]:
-    """Return what the pilot asks for, and the one number of it that is looked at."""
+    """Build the pilot's request, with the one number of it that is looked at."""
     size = float(STEP.get(manoeuvre, 0.0)) if time >= BEFORE else 0.0
     reference = Reference(
         roll=size if manoeuvre == "roll" else 0.0,
@@ -203,8 +180,8 @@ def _reference(manoeuvre: Manoeuvre, time: float) -> tuple[Reference, float]:
     return reference, size
 
 
-def _seen(manoeuvre: Manoeuvre, state: tuple[float, ...]) -> tuple[float, float]:
-    """Return the number that is looked at, and the tilt [rad]."""
+def _response(manoeuvre: Manoeuvre, state: tuple[float, ...]) -> tuple[float, float]:
+    """Compute the number that is looked at, and the tilt [rad]."""
     w, x, y, z = state[3:7]
     tilt = float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
     match manoeuvre:

@@ -14,21 +14,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorfit.errors import OutputError
-from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.units import frd, text
-from rotorfit.export.vehicle import ROTORS, VehicleModel
+from rotorfit.export.file_format import frd, hash_comment, text, with_notes
+from rotorfit.export.vehicle import VehicleModel
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
-from rotorfit.model.parameters import COM
-from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve, speeds, thrust_curve
 
-NEEDS = ("mass", *COM, *ROTORS)
 MOST_ROTORS = 12
 """PX4's NUM_ROTORS_MAX."""
 MOST_THRUST = 100.0
 """Largest CA_ROTORn_CT that PX4 takes."""
 HOVER_RANGE = (0.1, 0.8)
-"""Of MPC_THR_HOVER."""
+"""Values of MPC_THR_HOVER that PX4 takes."""
 SIM_CHANNELS = 8
 SIM_RANGE = 1000.0
 """Largest SIM_GZ_EC_MAXn by gz_bridge/module.yaml, which PX4 itself does not hold to."""
@@ -40,14 +36,13 @@ Parameter = tuple[str, float, int]
 
 
 def write_px4(model: VehicleModel, head: Sequence[str]) -> str:
-    """Return the parameters of the vehicle's geometry, thrust curve and Gazebo outputs."""
+    """Write the parameters of the vehicle's geometry, thrust curve and Gazebo outputs."""
     if len(model.rotors) > MOST_ROTORS:
         raise OutputError(
             f"{len(model.rotors)} rotors, but PX4 allocates at most {MOST_ROTORS}; export to a "
             "simulator instead"
         )
-    parameters = [*_geometry(model), *_thrust(model), *_simulation(model)]
-    comment = noted(
+    comment = with_notes(
         head,
         "positions and axes in body FRD (x forward, y right, z down), positions from the CoM [m]; "
         "rotor n here is motor n+1 of PX4, in the order of the log's motors",
@@ -56,11 +51,11 @@ def write_px4(model: VehicleModel, head: Sequence[str]) -> str:
         *_thrust_remarks(model),
         *_simulation_remarks(model),
     )
-    return params_file(comment, parameters)
+    return params_file(comment, [*_geometry(model), *_thrust(model), *_simulation(model)])
 
 
 def params_file(comment: Sequence[str], parameters: Sequence[Parameter]) -> str:
-    """Return parameters in the format of QGroundControl, for vehicle 1, component 1."""
+    """Write parameters in the format of QGroundControl, for vehicle 1, component 1."""
     lines = [f"1\t1\t{name}\t{text(value)}\t{kind}\n" for name, value, kind in parameters]
     return hash_comment([*comment, "", "Vehicle-Id Component-Id Name Value Type"]) + "".join(lines)
 
@@ -82,7 +77,7 @@ def _geometry(model: VehicleModel) -> list[Parameter]:
 
 
 def has_coefficients(model: VehicleModel) -> bool:
-    """Say whether CT can be written for all rotors: PX4 compares them with each other."""
+    """Test whether CT can be written for all rotors: PX4 compares them with each other."""
     return max(rotor.kt for rotor in model.rotors) * model.max_speed**2 <= MOST_THRUST
 
 
@@ -97,12 +92,6 @@ def _coefficient_remarks(model: VehicleModel) -> list[str]:
     return [f"CT is left out, and rotors stay as PX4 has them, equal: {why}"]
 
 
-def hover_thrust(model: VehicleModel) -> float:
-    """Return the thrust in hover as a fraction of full; NaN where full speed is not known."""
-    full = sum(rotor.kt * float(rotor.axis[2]) for rotor in model.rotors) * model.max_speed**2
-    return model.mass * GRAVITY / full
-
-
 def _curve(model: VehicleModel) -> ThrustCurve | None:
     return None if model.law is None else thrust_curve(model.law)
 
@@ -111,11 +100,14 @@ def _thrust(model: VehicleModel) -> list[Parameter]:
     curve = _curve(model)
     if curve is None:
         return []
-    out: list[Parameter] = [("THR_MDL_FAC", curve.factor, FLOAT)]
-    low, high = HOVER_RANGE
-    if low <= hover_thrust(model) <= high:
-        out.append(("MPC_THR_HOVER", hover_thrust(model), FLOAT))
-    return out
+    return [("THR_MDL_FAC", curve.factor, FLOAT), *hover_parameter(model)]
+
+
+def hover_parameter(model: VehicleModel) -> list[Parameter]:
+    """Select MPC_THR_HOVER, where PX4 takes it."""
+    if HOVER_RANGE[0] <= model.hover_thrust <= HOVER_RANGE[1]:
+        return [("MPC_THR_HOVER", model.hover_thrust, FLOAT)]
+    return []
 
 
 def _thrust_remarks(model: VehicleModel) -> list[str]:
@@ -129,16 +121,16 @@ def _thrust_remarks(model: VehicleModel) -> list[str]:
         f"THR_MDL_FAC is fitted to the law, within {100 * curve.error:.2g} % of full thrust; "
         "MPC_THR_HOVER goes with it"
     ]
-    if not HOVER_RANGE[0] <= hover_thrust(model) <= HOVER_RANGE[1]:
+    if not hover_parameter(model):
         remarks.append(
-            f"MPC_THR_HOVER would be {hover_thrust(model):.3g}, which PX4 does not take "
+            f"MPC_THR_HOVER would be {model.hover_thrust:.3g}, which PX4 does not take "
             f"({HOVER_RANGE[0]} to {HOVER_RANGE[1]}): left out"
         )
     return remarks
 
 
 def _simulation(model: VehicleModel) -> list[Parameter]:
-    """Return the outputs of PX4 in Gazebo: rotor speed in rad/s at no and at full command."""
+    """List the outputs of PX4 in Gazebo: rotor speed in rad/s at no and at full command."""
     if model.in_commands or not np.isfinite(model.max_speed) or len(model.rotors) > SIM_CHANNELS:
         return []
     idle = _idle(model)
@@ -156,7 +148,7 @@ def _idle(model: VehicleModel) -> float:
 
 
 def _simulation_remarks(model: VehicleModel) -> list[str]:
-    """Return what differs in Gazebo, where the rotor speed is linear in the output."""
+    """List what differs in Gazebo, where the rotor speed is linear in the output."""
     if len(model.rotors) > SIM_CHANNELS:
         return [f"SIM_GZ_EC_* are left out: PX4 has {SIM_CHANNELS} of them"]
     if model.in_commands or not np.isfinite(model.max_speed):
@@ -171,11 +163,11 @@ def _simulation_remarks(model: VehicleModel) -> list[str]:
     linear = thrust_curve(SpeedLaw(curve=PolynomialLaw((_idle(model), slope))))
     curve = _curve(model)
     if curve is None or abs(curve.factor - linear.factor) > SAME_CURVE:
-        own = (
+        escs = (
             "" if curve is None else f", while the {curve.factor:.3g} here is of the vehicle's ESCs"
         )
         remarks.append(
             "in Gazebo the speed is linear in the output (SIM_GZ_EC_MIN to MAX): set THR_MDL_FAC "
-            f"to {linear.factor:.3g} there{own}"
+            f"to {linear.factor:.3g} there{escs}"
         )
     return remarks

@@ -13,21 +13,18 @@ from itertools import permutations
 import numpy as np
 
 from rotorfit.errors import OutputError
-from rotorfit.export.header import noted
-from rotorfit.export.px4 import FLOAT, HOVER_RANGE, INTEGER, Parameter, hover_thrust, params_file
-from rotorfit.export.units import elements, inertia_frd
-from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
+from rotorfit.export.file_format import elements, inertia_frd, with_notes
+from rotorfit.export.px4 import FLOAT, INTEGER, Parameter, hover_parameter, params_file
+from rotorfit.export.targets import TARGETS
+from rotorfit.export.vehicle import VehicleModel, refuse_no_lag
 from rotorfit.model.parameters import DRAG, TURN_DAMPING
 
-NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0))
 """Of SIH's motors, FLU: sign of x, sign of y, spin."""
-TERMS = (*DRAG, *TURN_DAMPING, "rotor_drag")
-"""Of the air, that SIH has as one drag and one damping."""
 
 
 def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
-    """Return the parameters of PX4's own quadrotor simulation."""
+    """Write the parameters of PX4's own quadrotor simulation."""
     refuse_no_lag(model, "SIH")
     _refuse_other_layouts(model)
     full = model.kt * model.max_speed**2
@@ -46,14 +43,13 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG])), FLOAT),
         ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
+        *hover_parameter(model),
     ]
-    if HOVER_RANGE[0] <= hover_thrust(model) <= HOVER_RANGE[1]:
-        parameters.append(("MPC_THR_HOVER", hover_thrust(model), FLOAT))
-    return params_file(noted(head, *_remarks(model)), parameters)
+    return params_file(with_notes(head, *_remarks(model)), parameters)
 
 
 def _damping(model: VehicleModel) -> list[float]:
-    """Return the damping of roll, pitch and yaw [N m s], the last that of the rotors in hover."""
+    """Collect the damping of roll, pitch and yaw [N m s], the last from the rotors in hover."""
     carried = model.hover_speed * float((model.arms[:, :2] ** 2).sum())
     return [
         *(model.air.get(name, 0.0) for name in TURN_DAMPING),
@@ -77,7 +73,7 @@ def _remarks(model: VehicleModel) -> list[str]:
 
 
 def _air_remark(model: VehicleModel) -> str:
-    known = [name for name in TERMS if name in model.air]
+    known = [name for name in TARGETS["px4-sih"].terms if name in model.air]
     if not known:
         return "SIH_KDV and SIH_KDW (drag and damping) are 0: these flights do not show them"
     return (
@@ -88,8 +84,7 @@ def _air_remark(model: VehicleModel) -> str:
 
 def _refuse_other_layouts(model: VehicleModel) -> None:
     """Raise unless the rotors, in any order, are those of SIH's quadrotor."""
-    arms = np.array([rotor.position for rotor in model.rotors])
-    arms = arms - arms.mean(axis=0)
+    arms = model.arms_from_middle
     seats = [
         (float(np.sign(round(x, 6))), float(np.sign(round(y, 6))), rotor.spin)
         for (x, y, _), rotor in zip(arms.tolist(), model.rotors, strict=True)

@@ -1,17 +1,18 @@
-"""Every number that an export may need, with where it comes from; and why another is missing.
+"""Every number that an export may need, from the flights or assumed; and why another is missing.
 
 Here alone are undone: units per kilogram (mass unknown), units per command (no law from command to
 rotor speed), parameters at the origin where a result has none about the CoM, and parameters known
 only as a ratio of which the user has the other half.
 """
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import Final, Literal
 
 import numpy as np
 
-from rotorfit.export.assumptions import per_kilogram, unit_of
 from rotorfit.model.parameters import (
     COM,
     DERIVED,
@@ -31,12 +32,23 @@ Origin = Literal["identified", "weak", "given", "removed", "assumed", "from-rati
 FULL_COMMAND: Final = "of full command"
 ROTOR_KT: Final = tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))
 REPLACED: Final = {"kt": ROTOR_KT, "motor_lag": ("motor_lag_up", "motor_lag_down")}
-"""What an assumed number is for all of: their own are about the one it replaces."""
+"""Numbers of single rotors or directions that an assumed number replaces."""
 RATIOS: Final = {"kd": "kd_over_Izz", "Jr": "Jr_over_Izz"}
-"""What the yaw equation gives even where the number alone is lost."""
+"""Ratios that the yaw equation gives even where the number alone is lost."""
 DOUBTFUL: Final[tuple[Origin, ...]] = ("weak", "removed", "assumed", "from-ratio")
 MAY_BE_REMOVED: Final = (*COM, *INERTIA_COM[3:], "Jr")
 """Parameters that are zero where the paper's method took them out; of the others, zero is wrong."""
+POSITIVE: Final = (
+    *("mass", "kt", "kd", "max_speed", *ROTOR_KT),
+    *("Ixx", "Iyy", "Izz", "Ixx_com", "Iyy_com", "Izz_com"),
+)
+NOT_NEGATIVE: Final = ("Jr", "motor_lag", "motor_lag_up", "motor_lag_down")
+MAY_BE_ASSUMED: Final = (
+    *POSITIVE,
+    *NOT_NEGATIVE,
+    *("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y"),
+    *(name for name in (*INERTIA, *INERTIA_COM) if name not in POSITIVE),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,16 +77,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Missing:
-    """A number that the flights do not give.
-
-    Attributes
-    ----------
-    verdict, reason
-        Of the result.
-    cure
-        The number that would have to be assumed, where it is another: the mass for what is known
-        per kilogram.
-    """
+    """A number that the flights do not give; `cure`: another one that would have to be assumed."""
 
     name: str
     verdict: str
@@ -89,20 +92,10 @@ def numbers_of(
     assumed: Mapping[str, float],
     full_speed: Number | None,
 ) -> dict[str, Number | Missing]:
-    """Return every number of one configuration, SI, by name.
+    """Collect every number of one configuration by name [SI]; assumed ones replace found ones.
 
-    Parameters
-    ----------
-    result
-        The result.
-    configuration
-        One of its configurations.
-    assumed
-        Values that the user stands for, SI; they replace what the result has.
-    full_speed
-        Rotor speed at full command, from the law of the motors; None without one. Its unit is
-        rad/s, or `FULL_COMMAND` for a target in which only thrust at full command matters: numbers
-        per command then stay so.
+    `full_speed` is the rotor speed at full command, from the law of the motors; its unit is rad/s,
+    or `FULL_COMMAND` where only thrust at full command matters: numbers per command then stay so.
     """
     found: dict[str, Number | Missing] = {
         p.name: _of_parameter(p)
@@ -120,20 +113,63 @@ def numbers_of(
     for name, parts in REPLACED.items():
         if name in assumed:
             found = {key: number for key, number in found.items() if key not in parts}
-    found |= {name: _assumed(name, value) for name, value in assumed.items()}
+    found |= {
+        name: Number(name=name, value=value, unit=unit_of(name), origin="assumed")
+        for name, value in assumed.items()
+    }
     found = {name: _in_si(number, found, result) for name, number in found.items()}
     return _with_ratios(_with_assumed_origin(found, assumed))
 
 
-def doubts_in_words(numbers: Iterable[Number]) -> list[str]:
-    """Return the numbers that are not simply identified, one a line, and why."""
-    return [_doubt(number) for number in numbers if number.origin in DOUBTFUL]
+def unit_of(name: str) -> str:
+    """Return the SI unit of a number by its name."""
+    return "rad/s" if name == "max_speed" else (PARAMETERS | DERIVED)[name].unit
 
 
-def _doubt(number: Number) -> str:
-    remark = "" if number.remark is None else f": {number.remark}"
-    digits = 6 if number.origin == "assumed" else 4  # the user's own as given
-    return f"{number.name} = {number.value:.{digits}g} {number.unit} is {number.origin}{remark}"
+def parse_assumptions(assignments: Sequence[str]) -> dict[str, float]:
+    """Parse assumed numbers such as ``kd=3.7e-9`` [SI]; ValueError with what is wrong of one."""
+    assumed: dict[str, float] = {}
+    for assignment in assignments:
+        name, sign, text = (part.strip() for part in assignment.partition("="))
+        if not sign:
+            raise ValueError(
+                f"{assignment!r} is no assumption; write NAME=VALUE, such as kd=3.7e-9"
+            )
+        if name not in MAY_BE_ASSUMED:
+            near = get_close_matches(name, MAY_BE_ASSUMED, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            names = ", ".join(n for n in MAY_BE_ASSUMED if not n.startswith("kt_"))
+            raise ValueError(f"nothing named {name!r} can be assumed{hint} (known: {names})")
+        if name in assumed:
+            raise ValueError(f"{name} is assumed twice")
+        assumed[name] = _physical(name, text)
+    return assumed
+
+
+def _physical(name: str, text: str) -> float:
+    """Parse a value, refused where nature has none such."""
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise ValueError(f"{name}={text}: {text!r} is no number [{unit_of(name)}]") from error
+    if not math.isfinite(value):
+        raise ValueError(f"{name}={text} is not finite [{unit_of(name)}]")
+    if name in POSITIVE and value <= 0.0:
+        raise ValueError(f"{name}={text} cannot be: it is above 0 [{unit_of(name)}]")
+    if name in NOT_NEGATIVE and value < 0.0:
+        raise ValueError(f"{name}={text} cannot be: it is 0 or more [{unit_of(name)}]")
+    return value
+
+
+def number_warnings(numbers: Iterable[Number]) -> list[str]:
+    """List the numbers that are not simply identified, and why."""
+    return [
+        # Assumed numbers with the user's digits.
+        f"{n.name} = {n.value:.{6 if n.origin == 'assumed' else 4}g} {n.unit} is {n.origin}"
+        + ("" if n.remark is None else f": {n.remark}")
+        for n in numbers
+        if n.origin in DOUBTFUL
+    ]
 
 
 def _of_parameter(p: Parameter) -> Number | Missing:
@@ -173,7 +209,7 @@ def _of_derived(d: Derived, why: str) -> Number | Missing:
 def _about_com(
     result: IdentificationResult, configuration: str, parameters: Mapping[str, Number | Missing]
 ) -> dict[str, Number | Missing]:
-    """Return the CoM and the inertia about it, derived by the estimate where it did so."""
+    """Collect the CoM and the inertia about it, derived by the estimate where it did so."""
     derived = {d.name: d for d in result.derived if d.configuration == configuration}
     twins = {p.name: p for p in result.parameters if p.configuration == configuration}
     out: dict[str, Number | Missing] = {}
@@ -193,7 +229,7 @@ def _about_com(
 def _marked(
     number: Number | Missing, of: Derived, twin: Parameter | None, kin: Mapping[str, Derived]
 ) -> Number | Missing:
-    """Return a number about the CoM, weak where the report has it so."""
+    """Mark a number about the CoM as weak where the report has it so."""
     if isinstance(number, Missing) or body_verdict(of, twin, kin) != "weak":
         return number
     relative = relative_width(of, kin)
@@ -203,7 +239,7 @@ def _marked(
 
 
 def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number | Missing:
-    """Return a number about the CoM of parameters at the origin: c = ms/m, Steiner."""
+    """Compute a number about the CoM from parameters at the origin: c = ms/m, Steiner."""
     mass = parameters.get("mass")
     m = mass.value if isinstance(mass, Number) else 1.0
     needed = FIRST_MOMENTS if name not in COM else (twin_of(name),)
@@ -224,23 +260,22 @@ def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number |
         steiner = inertia_about(np.zeros(6), m, ms / m)
         value = twin.value - float(steiner[INERTIA.index(twin_of(name))])
     weak = next((part for part in known.values() if part.origin == "weak"), None)
+    info = DERIVED[name]
     return Number(
         name=name,
         value=value,
-        unit=per_kilogram(DERIVED[name], twin.unit),
+        unit=f"{info.unit} per kg"
+        if info.mass_power and twin.unit.endswith(" per kg")
+        else info.unit,
         origin="weak" if weak is not None and twin.origin != "removed" else twin.origin,
         remark=weak.remark if weak is not None else f"from {twin_of(name)} at the origin",
     )
 
 
-def _assumed(name: str, value: float) -> Number:
-    return Number(name=name, value=value, unit=unit_of(name), origin="assumed")
-
-
 def _in_si(
     number: Number | Missing, found: Mapping[str, Number | Missing], result: IdentificationResult
 ) -> Number | Missing:
-    """Return a number without units per kilogram and per command, missing where that cannot be."""
+    """Convert a number from units per kilogram and per command, missing where that cannot be."""
     if isinstance(number, Missing) or number.origin == "assumed":
         return number
     factor = 1.0
@@ -285,7 +320,7 @@ def _physical_unit(name: str) -> str:
 
 
 def _in_commands(name: str, unit: str, result: IdentificationResult) -> bool:
-    """Return whether a unit is per command (0 to 1) instead of per rad/s."""
+    """Test whether a unit is per command (0 to 1) instead of per rad/s."""
     physical = _physical_unit(name)
     effective = effective_unit(name, physical)
     return effective != physical and unit == effective
@@ -294,7 +329,7 @@ def _in_commands(name: str, unit: str, result: IdentificationResult) -> bool:
 def _with_assumed_origin(
     found: Mapping[str, Number | Missing], assumed: Mapping[str, float]
 ) -> dict[str, Number | Missing]:
-    """Return the numbers with inertia about the CoM from an inertia assumed at the origin."""
+    """Add the inertia about the CoM from an inertia assumed at the origin."""
     out = dict(found)
     com, mass = [found.get(name) for name in COM], found.get("mass")
     for i, name in enumerate(INERTIA):
@@ -315,7 +350,7 @@ def _with_assumed_origin(
 
 
 def _with_ratios(found: Mapping[str, Number | Missing]) -> dict[str, Number | Missing]:
-    """Return the numbers with the other half of a known ratio to Izz, one half being assumed."""
+    """Add the other half of a known ratio to Izz, one half being assumed."""
     out = dict(found)
     for name, ratio in RATIOS.items():
         number, share, Izz = (out.get(key) for key in (name, ratio, "Izz_com"))

@@ -8,27 +8,18 @@ inverts a 4 x N matrix, and takes four rotors only.
 
 from collections.abc import Sequence
 
-from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.units import elements, text
-from rotorfit.export.vehicle import (
-    BODY,
-    LAG,
-    ROTORS,
-    SPEED,
-    VehicleModel,
-    refuse_no_lag,
-    refuse_no_upright_quad,
-)
+from rotorfit.export.file_format import elements, hash_comment, text, with_notes
+from rotorfit.export.vehicle import VehicleModel, refuse_no_lag, refuse_no_upright_quad
+from rotorfit.model.parameters import INERTIA
 
-NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 LEFT_OUT = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_std")
 
 
 def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
-    """Return the dictionary as a Python module."""
+    """Write the dictionary as a Python module."""
     refuse_no_lag(model, "RotorPy")
     refuse_no_upright_quad(model, "RotorPy")
-    comment = noted(
+    comment = with_notes(
         head,
         "positions from the CoM [m]; rI is the IMU's; rotor_directions is the sign of the torque "
         "about z, -1 for a rotor that turns ccw",
@@ -41,12 +32,10 @@ def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
 
 
 def _entries(model: VehicleModel) -> list[tuple[str, str]]:
-    names = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-    inertia = zip(names, (text(v) for v in elements(model.inertia_com)), strict=True)
     places = ", ".join(f"'r{i}': {_array(arm)}" for i, arm in enumerate(model.arms.tolist(), 1))
     return [
         ("mass", text(model.mass)),
-        *inertia,
+        *zip(INERTIA, map(text, elements(model.inertia_com)), strict=True),
         ("num_rotors", str(len(model.rotors))),
         ("rotor_pos", f"{{{places}}}"),
         ("rotor_directions", _array([-rotor.spin for rotor in model.rotors])),

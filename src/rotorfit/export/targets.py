@@ -1,162 +1,202 @@
-"""The targets by name, and the way from a result to the text of a file."""
+"""The targets of `rotorfit export`: the one table of their names, needs, writers and consumers.
 
-import datetime
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+The command line and the page offer the names at once; a writer is imported when its file is made.
+"""
 
-from rotorfit.errors import EstimationError, OutputError
-from rotorfit.export import (
-    ardupilot,
-    ardupilot_sitl,
-    betaflight,
-    casadi,
-    crazyflow,
-    gazebo,
-    gazebo_motors,
-    mjcf,
-    px4,
-    px4_sih,
-    rotorpy,
-    urdf,
-)
-from rotorfit.export.control import indiflight, paparazzi, px4_setpoints
-from rotorfit.export.header import header_lines
-from rotorfit.export.randomised.variants import variants
-from rotorfit.export.target_names import TargetName
-from rotorfit.export.vehicle import Speed, VehicleModel
-from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
-from rotorfit.results.result import IdentificationResult
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass
+from importlib import import_module
+from typing import Any, Final, Literal
 
-Writer = Callable[[VehicleModel, Sequence[str]], str]
-IntervalWriter = Callable[[VehicleModel, Sequence[str], Sequence[VehicleModel]], str]
-DRAWN = 1000
-"""Vehicles drawn for the intervals of what is written: their ends are within 2 % of a width."""
+TargetName = Literal[
+    "gazebo",
+    "gazebo-motors",
+    "px4",
+    "px4-sih",
+    "px4-setpoints",
+    "mujoco",
+    "urdf",
+    "rotorpy",
+    "ardupilot",
+    "ardupilot-sitl",
+    "betaflight",
+    "indiflight",
+    "paparazzi",
+    "crazyflow",
+    "casadi",
+]
+"""Files of a vehicle."""
+RandomTargetName = Literal["samples", "isaac-lab", "pegasus", "crazyflow-worlds"]
+"""Files of many vehicles, drawn from the posterior."""
+AnyTargetName = Literal[TargetName, RandomTargetName, "table"]
+"""And ``table``, which is of flights (`rotorfit.export.table`)."""
+Speed = Literal["rad/s", "full-command"]
+
+INERTIA_COM: Final = ("Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com")
+MASS: Final = ("mass", "com_x", "com_y", "com_z")
+BODY: Final = (*MASS, *INERTIA_COM)
+ROTORS: Final = ("kt", "kd", "Izz_com")
+"""The scale of kd depends on Izz, its partner in the yaw equation: both or neither."""
+LAG: Final = ("motor_lag",)
+SPEED: Final = ("max_speed",)
+ALL: Final = (*BODY, *ROTORS, *LAG, *SPEED)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Target:
     """A kind of file.
 
     Attributes
     ----------
-    write
-        What writes it.
+    title
+        As the page offers it.
+    consumer
+        The program that reads the file; the tests load it there where it is installed.
+    suffix
+        Of the file, where nobody names another.
     needs
-        The numbers without which it cannot be.
+        Numbers without which the file cannot be written.
+    module
+        Of `rotorfit.export`, with the function ``write_TARGET``.
     speed
-        Whether it holds rotor speeds, or only what a rotor does at full command.
+        Whether the file holds rotor speeds, or only what a rotor does at full command.
     terms
         Optional terms of the model that it holds.
-    write_intervals
-        What writes it with intervals, from vehicles drawn beside it; None: it has no room for them.
+    intervals
+        Whether its writer takes drawn vehicles, too, from which it writes intervals.
     """
 
-    write: Writer
+    title: str
+    consumer: str
+    suffix: str
+    _: KW_ONLY
     needs: tuple[str, ...]
+    module: str
     speed: Speed = "rad/s"
     terms: tuple[str, ...] = ()
-    write_intervals: IntervalWriter | None = None
+    intervals: bool = False
 
 
 TARGETS: Final[Mapping[TargetName, Target]] = {
-    "gazebo": Target(write=gazebo.write_gazebo, needs=gazebo.NEEDS),
-    "gazebo-motors": Target(write=gazebo_motors.write_gazebo_motors, needs=gazebo_motors.NEEDS),
-    "px4": Target(write=px4.write_px4, needs=px4.NEEDS, speed="full-command"),
-    "px4-sih": Target(
-        write=px4_sih.write_px4_sih,
-        needs=px4_sih.NEEDS,
+    "gazebo": Target("Gazebo: a whole model (SDF)", "gz-sim", ".sdf", needs=ALL, module="gazebo"),
+    "gazebo-motors": Target(
+        "Gazebo: motor plugins to paste into a model",
+        "gz-sim",
+        ".xml",
+        needs=(*ROTORS, *LAG, *SPEED),
+        module="gazebo",
+    ),
+    "px4": Target(
+        "PX4: control allocation and thrust curve",
+        "PX4",
+        ".params",
+        needs=(*MASS, *ROTORS),
+        module="px4",
         speed="full-command",
-        terms=px4_sih.TERMS,
+    ),
+    "px4-sih": Target(
+        "PX4: simulation in hardware",
+        "PX4",
+        ".params",
+        needs=ALL,
+        module="px4_sih",
+        speed="full-command",
+        terms=("drag_x", "drag_y", "drag_z", "turn_damping_x", "turn_damping_y", "rotor_drag"),
     ),
     "px4-setpoints": Target(
-        write=px4_setpoints.write_px4_setpoints,
-        needs=px4_setpoints.NEEDS,
+        "PX4: newton per unit of the setpoints",
+        "PX4",
+        ".json",
+        needs=(*MASS, *ROTORS, *SPEED),
+        module="px4_setpoints",
         speed="full-command",
-        write_intervals=px4_setpoints.write_px4_setpoints,
+        intervals=True,
     ),
-    "mujoco": Target(write=mjcf.write_mujoco, needs=mjcf.NEEDS),
-    "urdf": Target(write=urdf.write_urdf, needs=urdf.NEEDS),
-    "rotorpy": Target(write=rotorpy.write_rotorpy, needs=rotorpy.NEEDS),
-    "ardupilot": Target(write=ardupilot.write_ardupilot, needs=ardupilot.NEEDS),
-    "betaflight": Target(write=betaflight.write_betaflight, needs=betaflight.NEEDS),
-    "indiflight": Target(
-        write=indiflight.write_indiflight,
-        needs=indiflight.NEEDS,
-        write_intervals=indiflight.write_indiflight,
+    "mujoco": Target("MuJoCo: MJCF", "MuJoCo", ".xml", needs=ALL, module="mjcf"),
+    "urdf": Target(
+        "URDF, gym-pybullet-drones",
+        "gym-pybullet-drones",
+        ".urdf",
+        needs=(*BODY, *ROTORS),
+        module="urdf",
     ),
-    "paparazzi": Target(
-        write=paparazzi.write_paparazzi,
-        needs=paparazzi.NEEDS,
-        write_intervals=paparazzi.write_paparazzi,
+    "rotorpy": Target("RotorPy: quad_params", "RotorPy", ".py", needs=ALL, module="rotorpy"),
+    "ardupilot": Target(
+        "ArduPilot: thrust curve and hover throttle",
+        "ArduPilot",
+        ".parm",
+        needs=("mass", *ROTORS, *SPEED),
+        module="ardupilot",
     ),
     "ardupilot-sitl": Target(
-        write=ardupilot_sitl.write_ardupilot_sitl, needs=ardupilot_sitl.NEEDS, speed="full-command"
+        "ArduPilot: frame of its simulator",
+        "ArduPilot",
+        ".json",
+        needs=(*BODY, *ROTORS),
+        module="ardupilot",
+        speed="full-command",
     ),
-    "crazyflow": Target(write=crazyflow.write_crazyflow, needs=crazyflow.NEEDS),
-    "casadi": Target(write=casadi.write_casadi, needs=casadi.NEEDS),
+    "betaflight": Target(
+        "Betaflight: thrust_linear", "Betaflight", ".txt", needs=SPEED, module="betaflight"
+    ),
+    "indiflight": Target(
+        "INDIflight: control effectiveness",
+        "INDIflight",
+        ".txt",
+        needs=(*BODY, *ROTORS, *SPEED),
+        module="indiflight",
+        intervals=True,
+    ),
+    "paparazzi": Target(
+        "Paparazzi: control effectiveness",
+        "Paparazzi",
+        ".xml",
+        needs=(*BODY, *ROTORS, *SPEED),
+        module="paparazzi",
+        intervals=True,
+    ),
+    "crazyflow": Target(
+        "Crazyflow: params.toml", "Crazyflow", ".toml", needs=ALL, module="crazyflow"
+    ),
+    "casadi": Target(
+        "CasADi: dynamics in Python", "CasADi", ".py", needs=(*BODY, *ROTORS, *LAG), module="casadi"
+    ),
 }
+RANDOM_TARGETS: Final[Mapping[RandomTargetName, Target]] = {
+    "samples": Target(
+        "Vehicles drawn from the result (NumPy arrays)",
+        "NumPy",
+        ".npz",
+        needs=(*BODY, *ROTORS),
+        module="samples",
+    ),
+    "isaac-lab": Target(
+        "Isaac Lab: ranges to randomise", "Isaac Lab", ".py", needs=ALL, module="isaac_sim"
+    ),
+    "pegasus": Target(
+        "Pegasus: drawn vehicles",
+        "Pegasus",
+        ".py",
+        needs=(*BODY, *ROTORS, *SPEED),
+        module="isaac_sim",
+    ),
+    "crazyflow-worlds": Target(
+        "Crazyflow: drawn worlds",
+        "Crazyflow",
+        ".npz",
+        needs=(*BODY, *ROTORS, *LAG),
+        module="crazyflow",
+    ),
+}
+OFFERED: Final[Mapping[str, Target]] = {**TARGETS, **RANDOM_TARGETS}
+"""What can be made of a result alone, without its flights."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Export:
-    """The text of a file, and the vehicle it describes."""
+def writer_of(target: TargetName | RandomTargetName) -> Any:
+    """Import the writer of a target.
 
-    text: str
-    model: VehicleModel
-
-
-def export(
-    result: IdentificationResult,
-    target: TargetName,
-    *,
-    configuration: str | None = None,
-    assumed: Mapping[str, float] | None = None,
-    project: bool = False,
-    date: datetime.date | None = None,
-) -> Export:
-    """Return a result as a file of another tool.
-
-    Parameters
-    ----------
-    result
-        What `identify` returned, or `IdentificationResult.load`.
-    target
-        Which tool's file.
-    configuration
-        Which of the result's configurations; may be left out where there is one.
-    assumed
-        Values that the user stands for, by name, SI (`parse_assumptions`).
-    project
-        Replace inertia that no body has by the nearest that one can have.
-    date
-        Written into the file; today's if None.
-
-    Raises
-    ------
-    OutputError
-        If something that the file needs is not known, or the target cannot hold the vehicle.
+    That of a vehicle is ``(VehicleModel, head) -> str``, with the drawn vehicles as a third
+    argument where the target has `intervals`; that of drawn vehicles ``(Variants, head) -> bytes``.
     """
-    chosen = TARGETS[target]
-    model = vehicle_model(
-        result,
-        configuration=configuration,
-        needs=chosen.needs,
-        assumed=assumed,
-        speed=chosen.speed,
-        project=project,
-    )
-    terms = terms_left_out(result, model.configuration, written=chosen.terms)
-    if terms:
-        words = f"identified, but left out of this file: {', '.join(terms)}"
-        model = replace(model, notes=(*model.notes, words))
-    drawn: Sequence[VehicleModel] = ()
-    if chosen.write_intervals is not None:
-        try:
-            drawn = variants(result, model, count=DRAWN, seed=0).models
-        except (EstimationError, OutputError) as error:
-            model = replace(model, notes=(*model.notes, f"without intervals: {error}"))
-    head = header_lines(model, result, target=target, date=date or datetime.date.today())
-    if chosen.write_intervals is not None:
-        return Export(text=chosen.write_intervals(model, head, drawn), model=model)
-    return Export(text=chosen.write(model, head), model=model)
+    module = import_module(f"rotorfit.export.{OFFERED[target].module}")
+    return getattr(module, f"write_{target.replace('-', '_')}")

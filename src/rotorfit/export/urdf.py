@@ -12,12 +12,19 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from rotorfit.export.header import identifier, noted, xml_comment
-from rotorfit.export.units import elements, per_squared_rpm, roll_pitch_yaw, text, texts
-from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, VehicleModel
+from rotorfit.export.file_format import (
+    identifier,
+    per_squared_rpm,
+    roll_pitch_yaw,
+    text,
+    texts,
+    with_notes,
+    xml_comment,
+    xml_elements,
+)
+from rotorfit.export.vehicle import VehicleModel
 from rotorfit.preprocessing.airborne import GRAVITY
 
-NEEDS = (*BODY, *ROTORS)
 GYM_SEATS = ((1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0))
 """Of prop0 to prop3, FLU: sign of x, sign of y, spin."""
 GYM_SPEED = 30.0
@@ -25,24 +32,27 @@ GYM_SPEED = 30.0
 
 
 def write_urdf(model: VehicleModel, head: Sequence[str]) -> str:
-    """Return the vehicle as URDF."""
-    order = gym_order(model)
+    """Write the vehicle as URDF."""
+    order = _gym_order(model)
     rotors = [model.rotors[i] for i in (order or range(len(model.rotors)))]
     properties = "" if order is None else _properties(model)
     return (
         '<?xml version="1.0"?>\n'
-        + xml_comment(noted(head, *_remarks(model, order)))
+        + xml_comment(with_notes(head, *_remarks(model, order)))
         + f"<robot name={quoteattr(identifier(f'{model.name}_{model.configuration}'))}>\n"
         + properties
         + _base_link(model)
-        + "".join(_rotor_link(i, rotor) for i, rotor in enumerate(rotors))
+        + "".join(
+            _fixed_link(f"prop{i}", texts(rotor.position), texts(roll_pitch_yaw(rotor.axis)))
+            for i, rotor in enumerate(rotors)
+        )
         + _fixed_link("center_of_mass", texts(model.com), "0 0 0")
         + "</robot>\n"
     )
 
 
-def gym_order(model: VehicleModel) -> list[int] | None:
-    """Return which rotor is prop0, prop1 ..., None where the properties cannot be written."""
+def _gym_order(model: VehicleModel) -> list[int] | None:
+    """Find which rotor is prop0, prop1 ..., None where the properties cannot be written."""
     if len(model.rotors) != 4 or not model.vertical or not np.isfinite(model.max_speed):
         return None
     seats = [
@@ -77,7 +87,7 @@ def _remarks(model: VehicleModel, order: list[int] | None) -> list[str]:
 def _properties(model: VehicleModel) -> str:
     full = len(model.rotors) * model.kt * model.max_speed**2
     values = {
-        "arm": float(np.hypot(model.arms[:, 0], model.arms[:, 1]).mean()),
+        "arm": model.mean_arm,
         "kf": per_squared_rpm(model.kt),
         "km": per_squared_rpm(model.kd),
         "thrust2weight": full / (model.mass * GRAVITY),
@@ -92,12 +102,8 @@ def _properties(model: VehicleModel) -> str:
 
 
 def _base_link(model: VehicleModel) -> str:
-    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    inertia = " ".join(
-        f'{name}="{text(value)}"'
-        for name, value in zip(names, elements(model.inertia_com), strict=True)
-    )
-    arm = float(np.hypot(model.arms[:, 0], model.arms[:, 1]).mean())
+    inertia = " ".join(f'{name}="{x}"' for name, x in xml_elements(model.inertia_com).items())
+    arm = model.mean_arm
     place = f'<origin xyz="{texts(model.com)}" rpy="0 0 0"/>'
     body = f'<cylinder radius="{text(arm)}" length="{text(0.3 * arm)}"/>'
     return (
@@ -110,12 +116,8 @@ def _base_link(model: VehicleModel) -> str:
     )
 
 
-def _rotor_link(i: int, rotor: ExportedRotor) -> str:
-    return _fixed_link(f"prop{i}", texts(rotor.position), texts(roll_pitch_yaw(rotor.axis)))
-
-
 def _fixed_link(name: str, xyz: str, rpy: str) -> str:
-    """Return a link without mass, and the joint that holds it."""
+    """Write a link without mass, and the joint that holds it."""
     return (
         f'  <link name="{name}_link">\n    <inertial>\n      <origin xyz="0 0 0" rpy="0 0 0"/>\n'
         '      <mass value="0"/>\n'

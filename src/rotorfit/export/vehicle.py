@@ -1,30 +1,30 @@
-"""The vehicle that every target writes: SI units, body axes FLU."""
+"""The vehicle that every target writes (SI, body axes FLU), and whether nature has such a one."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Final, Literal
+from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.errors import OutputError
-from rotorfit.export.result_numbers import Number
+from rotorfit.errors import EstimationError, OutputError
+from rotorfit.export.result_numbers import Number, unit_of
+from rotorfit.export.targets import BODY
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import (
     COM,
+    FIRST_MOMENTS,
+    INERTIA,
     INERTIA_COM,
     INERTIA_PLACES,
     inertia_about,
     inertia_matrix,
 )
 from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.results.physical_inertia import project_to_physical, second_moments
+from rotorfit.results.result import IdentificationResult
 
-BODY: Final = ("mass", *COM, *INERTIA_COM)
-ROTORS: Final = ("kt", "kd", "Izz_com")
-"""The scale of kd hangs on that of Izz, its partner in the yaw equation: both or neither."""
-Speed = Literal["rad/s", "full-command"]
-LAG: Final = ("motor_lag",)
-SPEED: Final = ("max_speed",)
+NOT_MEASURED: Final = ("assumed", "from-ratio", "removed")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,20 +51,12 @@ class ExportedRotor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleModel:
-    """One configuration, ready to be written.
+    """One configuration, ready to be written; positions from the origin, FLU [m].
 
     Attributes
     ----------
-    name, configuration
-        Of the result.
-    mass
-        [kg]
-    com
-        From the origin, FLU [m].
     inertia_com
         About the CoM, FLU [kg m^2].
-    rotors
-        With positions from the same origin.
     kd
         Drag torque over speed squared [N m s^2/rad^2].
     Jr
@@ -78,14 +70,14 @@ class VehicleModel:
     law
         From command to speed; None where there is none.
     imu
-        Of the accelerometer from the origin, FLU [m].
+        Of the accelerometer.
     numbers
         All of the above as they are known, for the head of the file.
     notes
         What a reader of the file has to know beyond them.
     air
-        What the air does besides thrust and drag torque, by the names of the parameters, where the
-        flights tell it.
+        Coefficients of the air besides thrust and drag torque, by the names of the parameters,
+        where the flights show them.
     """
 
     name: str
@@ -122,21 +114,51 @@ class VehicleModel:
         return np.array([rotor.position - self.com for rotor in self.rotors])
 
     @property
+    def mean_arm(self) -> float:
+        """Mean distance of the rotors from the CoM, seen from above [m]."""
+        return float(np.hypot(self.arms[:, 0], self.arms[:, 1]).mean())
+
+    @property
+    def arms_from_middle(self) -> Float[np.ndarray, "N 3"]:
+        """Rotor positions from their mean, FLU [m]."""
+        places = np.array([rotor.position for rotor in self.rotors])
+        return places - places.mean(axis=0)
+
+    @property
     def vertical(self) -> bool:
         """Whether all thrust is along z."""
         return all(float(rotor.axis[2]) == 1.0 for rotor in self.rotors)
 
     @property
+    def lift(self) -> float:
+        """Thrust of all rotors along z over speed squared [N s^2/rad^2]."""
+        return sum(rotor.kt * float(rotor.axis[2]) for rotor in self.rotors)
+
+    @property
     def hover_speed(self) -> float:
         """Rotor speed, equal for all, whose thrust along z is the weight [rad/s]."""
-        lift = sum(rotor.kt * float(rotor.axis[2]) for rotor in self.rotors)
-        return float(np.sqrt(self.mass * GRAVITY / lift))
+        return float(np.sqrt(self.mass * GRAVITY / self.lift))
+
+    @property
+    def hover_thrust(self) -> float:
+        """Thrust in hover as a fraction of full; NaN where full speed is not known."""
+        return self.mass * GRAVITY / (self.lift * self.max_speed**2)
 
 
 def inertia_at_origin(model: VehicleModel) -> Float[np.ndarray, "3 3"]:
-    """Return the inertia at the origin (parallel axes), FLU [kg m^2]."""
+    """Compute the inertia at the origin (parallel axes), FLU [kg m^2]."""
     elements = np.array([model.inertia_com[i, j] for i, j in INERTIA_PLACES])
     return inertia_matrix(inertia_about(elements, model.mass, model.com))
+
+
+def required_law(model: VehicleModel, target: str) -> SpeedLaw:
+    """Return the law of the motors; OutputError where there is none."""
+    if model.law is None:
+        raise OutputError(
+            f"no law from command to rotor speed is known, and {target} is written from it: "
+            "identify a log with commands and measured rotor speeds, or give law under [motors]"
+        )
+    return model.law
 
 
 def refuse_no_upright_quad(model: VehicleModel, target: str) -> None:
@@ -154,3 +176,82 @@ def refuse_no_lag(model: VehicleModel, target: str) -> None:
         raise OutputError(
             f"the motors' lag is 0, and {target} divides by it; pass --assume motor_lag=VALUE (s)"
         )
+
+
+def is_possible(model: VehicleModel) -> bool:
+    """Test whether a body can have the inertia; NaN passes, as it is never written."""
+    if not np.isfinite(model.inertia_com).all():
+        return True
+    size = float(np.abs(model.inertia_com).max())
+    return float(np.linalg.eigvalsh(second_moments(model.inertia_com))[0]) >= -1e-9 * size
+
+
+def impossible_message(model: VehicleModel) -> str:
+    """Explain why an inertia is refused, and what to do."""
+    moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(model.inertia_com))
+    return (
+        f"no body has this inertia about its CoM: the principal moments {moments} kg m^2 break the "
+        "triangle inequality (each is at most the sum of the others); fly what the report advises, "
+        "pass --assume Izz_com=VALUE, or --project to export the nearest inertia that a body can "
+        "have"
+    )
+
+
+def refuse_signs(model: VehicleModel) -> None:
+    """Raise if a coefficient that is above zero in nature is not."""
+    for name, value in (("motor_lag_up", model.lag_up), ("motor_lag_down", model.lag_down)):
+        if value < 0.0:
+            raise OutputError(
+                f"{name} is {value:.3g} s, and no motor answers before its command; pass --assume "
+                "motor_lag=VALUE"
+            )
+    for name, value in (
+        ("mass", model.mass),
+        ("kt", model.kt),
+        ("kd", model.kd),
+        ("max_speed", model.max_speed),
+        *((f"kt_{i}", rotor.kt) for i, rotor in enumerate(model.rotors, 1)),
+        ("Jr", 1.0 if model.Jr is None else model.Jr),
+    ):
+        if value <= 0.0:
+            raise OutputError(
+                f"{name} is {value:.3g} {unit_of(name)}, and nature has it above 0; check spins "
+                f"and axes, fly what the report advises, or pass --assume {name}=VALUE"
+            )
+
+
+def projected(model: VehicleModel, result: IdentificationResult) -> VehicleModel:
+    """Replace CoM and inertia by those of the nearest body that can exist; note its distance."""
+    assumed = [n.name for n in model.numbers if n.name in BODY and n.origin in NOT_MEASURED]
+    if assumed:
+        raise OutputError(
+            f"--project moves what the flights measured by their covariance, but {assumed[0]} is "
+            "not from them; change the assumed values until the triangle inequality holds"
+        )
+    try:
+        nearest = project_to_physical(result, model.configuration)
+    except EstimationError as error:
+        raise OutputError(f"no nearest inertia was found: {error}") from error
+    com = np.array([nearest.values[name] for name in FIRST_MOMENTS]) / model.mass
+    origin = np.array([nearest.values[name] for name in INERTIA])
+    about = dict(zip(INERTIA_COM, inertia_about(origin, -model.mass, com).tolist(), strict=True))
+    moved = dict(zip(COM, com.tolist(), strict=True)) | about
+    return replace(
+        model,
+        com=com,
+        inertia_com=inertia_matrix(np.array(list(about.values()))),
+        numbers=tuple(_moved(n, moved) for n in model.numbers),
+        notes=(
+            *model.notes,
+            "inertia and CoM PROJECTED to the nearest that a body can have, "
+            f"{nearest.distance:.2g} standard deviations from the estimate",
+        ),
+    )
+
+
+def _moved(number: Number, moved: Mapping[str, float]) -> Number:
+    """Put a number where the projection has it."""
+    if number.name not in moved:
+        return number
+    remark = f"projected from {number.value:.6g}"
+    return replace(number, value=moved[number.name], interval=None, origin="weak", remark=remark)

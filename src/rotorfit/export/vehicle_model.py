@@ -1,8 +1,8 @@
 """From a result to the vehicle that every target writes, checked once.
 
 A number that the flights do not give is refused, or taken from the user and marked so; inertia that
-no body has is refused. What no target asked for and is not known is NaN, which `units.text` never
-writes.
+no body has is refused. What no target asked for and is not known is NaN, which `file_format.text`
+never writes.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -14,16 +14,23 @@ from rotorfit.errors import ExperimentError, MissingNumbersError, OutputError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment, experiment_of_settings
 from rotorfit.experiment.law_table import speed_law_of
-from rotorfit.export.assumptions import unit_of
-from rotorfit.export.possible import impossible_words, is_possible, projected, refuse_signs
 from rotorfit.export.result_numbers import (
     FULL_COMMAND,
     ROTOR_KT,
     Missing,
     Number,
     numbers_of,
+    unit_of,
 )
-from rotorfit.export.vehicle import BODY, ROTORS, ExportedRotor, Speed, VehicleModel
+from rotorfit.export.targets import BODY, ROTORS, Speed
+from rotorfit.export.vehicle import (
+    ExportedRotor,
+    VehicleModel,
+    impossible_message,
+    is_possible,
+    projected,
+    refuse_signs,
+)
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
 from rotorfit.model.vehicle import Vehicle
@@ -42,33 +49,14 @@ def vehicle_model(
     speed: Speed = "rad/s",
     project: bool = False,
 ) -> VehicleModel:
-    """Return the vehicle of a result, checked.
+    """Assemble the vehicle of a result, checked; OutputError where nature or the flights lack it.
 
-    Parameters
-    ----------
-    result
-        With the settings of its experiment, from which the rotors are.
-    configuration
-        Which of its configurations; may be left out where there is one.
-    needs
-        Numbers without which the target cannot be written.
-    assumed
-        From `parse_assumptions`; they replace what the result has.
-    speed
-        What the target wants of rotor speed: rad/s, or ``full-command`` where only what a rotor
-        does at full command matters.
-    project
-        Replace inertia that no body has by the nearest that one can have.
-
-    Raises
-    ------
-    OutputError
-        If a needed number is not known and not assumed, the inertia is not physical, or the result
-        does not describe a vehicle.
+    `assumed` numbers (SI) replace those of the result; `project` replaces inertia that no body has
+    by the nearest that one can have.
     """
     refuse_unsound(result)
     owner = owner_of(result, configuration)
-    experiment = described_by(result)
+    experiment = _experiment_of(result)
     law = _law(result, experiment)
     given = dict(assumed or {})
     _refuse_other_mass(result, owner, given)
@@ -81,12 +69,12 @@ def vehicle_model(
     if is_possible(model):
         return model
     if not project:
-        raise OutputError(impossible_words(model))
+        raise OutputError(impossible_message(model))
     return projected(model, result)
 
 
 def _law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | None:
-    """Return the law of the motors: declared, or found between commands and measured speeds."""
+    """Select the law of the motors: declared, or found between commands and measured speeds."""
     if experiment.motors.law is not None:
         return speed_law_of(experiment.motors.law)
     found = result.command_law
@@ -94,7 +82,7 @@ def _law(result: IdentificationResult, experiment: Experiment) -> SpeedLaw | Non
 
 
 def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed) -> Number | None:
-    """Return the speed at full command, as far as the motors' law gives it."""
+    """Compute the speed at full command, as far as the motors' law gives it."""
     if any(p.name == "max_speed" for p in result.parameters):
         return None  # a number of the result itself, with an interval
     if law is not None and not is_per_command(result):
@@ -110,13 +98,7 @@ def _full_speed(result: IdentificationResult, law: SpeedLaw | None, speed: Speed
 
 
 def owner_of(result: IdentificationResult, configuration: str | None) -> str:
-    """Return the configuration that is meant.
-
-    Raises
-    ------
-    OutputError
-        If it is not in the result, or not said where there are several.
-    """
+    """Select the configuration that is meant; OutputError where that is not clear."""
     names = configuration_names(result)
     if not names:
         raise OutputError("the result has no configuration, and nothing to export; identify again")
@@ -129,14 +111,8 @@ def owner_of(result: IdentificationResult, configuration: str | None) -> str:
     )
 
 
-def described_by(result: IdentificationResult) -> Experiment:
-    """Return the experiment of a result's settings.
-
-    Raises
-    ------
-    OutputError
-        If they are not those of an experiment.
-    """
+def _experiment_of(result: IdentificationResult) -> Experiment:
+    """Rebuild the experiment from a result's settings."""
     try:
         return experiment_of_settings(result.settings)
     except (ExperimentError, AttributeError, KeyError, TypeError, ValueError) as error:
@@ -160,7 +136,7 @@ def _refuse_other_mass(
 def _needed(
     needs: Sequence[str], numbers: Mapping[str, Number | Missing], vehicle: Vehicle
 ) -> list[str]:
-    """Return the needs of a target, with those that the geometry of this result adds."""
+    """Add to the needs of a target those of the geometry of this result."""
     needed = list(dict.fromkeys(needs))
     if vehicle.imu_position is None and set(COM) & set(needed):
         needed += [name for name in ("rotor_center_x", "rotor_center_y") if name in numbers]
@@ -171,39 +147,37 @@ def _needed(
 
 
 def _refuse_missing(numbers: Mapping[str, Number | Missing], needed: Sequence[str]) -> None:
-    """Raise if something needed is not known: what, why, and what would allow the export."""
-    missing = [name for name in needed if not isinstance(numbers.get(name), Number)]
-    if not missing:
+    """Raise if a needed number is not known: which, why, and what would allow the export."""
+    gaps = [
+        gap for name in needed if isinstance(gap := numbers.get(name) or _absent(name), Missing)
+    ]
+    if not gaps:
         return
-    gaps = [numbers.get(name) or _absent(name) for name in missing]
     reasons: dict[tuple[str, str], list[str]] = {}
     for gap in gaps:
-        if isinstance(gap, Missing):
-            reasons.setdefault((gap.verdict, gap.reason), []).append(gap.name)
-    told = "; ".join(
+        reasons.setdefault((gap.verdict, gap.reason), []).append(gap.name)
+    explained = "; ".join(
         f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {verdict} ({reason})"
         for (verdict, reason), names in reasons.items()
     )
-    cures = list(dict.fromkeys(gap.cure or gap.name for gap in gaps if isinstance(gap, Missing)))
+    cures = list(dict.fromkeys(gap.cure or gap.name for gap in gaps))
     flown = any(verdict != ABSENT for verdict, _ in reasons)
     advice = "fly what the report advises, or" if flown else ""
     flags = " ".join(f"--assume {name}=VALUE" for name in cures)
     units = ", ".join(f"{name} in {unit_of(name)}" for name in cures)
-    words = f"{told}: missing; {advice} supply it with {flags} ({units})"
-    raise MissingNumbersError(" ".join(words.split()), names=cures)
+    message = f"{explained}: missing; {advice} supply it with {flags} ({units})"
+    raise MissingNumbersError(" ".join(message.split()), names=cures)
 
 
 ABSENT: Final = "not in the result"
-
-
-def _absent(name: str) -> Missing:
-    return Missing(name=name, verdict=ABSENT, reason=_WHY_ABSENT.get(name, "it was not estimated"))
-
-
 _WHY_ABSENT: Final = {
     "motor_lag": "measured rotor speed alone does not show it; log the motor commands, too",
     "max_speed": "no law from command to rotor speed is given",
 }
+
+
+def _absent(name: str) -> Missing:
+    return Missing(name=name, verdict=ABSENT, reason=_WHY_ABSENT.get(name, "it was not estimated"))
 
 
 def _assembled(
@@ -218,14 +192,12 @@ def _assembled(
         number = numbers.get(name)
         return number.value if isinstance(number, Number) else otherwise
 
-    lag, notes = value("motor_lag"), _notes(numbers, vehicle, law)
-    com = np.array([value(name) for name in COM])
-    Jr = numbers.get("Jr")
+    lag, Jr, full = value("motor_lag"), numbers.get("Jr"), numbers.get("max_speed")
     return VehicleModel(
         name=result.name,
         configuration=owner,
         mass=value("mass"),
-        com=com,
+        com=np.array([value(name) for name in COM]),
         inertia_com=inertia_matrix(np.array([value(name) for name in INERTIA_COM])),
         rotors=_rotors(vehicle, numbers),
         kd=value("kd"),
@@ -233,12 +205,11 @@ def _assembled(
         lag_up=value("motor_lag_up", lag),
         lag_down=value("motor_lag_down", lag),
         max_speed=value("max_speed"),
-        in_commands=isinstance(full := numbers.get("max_speed"), Number)
-        and full.unit == FULL_COMMAND,
+        in_commands=isinstance(full, Number) and full.unit == FULL_COMMAND,
         law=law,
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
         numbers=tuple(n for name in _SHOWN if isinstance(n := numbers.get(name), Number)),
-        notes=notes,
+        notes=_notes(numbers, vehicle, law),
         air={
             p.name: p.value
             for p in result.parameters
@@ -249,7 +220,7 @@ def _assembled(
 
 
 def _is_no_inertia(Jr: Number) -> bool:
-    """Say whether a rotor inertia was removed, or came out below zero within its interval."""
+    """Test whether a rotor inertia was removed, or came out below zero within its interval."""
     below = Jr.value <= 0.0 and Jr.interval is not None and Jr.interval[1] > 0.0
     return Jr.origin == "removed" or below
 
@@ -262,7 +233,7 @@ _SHOWN: Final = (
 
 
 def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[ExportedRotor, ...]:
-    """Return the rotors; where the origin is the IMU, moved together to the centre found.
+    """Place the rotors; where the origin is the IMU, moved together to the centre found.
 
     A rotor declared at p sits at p + rotor_center from the IMU (`model.regressor.rotor_center`:
     torque (p + t) x thrust). Along z the place has no effect on upright thrust, and is taken as
@@ -298,9 +269,13 @@ _TERMS: Final = (
 def terms_left_out(
     result: IdentificationResult, owner: str, *, written: Collection[str] = ()
 ) -> list[str]:
-    """Return the terms of the identified model that a target is not written with, in words."""
+    """List the identified terms that a target is not written with, with half-widths."""
+
+    def margin(ends: tuple[float, float] | None) -> str:
+        return "" if ends is None else f" +- {0.5 * (ends[1] - ends[0]):.2g}"
+
     return [
-        f"{p.name} = {p.value:.3g}{_half(p.interval)} {p.unit}"
+        f"{p.name} = {p.value:.3g}{margin(p.interval)} {p.unit}"
         for p in result.parameters
         if p.name in _TERMS
         if not (p.name in written and p.interval is not None and p.interval[0] > 0.0)
@@ -308,14 +283,10 @@ def terms_left_out(
     ]
 
 
-def _half(interval: tuple[float, float] | None) -> str:
-    return "" if interval is None else f" +- {0.5 * (interval[1] - interval[0]):.2g}"
-
-
 def _notes(
     numbers: Mapping[str, Number | Missing], vehicle: Vehicle, law: SpeedLaw | None
 ) -> tuple[str, ...]:
-    """Return what a reader of the file has to know beyond the numbers."""
+    """List what a reader of the file has to know beyond the numbers."""
     notes: list[str] = []
     if vehicle.imu_position is None:
         notes.append(

@@ -1,12 +1,51 @@
-"""A result as a file of another tool, written."""
+"""From a result to the files of other tools: the vehicle, the head, the text of a target."""
 
-from collections.abc import Mapping
+import datetime
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
-from rotorfit.export.target_names import TargetName
-from rotorfit.export.targets import export
-from rotorfit.logs.files import write_whole
+from rotorfit import version
+from rotorfit.errors import EstimationError, OutputError
+from rotorfit.export.result_numbers import Number
+from rotorfit.export.samples import refuse_suffix, write_samples
+from rotorfit.export.targets import (
+    RANDOM_TARGETS,
+    TARGETS,
+    RandomTargetName,
+    TargetName,
+    writer_of,
+)
+from rotorfit.export.variants import Variants, variants
+from rotorfit.export.vehicle import VehicleModel
+from rotorfit.export.vehicle_model import terms_left_out, vehicle_model
+from rotorfit.logs.files import file_name, write_whole
 from rotorfit.results.result import IdentificationResult
+
+ORIGINS: Final = {
+    "identified": "identified",
+    "weak": "WEAK",
+    "given": "given",
+    "removed": "REMOVED",
+    "assumed": "ASSUMED",
+    "from-ratio": "FROM A RATIO",
+    "law": "from the law",
+}
+SHA: Final = 12
+"""Digits of a log's fingerprint that are shown."""
+DRAWN: Final = 1000
+"""Vehicles drawn for the intervals of what is written: their ends are within 2 % of a width."""
+COUNT: Final = 100
+"""Vehicles of a randomised target, where nobody says how many."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """The text of a file, and the vehicle it describes."""
+
+    text: str
+    model: VehicleModel
 
 
 def write_export(
@@ -52,3 +91,144 @@ def write_export(
     made = export(result, target, configuration=configuration, assumed=assumed, project=project)
     write_whole(path, made.text, force=force)
     return made.text
+
+
+def export(
+    result: IdentificationResult,
+    target: TargetName,
+    *,
+    configuration: str | None = None,
+    assumed: Mapping[str, float] | None = None,
+    project: bool = False,
+    date: datetime.date | None = None,
+    draws: int = DRAWN,
+) -> Export:
+    """Make the file of a target (see `write_export`), its intervals from drawn vehicles."""
+    chosen = TARGETS[target]
+    model = vehicle_model(
+        result,
+        configuration=configuration,
+        needs=chosen.needs,
+        assumed=assumed,
+        speed=chosen.speed,
+        project=project,
+    )
+    terms = terms_left_out(result, model.configuration, written=chosen.terms)
+    if terms:
+        model = with_note(model, f"identified, but left out of this file: {', '.join(terms)}")
+    drawn: Sequence[VehicleModel] = ()
+    if chosen.intervals:
+        try:
+            drawn = variants(result, model, count=draws, seed=0).models
+        except (EstimationError, OutputError) as error:
+            model = with_note(model, f"without intervals: {error}")
+    head = header_lines(model, result, target=target, date=date)
+    arguments = (model, head, drawn) if chosen.intervals else (model, head)
+    return Export(text=writer_of(target)(*arguments), model=model)
+
+
+def randomised(
+    result: IdentificationResult,
+    target: RandomTargetName,
+    path: Path,
+    *,
+    configuration: str | None = None,
+    assumed: Mapping[str, float] | None = None,
+    count: int = COUNT,
+    seed: int = 0,
+    date: datetime.date | None = None,
+) -> tuple[bytes, Variants]:
+    """Draw vehicles and make the file of a target; the suffix says the form of ``samples``."""
+    suffix = path.suffix.lower()
+    if target == "samples":
+        refuse_suffix(suffix)
+    nominal = vehicle_model(
+        result, configuration=configuration, needs=RANDOM_TARGETS[target].needs, assumed=assumed
+    )
+    found = variants(result, nominal, count=count, seed=seed)
+    if target == "samples":
+        return write_samples(found, result, suffix=suffix), found
+    head = header_lines(nominal, result, target=target, date=date)
+    return writer_of(target)(found, [*head, drawn_sentence(found)]), found
+
+
+def variant_files(
+    result: IdentificationResult,
+    target: TargetName,
+    *,
+    configuration: str | None = None,
+    assumed: Mapping[str, float] | None = None,
+    count: int = COUNT,
+    seed: int = 0,
+    date: datetime.date | None = None,
+) -> tuple[dict[str, str], Variants]:
+    """Draw vehicles and make one file for each, by name; arguments of `randomised`."""
+    whole = export(result, target, configuration=configuration, assumed=assumed, date=date)
+    found = variants(result, whole.model, count=count, seed=seed)
+    write, digits = writer_of(target), len(str(count))
+    files: dict[str, str] = {}
+    for i, model in enumerate(found.models, 1):
+        drawn = with_note(
+            model, f"vehicle {i} of {count} drawn from the joint posterior, seed {seed}"
+        )
+        head = header_lines(drawn, result, target=target, date=date)
+        files[f"{target}-{i:0{digits}}{TARGETS[target].suffix}"] = write(drawn, head)
+    return files, found
+
+
+def with_note(model: VehicleModel, note: str) -> VehicleModel:
+    """Add a note to those of a vehicle."""
+    return replace(model, notes=(*model.notes, note))
+
+
+def drawn_sentence(found: Variants) -> str:
+    """Describe how vehicles were drawn."""
+    why = "".join(f" ({name}: {100 * s:.2g} %)" for name, s in found.samples.reasons.items())
+    return (
+        f"{len(found.models)} vehicles drawn from the joint posterior, seed {found.samples.seed}; "
+        f"{100 * found.samples.rejected:.2g} % of the draws rejected{why}"
+    )
+
+
+def header_lines(
+    model: VehicleModel,
+    result: IdentificationResult,
+    *,
+    target: str,
+    date: datetime.date | None,
+) -> list[str]:
+    """Write the head of a file, without comment signs: origin, numbers, units, warnings."""
+    lines = [
+        f"{target}, written by rotorfit {version.__version__} on "
+        f"{(date or datetime.date.today()).isoformat()}",
+        f"{result.name}, configuration {model.configuration}; identified by "
+        f"{result.versions.get('rotorfit', 'an unknown version')}, method {result.method}, from",
+        *(
+            f"  {file_name(record.file)} (sha256 {record.sha256[:SHA]}), configuration "
+            f"{record.configuration}, {record.seconds_used:.1f} s used"
+            for record in result.flights
+        ),
+        "Numbers (95 % interval) in SI units, body axes FLU (x forward, y left, z up):",
+        *(_number_line(number) for number in model.numbers),
+        *(f"Doubt: {warning}" for warning in result.warnings),
+        *(f"Note: {note}" for note in model.notes),
+    ]
+    return [_one_line(line) for line in lines]
+
+
+def _one_line(line: str) -> str:
+    """Make a line that is one in every format: no breaks, nothing that cannot be printed."""
+    indent = "  " if line.startswith("  ") else ""
+    plain = " ".join(line.split())
+    return indent + "".join(letter if letter.isprintable() else "?" for letter in plain)
+
+
+def _number_line(number: Number) -> str:
+    interval = ""
+    if number.interval is not None:
+        interval = f" ({number.interval[0]:.6g} to {number.interval[1]:.6g})"
+    remark = "" if number.remark is None else f": {number.remark}"
+    return (
+        f"  {number.name} = {number.value:.6g}{interval} {number.unit} "
+        f"[{ORIGINS[number.origin]}{remark}]"
+    )

@@ -25,8 +25,7 @@ from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics
 from rotorfit.formatting.digits import number_of
 from rotorfit.logs.files import file_name
 from rotorfit.report.number_words import unit_words
-from rotorfit.report.page_templates import fingerprint, page_style, page_template, template_text
-from rotorfit.report.svg import clean
+from rotorfit.report.pages import render_page
 
 MOST_FINDINGS: Final = 60
 MOST_SMALL: Final = 600
@@ -111,9 +110,10 @@ def fleet_html(
         To the flights' own reports.
     """
     found = findings(statistics, records)
-    script = template_text("fleet.js")
-    page = page_template("fleet.html")
-    html = page.render(
+    return render_page(
+        "fleet",
+        *("page", "figure", "fleet", "dark"),
+        script="fleet.js",
         name=name,
         statistics=statistics,
         records=records,
@@ -128,11 +128,7 @@ def fleet_html(
         flights=_flight_lists(statistics, records, found, links),
         reasons=_reasons(failures),
         most_rows=MOST_ROWS,
-        style=page_style("fleet"),
-        script=script,
-        script_hash=fingerprint(script),
     )
-    return clean(html)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.logs.speed_law import law_doubts
+from rotorfit.logs.speed_law import law_warnings
 from rotorfit.preprocessing.airborne import (
     ON_THE_GROUND,
     SHORTEST_FLIGHT,
@@ -320,7 +320,7 @@ def _law_warnings(
     if motors.law is None:
         return ()
     rows = data.used_rows
-    return law_doubts(motors.law, uniform.values["motor"][rows])
+    return law_warnings(motors.law, uniform.values["motor"][rows])
 
 
 def _rotor_speed_std(

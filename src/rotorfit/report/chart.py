@@ -4,15 +4,25 @@
 by ``data-from`` and ``data-to``, lines by ``data-at``, all in the axis' own numbers.
 """
 
+import base64
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
-from rotorfit.formatting.series import Series
-from rotorfit.report.series import encoded, encoded_time, path_of
-from rotorfit.report.svg import drawing, label, nice_step, tag, text, tick_label, ticks
+from rotorfit.formatting.series import Series, column_starts, extremes, middles
+from rotorfit.report.svg import (
+    drawing,
+    label,
+    labelled_ticks,
+    nice_step,
+    tag,
+    text,
+    tick_label,
+    ticks,
+)
 
 WIDTH: Final = 920.0
 LEFT: Final = 58.0
@@ -29,6 +39,7 @@ LETTER: Final = 6.0
 ROW: Final = 14.0
 MOST_DECADES: Final = 6
 LINE: Final = "line"
+LEAST_SECONDS: Final = 0.02
 
 Switch = tuple[str, str, str]
 """Name, style, and the keys of the curves that it turns on and off, parted by |."""
@@ -38,17 +49,7 @@ Legend = tuple[tuple[str, tuple[Switch, ...]], ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curve:
-    """One curve.
-
-    Attributes
-    ----------
-    key
-        Of its values in `series`, and in the page; once in a chart.
-    name
-        As the legend and the reading at the pointer have it.
-    style
-        Class of the style sheet.
-    """
+    """One curve; its `key` in `series` and the page is unique in a chart, `style` a CSS class."""
 
     key: str
     name: str
@@ -79,22 +80,10 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One pair of axes.
+    """One pair of axes; without a title it stands close to the one above.
 
-    Attributes
-    ----------
-    title
-        With its unit; a panel without one stands close to the one above.
-    note
-        At the right of the title.
-    height, count
-        In pixels; and about how many ticks.
-    log
-        Whether the values are powers of ten.
-    rows
-        Names of strips in place of a vertical axis; curves are then only read at the pointer.
-    missing
-        Why there is nothing to draw.
+    With `log` the values are powers of ten; with `rows`, names of strips in place of a vertical
+    axis, curves are only read at the pointer; `missing` says why there is nothing to draw.
     """
 
     title: str
@@ -117,17 +106,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """What all panels share.
-
-    Attributes
-    ----------
-    ends
-        Of the drawing; powers of ten where `log`.
-    name, unit
-        Beneath it; and behind the number at the pointer.
-    least
-        What zooming ends at.
-    """
+    """The common axis: its ends (powers of ten where `log`), and `least`, at which zooming ends."""
 
     ends: tuple[float, float]
     name: str
@@ -152,8 +131,14 @@ class Chart:
             yield from panel.curves
 
 
+def time_axis(start: float, end: float) -> Axis:
+    """Lay out an axis of time since the log's first sample [s]."""
+    name = "time since the log's first sample [s]"
+    return Axis(ends=(start, end), name=name, unit="s", least=LEAST_SECONDS)
+
+
 def chart_data(chart: Chart) -> dict[str, object]:
-    """Return what a page needs to redraw a chart: clocks, and 16-bit values by curve."""
+    """Encode what a page needs to redraw a chart: clocks, and 16-bit values by curve."""
     clocks: dict[int, Series] = {id(curve.series.time): curve.series for curve in chart.curves}
     index = {key: i for i, key in enumerate(clocks)}
     axis = chart.axis
@@ -173,7 +158,7 @@ def chart_data(chart: Chart) -> dict[str, object]:
 
 
 def chart_svg(chart: Chart) -> str:
-    """Return the drawing."""
+    """Draw the panels above their common axis."""
     parts: list[str] = []
     top = 0.0
     for i, panel in enumerate(chart.panels):
@@ -193,7 +178,7 @@ def chart_svg(chart: Chart) -> str:
 
 
 def _panel(panel: Panel, axis: Axis, top: float) -> str:
-    """Return one pair of axes with its curves, in a clipping frame of its own."""
+    """Draw one pair of axes with its curves, in a clipping frame of its own."""
     head = [label(panel.title, {"class": "panel-title", "x": LEFT, "y": top + 16})]
     if panel.note:
         place: dict[str, str | float] = {"x": WIDTH - RIGHT, "y": top + 16}
@@ -229,7 +214,7 @@ def _panel(panel: Panel, axis: Axis, top: float) -> str:
 
 
 def span_of(panel: Panel) -> tuple[float, float]:
-    """Return the ends of a panel's axis: the values, with a little room."""
+    """Choose the ends of a panel's axis: the values, with a little room."""
     if panel.span is not None:
         return panel.span
     values = [curve.series.values[curve.key] for curve in panel.curves]
@@ -248,13 +233,8 @@ def _x(value: float, axis: Axis) -> float:
 
 
 def _curve(curve: Curve, panel: Panel, axis: Axis) -> str:
-    d = path_of(
-        curve.series,
-        curve.key,
-        size=(PLOT, panel.height),
-        span=span_of(panel),
-        ends=axis.ends,
-    )
+    size = (PLOT, panel.height)
+    d = path_of(curve.series, curve.key, size=size, span=span_of(panel), ends=axis.ends)
     return tag("path", {"class": f"curve {curve.style}", "data-key": curve.key, "d": d})
 
 
@@ -275,7 +255,7 @@ def _span(span: Span, panel: Panel, axis: Axis) -> str:
 
 
 def _lines(panel: Panel, axis: Axis) -> list[str]:
-    """Return the lines, and the labels of lines and spans in rows that do not overlap."""
+    """Draw lines, and the labels of lines and spans in rows that do not overlap."""
     named = [Line(at=s.start, style=s.style, label=s.label) for s in panel.spans if s.label]
     parts: list[str] = []
     free: list[float] = []
@@ -303,35 +283,32 @@ def _y_ticks(panel: Panel, top: float) -> list[str]:
             for i, name in enumerate(panel.rows)
         ]
     span = span_of(panel)
+    few = np.floor(span[1]) - np.ceil(span[0]) < 1
+    marks = (
+        _decades(span, (1, 2, 5) if few else (1,))
+        if panel.log
+        else labelled_ticks(*span, panel.count)
+    )
     parts: list[str] = []
-    for value, words in _decades(span) if panel.log else _plain_ticks(span, panel.count):
+    for value, words in marks:
         y = top + (span[1] - value) / (span[1] - span[0]) * panel.height
         parts.append(tag("path", {"class": "grid", "d": f"M{LEFT} {y:.2f}H{WIDTH - RIGHT}"}))
         parts.append(label(words, {"class": "tick right", "x": LEFT - 7, "y": y + 4}))
     return parts
 
 
-def _plain_ticks(span: tuple[float, float], count: int) -> list[tuple[float, str]]:
-    values = ticks(*span, count)
-    step = values[1] - values[0] if len(values) > 1 else 1.0
-    return [(value, tick_label(value, step)) for value in values]
+def _decades(ends: tuple[float, float], factors: Sequence[int]) -> list[tuple[float, str]]:
+    """Choose multiples of the powers of ten between two ends, which are logarithms."""
+    marks = [
+        (power + float(np.log10(factor)), power_label(factor, power))
+        for power in range(int(np.floor(ends[0])), int(np.ceil(ends[1])) + 1)
+        for factor in factors
+    ]
+    return [(value, words) for value, words in marks if ends[0] <= value <= ends[1]]
 
 
-def _decades(span: tuple[float, float]) -> list[tuple[float, str]]:
-    """Return whole powers of ten, with 2 and 5 between where there are few."""
-    first, last = int(np.ceil(span[0])), int(np.floor(span[1]))
-    between = (1, 2, 5) if last - first < 1 else (1,)
-    found: list[tuple[float, str]] = []
-    for power in range(first - 1, last + 1):
-        for factor in between:
-            value = power + float(np.log10(factor))
-            if span[0] <= value <= span[1]:
-                found.append((value, power_words(factor, power)))
-    return found
-
-
-def power_words(factor: int, power: int) -> str:
-    """Return a number of a logarithmic axis: plain where short, else a power of ten."""
+def power_label(factor: int, power: int) -> str:
+    """Write a number of a logarithmic axis: plain where short, else a power of ten."""
     if -3 <= power <= 3:
         return f"{factor * 10.0**power:g}"
     digits = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
@@ -341,7 +318,7 @@ def power_words(factor: int, power: int) -> str:
 def _x_axis(axis: Axis, height: float) -> str:
     low, high = axis.ends
     if axis.log:
-        marks = _log_marks(axis.ends)
+        marks = _decades(axis.ends, (1, 2, 5))
     else:
         step = nice_step(high - low, 8)
         marks = [(v, tick_label(v, step)) for v in ticks(low, high, 8)]
@@ -358,18 +335,8 @@ def _x_axis(axis: Axis, height: float) -> str:
     )
 
 
-def _log_marks(ends: tuple[float, float]) -> list[tuple[float, str]]:
-    first, last = int(np.floor(ends[0])), int(np.ceil(ends[1]))
-    marks = [
-        (power + float(np.log10(factor)), power_words(factor, power))
-        for power in range(first, last + 1)
-        for factor in (1, 2, 5)
-    ]
-    return [(v, w) for v, w in marks if ends[0] <= v <= ends[1]]
-
-
 def logarithms(series: Series) -> Series:
-    """Return values as powers of ten, what is far below the largest one cut off."""
+    """Convert values to powers of ten, what is far below the largest one cut off."""
     values: dict[str, np.ndarray] = {}
     for key, v in series.values.items():
         largest = max(float(v.max(initial=0.0)), 1e-30)
@@ -378,9 +345,51 @@ def logarithms(series: Series) -> Series:
 
 
 def legend_of(panels: Sequence[Panel]) -> Legend:
-    """Return the switches of all curves, panel by panel."""
+    """Collect the switches of all curves, panel by panel."""
     return tuple(
         (panel.title.split(" [")[0], tuple((c.name, c.style, c.key) for c in panel.curves))
         for panel in panels
         if panel.curves and not panel.rows
     )
+
+
+def path_of(
+    series: Series,
+    key: str,
+    *,
+    size: tuple[float, float],
+    span: tuple[float, float],
+    ends: tuple[float, float] | None = None,
+    columns: int = 720,
+) -> str:
+    """Draw a series as SVG path data of so many columns, broken at cuts; `ends` of its axis."""
+    if not len(series.time):
+        return ""
+    starts = column_starts(series, columns)
+    t0, t1 = ends or (float(series.time[0]), float(series.time[-1]))
+    # The second extreme stands half a column on: a smooth curve must not become a staircase.
+    places = series.time[np.stack([starts, middles(starts, len(series.time))], 1)]
+    x = (places - t0) / max(t1 - t0, 1e-9) * size[0]
+    pairs = extremes(series.values[key], starts)
+    y = (span[1] - pairs) / max(span[1] - span[0], 1e-12) * size[1]
+    broken = np.concatenate(
+        [[True], series.time[starts[1:]] - series.time[starts[1:] - 1] > series.gap]
+    )
+    parts: list[str] = []
+    for (x0, x1), (y0, y1), new in zip(x.tolist(), y.tolist(), broken.tolist(), strict=True):
+        parts.append(f"{'M' if new else 'L'}{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}")
+    return "".join(parts)
+
+
+def encoded(values: Float[np.ndarray, " n"]) -> dict[str, float | str]:
+    """Encode values as 16-bit integers in base64: value = low + (integer + 32768) step."""
+    low = float(values.min()) if len(values) else 0.0
+    step = (float(values.max()) - low) / 65535.0 if len(values) else 0.0
+    integers = np.zeros(len(values)) if step <= 0 else np.rint((values - low) / step)
+    data = (integers - 32768).astype("<i2").tobytes()
+    return {"low": low, "step": step, "data": base64.b64encode(data).decode()}
+
+
+def encoded_time(time: Float[np.ndarray, " n"]) -> str:
+    """Encode times as 32-bit floats in base64."""
+    return base64.b64encode(time.astype("<f4").tobytes()).decode()

@@ -58,7 +58,7 @@ class CorrelationSection:
 
 
 def correlation_section(result: IdentificationResult) -> CorrelationSection:
-    """Return the correlations of a result as a map and in words."""
+    """Describe the correlations of a result by a map and by phrases."""
     names = [name.replace("@", " ") for name in result.covariance_names]
     matrix = correlation(result.covariance)
     return CorrelationSection(
@@ -71,7 +71,7 @@ def correlation_section(result: IdentificationResult) -> CorrelationSection:
 
 
 def correlation(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return the correlations; 0 where there is no variance to speak of."""
+    """Normalise a covariance; 0 where there is no variance to speak of."""
     with np.errstate(invalid="ignore", divide="ignore"):
         std = np.sqrt(np.diag(covariance))
         scaled = covariance / np.outer(std, std)
@@ -81,9 +81,9 @@ def correlation(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"
 
 
 def _pairs(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Pair, ...]:
-    """Return the strong pairs, strongest first."""
+    """Select the strong pairs, strongest first."""
     found = [
-        Pair(first=a, second=b, value=float(matrix[i, j]), words=_pair_words(float(matrix[i, j])))
+        Pair(first=a, second=b, value=float(matrix[i, j]), words=_pair_phrase(float(matrix[i, j])))
         for i, a in enumerate(names)
         for j, b in enumerate(names[:i])
         if abs(matrix[i, j]) >= STRONG
@@ -91,7 +91,7 @@ def _pairs(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Pair, ..
     return tuple(sorted(found, key=lambda pair: -abs(pair.value))[:8])
 
 
-def _pair_words(value: float) -> str:
+def _pair_phrase(value: float) -> str:
     together = "an error in one goes with an error of the same sign in the other"
     against = "an error in one is made up by an error of the opposite sign in the other"
     # Knowing one would leave sqrt(1 - r^2) of the other's uncertainty.
@@ -103,10 +103,7 @@ def _pair_words(value: float) -> str:
 
 
 def _directions(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Direction, ...]:
-    """Return the combinations in which the scaled uncertainty gathers: twice their share or more.
-
-    Each parameter is measured in its own standard deviations.
-    """
+    """Find combinations in which the scaled uncertainty gathers: twice their share or more."""
     if len(names) < 3:
         return ()
     values, vectors = np.linalg.eigh(matrix)
@@ -135,7 +132,7 @@ def _excitations(result: IdentificationResult) -> tuple[Excitation, ...]:
 
 
 def _conditions(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
-    """Return the condition numbers, and how good that of rotors and bodies is."""
+    """List the condition numbers, and how good that of rotors and bodies is."""
     found: list[tuple[str, str]] = []
     for name, value in result.diagnostics.items():
         if name.startswith("condition") and math.isfinite(value):
@@ -147,7 +144,7 @@ def _conditions(result: IdentificationResult) -> tuple[tuple[str, str], ...]:
 
 
 def heat_map(names: list[str], matrix: Float[np.ndarray, "p p"]) -> str:
-    """Return the lower triangle of the correlations as coloured squares with their numbers."""
+    """Draw the lower triangle of the correlations as coloured squares with their numbers."""
     n = len(names)
     cells: list[str] = []
     for i in range(n):
@@ -182,7 +179,7 @@ def _cell(names: list[str], matrix: Float[np.ndarray, "p p"], i: int, j: int) ->
 
 
 def _colour(value: float) -> str:
-    """Return white at 0, towards blue for +1 and orange for -1."""
+    """Blend white at 0 towards blue for +1 and orange for -1."""
     end = BLUE if value > 0 else ORANGE
     share = abs(value)
     r, g, b = (round(246 + (c - 246) * share) for c in end)

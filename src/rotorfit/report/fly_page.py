@@ -1,20 +1,70 @@
-"""What `rotorfit fly` found, as one self-contained HTML page and as drawings."""
+"""What `rotorfit fly` found as one page: replay over time, growing errors, manoeuvres."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
 
 from rotorfit.logs.files import file_name, write_whole
-from rotorfit.report.figures import write_drawings
-from rotorfit.report.fly_figures import fly_drawings, kind_of
-from rotorfit.report.fly_text import force_rows, headline, manoeuvre_words, rate_rows, verdicts
-from rotorfit.report.page_templates import page_style, page_template, template_text
-from rotorfit.report.svg import clean, standalone
-from rotorfit.validation.fly_outcome import AXES, FlyOutcome, told_times
+from rotorfit.report.fly_text import force_rows, headline, manoeuvre_summary, rate_rows, verdicts
+from rotorfit.report.pages import render_page, template_text, write_drawings
+from rotorfit.report.svg import drawing, label, labelled_ticks, standalone, tag
+from rotorfit.validation.fly_outcome import AXES, IDENTIFIED, FlyOutcome, told_times
+from rotorfit.validation.model_flight import MANOEUVRES, Manoeuvre
+from rotorfit.validation.replay import (
+    HOLD,
+    NORMAL_95,
+    Replay,
+    band_growth,
+    error_growth,
+    growth_time,
+)
+
+WIDTH: Final = 920.0
+LEFT, RIGHT, TITLE, BELOW = 52.0, 10.0, 24.0, 34.0
+SHOWN_SECONDS: Final = 8.0
+"""Of a flight in the drawing over time: its liveliest stretch of this length."""
+KINDS: Final = ("own", "other-0", "other-1", "other-2")
+TITLES: Final[Mapping[Manoeuvre, str]] = {
+    "hover": "Height in hover [m]",
+    "roll": "Roll angle [rad]",
+    "pitch": "Pitch angle [rad]",
+    "yaw rate": "Yaw rate [rad/s]",
+}
+Points = Float[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """A curve of one or several pieces: NaN in its values breaks it."""
+
+    kind: str
+    x: Points
+    y: Points
+
+
+Band = tuple[tuple[Points, Points, Points], ...]
+"""An area between two curves, in pieces of time, low and high."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """One pair of axes."""
+
+    title: str
+    x_name: str
+    curves: tuple[Curve, ...]
+    band: Band = ()
 
 
 def fly_html(outcome: FlyOutcome) -> str:
-    """Return the page."""
-    page = page_template("fly.html")
-    html = page.render(
+    """Write the page."""
+    return render_page(
+        "fly",
+        *("page", "figure", "fly", "dark"),
         outcome=outcome,
         headline=headline(outcome),
         times=told_times(outcome),
@@ -24,26 +74,228 @@ def fly_html(outcome: FlyOutcome) -> str:
         verdicts=verdicts(outcome),
         legend=[(name, kind_of(outcome.labels, name)) for name in outcome.labels],
         names=[file_name(replay.flight) for replay in outcome.replays],
-        manoeuvres=[(name, manoeuvre_words(outcome, name)) for name in outcome.manoeuvres],
+        manoeuvres=[(name, manoeuvre_summary(outcome, name)) for name in outcome.manoeuvres],
         drawings=fly_drawings(outcome),
-        style=page_style("fly"),
     )
-    return clean(html)
 
 
 def write_fly_page(path: Path, outcome: FlyOutcome, *, force: bool = False) -> None:
-    """Write the page, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        If the file exists and `force` is false, or cannot be written.
-    """
+    """Write the page into a file, whole or not at all."""
     write_whole(path, fly_html(outcome), force=force)
 
 
 def write_fly_figures(folder: Path, outcome: FlyOutcome, *, force: bool = False) -> list[Path]:
-    """Write each drawing as a file, as `rotorfit.report.figures.write_drawings` does."""
+    """Write each drawing as a file, all or none."""
     style = template_text("figure.css") + template_text("fly.css")
     drawings = {name: standalone(svg, style) for name, svg in fly_drawings(outcome).items()}
     return write_drawings(folder, drawings, force=force)
+
+
+def fly_drawings(outcome: FlyOutcome) -> dict[str, str]:
+    """Draw everything as inline SVG, by name."""
+    out = {
+        f"replay-{i}": replay_svg(replay, outcome.labels)
+        for i, replay in enumerate(outcome.replays, 1)
+    }
+    out["replay-errors"] = growth_svg(outcome)
+    return out | {"manoeuvres": manoeuvre_svg(outcome)} if outcome.manoeuvres else out
+
+
+def kind_of(labels: Sequence[str], name: str) -> str:
+    """Select the style of a label's curves."""
+    return KINDS[min(labels.index(name), len(KINDS) - 1)]
+
+
+def replay_svg(replay: Replay, labels: Sequence[str]) -> str:
+    """Draw the rates of the liveliest stretch of a flight, flown and predicted in windows."""
+    chosen = _liveliest(replay)
+    panels = [
+        Panel(
+            title=f"{axis.capitalize()} rate [rad/s]",
+            x_name="time since the log's first sample [s]",
+            curves=_rate_curves(replay, labels, chosen, i),
+            band=_rate_band(replay, chosen, i),
+        )
+        for i, axis in enumerate(AXES)
+    ]
+    return _figure(panels, 1, 120.0, f"Rates flown and predicted, {file_name(replay.flight)}")
+
+
+def growth_svg(outcome: FlyOutcome) -> str:
+    """Draw how the error of the rates grows after the start of a window."""
+    t = growth_time(outcome.replays)
+    errors = {name: error_growth(outcome.replays, name) for name in (*outcome.labels, HOLD)}
+    band = band_growth(outcome.replays, IDENTIFIED)
+    panels = [
+        Panel(
+            title=f"{axis.capitalize()}: rms error [rad/s]",
+            x_name="time since a window's start [s]",
+            curves=(
+                Curve(kind="hold", x=t, y=errors[HOLD][:, i]),
+                *(
+                    Curve(kind=kind_of(outcome.labels, name), x=t, y=errors[name][:, i])
+                    for name in reversed(outcome.labels)
+                ),
+            ),
+            band=((t, np.zeros_like(t), band[:, i]),) if outcome.draws else (),
+        )
+        for i, axis in enumerate(AXES)
+    ]
+    return _figure(panels, 3, 170.0, "Growth of the error of the rates in a window")
+
+
+def manoeuvre_svg(outcome: FlyOutcome) -> str:
+    """Draw hover and steps of the model, asked and flown."""
+    panels: list[Panel] = []
+    for i, name in enumerate(MANOEUVRES):
+        flights = {label: flown[i] for label, flown in outcome.manoeuvres.items()}
+        first = flights[outcome.labels[0]]
+        curves = [Curve(kind="asked", x=first.time, y=first.asked)]
+        curves += [
+            Curve(kind=kind_of(outcome.labels, key), x=f.time, y=f.flown)
+            for key, f in reversed(flights.items())
+        ]
+        panels.append(Panel(title=TITLES[name], x_name="time [s]", curves=tuple(curves)))
+    return _figure(panels, 2, 150.0, "Hover and steps of the model in MuJoCo")
+
+
+def _liveliest(replay: Replay) -> list[int]:
+    """Select the windows of the stretch in which the rates are largest."""
+    starts = replay.time[:, 0]
+    power = (replay.rates**2).mean(axis=(1, 2))
+    within = (starts >= starts[:, None]) & (starts < starts[:, None] + SHOWN_SECONDS)
+    best = int(np.argmax(within @ power))
+    return np.flatnonzero(within[best]).tolist()
+
+
+def _rate_curves(
+    replay: Replay, labels: Sequence[str], windows: Sequence[int], axis: int
+) -> tuple[Curve, ...]:
+    x = _broken(replay.time[windows])
+    predicted = {p.label: p for p in replay.predicted}
+    curves = [
+        Curve(kind=kind_of(labels, name), x=x, y=_broken(predicted[name].rates[windows, :, axis]))
+        for name in reversed(labels)
+    ]
+    return (Curve(kind="flown", x=x, y=_broken(replay.rates[windows, :, axis])), *curves)
+
+
+def _rate_band(replay: Replay, windows: Sequence[int], axis: int) -> Band:
+    own = replay.predicted[0]
+    half = NORMAL_95 * own.rates_std[windows, :, axis]
+    if not half.any():
+        return ()
+    middle = own.rates[windows, :, axis]
+    return tuple(zip(replay.time[windows], middle - half, middle + half, strict=True))
+
+
+def _broken(values: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " m"]:
+    """Join rows one after the other, with a NaN between them."""
+    gap = np.full((len(values), 1), np.nan)
+    return np.concatenate([values, gap], axis=1).ravel()
+
+
+def _figure(panels: Sequence[Panel], columns: int, height: float, words: str) -> str:
+    width = WIDTH / columns
+    block = TITLE + height + BELOW
+    parts = [
+        _panel(panel, (i % columns * width, i // columns * block), (width, height))
+        for i, panel in enumerate(panels)
+    ]
+    total = -(-len(panels) // columns) * block
+    return drawing(WIDTH, total, {"class": "fly", "role": "img", "aria-label": words}, *parts)
+
+
+def _panel(panel: Panel, corner: tuple[float, float], size: tuple[float, float]) -> str:
+    left, top = corner[0] + LEFT, corner[1] + TITLE
+    width, height = size[0] - LEFT - RIGHT, size[1]
+    spans = _spans(panel)
+    frame = {"x": left, "y": top, "width": width, "height": height}
+    place = _Place(left=left, top=top, width=width, height=height, spans=spans)
+    middle = {"class": "axis-name middle", "x": left + width / 2, "y": top + height + 29}
+    return tag(
+        "g",
+        {"class": "panel"},
+        label(panel.title, {"class": "panel-title", "x": left, "y": corner[1] + 16}),
+        *_ticks(place),
+        *(tag("path", {"class": "band", "d": _area(piece, place)}) for piece in panel.band),
+        *(
+            tag("path", {"class": f"curve {curve.kind}", "d": _path(curve, place)})
+            for curve in panel.curves
+        ),
+        tag("rect", {"class": "frame", **frame}),
+        label(panel.x_name, middle),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    left: float
+    top: float
+    width: float
+    height: float
+    spans: tuple[tuple[float, float], tuple[float, float]]
+
+    def x(self, values: Points) -> Points:
+        low, high = self.spans[0]
+        return self.left + (values - low) / (high - low) * self.width
+
+    def y(self, values: Points) -> Points:
+        low, high = self.spans[1]
+        inside = np.clip(values, low, high)
+        return self.top + (high - inside) / (high - low) * self.height
+
+
+def _spans(panel: Panel) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Choose the ends of both axes; a curve far out does not flatten all others."""
+    x = np.concatenate([curve.x for curve in panel.curves])
+    sizes = [curve.y[np.isfinite(curve.y)] for curve in panel.curves]
+    reach = [float(np.ptp(y)) for y in sizes if len(y)]
+    kept = [y for y in sizes if len(y) and float(np.ptp(y)) <= 4.0 * float(np.median(reach)) + 1e-9]
+    y = np.concatenate(kept or [np.zeros(1)])
+    room = 0.06 * float(np.ptp(y)) or 0.5
+    x = x[np.isfinite(x)]
+    ends = float(x.min()), float(x.max())
+    return (ends if ends[1] > ends[0] else (ends[0], ends[0] + 1.0)), (
+        float(y.min()) - room,
+        float(y.max()) + room,
+    )
+
+
+def _ticks(place: _Place) -> list[str]:
+    parts: list[str] = []
+    right, bottom = place.left + place.width, place.top + place.height
+    for value, words in labelled_ticks(*place.spans[1], 5):
+        y = float(place.y(np.array(value)))
+        parts.append(tag("path", {"class": "grid", "d": f"M{place.left:.1f} {y:.1f}H{right:.1f}"}))
+        parts.append(label(words, {"class": "tick right", "x": place.left - 6, "y": y + 4}))
+    for value, words in labelled_ticks(*place.spans[0], max(round(place.width / 100), 3)):
+        x = float(place.x(np.array(value)))
+        parts.append(label(words, {"class": "tick middle", "x": x, "y": bottom + 14}))
+    return parts
+
+
+def _path(curve: Curve, place: _Place) -> str:
+    """Draw a curve as path data, broken at NaN, thinned to what can be seen."""
+    every = max(len(curve.x) // 4000, 1)
+    good = np.isfinite(curve.y)
+    keep = (np.arange(len(curve.x)) % every == 0) | ~good
+    parts: list[str] = []
+    pen = "M"
+    for x, y in zip(place.x(curve.x[keep]).tolist(), place.y(curve.y[keep]).tolist(), strict=True):
+        if not (np.isfinite(x) and np.isfinite(y)):
+            pen = "M"
+            continue
+        parts.append(f"{pen}{x:.1f} {y:.1f}")
+        pen = "L"
+    return "".join(parts)
+
+
+def _area(piece: tuple[Points, Points, Points], place: _Place) -> str:
+    t, low, high = piece
+    every = slice(None, None, max(len(t) // 60, 1))
+    x = place.x(t[every]).tolist()
+    up, down = place.y(high[every]).tolist(), place.y(low[every]).tolist()
+    there = "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x, up, strict=True))
+    back = "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(reversed(x), reversed(down), strict=True))
+    return f"M{there}L{back}Z"

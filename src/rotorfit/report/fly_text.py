@@ -38,7 +38,7 @@ FORCE_HELD = "first mean held"
 
 
 def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
-    """Return replay, manoeuvres and what to know as plain text, lines of that width."""
+    """Write replay, manoeuvres and notes as plain text, lines of that width."""
     lines = [
         *_wrapped(headline(outcome), width, "", ""),
         "",
@@ -67,13 +67,13 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
 
 
 def _manoeuvre_lines(outcome: FlyOutcome) -> list[str]:
-    """Return a line a manoeuvre, a column a set of parameters."""
+    """Tabulate a line a manoeuvre, a column a set of parameters."""
     if not outcome.manoeuvres:
         return []
     rows = [("", list(outcome.labels))]
-    rows.append(("hover", [hover_words(outcome, label) for label in outcome.labels]))
+    rows.append(("hover", [hover_summary(outcome, label) for label in outcome.labels]))
     rows += [
-        (step_name(n), [step_words(manoeuvre_of(outcome, label, n)) for label in outcome.labels])
+        (step_name(n), [step_summary(manoeuvre_of(outcome, label, n)) for label in outcome.labels])
         for n in STEPS
     ]
     width = max(len(name) for name, _ in rows)
@@ -91,7 +91,7 @@ def _wrapped(text: str, width: int, first: str, later: str) -> list[str]:
 
 
 def headline(outcome: FlyOutcome) -> str:
-    """Return what was flown, in one sentence."""
+    """Summarise what was flown, in one sentence."""
     flights = ", ".join(file_name(replay.flight) for replay in outcome.replays)
     return (
         f"{outcome.name}, configuration {outcome.configuration}: {outcome.windows} windows of "
@@ -100,7 +100,7 @@ def headline(outcome: FlyOutcome) -> str:
 
 
 def rate_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
-    """Return the errors of the rates: each label, then the rate held, then the band."""
+    """Tabulate the errors of the rates: each label, then the rate held, then the band."""
     times = told_times(outcome)
     rows = [
         (label, [x for t in times for x in rate_errors(outcome, label, t).tolist()])
@@ -112,13 +112,13 @@ def rate_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
 
 
 def force_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
-    """Return the errors of the specific force: each label, then the first mean held."""
+    """Tabulate the errors of the specific force: each label, then the first mean held."""
     rows = [(label, force_errors(outcome.replays, label).tolist()) for label in outcome.labels]
     return [*rows, (FORCE_HELD, force_errors(outcome.replays, HOLD).tolist())]
 
 
 def verdicts(outcome: FlyOutcome) -> list[str]:
-    """Return how the identified parameters stand to the others at the end of a window."""
+    """Compare the identified parameters with the others at the end of a window."""
     end = told_times(outcome)[-1]
     return [
         f"against {label}, after {end:.3g} s: "
@@ -131,7 +131,7 @@ def verdicts(outcome: FlyOutcome) -> list[str]:
 
 
 def meaning(outcome: FlyOutcome) -> list[str]:
-    """Return what the errors mean for who uses the model, in sentences."""
+    """Explain what the errors mean for who uses the model."""
     end = told_times(outcome)[-1]
     seconds, steady = horizon(outcome, GOOD_SHARE).tolist(), steady_share(outcome).tolist()
     held = ratio_to(outcome, HOLD, end).tolist()
@@ -168,26 +168,26 @@ def _stand(axis: str, ratio: float) -> str:
     return f"{axis} {word} (error x {ratio:.2f})"
 
 
-def manoeuvre_words(outcome: FlyOutcome, label: str) -> str:
-    """Return how hover and steps went, in one line."""
-    parts = [f"hover {hover_words(outcome, label)}"]
-    parts += [f"{step_name(n)} {step_words(manoeuvre_of(outcome, label, n))}" for n in STEPS]
+def manoeuvre_summary(outcome: FlyOutcome, label: str) -> str:
+    """Summarise how hover and steps went, in one line."""
+    parts = [f"hover {hover_summary(outcome, label)}"]
+    parts += [f"{step_name(n)} {step_summary(manoeuvre_of(outcome, label, n))}" for n in STEPS]
     return "; ".join(parts)
 
 
-def hover_words(outcome: FlyOutcome, label: str) -> str:
-    """Return how well the height was held."""
+def hover_summary(outcome: FlyOutcome, label: str) -> str:
+    """Summarise how well the height was held."""
     hover = manoeuvre_of(outcome, label, "hover")
     return "lost" if is_lost(hover) else f"to {departure(hover):.3f} m"
 
 
 def step_name(name: Manoeuvre) -> str:
-    """Return a step with its size."""
+    """Name a step with its size."""
     return f"{name} {STEP[name]:g} {'rad/s' if name == 'yaw rate' else 'rad'}"
 
 
-def step_words(flight: ModelFlight) -> str:
-    """Return how one step went: when it stays within a tenth, and how far it went beyond."""
+def step_summary(flight: ModelFlight) -> str:
+    """Summarise a step: when it stays within a tenth, and how far it went beyond."""
     if is_lost(flight):
         return "lost"
     settled = settling_time(flight)

@@ -96,12 +96,12 @@ def _digits(number: Number) -> str:
 
 
 def _unit(unit: str) -> str:
-    """Return a unit upright, powers raised: ``N s^2/rad^2``."""
+    """Write a unit upright, powers raised: ``N s^2/rad^2``."""
     plain = "" if unit == "1" else unit
     return f"$\\mathrm{{{plain.replace(' ', chr(92) + ',')}}}$" if plain else ""
 
 
 def _escaped(words: str) -> str:
-    """Return a name as LaTeX prints it."""
+    """Escape a name for LaTeX."""
     special = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
     return "".join(special.get(c, f"\\{c}" if c in "&%$#_{}" else c) for c in words)

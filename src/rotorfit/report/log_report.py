@@ -37,7 +37,7 @@ WIDTH: Final = 100
 
 
 def plain(report: LogReport) -> dict[str, Any]:
-    """Return a report as JSON can hold it."""
+    """Convert a report to what JSON can hold."""
     found = asdict(replace(report, pictures=None))
     del found["pictures"]
     found["peaks"] = {s.channel: [asdict(p) for p in s.peaks] for s in _spectra(report)}
@@ -47,7 +47,7 @@ def plain(report: LogReport) -> dict[str, Any]:
 
 
 def report_text(report: LogReport, *, width: int = WIDTH) -> str:
-    """Return a report as one screen, its lines no longer than `width` where words can be parted."""
+    """Write a report as one screen, wrapped at `width` where words can be parted."""
     title = f"{report.file}: {report.format}, log {report.log}, {report.seconds:.1f} s"
     head = (
         f"  {'channel':<12}{'columns':>8}{'samples':>9}{'rate':>10}{'gaps':>6}  {'unit':<6} source"
@@ -55,7 +55,7 @@ def report_text(report: LogReport, *, width: int = WIDTH) -> str:
     lines = [title, "", head]
     lines += [line for channel in report.channels for line in _channel_lines(channel, width)]
     facts = [name for name in ("Craft name", "Firmware revision") if name in report.metadata]
-    notes = [f"airborne: {spans_words(report.airborne)}"]
+    notes = [f"airborne: {spans_phrase(report.airborne)}"]
     notes += [*(f"{name}: {report.metadata[name]}" for name in facts), *report.notes]
     lines += ["", *(line for note in notes for line in _wrapped(note, width, "  ", "    "))]
     for title, words in sections(report):
@@ -65,28 +65,28 @@ def report_text(report: LogReport, *, width: int = WIDTH) -> str:
 
 
 def sections(report: LogReport) -> list[tuple[str, list[str]]]:
-    """Return the headed lists of a report that are not empty."""
+    """Collect the headed lists of a report that are not empty."""
     found = [
-        ("Recording", recording_words(report)),
-        ("Flight", flight_words(report)),
+        ("Recording", recording_messages(report)),
+        ("Flight", flight_messages(report)),
         (
             "What this flight shows" if report.verdicts else "What this flight can show",
             # Verdicts are what the prospects only foresee.
-            [*(report.verdicts or prospect_words(report.prospects)), *report.not_judged],
+            [*(report.verdicts or prospect_messages(report.prospects)), *report.not_judged],
         ),
         (KNOW, list(report.trouble)),
-        ("Settings to change", setting_words(report)),
+        ("Settings to change", setting_messages(report)),
     ]
     return [(title, words) for title, words in found if words]
 
 
-def recording_words(report: LogReport) -> list[str]:
-    """Return what is to be said of the samples as they were recorded."""
-    words = [text for channel in report.channels for text in _channel_words(channel)]
+def recording_messages(report: LogReport) -> list[str]:
+    """Report on the samples as they were recorded."""
+    words = [text for channel in report.channels for text in _channel_messages(channel)]
     return [*words, *report.filters]
 
 
-def _channel_words(c: ChannelReport) -> list[str]:
+def _channel_messages(c: ChannelReport) -> list[str]:
     words: list[str] = []
     if c.name in USED and c.true_rate < SLOWED * c.rate:
         words.append(
@@ -114,8 +114,8 @@ def _channel_words(c: ChannelReport) -> list[str]:
     return words
 
 
-def flight_words(report: LogReport) -> list[str]:
-    """Return what is to be said of the airborne part."""
+def flight_messages(report: LogReport) -> list[str]:
+    """Report on the airborne part."""
     words: list[str] = []
     if report.vibration:
         levels = ", ".join(
@@ -124,10 +124,10 @@ def flight_words(report: LogReport) -> list[str]:
         worst = max(v.level for v in report.vibration)
         verdict = next(name for level, name in SHAKES if worst >= level)
         words.append(f"vibration {levels}: {verdict}")
-    words += peak_words(report)
-    words += sweep_words(report.sweeps)
-    words += lateness_words(report)
-    words += [*telemetry_words(report.telemetry), *gravity_words(report.gravity)]
+    words += peak_messages(report)
+    words += sweep_messages(report.sweeps)
+    words += lateness_messages(report)
+    words += [*telemetry_messages(report.telemetry), *gravity_messages(report.gravity)]
     if report.prospects is not None and report.prospects.motors is not None:
         words.append(
             f"the motors turn the vehicle as those of {report.prospects.motors}: this shows order "
@@ -136,22 +136,22 @@ def flight_words(report: LogReport) -> list[str]:
     return words
 
 
-def peak_words(report: LogReport) -> list[str]:
-    """Return where vibration is strongest, and whether the rotors make it."""
-    said = [
+def peak_messages(report: LogReport) -> list[str]:
+    """Report where vibration is strongest, and whether the rotors make it."""
+    parts = [
         f"{spectrum.channel} {'; '.join(peak.words for peak in spectrum.peaks)}"
         for spectrum in _spectra(report)
         if spectrum.airborne and spectrum.peaks
     ]
-    return [f"peaks of vibration: {', '.join(said)}"] if said else []
+    return [f"peaks of vibration: {', '.join(parts)}"] if parts else []
 
 
 def _spectra(report: LogReport) -> tuple[Spectrum, ...]:
     return () if report.pictures is None else report.pictures.spectra
 
 
-def sweep_words(sweeps: Sequence[Sweep]) -> list[str]:
-    """Return which axes an autopilot swept, and which are still to be."""
+def sweep_messages(sweeps: Sequence[Sweep]) -> list[str]:
+    """Report which axes an autopilot swept, and which are still to be."""
     if not sweeps:
         return []
     flown = {sweep.axis for sweep in sweeps}
@@ -161,8 +161,8 @@ def sweep_words(sweeps: Sequence[Sweep]) -> list[str]:
     return [f"{words}; sweep {' and '.join(missing)}, too" if missing else words]
 
 
-def lateness_words(report: LogReport) -> list[str]:
-    """Return how far motor data and motion are apart, and what to do where that is too far."""
+def lateness_messages(report: LogReport) -> list[str]:
+    """Report the delay between motor data and motion, and the cure where it is too long."""
     late = report.motor_lateness
     if late is None or abs(late) <= LEAST_LATE:
         return []
@@ -189,47 +189,46 @@ def lateness_words(report: LogReport) -> list[str]:
     return [words]
 
 
-def telemetry_words(found: Telemetry | None) -> list[str]:
-    """Return how the measured rotor speeds go with the commands, where they do."""
+def telemetry_messages(found: Telemetry | None) -> list[str]:
+    """Report how the measured rotor speeds go with the commands, where they do."""
     if found is None or found.doubts:
         return []
-    told = [r.correlation for r in found.rotors if r.correlation is not None]
-    if not told or found.lateness is None:
+    correlations = [r.correlation for r in found.rotors if r.correlation is not None]
+    if not correlations or found.lateness is None:
         return ["motor commands and measured rotor speeds: too little in common to compare them"]
+    low, high = min(correlations), max(correlations)
     return [
-        f"each measured rotor speed follows its own command (correlation {min(told):.2f} to "
-        f"{max(told):.2f}, {1e3 * found.lateness:.0f} ms later)"
+        f"each measured rotor speed follows its own command (correlation {low:.2f} to {high:.2f}, "
+        f"{1e3 * found.lateness:.0f} ms later)"
         if all(r.state == "follows" for r in found.rotors)
         else "motor commands move too little to tell whether each measured rotor speed is its own "
-        f"(correlation {min(told):.2f} to {max(told):.2f})"
+        f"(correlation {low:.2f} to {high:.2f})"
     ]
 
 
-def gravity_words(found: GravitySeen | None) -> list[str]:
-    """Return what the accelerometer makes of gravity."""
+def gravity_messages(found: GravitySeen | None) -> list[str]:
+    """Report what the accelerometer makes of gravity."""
     if found is None:
         return []
     rest = [] if found.at_rest is None else [f"{found.at_rest:.3f} g at rest"]
+    margin = "" if found.in_flight_std is None else f" +- {1.96 * found.in_flight_std:.3f}"
     flight = (
-        []
-        if found.in_flight is None
-        else [f"{found.in_flight:.3f}{_plus_minus(found)} g on average in hover"]
+        [] if found.in_flight is None else [f"{found.in_flight:.3f}{margin} g on average in hover"]
     )
     return [f"the accelerometer reads {' and '.join([*rest, *flight])}"] if rest or flight else []
 
 
-def _plus_minus(found: GravitySeen) -> str:
-    return "" if found.in_flight_std is None else f" +- {1.96 * found.in_flight_std:.3f}"
-
-
-def prospect_words(found: Prospects | None) -> list[str]:
-    """Return in words which parameters the motion can show."""
+def prospect_messages(found: Prospects | None) -> list[str]:
+    """Report which parameters the motion can show."""
     if found is None:
         return []
-    return [_thrust_words(found), *(_axis_words(axis, found.thrust) for axis in found.excitation)]
+    return [
+        _thrust_message(found),
+        *(_axis_message(axis, found.thrust) for axis in found.excitation),
+    ]
 
 
-def _thrust_words(found: Prospects) -> str:
+def _thrust_message(found: Prospects) -> str:
     thrust = found.thrust
     change = 100.0 * thrust.change
     if change <= LEAST_CHANGE:
@@ -259,7 +258,7 @@ def _thrust_words(found: Prospects) -> str:
     )
 
 
-def _axis_words(axis: Excitation, thrust: Thrust) -> str:
+def _axis_message(axis: Excitation, thrust: Thrust) -> str:
     rho = f"over {MOST_SHOWN:.0f}" if axis.rho > MOST_SHOWN else short(axis.rho)
     what, others = WHAT[axis.axis]
     verdict = {
@@ -275,7 +274,7 @@ def _axis_words(axis: Excitation, thrust: Thrust) -> str:
 
 
 def _reason(axis: Excitation, thrust: Thrust) -> str:
-    """Return why the number of an axis is not found well."""
+    """Explain why the number of an axis is not found well."""
     if axis.rho < LEAST_EXCITATION:
         return (
             "noise and disturbances hide the motion"
@@ -288,12 +287,12 @@ def _reason(axis: Excitation, thrust: Thrust) -> str:
 
 
 def short(value: float) -> str:
-    """Return two digits of a number, without an exponent."""
+    """Write two digits of a number, without an exponent."""
     return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.2g}"
 
 
-def setting_words(report: LogReport) -> list[str]:
-    """Return the settings to change, and the file that holds them."""
+def setting_messages(report: LogReport) -> list[str]:
+    """List the settings to change, and the file that holds them."""
     if not report.settings:
         return []
     words = [
@@ -321,8 +320,8 @@ def _channel_lines(c: ChannelReport, width: int) -> list[str]:
     return _wrapped(c.source, width, start, " " * len(start)) or [start.rstrip()]
 
 
-def spans_words(spans: tuple[tuple[float, float], ...]) -> str:
-    """Return the airborne part in words."""
+def spans_phrase(spans: tuple[tuple[float, float], ...]) -> str:
+    """Describe the airborne part."""
     if not spans:
         # The autopilot's own account may well know of a flight.
         return "not found from motors and IMU; the reason is below"

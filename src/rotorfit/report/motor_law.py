@@ -15,7 +15,7 @@ from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.preprocessing.motors.thrust_curve import speeds
 from rotorfit.report.number_words import unit_words
 from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
-from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
+from rotorfit.results.command_law import CommandLaw, LawPoint
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison
 
@@ -56,7 +56,7 @@ class LawRow:
 class LawSection:
     """The law as the page shows it."""
 
-    told: bool
+    declared: bool
     formula: str
     rows: tuple[LawRow, ...]
     sentences: tuple[str, ...]
@@ -67,25 +67,33 @@ class LawSection:
 def law_section(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison] = ()
 ) -> LawSection | None:
-    """Return the section of a page; None where a result neither found a law nor was told one."""
+    """Describe the law for a page; None where a result neither found nor was given one."""
     law = result.command_law
     if law is None:
-        return _told_section(result, comparisons)
+        return _declared_section(result, comparisons)
     return LawSection(
-        told=False,
+        declared=False,
         formula=formula_of(law),
-        rows=tuple(_row(number) for number in law.numbers),
+        rows=tuple(
+            LawRow(
+                name=n.name,
+                title=NAMES.get(n.name, n.name),
+                number=number_of(n.value, n.interval),
+                unit=unit_words(n.unit),
+            )
+            for n in law.numbers
+        ),
         sentences=law_sentences(law),
         motors=motors_lines(law),
         picture=law_picture(law),
     )
 
 
-def _told_section(
+def _declared_section(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison]
 ) -> LawSection | None:
-    """Return the law of ``[motors]``, and where on it the compared flights were."""
-    law = _told_law(result)
+    """Describe the law of ``[motors]``, and where on it the compared flights were."""
+    law = _declared_law(result)
     if law is None:
         return None
     seen = [c.speeds for c in comparisons if c.speeds is not None]
@@ -104,7 +112,7 @@ def _told_section(
             f"{commands[0]:.2f} to {commands[1]:.2f}: there the law must hold"
         )
     return LawSection(
-        told=True,
+        declared=True,
         formula="",
         rows=(),
         sentences=tuple(sentences),
@@ -113,8 +121,8 @@ def _told_section(
     )
 
 
-def _told_law(result: IdentificationResult) -> SpeedLaw | None:
-    """Return the law of the settings; None where they hold none, or none that is read."""
+def _declared_law(result: IdentificationResult) -> SpeedLaw | None:
+    """Read the law of the settings; None where they hold none, or none that is read."""
     try:
         entry = experiment_of_settings(result.settings).motors.law
     except ExperimentError:
@@ -122,17 +130,8 @@ def _told_law(result: IdentificationResult) -> SpeedLaw | None:
     return None if entry is None else speed_law_of(entry)
 
 
-def _row(number: LawNumber) -> LawRow:
-    return LawRow(
-        name=number.name,
-        title=NAMES.get(number.name, number.name),
-        number=number_of(number.value, number.interval),
-        unit=unit_words(number.unit),
-    )
-
-
 def formula_of(law: CommandLaw) -> str:
-    """Return the law's equation, u being the command."""
+    """Write the law's equation, u being the command."""
     voltage = ""
     if law.nominal_voltage is not None:
         voltage = f" (V / {law.nominal_voltage:.4g} V)^voltage_exponent"
@@ -140,14 +139,14 @@ def formula_of(law: CommandLaw) -> str:
 
 
 def law_sentences(law: CommandLaw) -> tuple[str, ...]:
-    """Return how well the law holds, and where it was seen."""
+    """Describe how well the law holds, and where it was seen."""
     best = min(law.held_out.values(), default=float("nan"))
     others = [
         f"{name} {error / best:.2g} times"
         for name, error in sorted(law.held_out.items(), key=lambda item: item[1])
         if name != law.form
     ]
-    said = [
+    parts = [
         f"measured speeds are within {100.0 * law.relative_error:.2g} % of it (root mean square); "
         "other forms, by their error on stretches left out of the fit over this one's: "
         + ", ".join(others),
@@ -156,12 +155,12 @@ def law_sentences(law: CommandLaw) -> tuple[str, ...]:
     ]
     factors = [f"{i} {f:.3f}" for i, f in enumerate(law.rotor_factors, 1) if f is not None]
     if len(factors) > 1:
-        said.append(f"speed of each rotor over the mean at the same command: {', '.join(factors)}")
-    return tuple(said)
+        parts.append(f"speed of each rotor over the mean at the same command: {', '.join(factors)}")
+    return tuple(parts)
 
 
 def motors_lines(law: CommandLaw) -> tuple[str, ...]:
-    """Return the TOML of ``[motors]`` for flights of this vehicle without rotor speed."""
+    """Write the TOML of ``[motors]`` for flights of this vehicle without rotor speed."""
     if not law.motors:
         return ()
     lines = [f"{key} = {_toml(value)}" for key, value in law.motors.items()]
@@ -176,7 +175,7 @@ def _toml(value: object) -> str:
 
 
 def law_picture(law: CommandLaw) -> str:
-    """Return the curve over the measured speeds: medians, and bars that hold 90 % of them."""
+    """Draw the curve over the measured speeds: medians, and bars that hold 90 % of them."""
     return _picture(
         law.law, commands=law.commands, points=law.points, spread=2.0 * law.relative_error
     )
@@ -189,7 +188,7 @@ def _picture(
     points: Sequence[LawPoint] = (),
     spread: float = 0.0,
 ) -> str:
-    """Return a law, dashed where nobody flew, with a band of a share of it to either side."""
+    """Draw a law, dashed where nobody flew, with a band of a share of it to either side."""
     u = np.linspace(0.0, 1.0, CURVE_POINTS)
     speed = speeds(law, u)
     top = float(max((1.0 + spread) * speed.max(), *(point.high for point in points), 1.0))
@@ -207,15 +206,15 @@ def _picture(
 
     parts = [
         tag("rect", {"class": "frame", "x": LEFT, "y": TOP, "width": wide, "height": high}),
-        *_seen(commands, at),
+        *_flown_range(commands, at),
     ]
     if spread > 0.0:
         there, back = path(u, (1.0 + spread) * speed), path(u[::-1], (1.0 - spread) * speed[::-1])
         parts.append(tag("path", {"class": "spread", "d": f"M{there}L{back}Z"}))
     for value in values:
         x, y = at(0.0, value)
-        parts.append(tag("path", {"class": "grid", "d": f"M{x:.1f} {y:.1f}h{wide:.1f}"}))
         words = tick_label(value, values[1] - values[0])
+        parts.append(tag("path", {"class": "grid", "d": f"M{x:.1f} {y:.1f}h{wide:.1f}"}))
         parts.append(label(words, {"class": "tick right", "x": x - 6, "y": y + 4}))
     for value in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
         x, y = at(value, 0.0)
@@ -241,10 +240,10 @@ def _picture(
     return drawing(WIDTH, HEIGHT, shown, *parts)
 
 
-def _seen(
+def _flown_range(
     commands: tuple[float, float] | None, at: Callable[[float, float], tuple[float, float]]
 ) -> list[str]:
-    """Return the range of commands in flight as a shade."""
+    """Shade the range of commands in flight."""
     if commands is None:
         return []
     (x, y), (right, _) = at(commands[0], 0.0), at(commands[1], 0.0)

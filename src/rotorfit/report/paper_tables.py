@@ -1,25 +1,103 @@
-"""Section 4: Tables I, II and III of Six et al. 2020 beside ours."""
+"""Section 4: Tables I, II and III of Six, Briot, Erskine and Chriette, ICRA 2020, alongside ours.
+
+Identification of the Propeller Coefficients and Dynamic Parameters of a Hovering Quadrotor from
+Flight Data. Values in SI, each with %sigma (eq. 22), None where the table has none.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from rotorfit.formatting.digits import known
 from rotorfit.logs.files import file_name
 from rotorfit.report.number_words import title_of, unit_words
-from rotorfit.report.paper_numbers import (
-    ILLEGIBLE,
-    MASSES,
-    TABLE_1,
-    TABLE_2,
-    TABLE_2_MOCAP,
-    TABLE_3,
-    Entry,
-)
-from rotorfit.report.wrenches import error_words
+from rotorfit.report.wrenches import error_percent
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
+
+Entry = tuple[float, float | None]
+
+MASSES: Final = {"A": 1.285, "B": 1.452}
+"""Weighed [kg]."""
+
+TABLE_1: Final[dict[str, dict[str, Entry]]] = {
+    "A": {
+        "msx": (-4.32e-3, 2.70),
+        "msy": (-1.95e-3, 6.88),
+        "msz": (-6.16e-3, 4.55),
+        "Ixx": (1.69e-2, 1.52),
+        "Iyy": (1.76e-2, 1.45),
+        "kt": (3.46e-6, 0.05),
+    },
+    "B": {
+        "msx": (4.30e-2, 0.31),
+        "msy": (-2.01e-2, 0.80),
+        "msz": (-1.22e-2, 4.20),
+        "Ixx": (2.43e-2, 1.95),
+        "Iyy": (3.58e-2, 1.63),
+        "Izz": (4.75e-2, 7.36),
+        "kt": (3.65e-6, 0.04),
+        "kd": (5.40e-8, 7.68),
+    },
+}
+"""Each configuration alone, from the IMU."""
+
+TABLE_2: Final[dict[str, dict[str, Entry]]] = {
+    "A": {
+        "msx": (-4.54e-3, 3.35),
+        "msz": (-8.31e-3, 5.62),
+        "Ixx": (1.82e-2, 1.84),
+        "Iyy": (1.86e-2, 1.79),
+        "Izz": (2.88e-2, 4.90),
+        "kt": (3.63e-6, 0.03),
+        "kd": (5.11e-8, 3.84),
+    },
+    "B": {
+        "msx": (4.28e-2, 0.18),
+        "msy": (-1.99e-2, 0.47),
+        "msz": (-1.30e-2, 3.20),
+        "Ixx": (2.42e-2, 1.11),
+        "Iyy": (3.57e-2, 0.93),
+        "Izz": (4.76e-2, 3.71),
+        "kt": (3.63e-6, 0.03),
+        "kd": (5.11e-8, 3.84),
+    },
+}
+"""Both configurations in one estimate, from the IMU; kt and kd are shared."""
+
+TABLE_2_MOCAP: Final[dict[str, dict[str, Entry]]] = {
+    "A": {"Ixx": (1.88e-2, 3.49), "Iyy": (1.93e-2, 2.77), "kt": (3.68e-6, None)},
+    "B": {
+        "msx": (4.25e-2, None),
+        "msy": (-1.97e-2, None),
+        "msz": (-1.20e-2, None),
+        "Ixx": (2.42e-2, None),
+        "Iyy": (3.84e-2, None),
+        "kt": (3.68e-6, None),
+    },
+}
+"""The same from motion capture, as far as our copy gives it."""
+
+TABLE_3: Final[dict[str, dict[str, float]]] = {
+    "A alone, on A": {"Fz": 10.46, "Mx": 46.15, "My": 43.73},
+    "B alone, on B": {"Fz": 4.40, "Mx": 20.99, "My": 10.70, "Mz": 45.19},
+    "A and B together, on A": {"Fz": 8.47, "Mx": 47.07, "My": 42.96, "Mz": 68.13},
+}
+"""Relative error norms [%]."""
+
+ILLEGIBLE: Final = {
+    "Table I": (
+        "For A the paper dropped kd, Izz and the products of inertia as unessential (III-B)."
+    ),
+    "Table II": (
+        "The paper's standard deviations for motion capture, and some of its values, are not "
+        "legible in our copy; they are left out here, and so is what the table does not list (–)."
+    ),
+    "Table III": "The last row (A and B together, on B) is not legible in our copy.",
+}
+"""What is missing, and why."""
+
 
 ORDER = ("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "kt", "kd")
 
@@ -61,7 +139,7 @@ class PaperSection:
 
 
 def is_paper_vehicle(result: IdentificationResult) -> bool:
-    """Whether the paper's preset was used on configurations named and weighed as the paper's."""
+    """Test whether the paper's preset was used on configurations named and weighed as its own."""
     settings = cast("Mapping[str, Any]", result.settings.get("identification") or {})
     names = configuration_names(result)
     if settings.get("preset") != "paper" or not names:
@@ -81,7 +159,7 @@ def _weighs(result: IdentificationResult, configuration: str, mass: float) -> bo
 def paper_section(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison]
 ) -> PaperSection:
-    """Return the paper's tables beside ours: I for one configuration, II for two at once."""
+    """Tabulate the paper's numbers alongside ours: I for one configuration, II for two."""
     names = [name for name in configuration_names(result) if name in MASSES]
     both = len(names) > 1
     source, name = (TABLE_2, "Table II") if both else (TABLE_1, "Table I")
@@ -121,7 +199,7 @@ def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | 
     value = None if ours is None else known(ours.value)
     std = None if ours is None else known(ours.std)
     sigma = 100 * std / abs(value) if std is not None and value else None
-    apart = 100 * (value - paper[0]) / abs(paper[0]) if value is not None and paper else None
+    difference = 100 * (value - paper[0]) / abs(paper[0]) if value is not None and paper else None
     return PaperRow(
         name=name,
         title=title_of(name),
@@ -131,12 +209,12 @@ def _row(name: str, ours: Parameter | None, paper: Entry | None, mocap: Entry | 
         mocap=_scientific(None if mocap is None else mocap[0]),
         ours=_scientific(value) if ours is None or value is not None else ours.verdict,
         our_sigma=_two(sigma),
-        difference="" if apart is None else f"{apart:+.1f} %".replace("-", "−"),
+        difference="" if difference is None else f"{difference:+.1f} %".replace("-", "−"),
     )
 
 
 def _scientific(value: float | None) -> str:
-    """Return a number as the paper prints it: three digits and a power of ten."""
+    """Write a number as the paper prints it: three digits and a power of ten."""
     if value is None:
         return ""
     if value == 0:
@@ -153,7 +231,7 @@ def _two(value: float | None) -> str:
 def _errors(
     comparisons: Sequence[WrenchComparison],
 ) -> tuple[tuple[str, str, tuple[str, ...]], ...]:
-    """Return Table III: the paper's rows, then ours."""
+    """Tabulate the paper's rows of Table III, then ours."""
     rows = [
         ("paper", where, tuple(f"{e[n]:.2f} %" if n in e else "–" for n in SHOWN))
         for where, e in TABLE_3.items()
@@ -162,7 +240,7 @@ def _errors(
         (
             "rotorfit",
             f"{file_name(c.flight)} ({c.configuration})",
-            tuple(error_words(c, n) for n in SHOWN),
+            tuple(error_percent(c, n) for n in SHOWN),
         )
         for c in comparisons
     ]

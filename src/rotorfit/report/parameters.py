@@ -3,12 +3,20 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rotorfit.formatting.digits import Number, known, number_of
-from rotorfit.model.parameters import COM, INERTIA_COM
-from rotorfit.report.intervals import axis_of, axis_range, interval_bar
+from rotorfit.formatting.digits import Number, finite_interval, known, number_of
+from rotorfit.model.parameters import COM, DRAG_MOMENTS, INERTIA_COM
 from rotorfit.report.number_words import title_of, unit_words
+from rotorfit.report.svg import drawing, tag
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
 from rotorfit.results.verdicts import ADVICE, body_verdict, motion_for, relative_width, twin_of
+
+WIDTH, HEIGHT, MARGIN = 132.0, 18.0, 5.0
+
+FAMILIES = (
+    *("com_", "ms", "rotor_center_", "accel_bias_"),
+    *("drag_", "turn_damping_", "torque_offset_"),
+)
+
 
 COM_FIRST = (*COM, *INERTIA_COM)
 
@@ -61,7 +69,7 @@ class Entry:
 
 
 def parameter_tables(result: IdentificationResult) -> tuple[ParameterTable, ...]:
-    """Return the tables: rotors, then each body about its CoM, then at the origin."""
+    """Tabulate rotors, then each body about its CoM, then at the origin."""
     tables = [
         _table(
             "Rotors",
@@ -111,7 +119,7 @@ _ROTOR_DERIVED = ("kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag_total"
 
 
 def _shared_derived(result: IdentificationResult) -> list[Entry]:
-    """Return the derived numbers of the rotors; with one configuration its ratios too."""
+    """Collect the derived numbers of the rotors; with one configuration its ratios too."""
     names = _ROTOR_DERIVED if len(configuration_names(result)) == 1 else ()
     return [
         Entry(number=d, verdict="")
@@ -131,7 +139,7 @@ def _of_parameter(parameter: Parameter) -> Entry:
 
 
 def body_entry(derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived]) -> Entry:
-    """Return a derived number with its verdict, and why; `kin` is all of its body, by name."""
+    """Judge a derived number, and why; `kin` is all of its body, by name."""
     verdict = body_verdict(derived, twin, kin)
     if twin is None or verdict == "identified":
         return Entry(number=derived, verdict=verdict)
@@ -182,7 +190,7 @@ def _row(entry: Entry, kin: Sequence[Parameter | Derived], mark: str) -> Row:
 
 
 def _notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
-    """Return reasons and advice, each once, lettered in the order of the rows."""
+    """Collect reasons and advice, each once, lettered in the order of the rows."""
     groups: dict[tuple[str | None, str | None], list[str]] = {}
     for entry in entries:
         if entry.reason or entry.advice:
@@ -200,3 +208,60 @@ def _notes(entries: Sequence[Entry]) -> tuple[Note, ...]:
 
 def _letter(index: int) -> str:
     return chr(ord("a") + index) if index < 26 else f"a{index - 25}"
+
+
+def axis_of(name: str) -> str:
+    """Name the axis that a number shares with its kin, so that sizes compare."""
+    for family in FAMILIES:
+        if name.startswith(family) and len(name) == len(family) + 1:
+            return family
+    if name in DRAG_MOMENTS:
+        return "drag_moment_"
+    if name.startswith("I") and len(name.removesuffix("_com")) == 3:
+        return "I_com" if name.endswith("_com") else "I"
+    return name
+
+
+def axis_range(numbers: Sequence[Parameter | Derived]) -> tuple[float, float]:
+    """Choose the ends of an axis that shows zero and every interval."""
+    ends = [0.0]
+    for number in numbers:
+        value = known(number.value)
+        if value is not None:
+            ends += [value, *(finite_interval(number.interval) or ())]
+    return min(ends), max(ends)
+
+
+def interval_bar(
+    number: Parameter | Derived, ends: tuple[float, float], verdict: str
+) -> str | None:
+    """Draw a thin line at zero, a bar over the interval, a dot at the value."""
+    value = known(number.value)
+    if value is None or ends[0] == ends[1]:
+        return None
+    low, high = finite_interval(number.interval) or (value, value)
+
+    def place(x: float) -> float:
+        return MARGIN + (x - ends[0]) / (ends[1] - ends[0]) * (WIDTH - 2 * MARGIN)
+
+    middle = HEIGHT / 2
+    left, right = place(low), place(high)
+    return drawing(
+        WIDTH,
+        HEIGHT,
+        {"class": f"interval {verdict}", "aria-hidden": "true"},
+        tag("path", {"class": "track", "d": f"M{MARGIN} {middle}H{WIDTH - MARGIN}"}),
+        tag("path", {"class": "zero", "d": f"M{place(0.0):.2f} 1V{HEIGHT - 1}"}),
+        tag(
+            "rect",
+            {
+                "class": "span",
+                "x": min(left, place(value) - 0.75),
+                "y": middle - 4,
+                "width": max(right - left, 1.5),
+                "height": 8.0,
+                "rx": 1.5,
+            },
+        ),
+        tag("circle", {"class": "value", "cx": place(value), "cy": middle, "r": 2.4}),
+    )

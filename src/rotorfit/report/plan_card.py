@@ -10,21 +10,21 @@ import numpy as np
 from rotorfit.logs.files import write_whole
 from rotorfit.planning.plan import FlightPlan
 from rotorfit.planning.wanted import WANTABLE
-from rotorfit.report.page_templates import page_template, template_text
-from rotorfit.report.plan_words import (
+from rotorfit.report.pages import render_page
+from rotorfit.report.plan_text import (
     Step,
-    flown_words,
-    mass_words,
-    payload_words,
-    place_words,
-    scale_words,
+    flight_phrase,
+    mass_text,
+    payload_phrase,
+    place_accuracy,
+    scale_accuracy,
     steps_of,
     unit_of,
-    unmet_words,
-    wanted_words,
-    width_words,
+    unmet_phrase,
+    wanted_phrase,
+    width_text,
 )
-from rotorfit.report.svg import clean, drawing, label, tag
+from rotorfit.report.svg import drawing, label, tag
 
 WIDTH: Final = 78
 PLAIN_NAMES: Final = {
@@ -55,25 +55,25 @@ class CardFlight:
 
 
 def card_html(plan: FlightPlan) -> str:
-    """Return the card as one self-contained HTML page of A4 size."""
-    page = page_template("card.html").render(
+    """Write the card as one self-contained HTML page of A4 size."""
+    return render_page(
+        "card",
+        "card",
         plan=plan,
         headline=headline(plan),
         promise=promise(plan).replace("+-", "\u00b1"),
         checklist=checklist(plan),
         flights=card_flights(plan),
         expected=expected(plan),
-        command=after_words(plan),
-        payload=payload_words(plan) if plan.chosen.payload else "",
+        command=command_after(plan),
+        payload=payload_phrase(plan) if plan.chosen.payload else "",
         view=_top_view(plan),
-        mass=mass_words(plan.rough.truth.mass),
-        style=template_text("card.css"),
+        mass=mass_text(plan.rough.truth.mass),
     )
-    return clean(page)
 
 
 def card_text(plan: FlightPlan) -> str:
-    """Return the card as plain text."""
+    """Write the card as plain text."""
     lines = [
         f"PILOT CARD  {plan.request.name}",
         *_wrapped(headline(plan)),
@@ -86,8 +86,9 @@ def card_text(plan: FlightPlan) -> str:
     for flight in card_flights(plan):
         lines += ["", f"{flight.name.upper()}  ({flight.load}, {flight.seconds:.0f} s in all)"]
         for step in flight.steps:
-            lines += _wrapped(f"{step.title}: {step.words}", f"  [ ] {_seconds(step):>5}  ")
-    lines += ["", "AFTER", *_wrapped(after_words(plan), "  ")]
+            seconds = f"{step.seconds:.3g} s"
+            lines += _wrapped(f"{step.title}: {step.words}", f"  [ ] {seconds:>5}  ")
+    lines += ["", "AFTER", *_wrapped(command_after(plan), "  ")]
     expectations = ", ".join(f"{name} +-{width}" for name, width in expected(plan))
     lines += ["", *_wrapped(f"Expected: {expectations}")]
     lines += ["", "Date __________  Place ______________  Pilot ______________", ""]
@@ -116,29 +117,29 @@ def write_card(path: Path, plan: FlightPlan, *, force: bool = False) -> None:
 
 
 def headline(plan: FlightPlan) -> str:
-    """Return what is flown, in one sentence."""
-    return flown_words(plan.chosen).capitalize()
+    """Summarise the flight in one sentence."""
+    return flight_phrase(plan.chosen).capitalize()
 
 
 def promise(plan: FlightPlan) -> str:
-    """Return what is wanted, and whether this gives it."""
-    wanted = f"Wanted: {wanted_words(plan)}."
+    """Describe what is wanted, and whether the plan gives it."""
+    wanted = f"Wanted: {wanted_phrase(plan)}."
     if plan.enough:
         return f"{wanted} The earlier result reaches that already: this would only repeat it."
     if plan.recommended is None:
-        return f"{wanted} Not quite reached: this leaves {unmet_words(plan)}."
+        return f"{wanted} Not quite reached: this leaves {unmet_phrase(plan)}."
     return wanted
 
 
 def checklist(plan: FlightPlan) -> tuple[str, ...]:
-    """Return what to do before take-off."""
+    """List what to do before take-off."""
     motors = (
         "rotor speed of every motor (ESC telemetry, bidirectional DShot)"
         if plan.request.speed == "measured"
         else "command of every motor"
     )
     items = [
-        f"Weighed as it flies, battery and propellers included, to {scale_words(plan)}: "
+        f"Weighed as it flies, battery and propellers included, to {scale_accuracy(plan)}: "
         "__________ g",
         f"Log set: gyro and accelerometer hardly filtered, {motors}; "
         f"{plan.assumed.log_rate:g} samples a second or more",
@@ -149,15 +150,16 @@ def checklist(plan: FlightPlan) -> tuple[str, ...]:
     if plan.chosen.payload:
         items.insert(
             1,
-            f"For the second flight: {payload_words(plan)}. Each weighed to {scale_words(plan)}: "
-            f"______ g, ______ g. Place of each from the centre to {place_words(plan)}: "
+            f"For the second flight: {payload_phrase(plan)}. "
+            f"Each weighed to {scale_accuracy(plan)}: ______ g, ______ g. "
+            f"Place of each from the centre to {place_accuracy(plan)}: "
             "____ ____ ____, ____ ____ ____ mm",
         )
     return tuple(items)
 
 
 def card_flights(plan: FlightPlan) -> tuple[CardFlight, ...]:
-    """Return the flights in their order."""
+    """List the flights in their order."""
     steps = steps_of(plan.chosen)
     bare = "as it flies, no payload"
     if not plan.chosen.payload:
@@ -169,17 +171,17 @@ def card_flights(plan: FlightPlan) -> tuple[CardFlight, ...]:
 
 
 def expected(plan: FlightPlan) -> tuple[tuple[str, str], ...]:
-    """Return what the flights should give: a plain name, and half of the 95 % interval."""
+    """Tabulate the expected half-widths of the 95 % intervals by plain names."""
     rows: list[tuple[str, str]] = []
     for name in WANTABLE:
-        width = width_words(plan.chosen, name)
+        width = width_text(plan.chosen, name)
         shown = "no number" if width == "-" else f"{width} {unit_of(name)}"
         rows.append((f"{PLAIN_NAMES[name]} ({name})", shown))
     return tuple(rows)
 
 
-def after_words(plan: FlightPlan) -> str:
-    """Return what to do with the log."""
+def command_after(plan: FlightPlan) -> str:
+    """Write the command for the log."""
     if plan.chosen.payload:
         return (
             "rotorfit identify EXPERIMENT.toml with both flights, the second with payload = [...] "
@@ -189,16 +191,12 @@ def after_words(plan: FlightPlan) -> str:
     return f"rotorfit identify LOG --mass {mass} --airframe {plan.request.name} -o result.json"
 
 
-def _seconds(step: Step) -> str:
-    return f"{step.seconds:.3g} s"
-
-
 def _wrapped(words: str, indent: str = "") -> list[str]:
     return textwrap.wrap(words, WIDTH, initial_indent=indent, subsequent_indent=" " * len(indent))
 
 
 def _top_view(plan: FlightPlan) -> str:
-    """Return the vehicle seen from above, forward up, with its payload."""
+    """Draw the vehicle from above, forward up, with its payload."""
     vehicle = plan.rough.vehicle
     size, reach = 200.0, float(np.abs(vehicle.positions[:, :2]).max())
     spacing = _spacing(vehicle.positions[:, :2])
@@ -229,8 +227,8 @@ def _top_view(plan: FlightPlan) -> str:
 
 
 def _spacing(places: np.ndarray) -> float:
-    """Return the smallest distance between two rotors."""
-    apart = np.hypot(
+    """Compute the smallest distance between two rotors [m]."""
+    distances = np.hypot(
         places[:, None, 0] - places[None, :, 0], places[:, None, 1] - places[None, :, 1]
     )
-    return float(apart[~np.eye(len(places), dtype=bool)].min())
+    return float(distances[~np.eye(len(places), dtype=bool)].min())

@@ -1,29 +1,62 @@
-"""A plan as text for a terminal: what to fly, what it would give, and what was assumed."""
+"""A plan as text: manoeuvres as a pilot flies them, what they would give, what was assumed."""
 
+import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
 
-from rotorfit.planning.after import Missing
-from rotorfit.planning.candidate import Candidate
-from rotorfit.planning.plan import FlightPlan
-from rotorfit.planning.wanted import WANTABLE
-from rotorfit.report.plan_words import (
-    SWEEPS,
-    TITLES,
-    digits,
-    flown_words,
-    payload_words,
-    place_words,
-    scale_words,
-    steps_of,
-    unmet_words,
-    wanted_words,
-    width_words,
-)
+from rotorfit.planning.candidate import Candidate, ScheduleName
+from rotorfit.planning.plan import SCHEDULES, FlightPlan
+from rotorfit.planning.vehicle import payload_rotors
+from rotorfit.planning.wanted import IN_MM, WANTABLE, shown_width
+from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre, Stick
 
 WIDTH = 100
 NAME_WIDTH = 31
 COLUMN = 7
+
+
+TITLES: Final[Mapping[ScheduleName, str]] = {
+    "hover": "hover only",
+    "axes": "one axis at a time",
+    "sticks": "all sticks at once",
+    "doublets": "kicks out and back",
+    "wiggles": "quick wiggles in slow turns",
+    "turns": "steady turns while rolling",
+    "mixed": "half turns, half wiggles",
+}
+MANOEUVRE_TITLES: Final[Mapping[Manoeuvre, str]] = {
+    "hover": "hover",
+    "roll": "roll only",
+    "pitch": "nod only",
+    "yaw": "yaw only",
+    "climb": "climb and sink only",
+    "sticks": TITLES["sticks"],
+    "doublets": TITLES["doublets"],
+    "wiggles": TITLES["wiggles"],
+    "turns": TITLES["turns"],
+}
+SWEEPS: Final = (
+    "An autopilot that flies frequency sweeps (ArduPilot's SystemID mode, Betaflight's chirp) may "
+    "add them to the flight: roll, pitch and yaw one by one, 0.5 to 10 Hz, 20 s each; what they "
+    "give is not in the table."
+)
+GROUND_SECONDS: Final = 2.0
+SETTLE_SECONDS: Final = 5.0
+LARGEST_SHOWN: Final = 0.05
+"""A CoM known to less than this is not known [m]."""
+LAND_SECONDS: Final = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One line of a flight: how long, what it is called, and what to do."""
+
+    seconds: float
+    title: str
+    words: str
+    flown: bool = True
 
 
 def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
@@ -43,7 +76,14 @@ def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
         _steps(plan, width),
         _table(plan, width),
         _lengths(plan),
-        _assumed(plan, width),
+        [
+            "Assumed",
+            *(
+                f"  {line}"
+                for words in assumption_sentences(plan)
+                for line in _wrapped(width, words)
+            ),
+        ],
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
 
@@ -53,7 +93,7 @@ def _title(plan: FlightPlan) -> list[str]:
     return [
         f"{request.name}: {rough.truth.mass:g} kg, {len(rough.vehicle.rotors)} rotors, "
         f"{rough.vehicle.arm:.3g} m from their centre, rotor speed {request.speed}",
-        f"Wanted: {wanted_words(plan)} (half of the 95 % interval)",
+        f"Wanted: {wanted_phrase(plan)} (half of the 95 % interval)",
     ]
 
 
@@ -61,22 +101,22 @@ def _answer(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
         return _wrapped(width, "Nothing more to fly: the result reaches this already.")
     if plan.recommended is not None:
-        return _wrapped(width, f"Fly: {flown_words(plan.recommended)}.", *_with_payload(plan))
+        return _wrapped(width, f"Fly: {flight_phrase(plan.recommended)}.", *_with_payload(plan))
     return _wrapped(
         width,
-        f"No flight considered here reaches this. The closest is: {flown_words(plan.best)}; it "
+        f"No flight considered here reaches this. The closest is: {flight_phrase(plan.best)}; it "
         "leaves "
-        f"{unmet_words(plan)}.",
+        f"{unmet_phrase(plan)}.",
         *_with_payload(plan),
-        *remedy_words(plan),
+        *remedy_sentences(plan),
     )
 
 
-def remedy_words(plan: FlightPlan) -> list[str]:
-    """Return what would reach what is wanted, or what is in the way."""
+def remedy_sentences(plan: FlightPlan) -> list[str]:
+    """Describe what would reach what is wanted, or what is in the way."""
     words: list[str] = []
     for remedy in plan.remedies:
-        flown = flown_words(remedy.candidate)
+        flown = flight_phrase(remedy.candidate)
         if remedy.kind == "measured-speed":
             words.append(f"With measured rotor speed (ESC telemetry) in the log: {flown}.")
         else:
@@ -103,8 +143,8 @@ def _with_payload(plan: FlightPlan) -> list[str]:
     if not plan.chosen.payload:
         return []
     return [
-        f"Payload: {payload_words(plan)}; weigh each to "
-        f"{scale_words(plan)}, measure their places to {place_words(plan)}."
+        f"Payload: {payload_phrase(plan)}; weigh each to "
+        f"{scale_accuracy(plan)}, measure their places to {place_accuracy(plan)}."
     ]
 
 
@@ -120,19 +160,18 @@ def _missing(plan: FlightPlan, width: int) -> list[str]:
     )
     for missing in plan.missing:
         head = f"  {missing.name:<14} {missing.verdict:<15}"
+        then = (
+            ""
+            if missing.manoeuvre is None
+            else (f" (then +-{digits(100.0 * missing.relative)} %, {missing.predicted})")
+        )
         lines += textwrap.wrap(
-            _missing_words(missing),
+            f"{missing.advice}{then}",
             width,
             initial_indent=head,
             subsequent_indent=" " * len(head),
         )
     return lines
-
-
-def _missing_words(missing: Missing) -> str:
-    if missing.manoeuvre is None:
-        return missing.advice
-    return f"{missing.advice} (then +-{digits(100.0 * missing.relative)} %, {missing.predicted})"
 
 
 def _steps(plan: FlightPlan, width: int) -> list[str]:
@@ -155,12 +194,13 @@ def _table(plan: FlightPlan, width: int) -> list[str]:
     lines = [
         f"Predicted half of the 95 % interval, each flight {seconds:g} s",
         "(CoM in mm, others in %; - not identified; * reaches what is wanted)",
-        _header(),
+        " " * (NAME_WIDTH + 2)
+        + "".join(f"{name.replace('com_', 'CoM '):>{COLUMN}}" for name in WANTABLE),
     ]
     rows = [c for c in plan.candidates if c.seconds == seconds]
     lines += [_row(TITLES[c.schedule], c) for c in rows if not c.payload]
     if plan.payload:
-        lines += ["", *_wrapped(width, f"and again with {payload_words(plan)}")]
+        lines += ["", *_wrapped(width, f"and again with {payload_phrase(plan)}")]
         lines += [_row(TITLES[c.schedule], c) for c in rows if c.payload]
     return lines
 
@@ -177,26 +217,14 @@ def _lengths(plan: FlightPlan) -> list[str]:
     return [title, *(_row(f"{c.seconds:g} s", c) for c in same)]
 
 
-def _header() -> str:
-    names = (name.replace("com_", "CoM ") for name in WANTABLE)
-    return " " * (NAME_WIDTH + 2) + "".join(f"{name:>{COLUMN}}" for name in names)
-
-
 def _row(title: str, candidate: Candidate) -> str:
     mark = "*" if candidate.meets else " "
-    cells = "".join(f"{width_words(candidate, name):>{COLUMN}}" for name in WANTABLE)
+    cells = "".join(f"{width_text(candidate, name):>{COLUMN}}" for name in WANTABLE)
     return f"  {title:<{NAME_WIDTH}}{cells} {mark}".rstrip()
 
 
-def _assumed(plan: FlightPlan, width: int) -> list[str]:
-    return [
-        "Assumed",
-        *(f"  {line}" for words in assumed_words(plan) for line in _wrapped(width, words)),
-    ]
-
-
-def assumed_words(plan: FlightPlan) -> Iterator[str]:
-    """Yield what the predictions rest on."""
+def assumption_sentences(plan: FlightPlan) -> Iterator[str]:
+    """Describe what the predictions assume."""
     a, truth = plan.assumed, plan.rough.truth
     speed = (
         f"rotor speed with noise of {100 * a.speed_noise:g} % of hover"
@@ -205,7 +233,7 @@ def assumed_words(plan: FlightPlan) -> Iterator[str]:
     )
     yield (
         f"gyro {a.gyro_std:g} rad/s, accelerometer {a.accel_std:g} m/s^2 (a sample at 200 Hz, "
-        f"vibration included), {speed}, log at {a.log_rate:g} Hz, weighed to {scale_words(plan)}"
+        f"vibration included), {speed}, log at {a.log_rate:g} Hz, weighed to {scale_accuracy(plan)}"
     )
     yield (
         f"gusts of {100 * a.force:g} % of the weight, and torques of {100 * a.torque[0]:.2g}, "
@@ -225,3 +253,146 @@ def assumed_words(plan: FlightPlan) -> Iterator[str]:
 
 def _wrapped(width: int, *paragraphs: str) -> list[str]:
     return [line for words in paragraphs for line in textwrap.wrap(words, width - 2)]
+
+
+def steps_of(candidate: Candidate) -> tuple[Step, ...]:
+    """Lay out a flight from the ground and back, each step as the pilot flies it."""
+    manoeuvres = [
+        Step(
+            seconds=share * candidate.seconds,
+            title=MANOEUVRE_TITLES[manoeuvre],
+            words=_manoeuvre_instruction(manoeuvre),
+        )
+        for manoeuvre, share in SCHEDULES[candidate.schedule].items()
+    ]
+    rest = "Log running, motors off, hands off."
+    return (
+        Step(seconds=GROUND_SECONDS, title="on the ground", words=rest, flown=False),
+        Step(
+            seconds=SETTLE_SECONDS,
+            title="take off",
+            words="Climb to 1 to 2 m and hover calmly, well away from walls and ground.",
+            flown=False,
+        ),
+        *manoeuvres,
+        Step(seconds=LAND_SECONDS, title="land", words="Hover, then set down.", flown=False),
+        Step(seconds=GROUND_SECONDS, title="on the ground", words=rest, flown=False),
+    )
+
+
+def _manoeuvre_instruction(manoeuvre: Manoeuvre) -> str:
+    sticks = MANOEUVRES[manoeuvre]
+    roll, pitch, yaw = peak_deg(sticks.roll), peak_deg(sticks.pitch), peak_deg(sticks.yaw)
+    side = f"{0.5 / sticks.yaw.band[0]:.0f} s"
+    words: dict[Manoeuvre, str] = {
+        "hover": "Hover, hands off.",
+        "roll": f"Roll left and right, up to {roll} deg, about once a second. Nothing else.",
+        "pitch": f"Nod forward and back, up to {pitch} deg, about once a second. Nothing else.",
+        "yaw": f"Yaw left and right, up to {yaw} deg/s, at will. Nothing else.",
+        "climb": "Short throttle steps up and down, one or two seconds each. Nothing else.",
+        "sticks": (
+            f"Move everything at once, at will: roll up to {roll} deg and nod up to {pitch} deg, "
+            f"about once a second, yaw up to {yaw} deg/s, throttle a little up and down."
+        ),
+        "doublets": (
+            f"Kick and counter-kick within a second, then pause for one: roll {roll} deg left and "
+            f"right; nod {pitch} deg forward and back; yaw {yaw} deg/s left and right. Repeat, now "
+            "and then with a short throttle step."
+        ),
+        "wiggles": (
+            f"Turn slowly, {yaw} deg/s: {side} to the left, {side} to the right, and so on. All "
+            f"the while wiggle roll and pitch quickly, up to {min(roll, pitch)} deg, once or twice "
+            "a second, and move the throttle a little up and down."
+        ),
+        "turns": (
+            f"Turn at a steady {yaw} deg/s: {side} to the left, {side} to the right, and so on. "
+            f"All the while roll up to {roll} deg and nod up to {pitch} deg, about once a second, "
+            "at will, and move the throttle a little up and down."
+        ),
+    }
+    return words[manoeuvre]
+
+
+def peak_deg(stick: Stick) -> int:
+    """Compute how far a stick usually goes [deg or deg/s], rounded to five."""
+    match stick.shape:
+        case "noise":
+            peak = 2.0 * stick.rms
+        case "turns":
+            peak = stick.rms
+        case "doublets":  # a whole sine now and then: its peak from its share of the time
+            peak = stick.rms * math.sqrt(2.0 * stick.band[1] / stick.band[0])
+    return 5 * round(math.degrees(peak) / 5)
+
+
+def width_text(candidate: Candidate, name: str) -> str:
+    """Write a predicted half-width in percent or millimetres, ``-`` where there is no number."""
+    number = candidate.numbers[name]
+    known = number.verdict != "not-identified"
+    # Against the few millimetres that matter a wide one is lost, but where it is can be said.
+    if not (known or (name in IN_MM and number.half_width < LARGEST_SHOWN)):
+        return "-"
+    return digits(shown_width(name, number.half_width, number.value))
+
+
+def digits(value: float) -> str:
+    """Write a number with two digits."""
+    return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
+
+
+def unit_of(name: str) -> str:
+    """Select the unit in which a half-width is shown."""
+    return "mm" if name in IN_MM else "%"
+
+
+def wanted_phrase(plan: FlightPlan) -> str:
+    """Describe what is wanted, names of equal accuracy together."""
+    by_limit: dict[tuple[float, str], list[str]] = {}
+    for name, limit in plan.request.wanted.limits.items():
+        by_limit.setdefault((limit, unit_of(name)), []).append(name)
+    return "; ".join(
+        f"{', '.join(names)} within {limit:g} {unit}" for (limit, unit), names in by_limit.items()
+    )
+
+
+def payload_phrase(plan: FlightPlan) -> str:
+    """Describe the payload, and its place."""
+    first, second = payload_rotors(plan.rough.vehicle, plan.payload)
+    mass = mass_text(plan.payload[0].mass)
+    return f"two equal masses of {mass}, one under rotor {first} and one under rotor {second}"
+
+
+def place_accuracy(plan: FlightPlan) -> str:
+    """Write how well the places of the payload have to be known."""
+    return f"{1e3 * plan.payload[0].position_std:.1g} mm"
+
+
+def mass_text(mass: float) -> str:
+    """Write a mass in grams."""
+    return f"{1e3 * mass:.3g} g" if mass < 1.0 else f"{1e3 * mass:.0f} g"
+
+
+def scale_accuracy(plan: FlightPlan) -> str:
+    """Write how finely to weigh."""
+    return f"{1e3 * plan.assumed.mass_step:g} g"
+
+
+def flight_phrase(candidate: Candidate) -> str:
+    """Describe a candidate in a few words."""
+    title = TITLES[candidate.schedule]
+    if candidate.payload:
+        return f"{title}, {candidate.seconds:g} s without and {candidate.seconds:g} s with payload"
+    return f"{title}, {candidate.seconds:g} s"
+
+
+def unmet_phrase(plan: FlightPlan) -> str:
+    """List what the best candidate does not reach."""
+    parts: list[str] = []
+    for name, limit in plan.request.wanted.limits.items():
+        number = plan.best.numbers[name]
+        width = shown_width(name, number.half_width, number.value)
+        if width > limit:
+            lost = number.verdict == "not-identified"
+            shown = "unknown" if lost else f"+-{digits(width)} {unit_of(name)}"
+            parts.append(f"{name} {shown}")
+    return ", ".join(parts)

@@ -32,15 +32,7 @@ class Payload:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """What a configuration adds to the drawing.
-
-    Attributes
-    ----------
-    com
-        None in the directions in which it is not known.
-    covariance
-        Of `com` [m^2]; 95 % of it is drawn.
-    """
+    """Centre of mass (None in unknown directions), its covariance [m^2], and payloads."""
 
     configuration: str
     com: tuple[float | None, float | None, float | None]
@@ -55,7 +47,7 @@ class Scene:
     vehicle: Vehicle
     bodies: tuple[Body, ...]
     imu: Point
-    imu_words: str
+    imu_label: str
 
     @property
     def center(self) -> Point:
@@ -65,7 +57,7 @@ class Scene:
 
 
 def scene_of(result: IdentificationResult) -> Scene | None:
-    """Return what there is to draw, None where the settings do not describe a vehicle."""
+    """Collect what there is to draw, None where the settings do not describe a vehicle."""
     airframe = _airframe(result.settings)
     if airframe is None:
         return None
@@ -78,12 +70,12 @@ def scene_of(result: IdentificationResult) -> Scene | None:
             for name in configuration_names(result)
         ),
         imu=vehicle.imu_position or shift,
-        imu_words=_origin_words(result.settings, vehicle),
+        imu_label=_origin_label(result.settings, vehicle),
     )
 
 
 def _airframe(settings: Mapping[str, Any]) -> AirframeEntry | None:
-    """Return the airframe of the settings, None where they do not describe one."""
+    """Read the airframe of the settings, None where they do not describe one."""
     described = settings.get("airframe")
     if not isinstance(described, Mapping):
         return None
@@ -98,8 +90,8 @@ def _airframe(settings: Mapping[str, Any]) -> AirframeEntry | None:
     return airframe
 
 
-def _origin_words(settings: Mapping[str, Any], vehicle: Vehicle) -> str:
-    """Return what stands at `Scene.imu`."""
+def _origin_label(settings: Mapping[str, Any], vehicle: Vehicle) -> str:
+    """Name what stands at `Scene.imu`."""
     identification = cast("Mapping[str, Any]", settings.get("identification") or {})
     if vehicle.imu_position is not None:
         return "IMU as given"
@@ -109,10 +101,7 @@ def _origin_words(settings: Mapping[str, Any], vehicle: Vehicle) -> str:
 
 
 def _origin_shift(result: IdentificationResult, vehicle: Vehicle) -> Point:
-    """Return where the result's origin is in the frame of the rotor positions.
-
-    Without a known IMU position the origin is the IMU, and the rotor centre was estimated.
-    """
+    """Locate the result's origin, the IMU where its place is not known, among the rotors [m]."""
     if vehicle.imu_position is not None:
         return (0.0, 0.0, 0.0)
     values = {p.name: known(p.value) for p in result.parameters}
@@ -137,7 +126,7 @@ def _body(result: IdentificationResult, name: str, shift: Point, *, flip: bool) 
 def _com(
     result: IdentificationResult, configuration: str, axis: str
 ) -> tuple[float | None, float | None]:
-    """Return one coordinate of the centre of mass and half of its interval."""
+    """Compute one coordinate of the centre of mass and half of its interval."""
     derived = {d.name: d for d in result.derived if d.configuration == configuration}
     if f"com_{axis}" in derived:
         number = derived[f"com_{axis}"]
@@ -155,7 +144,7 @@ def _com(
 
 
 def _correlation(result: IdentificationResult, configuration: str) -> Float[np.ndarray, "3 3"]:
-    """Return the correlation of the centre of mass, that of the first moments where it is known."""
+    """Correlate the centre of mass as its first moments are, where that is known."""
     names = [f"ms{axis}@{configuration}" for axis in "xyz"]
     out = np.eye(3)
     for i, a in enumerate(names):
@@ -171,7 +160,7 @@ def _correlation(result: IdentificationResult, configuration: str) -> Float[np.n
 def _payloads(
     settings: Mapping[str, Any], configuration: str, *, flip: bool
 ) -> tuple[Payload, ...]:
-    """Return the payloads of a configuration, where the settings have them in a form we know."""
+    """Read the payloads of a configuration, where the settings have them in a known form."""
     out: list[Payload] = []
     for entry in cast("list[Any]", settings.get("configuration") or []):
         if not isinstance(entry, Mapping):

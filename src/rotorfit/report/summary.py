@@ -55,7 +55,7 @@ class Summary:
 
 
 def summary_of(result: IdentificationResult) -> Summary:
-    """Return the plain-language summary."""
+    """Summarise a result in plain sentences."""
     shared = [p for p in result.parameters if p.configuration is None]
     # The paper's sigmas do not hold: what is said to be known is said to be so by its formula.
     source = ", by the paper's formula" if result.method == "tls" else ""
@@ -77,7 +77,7 @@ def summary_of(result: IdentificationResult) -> Summary:
 
 
 def _sourced(findings: tuple[Finding, ...], source: str) -> tuple[Finding, ...]:
-    """Return the findings with whose formula made their percentages."""
+    """Add to the findings whose formula made their percentages."""
     return tuple(
         replace(f, words=f.words + source) if f.verdict in ("identified", "weak") else f
         for f in findings
@@ -85,7 +85,7 @@ def _sourced(findings: tuple[Finding, ...], source: str) -> tuple[Finding, ...]:
 
 
 def _of_rotors(shared: list[Parameter], derived: Sequence[Derived]) -> list[Finding]:
-    """Return what is known of the rotors; those of single rotors together where all are known."""
+    """Describe the rotors; single ones together where all are known."""
     single = [p for p in shared if p.name.startswith("kt_") and p.verdict == "identified"]
     shares = [share for p in single if (share := percent(p)) is not None]
     if len(shares) < 2:
@@ -101,7 +101,7 @@ def _of_rotors(shared: list[Parameter], derived: Sequence[Derived]) -> list[Find
 
 
 def _merged(findings: list[Finding]) -> tuple[Finding, ...]:
-    """Return the findings, those in one sentence of which the same is said with an advice."""
+    """Join findings that say and advise the same."""
     groups: dict[tuple[str, str, str | None], list[str]] = {}
     for i, f in enumerate(findings):
         key = (f.verdict, f.words if f.advice else f"{f.words}\0{i}", f.advice)
@@ -133,11 +133,8 @@ def _body(result: IdentificationResult, configuration: str) -> list[Finding]:
 def _finding(
     number: Parameter | Derived, twin: Parameter, ratios: Sequence[Derived] = ()
 ) -> Finding:
-    """Return the sentence on one number.
-
-    `twin` is the parameter with its verdict; `ratios` are among numbers that were derived.
-    """
-    verdict = twin.verdict if number is twin else _verdict_of(number, twin)
+    """Describe one number; `twin` is the parameter with its verdict, `ratios` are derived."""
+    verdict = body_verdict(number, twin) if isinstance(number, Derived) else twin.verdict
     subject = SUBJECTS.get(number.name, title_of(number.name))
     return Finding(
         verdict=verdict,
@@ -145,10 +142,6 @@ def _finding(
         words=_words(number, verdict, twin, ratios),
         advice=twin.advice if verdict in ("weak", "ratio-only", "not-identified") else None,
     )
-
-
-def _verdict_of(number: Parameter | Derived, twin: Parameter) -> str:
-    return body_verdict(number, twin) if isinstance(number, Derived) else number.verdict
 
 
 def _words(
@@ -176,13 +169,12 @@ def _words(
 
 
 def _number(number: Parameter | Derived) -> str:
-    """Return the value with its interval and unit."""
     shown = number_of(number.value, number.interval)
     return f"{shown or ''} {unit_words(number.unit)}".strip()
 
 
 def _ratio(number: Parameter, ratios: Sequence[Derived]) -> str:
-    """Return the ratio itself, of each configuration that has one."""
+    """Write the ratio itself, of each configuration that has one."""
     name = f"{number.name}_over_{number.partner}"
     found = [d for d in ratios if d.name == name and known(d.value) is not None]
     values = [_number(d) + (f" ({d.configuration})" if len(found) > 1 else "") for d in found]
@@ -190,7 +182,7 @@ def _ratio(number: Parameter, ratios: Sequence[Derived]) -> str:
 
 
 def _com(derived: dict[str, Derived], parameters: dict[str, Parameter]) -> Finding:
-    """Return where the centre of mass is, in millimetres and directions."""
+    """Describe where the centre of mass is, in millimetres and directions."""
     verdicts = [body_verdict(derived[n], parameters.get(twin_of(n))) for n in DIRECTIONS]
     origin = "IMU" if "rotor_center_x" in parameters else "origin"
     words: list[str] = []

@@ -12,34 +12,37 @@ _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 
 def clean(words: str) -> str:
-    """Return text without what neither XML nor UTF-8 can hold (control and half characters)."""
+    """Replace what neither XML nor UTF-8 can hold (control and half characters)."""
     return _FORBIDDEN.sub("\ufffd", words)
 
 
 def tag(name: str, attributes: Attributes, *children: str) -> str:
-    """Return one element; children are elements already, or escaped text."""
-    inside = "".join(f' {key}="{_value(value)}"' for key, value in attributes.items())
+    """Write one element; children are elements already, or escaped text."""
+    inside = "".join(
+        f' {key}="{escape(clean(value)) if isinstance(value, str) else decimal(value)}"'
+        for key, value in attributes.items()
+    )
     return f"<{name}{inside}>{''.join(children)}</{name}>" if children else f"<{name}{inside}/>"
 
 
 def text(words: str) -> str:
-    """Return words as the escaped text of an element."""
+    """Escape the text of an element."""
     return escape(clean(words))
 
 
 def label(words: str, attributes: Attributes) -> str:
-    """Return a text element."""
+    """Write a text element."""
     return tag("text", attributes, text(words))
 
 
 def drawing(width: float, height: float, attributes: Attributes, *children: str) -> str:
-    """Return an SVG to stand inside a page; it scales with the width it is given."""
+    """Write an SVG to stand inside a page; it scales with the width it is given."""
     box = f"0 0 {decimal(width)} {decimal(height)}"
     return tag("svg", {"viewBox": box, **attributes}, *children)
 
 
 def standalone(inline: str, style: str) -> str:
-    """Return an SVG of a page as a file of its own, with its style and a white ground."""
+    """Write an SVG of a page as a file of its own, with its style and a white ground."""
     head, rest = inline.split(">", maxsplit=1)
     box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', head)
     size = (
@@ -55,13 +58,13 @@ def standalone(inline: str, style: str) -> str:
 
 
 def decimal(value: float | int) -> str:
-    """Return a coordinate with at most two decimals."""
+    """Write a coordinate with at most two decimals."""
     digits = f"{value:.2f}".rstrip("0").rstrip(".")
     return "0" if digits == "-0" else digits
 
 
 def nice_step(span: float, count: int) -> float:
-    """Return 1, 2, 4 or 5 times a power of ten that divides a span into about `count` steps."""
+    """Choose 1, 2, 4 or 5 times a power of ten that divides a span into about `count` steps."""
     if not (math.isfinite(span) and span > 0):
         return 1.0
     raw = span / count
@@ -70,7 +73,7 @@ def nice_step(span: float, count: int) -> float:
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Return round numbers between two ends, about `count` of them and at least two."""
+    """Choose round numbers between two ends, about `count` of them and at least two."""
     step = nice_step(high - low, count)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     if last <= first and count < 20 and high > low:
@@ -78,12 +81,15 @@ def ticks(low: float, high: float, count: int) -> list[float]:
     return [i * step for i in range(first, last + 1)]
 
 
+def labelled_ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
+    """Choose round numbers between two ends, with the decimals that their distance needs."""
+    values = ticks(low, high, count)
+    step = values[1] - values[0] if len(values) > 1 else 1.0
+    return [(value, tick_label(value, step)) for value in values]
+
+
 def tick_label(value: float, step: float) -> str:
-    """Return a tick's number with the decimals that its step needs."""
+    """Write a tick's number with the decimals that its step needs."""
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
     digits = f"{value:.{decimals}f}"
     return digits.replace("-", "\u2212") if float(digits) else f"{0:.{decimals}f}"
-
-
-def _value(value: str | float | int) -> str:
-    return escape(clean(value)) if isinstance(value, str) else decimal(value)

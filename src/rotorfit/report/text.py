@@ -41,16 +41,14 @@ def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
             _table(f"Body, configuration {name}", _body_lines(result, name))
             for name in configuration_names(result)
         ),
-        _listed(
-            "Flights kept apart: what is left unexplained",
-            map(_validated, result.validation),
-            width,
-        ),
+        _listed(UNEXPLAINED, map(_validated, result.validation), width),
         _listed("What the verdicts mean", _meanings(result), width),
         _listed("What to do next", advice_of(result), width),
-        _listed("To know", doubts_of(result), width),
+        _listed("To know", warnings_of(result), width),
         _listed(
-            "No flight can check these: make sure that they are right", hangs_on(result), width
+            "No flight can check these: make sure that they are right",
+            assumptions_of(result),
+            width,
         ),
     ]
     return "\n\n".join("\n".join(lines) for lines in sections if lines) + "\n"
@@ -74,7 +72,7 @@ def _rotor_lines(result: IdentificationResult) -> list[Line]:
 
 
 def _law_lines(result: IdentificationResult, width: int) -> list[str]:
-    """Return the motors' law with its numbers, and what to write for flights without speeds."""
+    """Write the motors' law with its numbers, and what flights without speeds need of it."""
     law = result.command_law
     if law is None:
         return []
@@ -101,7 +99,7 @@ def _rotor_derived(result: IdentificationResult, owners: Container[str | None]) 
 
 
 def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
-    """Return the mass, what is about the CoM, and what has no number about the CoM."""
+    """Select the mass, what is about the CoM, and what has no number about the CoM."""
     parameters = {p.name: p for p in result.parameters if p.configuration == configuration}
     derived = {d.name: d for d in result.derived if d.configuration == configuration}
     about_com = [derived[name] for name in COM_FIRST if name in derived]
@@ -110,14 +108,17 @@ def _body_lines(result: IdentificationResult, configuration: str) -> list[Line]:
     several = len(configuration_names(result)) > 1
     return [
         *(_of_parameter(p) for name, p in parameters.items() if name == "mass"),
-        *(_of_body(d, parameters.get(twin_of(d.name)), derived) for d in about_com),
+        *(
+            (d, _verdict(body_entry(d, parameters.get(twin_of(d.name)), derived)))
+            for d in about_com
+        ),
         *map(_of_parameter, others),
         *(_rotor_derived(result, {configuration}) if several else []),
     ]
 
 
 def _of_parameter(parameter: Parameter) -> Line:
-    verdict = _verdict(parameter.verdict, parameter.partner)
+    verdict = _verdict(parameter)
     # Weak by another rule than the width of its interval, which is seen beside it.
     width = percent(parameter)
     narrow = width is not None and width <= 100.0 * WEAK
@@ -125,13 +126,8 @@ def _of_parameter(parameter: Parameter) -> Line:
     return parameter, f"{verdict} (mostly prior)" if own else verdict
 
 
-def _of_body(derived: Derived, twin: Parameter | None, kin: Mapping[str, Derived]) -> Line:
-    entry = body_entry(derived, twin, kin)
-    return derived, _verdict(entry.verdict, entry.partner)
-
-
 def _judged(result: IdentificationResult) -> list[Entry]:
-    """Return what the tables show of every parameter: itself, or its like about the CoM."""
+    """Judge every parameter as the tables show it: itself, or its like about the CoM."""
     about_com = {
         (twin_of(d.name), d.configuration): d for d in result.derived if d.name in COM_FIRST
     }
@@ -149,15 +145,16 @@ def _judged(result: IdentificationResult) -> list[Entry]:
     return entries
 
 
-def _verdict(verdict: str, partner: str | None) -> str:
-    return f"{verdict} with {partner}" if verdict == "ratio-only" and partner else verdict
+def _verdict(of: Parameter | Entry) -> str:
+    with_partner = of.verdict == "ratio-only" and of.partner
+    return f"{of.verdict} with {of.partner}" if with_partner else of.verdict
 
 
 def _table(title: str, lines: list[Line]) -> list[str]:
-    """Return numbers one below the other, units and verdicts each in their column."""
+    """Align numbers one below the other, units and verdicts each in their column."""
     if not lines:
         return []
-    units = [_unit(number) for number, _ in lines]
+    units = ["" if number.unit == "1" else number.unit for number, _ in lines]
     names = max(15, *(len(number.name) for number, _ in lines))
     room = max(14, *map(len, units))
     rows = [
@@ -168,12 +165,7 @@ def _table(title: str, lines: list[Line]) -> list[str]:
     return [title, *(row.rstrip() for row in rows)]
 
 
-def _unit(number: Parameter | Derived) -> str:
-    return "" if number.unit == "1" else number.unit
-
-
 def _validated(row: Mapping[str, Any]) -> str:
-    """Return what one flight that was kept apart says."""
     errors: Mapping[str, float | None] = row.get("relative_error", {})
     shown = ", ".join(f"{k} {100.0 * v:.1f} %" for k, v in errors.items() if v is not None)
     return f"{file_name(str(row.get('flight', '')))} ({row.get('configuration')}): {shown}"
@@ -185,7 +177,7 @@ def _meanings(result: IdentificationResult) -> list[str]:
 
 
 def advice_of(result: IdentificationResult) -> list[str]:
-    """Return each advice once, after the numbers that it is for and what is wrong with them."""
+    """Collect each advice once, after its numbers and what is wrong with them."""
     groups: dict[str, dict[str, list[str]]] = {}
     for entry in _judged(result):
         if entry.advice is None or entry.verdict not in DOUBTFUL or entry.number.name in NUISANCE:
@@ -204,8 +196,8 @@ def _wrong(entry: Entry) -> str:
     return entry.verdict if entry.verdict == "weak" else entry.reason or "-"
 
 
-def doubts_of(result: IdentificationResult) -> list[str]:
-    """Return the warnings of the result and its flights, without advice that was given already."""
+def warnings_of(result: IdentificationResult) -> list[str]:
+    """Collect the warnings of the result and its flights, without advice already given."""
     doubts = list(result.warnings)
     for flight in result.flights:
         doubts += [f"{file_name(flight.file)}: {doubt}" for doubt in flight.warnings]
@@ -215,8 +207,8 @@ def doubts_of(result: IdentificationResult) -> list[str]:
     return list(dict.fromkeys(doubts))
 
 
-def hangs_on(result: IdentificationResult) -> list[str]:
-    """Return what the numbers of a result are in proportion to, where it says so."""
+def assumptions_of(result: IdentificationResult) -> list[str]:
+    """Collect what the numbers of a result are in proportion to, where it says so."""
     used = result.settings.get("used", {})
     return [str(words) for words in used.get("hangs_on", ())]
 

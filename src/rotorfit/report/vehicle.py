@@ -10,6 +10,8 @@ from rotorfit.report.scene import Body, Point, Scene, scene_of
 from rotorfit.report.svg import drawing, label, nice_step, tag
 from rotorfit.results.result import IdentificationResult
 
+Axes = tuple[tuple[int, float], tuple[int, float]]
+"""Index and sign of the body axes that point right and up."""
 SIZE = 440.0
 MARGIN = 40.0
 BASE = 44.0
@@ -38,16 +40,9 @@ class View:
     width: float
     height: float
 
-    def flat(self, point: Point) -> tuple[float, float]:
-        """Return the point in the plane of the drawing [m]."""
-        return (
-            self.right[1] * point[self.right[0]],
-            self.up[1] * point[self.up[0]],
-        )
-
     def place(self, point: Point) -> tuple[float, float]:
-        """Return where a point is drawn [px]."""
-        a, b = self.flat(point)
+        """Project a point into the drawing [px]."""
+        a, b = self.right[1] * point[self.right[0]], self.up[1] * point[self.up[0]]
         x = self.width / 2 + (a - self.middle[0]) * self.scale
         y = self.height / 2 - (b - self.middle[1]) * self.scale
         return x, y
@@ -59,13 +54,13 @@ class VehicleDrawings:
 
     views: tuple[tuple[str, str, str], ...]
     bodies: tuple[Body, ...]
-    imu_words: str
+    imu_label: str
     arms: str
     radius: float
 
 
 def vehicle_drawings(result: IdentificationResult) -> VehicleDrawings | None:
-    """Return the drawings of the vehicle, None where the settings do not describe one."""
+    """Draw the vehicle, None where the settings do not describe one."""
     scene = scene_of(result)
     if scene is None:
         return None
@@ -79,14 +74,14 @@ def vehicle_drawings(result: IdentificationResult) -> VehicleDrawings | None:
     return VehicleDrawings(
         views=tuple(views),
         bodies=scene.bodies,
-        imu_words=scene.imu_words,
-        arms=_arm_words(scene),
+        imu_label=scene.imu_label,
+        arms=_arm_text(scene),
         radius=rotor_radius(scene),
     )
 
 
-def com_in(body: Body, axes: tuple[tuple[int, float], tuple[int, float]]) -> Point | None:
-    """Return a centre of mass where a view can show it: both of its directions are known."""
+def com_in(body: Body, axes: Axes) -> Point | None:
+    """Locate a centre of mass where a view can show it: both of its directions are known."""
     (i, _), (j, _) = axes
     if body.com[i] is None or body.com[j] is None:
         return None
@@ -95,15 +90,15 @@ def com_in(body: Body, axes: tuple[tuple[int, float], tuple[int, float]]) -> Poi
 
 
 def rotor_radius(scene: Scene) -> float:
-    """Return a radius to draw rotors with: they nearly touch; the settings do not have it [m]."""
+    """Choose a radius [m] so that rotors nearly touch; the settings do not have it."""
     flat = scene.vehicle.positions[:, :2]
-    apart = np.linalg.norm(flat[:, None] - flat[None], axis=2)
-    apart = apart[apart > 1e-3]
-    return 0.42 * float(apart.min()) if apart.size else 0.1
+    distances = np.linalg.norm(flat[:, None] - flat[None], axis=2)
+    distances = distances[distances > 1e-3]
+    return 0.42 * float(distances.min()) if distances.size else 0.1
 
 
-def whole_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) -> str:
-    """Return the whole vehicle, from above or from the side."""
+def whole_view(scene: Scene, axes: Axes) -> str:
+    """Draw the whole vehicle, from above or from the side."""
     radius = rotor_radius(scene)
     points = [rotor.position for rotor in scene.vehicle.rotors]
     edges = [
@@ -124,8 +119,8 @@ def whole_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) 
     return _view_svg(view, parts, f"Vehicle {name}, to scale")
 
 
-def close_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) -> str:
-    """Return the surroundings of the centre of mass, much enlarged."""
+def close_view(scene: Scene, axes: Axes) -> str:
+    """Draw the surroundings of the centre of mass, much enlarged."""
     points: list[Point] = [scene.imu, scene.center]
     for body in scene.bodies:
         com = com_in(body, axes)
@@ -144,12 +139,12 @@ def close_view(scene: Scene, axes: tuple[tuple[int, float], tuple[int, float]]) 
 
 def _fitted(
     points: Sequence[Point],
-    axes: tuple[tuple[int, float], tuple[int, float]],
+    axes: Axes,
     *,
     height: float,
     least: float = 0.05,
 ) -> View:
-    """Return the largest view that holds all points."""
+    """Choose the largest view that holds all points."""
     (i, a), (j, b) = axes
     flat = np.array([(a * p[i], b * p[j]) for p in points])
     low, high = flat.min(axis=0), flat.max(axis=0)
@@ -173,7 +168,7 @@ def _view_svg(view: View, parts: Sequence[str], words: str) -> str:
 
 
 def _arms(scene: Scene, view: View) -> str:
-    """Return a line from the rotor centre to each rotor."""
+    """Draw a line from the rotor centre to each rotor."""
     cx, cy = view.place(scene.center)
     ends = (view.place(rotor.position) for rotor in scene.vehicle.rotors)
     lines = (
@@ -183,7 +178,7 @@ def _arms(scene: Scene, view: View) -> str:
 
 
 def _arm_labels(scene: Scene, view: View, radius: float) -> list[str]:
-    """Return each different arm length once, beside the part of its arm that no disc hides."""
+    """Label each different arm length once, at the part of its arm that no disc hides."""
     cx, cy = view.place(scene.center)
     lengths: set[str] = set()
     parts: list[str] = []
@@ -203,7 +198,7 @@ def _arm_labels(scene: Scene, view: View, radius: float) -> list[str]:
     return parts
 
 
-def _arm_words(scene: Scene) -> str:
+def _arm_text(scene: Scene) -> str:
     offsets = (scene.vehicle.positions - np.array(scene.center))[:, :2]
     lengths = np.hypot(offsets[:, 0], offsets[:, 1])
     low, high = float(lengths.min()), float(lengths.max())
@@ -211,19 +206,16 @@ def _arm_words(scene: Scene) -> str:
 
 
 def _rotors(scene: Scene, view: View, radius: float, *, top: bool) -> list[str]:
-    """Return the rotors with numbers; stacked ones share a circle and list their numbers."""
+    """Draw the rotors with numbers; stacked ones share a circle and list their numbers."""
     stacks: dict[tuple[float, ...], list[int]] = {}
     for i, rotor in enumerate(scene.vehicle.rotors):
         at = view.place(rotor.position)
         stacks.setdefault(tuple(round(c, 1) for c in at), []).append(i)
-    parts: list[str] = []
-    for members in stacks.values():
-        draw = _rotor_above if top else _rotor_beside
-        parts.append(draw(scene, view, radius, members))
-    return parts
+    draw = _rotor_from_above if top else _rotor_from_side
+    return [draw(scene, view, radius, members) for members in stacks.values()]
 
 
-def _rotor_above(scene: Scene, view: View, radius: float, members: list[int]) -> str:
+def _rotor_from_above(scene: Scene, view: View, radius: float, members: list[int]) -> str:
     rotors = scene.vehicle.rotors
     x, y = view.place(rotors[members[0]].position)
     r = radius * view.scale
@@ -237,29 +229,20 @@ def _rotor_above(scene: Scene, view: View, radius: float, members: list[int]) ->
     return tag("g", {"class": f"rotor {rotors[members[0]].spin}", "data-rotors": numbers}, *parts)
 
 
-def _rotor_beside(scene: Scene, view: View, radius: float, members: list[int]) -> str:
+def _rotor_from_side(scene: Scene, view: View, radius: float, members: list[int]) -> str:
     rotor = scene.vehicle.rotors[members[0]]
     x, y = view.place(rotor.position)
     r = radius * view.scale
     lean = float(np.degrees(np.arctan2(rotor.axis[0], rotor.axis[2])))
-    blade = tag(
-        "ellipse",
-        {
-            "class": "disc",
-            "cx": x,
-            "cy": y,
-            "rx": r,
-            "ry": 4.0,
-            "transform": f"rotate({lean:.1f} {x:.2f} {y:.2f})",
-        },
-    )
+    disc: dict[str, str | float] = {"class": "disc", "cx": x, "cy": y, "rx": r, "ry": 4.0}
+    blade = tag("ellipse", {**disc, "transform": f"rotate({lean:.1f} {x:.2f} {y:.2f})"})
     numbers = ", ".join(str(i + 1) for i in members)
     word = label(numbers, {"class": "rotor-number small middle halo", "x": x, "y": y - 9})
     return tag("g", {"class": "rotor side"}, blade, word)
 
 
 def _spin_arrow(x: float, y: float, r: float, spin: str) -> str:
-    """Return an arc of 250 degrees with a head; on the page, seen from above, ccw is ccw."""
+    """Draw an arc of 250 degrees with a head; on the page, seen from above, ccw is ccw."""
     turn = 1.0 if spin == "ccw" else -1.0
     start, end = turn * 0.25 * pi, turn * (0.25 + 250 / 180) * pi
     x0, y0 = x + r * cos(start), y - r * sin(start)
@@ -286,19 +269,15 @@ def _payloads(scene: Scene, view: View) -> list[str]:
     for body in scene.bodies:
         for load in body.payloads:
             x, y = view.place(load.position)
-            parts.append(
-                tag(
-                    "rect",
-                    {"class": "payload", "x": x - 6, "y": y - 6, "width": 12.0, "height": 12.0},
-                )
-            )
+            corner = {"x": x - 6, "y": y - 6}
+            parts.append(tag("rect", {"class": "payload", **corner, "width": 12.0, "height": 12.0}))
             words = f"{load.mass:g} kg"
             parts.append(label(words, {"class": "payload-mass middle halo", "x": x, "y": y + 22}))
     return parts
 
 
 def _centers(scene: Scene, view: View, *, symbol: float) -> list[str]:
-    """Return rotor centre, IMU, and each centre of mass with its ellipse."""
+    """Draw rotor centre, IMU, and each centre of mass with its ellipse."""
     x, y = view.place(scene.center)
     s = 1.5 * symbol
     cross = f"M{x - s:.2f} {y:.2f}H{x + s:.2f}M{x:.2f} {y - s:.2f}V{y + s:.2f}"
@@ -316,39 +295,32 @@ def _centers(scene: Scene, view: View, *, symbol: float) -> list[str]:
 
 
 def _com(body: Body, com: Point, view: View, *, symbol: float, number: int) -> str:
-    """Return the sign of a centre of mass, a circle in four quarters, on its ellipse."""
+    """Draw the sign of a centre of mass, a circle in four quarters, on its ellipse."""
     x, y = view.place(com)
     project = np.zeros((2, 3))
     project[0, view.right[0]], project[1, view.up[0]] = view.right[1], view.up[1]
-    size, turn = np.linalg.eigh(project @ body.covariance @ project.T)
-    minor, major = (CHI95 * view.scale * np.sqrt(size.clip(min=0))).tolist()
+    variances, turn = np.linalg.eigh(project @ body.covariance @ project.T)
+    minor, major = (CHI95 * view.scale * np.sqrt(variances.clip(min=0))).tolist()
     angle = -float(np.degrees(np.arctan2(turn[1, 1], turn[0, 1])))
     r = 0.62 * symbol
     quarters = (
         f"M{x:.2f} {y:.2f}V{y - r:.2f}A{r:.2f} {r:.2f} 0 0 1 {x + r:.2f} {y:.2f}Z"
         f"M{x:.2f} {y:.2f}V{y + r:.2f}A{r:.2f} {r:.2f} 0 0 1 {x - r:.2f} {y:.2f}Z"
     )
+    place = {"cx": x, "cy": y}
+    turned = f"rotate({angle:.2f} {x:.2f} {y:.2f})"
+    size = {"rx": major, "ry": minor, "transform": turned}
     return tag(
         "g",
         {"class": f"com body-{number % 4}"},
-        tag(
-            "ellipse",
-            {
-                "class": "uncertainty",
-                "cx": x,
-                "cy": y,
-                "rx": major,
-                "ry": minor,
-                "transform": f"rotate({angle:.2f} {x:.2f} {y:.2f})",
-            },
-        ),
-        tag("circle", {"class": "ring", "cx": x, "cy": y, "r": r}),
+        tag("ellipse", {"class": "uncertainty", **place, **size}),
+        tag("circle", {"class": "ring", **place, "r": r}),
         tag("path", {"class": "quarters", "d": quarters}),
     )
 
 
 def _scale_bar(view: View) -> str:
-    """Return a bar of a round length, in metres."""
+    """Draw a bar of a round length, in metres."""
     length = nice_step(0.7 * SIZE / view.scale, 3)
     x1 = view.width - 16
     x0, y = x1 - length * view.scale, view.height - 14
@@ -363,10 +335,9 @@ def _scale_bar(view: View) -> str:
 
 
 def _axis_arrows(view: View) -> str:
-    """Return the two axes of the drawing in its corner."""
+    """Draw the two axes in the corner."""
     x, y, n = 20.0, view.height - 14.0, 28.0
-    right = "xyz"[view.right[0]]
-    up = "xyz"[view.up[0]]
+    right, up = "xyz"[view.right[0]], "xyz"[view.up[0]]
     # Seen from above y points to the left; the arrow does too.
     sign = view.right[1]
     x = x if sign > 0 else x + n

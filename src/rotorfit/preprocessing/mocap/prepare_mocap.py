@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.errors import FlightError, FrameError
 from rotorfit.logs.flight_log import Channel, FlightLog
-from rotorfit.logs.speed_law import law_doubts, speed_from_command
+from rotorfit.logs.speed_law import law_warnings, speed_from_command
 from rotorfit.preprocessing.airborne import (
     GRAVITY,
     ON_THE_GROUND,
@@ -437,4 +437,4 @@ def _law_warnings(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple
     command = usable_samples(log.channels["command"], "command")
     first, last = data.time[data.segments[0].start], data.time[data.segments[-1].stop - 1]
     flown = (command.time >= first) & (command.time <= last)
-    return law_doubts(motors.law, command.values[flown])
+    return law_warnings(motors.law, command.values[flown])

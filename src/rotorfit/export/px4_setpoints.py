@@ -14,16 +14,13 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.export.control.effectiveness import Spread, spread
-from rotorfit.export.header import noted
+from rotorfit.export.effectiveness import Spread, spread
+from rotorfit.export.file_format import frd, with_notes
 from rotorfit.export.px4 import has_coefficients
-from rotorfit.export.units import frd
-from rotorfit.export.vehicle import ROTORS, SPEED, VehicleModel
-from rotorfit.model.parameters import COM
+from rotorfit.export.vehicle import VehicleModel
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.motors.thrust_curve import thrust_curve
 
-NEEDS: Final = ("mass", *COM, *ROTORS, *SPEED)
 ROLL, PITCH, YAW, FORWARD, RIGHT, DOWN = range(6)
 ROWS: Final = {
     **dict.fromkeys(("roll", "pitch", "yaw"), "N m per unit"),
@@ -37,10 +34,10 @@ SMALL: Final = 1e-3
 def write_px4_setpoints(
     model: VehicleModel, head: Sequence[str], drawn: Sequence[VehicleModel] = ()
 ) -> str:
-    """Return JSON: what a unit of each setpoint is, with intervals."""
+    """Write as JSON what a unit of each setpoint is, with intervals."""
     found = spread(_per_unit, model, drawn)
     curve = None if model.law is None else thrust_curve(model.law)
-    about = noted(
+    about = with_notes(
         head,
         "for PX4 with the CA_ROTOR parameters of rotorfit export --to px4; body axes FRD",
         "vehicle_thrust_setpoint.xyz[2] = -F / thrust (F: newton upwards); "
@@ -52,10 +49,11 @@ def write_px4_setpoints(
             else f", within {100 * curve.error:.2g} % of full thrust"
         ),
     )
-    plain: dict[str, Any] = {"about": list(about)}
-    for i, (name, unit) in enumerate(ROWS.items()):
-        plain[name] = _entry(found, i, unit)
-    plain["thr_mdl_fac"] = 1.0 if curve is None else round(curve.factor, 6)
+    plain: dict[str, Any] = {
+        "about": about,
+        **{name: _entry(found, i, unit) for i, (name, unit) in enumerate(ROWS.items())},
+        "thr_mdl_fac": 1.0 if curve is None else round(curve.factor, 6),
+    }
     return json.dumps(plain, indent=1, allow_nan=False) + "\n"
 
 
@@ -70,12 +68,12 @@ def _digits(value: float) -> float:
 
 
 def newton_per_unit(model: VehicleModel) -> Float[np.ndarray, " 4"]:
-    """Return torque about x, y, z [N m] and thrust [N] of one unit of their setpoints."""
+    """Compute torque about x, y, z [N m] and thrust [N] of one unit of their setpoints."""
     full = np.array([rotor.kt for rotor in model.rotors]) * model.max_speed**2
     per_newton = _wrench_per_newton(model)
     # PX4 knows the rotors by CT, in newtons, or takes them for equal.
-    told = full if has_coefficients(model) else np.ones_like(full)
-    mix = scaled_mix(per_newton * told)
+    coefficients = full if has_coefficients(model) else np.ones_like(full)
+    mix = scaled_mix(per_newton * coefficients)
     unit = np.diag(per_newton * full @ mix)
     return np.array([unit[ROLL], unit[PITCH], unit[YAW], unit[DOWN]])
 
@@ -86,14 +84,14 @@ def _per_unit(model: VehicleModel) -> Float[np.ndarray, "5 1"]:
 
 
 def _wrench_per_newton(model: VehicleModel) -> Float[np.ndarray, "6 N"]:
-    """Return torque and force of each rotor per newton of its thrust, FRD."""
+    """Compute torque and force of each rotor per newton of its thrust, FRD."""
     axes = frd(np.array([rotor.axis for rotor in model.rotors]))
     ratios = np.array([rotor.spin * model.kd / rotor.kt for rotor in model.rotors])[:, None]
     return np.hstack([np.cross(frd(model.arms), axes) - ratios * axes, axes]).T
 
 
 def scaled_mix(effect: Float[np.ndarray, "6 N"]) -> Float[np.ndarray, "N 6"]:
-    """Return PX4's mix of a matrix of effectiveness: what each motor is asked per unit."""
+    """Compute PX4's mix of a matrix of effectiveness: what each motor is asked per unit."""
     mix = np.linalg.pinv(effect, rcond=1e-6)
     counts = [max(int((np.abs(mix[:, i]) > SMALL).sum()), 1) for i in (ROLL, PITCH)]
     norms = [

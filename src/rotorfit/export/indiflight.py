@@ -13,13 +13,11 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.export.control.effectiveness import effectiveness, spread
-from rotorfit.export.header import hash_comment, noted
-from rotorfit.export.units import RPM
-from rotorfit.export.vehicle import BODY, ROTORS, SPEED, VehicleModel
+from rotorfit.export.effectiveness import effectiveness, spread
+from rotorfit.export.file_format import RPM, hash_comment, with_notes
+from rotorfit.export.vehicle import VehicleModel
 from rotorfit.preprocessing.motors.thrust_curve import thrust_curve
 
-NEEDS: Final = (*BODY, *ROTORS, *SPEED)
 _FORCE, _TURN = "m/s^2 at full thrust", "rad/s^2 at full thrust"
 _SPIN_UP = "rad/s^2 per rad/s^2 of the rotor"
 _ROWS: Final = (
@@ -36,8 +34,8 @@ NONLINEARITY: Final = (0.025, 0.7)
 def write_indiflight(
     model: VehicleModel, head: Sequence[str], drawn: Sequence[VehicleModel] = ()
 ) -> str:
-    """Return lines for the CLI tab of the configurator."""
-    comment = noted(
+    """Write lines for the CLI tab of the configurator."""
+    comment = with_notes(
         head,
         "paste into the CLI tab under the INDI profile that it is for (indiprofile 0), then  save",
         "actuators in the order of the log's motors; body axes FRD; g1 is at full thrust, the "
@@ -49,13 +47,13 @@ def write_indiflight(
     found = spread(_effects, model, drawn)
     for i, (name, kind, unit) in enumerate(_ROWS):
         if np.isfinite(found.value[i]).all():
-            lines.append(f"\n# {kind}: {found.words(i)}\n")
+            lines.append(f"\n# {kind}: {found.row_text(i)}\n")
             lines.append(_setting(name, found.value[i] / unit))
     return hash_comment(comment) + "\n" + "".join(lines)
 
 
 def _effects(model: VehicleModel) -> Float[np.ndarray, "9 N"]:
-    """Return the rows of G1 at full thrust, and of G2, which are NaN where Jr is not known."""
+    """Compute the rows of G1 at full thrust, and of G2, which are NaN where Jr is not known."""
     found = effectiveness(model)
     full = model.max_speed**2
     spin_up = np.full((3, len(model.rotors)), np.nan) if found.spin_up is None else found.spin_up
@@ -65,16 +63,16 @@ def _effects(model: VehicleModel) -> Float[np.ndarray, "9 N"]:
 def _motor_lines(model: VehicleModel) -> list[str]:
     rotors = len(model.rotors)
     lines = [
-        _same("max_rpm", model.max_speed / RPM, rotors),
-        _same("hover_rpm", model.hover_speed / RPM, rotors),
+        _repeated("max_rpm", model.max_speed / RPM, rotors),
+        _repeated("hover_rpm", model.hover_speed / RPM, rotors),
     ]
     lag = 1e3 * model.mean_lag
     if 0.5 <= lag < LONGEST_LAG:
-        lines.append(_same("time_constant_ms", lag, rotors))
+        lines.append(_repeated("time_constant_ms", lag, rotors))
     if model.law is not None:
         low, high = NONLINEARITY
         factor = min(max(thrust_curve(model.law).factor, low), high)
-        lines.append(_same("nonlinearity", 100.0 * factor, rotors))
+        lines.append(_repeated("nonlinearity", 100.0 * factor, rotors))
     return lines
 
 
@@ -106,7 +104,7 @@ def _remarks(model: VehicleModel) -> list[str]:
     return remarks
 
 
-def _same(name: str, value: float, rotors: int) -> str:
+def _repeated(name: str, value: float, rotors: int) -> str:
     return f"set indi_act_{name} = {','.join([str(round(value))] * rotors)}\n"
 
 

@@ -15,13 +15,11 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from rotorfit.errors import OutputError
-from rotorfit.export.control.effectiveness import effectiveness, spread
-from rotorfit.export.header import noted, xml_comment
-from rotorfit.export.units import text
-from rotorfit.export.vehicle import BODY, ROTORS, SPEED, VehicleModel
+from rotorfit.export.effectiveness import effectiveness, spread
+from rotorfit.export.file_format import text, with_notes, xml_comment
+from rotorfit.export.vehicle import VehicleModel
 from rotorfit.preprocessing.motors.thrust_curve import speeds
 
-NEEDS: Final = (*BODY, *ROTORS, *SPEED)
 FULL: Final = 9600.0
 """MAX_PPRZ."""
 SCALING: Final = 1000.0
@@ -36,16 +34,16 @@ STEP: Final = 1e-3
 def write_paparazzi(
     model: VehicleModel, head: Sequence[str], drawn: Sequence[VehicleModel] = ()
 ) -> str:
-    """Return a section ``STABILIZATION_ATTITUDE_INDI`` with G1 and G2."""
-    comment = noted(
+    """Write a section ``STABILIZATION_ATTITUDE_INDI`` with G1 and G2."""
+    comment = with_notes(
         head,
         "actuators in the order of the log's motors; body axes FRD; one unit of an actuator is "
-        f"1/{FULL:g} of full command, at hover ({speed_per_unit(model):.4g} rad/s of the rotor)",
+        f"1/{FULL:g} of full command, at hover ({_speed_per_unit(model):.4g} rad/s of the rotor)",
         *_remarks(model),
     )
     found = spread(_effects, model, drawn)
     lines = "".join(
-        xml_comment([f"{name}: {found.words(i)}"]) + _define(name, found.value[i].tolist())
+        xml_comment([f"{name}: {found.row_text(i)}"]) + _define(name, found.value[i].tolist())
         for i, name in enumerate(ROWS)
         if np.isfinite(found.value[i]).all()
     )
@@ -59,14 +57,8 @@ def write_paparazzi(
     )
 
 
-def speed_per_unit(model: VehicleModel) -> float:
-    """Return how much faster a rotor turns for one unit more of its actuator, at hover [rad/s].
-
-    Raises
-    ------
-    OutputError
-        If the law does not reach the speed of hover.
-    """
+def _speed_per_unit(model: VehicleModel) -> float:
+    """Differentiate the law at hover: rotor speed over one unit of its actuator [rad/s]."""
     if model.law is None:  # in proportion to the command
         return model.max_speed / FULL
     law, hover = model.law, model.hover_speed
@@ -84,9 +76,9 @@ def speed_per_unit(model: VehicleModel) -> float:
 
 
 def _effects(model: VehicleModel) -> Float[np.ndarray, "5 N"]:
-    """Return the rows of G1, and G2, which is NaN where Jr is not known."""
+    """Compute the rows of G1, and G2, which is NaN where Jr is not known."""
     found = effectiveness(model)
-    unit = SCALING * speed_per_unit(model)
+    unit = SCALING * _speed_per_unit(model)
     spin_up = np.full(len(model.rotors), np.nan) if found.spin_up is None else found.spin_up[2]
     return np.vstack(
         [

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.export.units import frd
+from rotorfit.export.file_format import frd
 from rotorfit.export.vehicle import VehicleModel
 
 LEVELS: Final = (2.5, 97.5)
@@ -40,7 +40,7 @@ class Effectiveness:
 
 
 def effectiveness(model: VehicleModel) -> Effectiveness:
-    """Return what the rotors of a vehicle do to it."""
+    """Compute the effect of the rotors on their vehicle."""
     kt = np.array([rotor.kt for rotor in model.rotors])[:, None]
     axes = np.array([rotor.axis for rotor in model.rotors])
     along = np.array([rotor.spin for rotor in model.rotors])[:, None] * axes
@@ -55,22 +55,14 @@ def effectiveness(model: VehicleModel) -> Effectiveness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """Numbers with their intervals.
-
-    Attributes
-    ----------
-    value
-        Of the vehicle as it was estimated.
-    low, high
-        Ends of the 95 % intervals; None without drawn vehicles.
-    """
+    """Numbers of the estimated vehicle, with the ends of 95 % intervals from drawn ones."""
 
     value: Float[np.ndarray, "r c"]
     low: Float[np.ndarray, "r c"] | None = None
     high: Float[np.ndarray, "r c"] | None = None
 
-    def words(self, row: int) -> str:
-        """Return the numbers of a row one after the other, each with its interval."""
+    def row_text(self, row: int) -> str:
+        """Write the numbers of a row one after the other, each with its interval."""
         values = self.value[row].tolist()
         if self.low is None or self.high is None:
             return ", ".join(f"{value:.4g}" for value in values)
@@ -83,7 +75,7 @@ def spread(
     model: VehicleModel,
     drawn: Sequence[VehicleModel],
 ) -> Spread:
-    """Return numbers of a vehicle, with intervals from vehicles drawn beside it."""
+    """Evaluate numbers of a vehicle, with intervals from vehicles drawn around it."""
     if not drawn:
         return Spread(value=of(model) + 0.0)
     # + 0.0: no minus before a zero.

@@ -8,14 +8,12 @@ import numpy as np
 
 from rotorfit import version
 from rotorfit.errors import OutputError
-from rotorfit.export.randomised.variants import Variants
-from rotorfit.export.vehicle import BODY, ROTORS
+from rotorfit.export.variants import Variants
 from rotorfit.logs.files import file_name
 from rotorfit.results.result import IdentificationResult
 
-NEEDS: Final = (*BODY, *ROTORS)
 SCHEMA: Final = 1
-WHAT: Final = {
+UNITS: Final = {
     "mass": "kg",
     "com": "m from the origin",
     "inertia_com": "kg m^2 about the CoM, tensor",
@@ -40,30 +38,20 @@ def refuse_suffix(suffix: str) -> None:
         )
 
 
-def samples_bytes(found: Variants, result: IdentificationResult, *, suffix: str) -> bytes:
-    """Return drawn vehicles as the content of a file.
-
-    Parameters
-    ----------
-    found
-        The vehicles.
-    result
-        From which they were drawn.
-    suffix
-        Of the file: ``.npz`` or ``.json``.
-    """
+def write_samples(found: Variants, result: IdentificationResult, *, suffix: str) -> bytes:
+    """Write drawn vehicles of a result as the suffix asks: ``.npz`` or ``.json``."""
     arrays = _arrays(found)
-    told = _told(found, result, tuple(arrays))
+    about = _about(found, result, tuple(arrays))
     if suffix == ".json":
         values = {name: array.tolist() for name, array in arrays.items()}
-        return (json.dumps({**told, "values": values}, allow_nan=False) + "\n").encode()
+        return (json.dumps({**about, "values": values}, allow_nan=False) + "\n").encode()
     room = io.BytesIO()
-    np.savez(room, allow_pickle=False, about=np.array(json.dumps(told)), **arrays)
+    np.savez(room, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
     return room.getvalue()
 
 
-def _told(found: Variants, result: IdentificationResult, names: tuple[str, ...]) -> dict[str, Any]:
-    """Return what is to be known of the arrays of these names."""
+def _about(found: Variants, result: IdentificationResult, names: tuple[str, ...]) -> dict[str, Any]:
+    """Describe the arrays of these names, and where they are from."""
     samples = found.samples
     return {
         "schema": SCHEMA,
@@ -75,7 +63,7 @@ def _told(found: Variants, result: IdentificationResult, names: tuple[str, ...])
         "seed": samples.seed,
         "rejected": samples.rejected,
         "reasons": dict(samples.reasons),
-        "units": {name: WHAT[name] for name in names},
+        "units": {name: UNITS[name] for name in names},
         "flights": [
             {"file": file_name(flight.file), "sha256": flight.sha256} for flight in result.flights
         ],
@@ -84,7 +72,7 @@ def _told(found: Variants, result: IdentificationResult, names: tuple[str, ...])
 
 
 def _arrays(found: Variants) -> dict[str, np.ndarray]:
-    """Return the vehicles as arrays, without what is not known of any."""
+    """Stack the vehicles as arrays, without what is not known of any."""
     models = found.models
     arrays = {
         "mass": np.array([m.mass for m in models]),

@@ -1,1 +1,0 @@
-"""Vehicles drawn from the posterior, as files that simulators randomise with."""

@@ -1,0 +1,101 @@
+"""From draws of the posterior to vehicles as every target writes them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from rotorfit.errors import OutputError
+from rotorfit.export.vehicle import VehicleModel, is_possible
+from rotorfit.model.parameters import COM, INERTIA_COM, inertia_matrix
+from rotorfit.results.result import IdentificationResult
+from rotorfit.results.samples import Samples
+
+DRAWN: Final = ("identified", "weak")
+"""Origins of numbers that a draw replaces; given, assumed and computed ones stand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variants:
+    """Vehicles drawn around a nominal one, and the draws in the units of the result."""
+
+    nominal: VehicleModel
+    models: tuple[VehicleModel, ...]
+    samples: Samples
+
+
+def variants(
+    result: IdentificationResult, nominal: VehicleModel, *, count: int, seed: int
+) -> Variants:
+    """Draw vehicles from the posterior of a result; what is assumed in `nominal` is so in all.
+
+    OutputError if a draw cannot exist alongside what was assumed, EstimationError if the mass is
+    unknown or hardly a draw can exist.
+    """
+    samples = result.samples(count, seed, configuration=nominal.configuration)
+    factors = _factors(nominal, samples, result)
+    models = tuple(
+        _variant(
+            nominal,
+            {name: factor * float(samples.values[name][i]) for name, factor in factors.items()},
+        )
+        for i in range(count)
+    )
+    # Each draw can exist; beside numbers that were assumed it may not.
+    impossible = sum(not is_possible(model) for model in models)
+    if impossible:
+        raise OutputError(
+            f"{impossible} of {count} vehicles drawn cannot exist beside what was assumed (no body "
+            "has such inertia): assume less, or other values"
+        )
+    return Variants(nominal=nominal, models=models, samples=samples)
+
+
+def _factors(
+    nominal: VehicleModel, samples: Samples, result: IdentificationResult
+) -> dict[str, float]:
+    """Compute by name what turns a draw into SI: 1, or the conversion of a unit per command."""
+    raw = {p.name: p for p in result.parameters if p.configuration in (None, samples.configuration)}
+    factors: dict[str, float] = {}
+    for number in nominal.numbers:
+        if number.name in samples.values and number.origin in DRAWN:
+            p = raw.get(number.name)
+            if p is None or p.unit == number.unit or not p.value:
+                factors[number.name] = 1.0
+            else:
+                factors[number.name] = number.value / p.value
+    return factors
+
+
+def _variant(nominal: VehicleModel, drawn: Mapping[str, float]) -> VehicleModel:
+    """Replace the numbers of the nominal vehicle by those of one draw."""
+    old = {n.name: n.value for n in nominal.numbers}
+    new = {**old, **drawn}
+    shift = [new.get(c, 0.0) - old.get(c, 0.0) for c in ("rotor_center_x", "rotor_center_y")]
+    if "motor_lag" in drawn:
+        drawn = dict.fromkeys(("motor_lag_up", "motor_lag_down"), drawn["motor_lag"]) | dict(drawn)
+    return replace(
+        nominal,
+        com=np.array([drawn.get(n, c) for n, c in zip(COM, nominal.com.tolist(), strict=True)]),
+        inertia_com=inertia_matrix(np.array([new.get(n, np.nan) for n in INERTIA_COM])),
+        rotors=tuple(
+            replace(
+                rotor,
+                position=rotor.position + np.array([*shift, 0.0]),
+                kt=drawn.get(
+                    f"kt_{i}", rotor.kt if f"kt_{i}" in old else drawn.get("kt", rotor.kt)
+                ),
+            )
+            for i, rotor in enumerate(nominal.rotors, 1)
+        ),
+        kd=drawn.get("kd", nominal.kd),
+        Jr=None if nominal.Jr is None else drawn.get("Jr", nominal.Jr),
+        lag_up=drawn.get("motor_lag_up", nominal.lag_up),
+        lag_down=drawn.get("motor_lag_down", nominal.lag_down),
+        max_speed=drawn.get("max_speed", nominal.max_speed),
+        numbers=tuple(
+            replace(n, value=drawn[n.name], interval=None, remark="drawn") if n.name in drawn else n
+            for n in nominal.numbers
+        ),
+    )
