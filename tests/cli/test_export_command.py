@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from command_line import AIRFRAME
 
-from rotorfit.cli.result_commands import export
+from rotorfit.cli.export import export
 from rotorfit.errors import OutputError
 from rotorfit.export.randomised.targets import NEEDS
 from rotorfit.export.table import columns_of, table_files
