@@ -8,7 +8,7 @@ import pytest
 from served import FORM
 
 from rotorfit.app.engine import Engine
-from rotorfit.app.export_targets import TITLES
+from rotorfit.app.exports import TITLES
 from rotorfit.app.files import MOST_FILES, receive
 from rotorfit.errors import OutputError
 from rotorfit.experiment.experiment import load_experiment
@@ -45,7 +45,7 @@ def identified(tmp_path_factory, flight):
     return engine, told, outcome, steps
 
 
-def test_the_result_is_that_of_the_command_line_to_the_last_digit(identified, tmp_path, flight):
+def test_the_result_is_exactly_that_of_the_command_line(identified, tmp_path, flight):
     engine, _, outcome, _ = identified
     (tmp_path / "flight.csv").write_bytes(flight)
     (tmp_path / "experiment.toml").write_text(outcome["experiment"])

@@ -161,7 +161,7 @@ def of(flight, **errors):
     )
 
 
-def test_columns_are_of_what_is_known_and_per_kilogram_where_the_mass_is_not():
+def test_columns_are_of_known_components_and_per_kilogram():
     found = columns_of(of("A1.csv", Fz=0.1, Mx=0.1), a_result())
     assert list(found) == [
         "time",
@@ -248,7 +248,7 @@ def test_a_device_or_a_pipe_is_never_replaced(refused, there):
     assert (there / "pipe").is_fifo()
 
 
-def test_drawn_vehicles_are_written_and_the_rejected_share_is_told(run, there):
+def test_drawn_vehicles_are_written_with_the_rejected_share(run, there):
     asked = ("export", "result.json", "--to", "samples", "--samples", "7", "-o", "v.npz")
     ended = run(*asked)
     assert (ended.code, ended.err) == (0, "")

@@ -19,7 +19,7 @@ from rotorfit.cli.terminal import (
     refuse_output_file,
     terminal_width,
 )
-from rotorfit.errors import ExperimentError, OutputError, RotorfitError
+from rotorfit.errors import ExperimentError, RotorfitError
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import FlightEntry
@@ -76,11 +76,7 @@ def inspect(
     from rotorfit.report.log_page import write_log_page
 
     if report is not None:
-        try:
-            refuse_output_file(report, inputs=logs, force=force)
-        except OutputError as error:
-            print_refusal(error)
-            raise typer.Exit(1) from error
+        refuse_output_file(report, inputs=logs, force=force)
     inspected, refusals = _listed(logs)
     for refusal in refusals:
         print_refusal(refusal)
@@ -127,8 +123,8 @@ def _listed(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitError]]
 
 
 def _of_experiment(path: Path) -> list[InspectedLog]:
+    from rotorfit.experiment.declared_vehicle import read_options_of
     from rotorfit.experiment.experiment import load_experiment
-    from rotorfit.experiment.read_options import read_options_of
     from rotorfit.experiment.toml_files import read_toml
     from rotorfit.logs.kinds import own_kind
 

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.formatting.frame import DataFrame, frame, pandas
-from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.formatting.sheet import DataFrame, Sheet, frame, pandas, sheet_html, sheet_text
 from rotorfit.logs.speed_law import SpeedLaw
 
 CHANNELS: Final[dict[str, tuple[int | None, str]]] = {
