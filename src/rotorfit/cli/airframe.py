@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -244,6 +243,8 @@ def airframe_text(
 
 def _refuse_unreadable(text: str) -> None:
     """Raise if the airframe cannot be read back."""
+    import tomllib
+
     from pydantic import ValidationError
 
     from rotorfit.experiment.airframe_table import AirframeEntry

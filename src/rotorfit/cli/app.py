@@ -1,6 +1,5 @@
 """rotorfit app: the page on which logs are dropped, on this computer alone."""
 
-import webbrowser
 from threading import Timer
 from typing import Annotated
 
@@ -51,5 +50,7 @@ def page(
 
 
 def _open(address: str) -> None:
+    import webbrowser
+
     if not webbrowser.open(address):
         print_status("rotorfit: no browser was found: open the address yourself")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
@@ -59,12 +58,14 @@ def demo(
     Six, Briot, Erskine and Chriette, ICRA 2020: two quadrotors that differ by a known payload,
     identified by the default method and by the paper's.
     """
+    from tempfile import TemporaryDirectory
+
     from rotorfit.simulation.experiment_files import file_names
     from rotorfit.simulation.experiments import plan_experiment
 
     plan = plan_experiment("paper", "noisy", seed=seed)
     if output is None:
-        with tempfile.TemporaryDirectory() as folder:
+        with TemporaryDirectory() as folder:
             results, _ = _fly_and_identify(Path(folder), plan, force=True)
     else:
         refuse_output_folder(output, [*file_names(plan), RESULT, PAPER, REPORT], force=force)
