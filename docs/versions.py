@@ -11,12 +11,14 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 TAG = re.compile(r"v(\d+)\.(\d+)\.(\d+)")
 DEV = "dev"
+Build = Callable[[Path, Path], None]
+"""Builds the site of a tree into a folder."""
 
 
 def releases(tags: Iterable[str]) -> list[str]:
@@ -26,7 +28,7 @@ def releases(tags: Iterable[str]) -> list[str]:
     return [match[0].removeprefix("v") for match in found]
 
 
-def build(tree: Path, out: Path) -> None:
+def build_site(tree: Path, out: Path) -> None:
     """Build the site of one state of the sources, by its own package."""
     command = [sys.executable, "-m", "sphinx", "-q", "-b", "html"]
     with tempfile.TemporaryDirectory() as trees:
@@ -38,7 +40,7 @@ def build(tree: Path, out: Path) -> None:
         )
 
 
-def build_release(version: str, out: Path, root: Path) -> None:
+def build_release(version: str, out: Path, root: Path, build: Build) -> None:
     """Build the site of a tag from a checkout of its own."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
@@ -66,7 +68,7 @@ def list_versions(out: Path, versions: list[str]) -> None:
     )
 
 
-def build_all(out: Path, root: Path = ROOT) -> list[str]:
+def build_all(out: Path, root: Path = ROOT, build: Build = build_site) -> list[str]:
     """Build what is missing, and return the versions, the newest release first, then dev."""
     tags = subprocess.run(
         ["git", "-C", root, "tag", "--list"], capture_output=True, text=True, check=True
@@ -74,7 +76,7 @@ def build_all(out: Path, root: Path = ROOT) -> list[str]:
     versions = [*releases(tags.split()), DEV]
     for version in versions[:-1]:
         if not (out / version / "index.html").exists():
-            build_release(version, out / version, root)
+            build_release(version, out / version, root, build)
     build(root, out / DEV)
     list_versions(out, versions)
     return versions

@@ -68,7 +68,7 @@ def test_the_wrong_kind_is_refused(call, words):
     assert words in refusal(call)
 
 
-def test_arguments_that_do_not_exist_are_refused_in_pythons_own_words():
+def test_unknown_arguments_are_refused_in_pythons_words():
     assert "'length'" in refusal(rotorfit.layout_rotors, "quad-x", arm=0.1, length=0.1)
 
 

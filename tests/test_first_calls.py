@@ -21,7 +21,7 @@ def drawn(covariance):
     return normal_draws(covariance, 1, np.random.default_rng(1))
 
 
-def test_a_wrong_shape_is_refused_until_there_were_many_calls_and_again_in_the_next_test():
+def test_a_wrong_shape_is_refused_at_the_first_calls_of_a_test():
     with pytest.raises(TypeCheckError):
         drawn(OBLONG)
     for _ in range(first_calls.CALLS if np.isfinite(first_calls.CALLS) else 0):

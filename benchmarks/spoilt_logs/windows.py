@@ -16,7 +16,7 @@ from benchmarks import common
 from benchmarks.common import SOUND, airframe_text, real_data_folder
 from benchmarks.same_numbers import AIRFRAMES, COMMANDED, CRAZYFLIE, LOGS
 
-from rotorfit.cli.identify import IdentifyRequest, run
+from rotorfit.cli.identify import identify
 from rotorfit.errors import RotorfitError
 
 
@@ -58,9 +58,7 @@ def random_window(seconds: float, chance: np.random.Generator) -> tuple[float, f
 
 def window_end(one: Windowed, window: tuple[float, float]) -> tuple[str, str]:
     """Return how the command ends on a window, "told", "refused" or "fault", and what is said."""
-    request = IdentifyRequest(
-        source=one.log, mass=one.mass, airframe=one.airframe, window=window, as_json=True
-    )
+    start, end = window
     aside = io.StringIO()
     with (
         contextlib.redirect_stdout(aside),
@@ -69,7 +67,9 @@ def window_end(one: Windowed, window: tuple[float, float]) -> tuple[str, str]:
     ):
         warnings.simplefilter("always", RuntimeWarning)
         try:
-            run(request)
+            identify(
+                one.log, mass=one.mass, airframe=one.airframe, start=start, end=end, as_json=True
+            )
         except RotorfitError as error:
             return "refused", str(error)
         except Exception as error:

@@ -1,13 +1,14 @@
-"""What is handed to a public function, looked at once, at the door.
+"""Checks of the arguments of public functions: paths may be text, a wrong type is refused.
 
-A path may be text. What is of the wrong kind is refused in one line that names the argument and
-says what makes the right thing, instead of an error from deep inside.
+The refusal is one line that names the argument and says what makes the right thing, instead of an
+error from deep inside. Pydantic's `validate_call` refuses with messages of its own, for which the
+words below would be needed all the same, and looks into every field of a dataclass.
 """
 
 import functools
 import inspect
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from numbers import Integral, Real
 from pathlib import Path
@@ -23,7 +24,7 @@ MADE_BY: Final = {
     "MotorsEntry": "experiment.motors is one",
     "WrenchComparison": "rotorfit.validate_file makes one",
 }
-"""Where a thing comes from that a caller did not hand over."""
+"""Where a caller gets an instance."""
 SIMPLE: Final[dict[Any, tuple[type | tuple[type, ...], str]]] = {
     Path: ((str, os.PathLike), "a path"),
     bool: (bool, "True or False"),
@@ -35,20 +36,12 @@ SIMPLE: Final[dict[Any, tuple[type | tuple[type, ...], str]]] = {
 
 
 def checked(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """Return a public function that takes paths as text too, and refuses the wrong kind of thing.
-
-    Parameters
-    ----------
-    function
-        With a type for each of its arguments.
-    name
-        Under which it is public.
-    """
+    """Wrap a function under its public name: check its arguments, convert text to paths."""
     signature = inspect.signature(function)
     hints = get_type_hints(function)
 
     @functools.wraps(function)
-    def at_the_door(*args: Any, **kwargs: Any) -> Any:
+    def checked_call(*args: Any, **kwargs: Any) -> Any:
         try:
             given = signature.bind(*args, **kwargs)
         except TypeError:
@@ -56,18 +49,20 @@ def checked(function: Callable[..., Any], name: str) -> Callable[..., Any]:
         for argument, value in given.arguments.items():
             hint = hints[argument]
             if not _fits(value, hint):
-                raise TypeError(_refusal(f"{name}: {argument}", value, hint))
+                is_plain = isinstance(value, str | float | int | NoneType)
+                shown = repr(value) if is_plain else f"of type {type(value).__name__}"
+                raise TypeError(f"{name}: {argument} is {shown}, expected {_expected(value, hint)}")
             if Path in (hint, *get_args(hint)) and value is not None:
                 given.arguments[argument] = Path(value)
         return function(*given.args, **given.kwargs)
 
     # Other processes find it where it is public.
-    at_the_door.__module__, at_the_door.__qualname__ = "rotorfit", name
-    return at_the_door
+    checked_call.__module__, checked_call.__qualname__ = "rotorfit", name
+    return checked_call
 
 
 def _fits(value: Any, hint: Any) -> bool:
-    """Return whether a value is of a kind; what is not known here is let through."""
+    """Decide whether a value has a type; unknown types are let through."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint in SIMPLE:
         # True is a number to Python, and a slip of the caller's.
@@ -77,34 +72,23 @@ def _fits(value: Any, hint: Any) -> bool:
     if origin is Literal:
         return value in parts
     if origin is tuple:
-        return isinstance(value, tuple) and len(_each(value)) == len(parts)
+        return isinstance(value, tuple) and len(cast("tuple[Any, ...]", value)) == len(parts)
     if origin is Sequence:
-        return isinstance(value, list | tuple) and all(_fits(v, parts[0]) for v in _each(value))
+        return isinstance(value, list | tuple) and _all_fit(cast("list[Any]", value), parts[0])
     if origin is Mapping:
-        return isinstance(value, Mapping) and all(_fits(v, parts[1]) for v in _each(value))
+        entries = cast("Mapping[Any, Any]", value)
+        return isinstance(value, Mapping) and _all_fit(entries.values(), parts[1])
     if origin is Callable:
         return callable(value)
     return not inspect.isclass(hint) or isinstance(value, hint)
 
 
-def _each(value: Any) -> list[Any]:
-    """Return what is in a row, or the values of a mapping."""
-    if isinstance(value, Mapping):
-        return list(cast("Mapping[Any, Any]", value).values())
-    return list(value)
-
-
-def _refusal(argument: str, value: object, hint: Any) -> str:
-    shown = (
-        repr(value)
-        if isinstance(value, str | float | int | NoneType)
-        else f"of type {type(value).__name__}"
-    )
-    return f"{argument} is {shown}, expected {_expected(value, hint)}"
+def _all_fit(values: Iterable[Any], hint: Any) -> bool:
+    return all(_fits(value, hint) for value in values)
 
 
 def _expected(value: object, hint: Any) -> str:
-    """Return what was wanted, in words."""
+    """Describe the expected type in words."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint in SIMPLE:
         return SIMPLE[hint][1]

@@ -44,7 +44,7 @@ def identified(tmp_path_factory, flight):
     return engine, told, outcome, steps
 
 
-def test_the_result_is_that_of_the_command_line_to_the_last_digit(identified, tmp_path, flight):
+def test_the_result_is_exactly_that_of_the_command_line(identified, tmp_path, flight):
     engine, _, outcome, _ = identified
     (tmp_path / "flight.csv").write_bytes(flight)
     (tmp_path / "experiment.toml").write_text(outcome["experiment"])

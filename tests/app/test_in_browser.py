@@ -30,13 +30,14 @@ def quiet(step: str, share: float | None) -> None:
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch):
-    monkeypatch.setattr(in_browser, "FOLDER", tmp_path / "page")
-    monkeypatch.setattr(in_browser, "MOST_BYTES", 1000)
-
+def call(tmp_path):
     def answer(name: str, argument: dict, sent: bytes | None = None) -> dict:
         given = None if sent is None else Sent(sent)
-        return json.loads(in_browser.call(name, json.dumps(argument), quiet, given))
+        folder = tmp_path / "page"
+        text = in_browser.call(
+            name, json.dumps(argument), quiet, given, folder=folder, most_bytes=1000
+        )
+        return json.loads(text)
 
     return answer
 

@@ -16,7 +16,6 @@ from threading import Thread
 import pytest
 from served import FORM, MOST, PATIENCE, Client, served, wait_for
 
-from rotorfit.app import pages as pages_module
 from rotorfit.app.pages import MOST_PAGES, MOST_WAITING, Job, Pages
 from rotorfit.app.server import MOST_CONNECTIONS
 from rotorfit.errors import OutputError
@@ -242,7 +241,7 @@ def test_work_is_stopped(server, page):
     assert page.call("follow")["stopped"] is True
 
 
-def test_long_calls_take_turns(monkeypatch):
+def test_long_calls_take_turns():
     at_work: list[tuple[Path, str]] = []
     most_of_all, most_of_one = 0, 0
 
@@ -257,7 +256,7 @@ def test_long_calls_take_turns(monkeypatch):
         return {"done": job.argument["number"]}
 
     async def run():
-        every = Pages(most_bytes=1)
+        every = Pages(most_bytes=1, work=work)
         open_pages = [every.open(None) for _ in range(3)]
         assert all(page is not None for page in open_pages)
         names = [*["identify"] * 10, *["look"] * 10]
@@ -274,7 +273,6 @@ def test_long_calls_take_turns(monkeypatch):
         assert not every.folder.exists()
         return last
 
-    monkeypatch.setattr(pages_module, "_in_a_process", work)
     last = asyncio.run(run())
     assert last[:MOST_WAITING] == [{"done": i} for i in range(MOST_WAITING)]
     assert all("try later" in one["refused"] for one in last[MOST_WAITING:])
@@ -283,7 +281,7 @@ def test_long_calls_take_turns(monkeypatch):
     assert len(last) == 20
 
 
-def test_a_page_that_is_closed_is_forgotten(monkeypatch):
+def test_a_page_that_is_closed_is_forgotten():
     with served() as own:
         page = Client(own.address).opened()
         port = own.sockets[0].getsockname()[1]
@@ -294,9 +292,7 @@ def test_a_page_that_is_closed_is_forgotten(monkeypatch):
             name = page.drop("nothing.csv", b"")["name"]
             assert page.call("restore")["files"][0]["name"] == name
             assert kept(own)
-            monkeypatch.setattr(
-                pages_module, "GRACE", 0.0
-            )  # not earlier: getting here may take long
+            own.pages.grace = 0.0  # not earlier: getting here may take long
         wait_for(lambda: not kept(own))
         assert page.call("restore")["refused"] == "this page was closed: load it anew"
         folder = own.pages.folder

@@ -1,7 +1,6 @@
 """The command line in process, and the files that its tests begin with."""
 
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -43,9 +42,8 @@ class Outcome:
 
 def called(*arguments: object) -> int:
     """Run the command line in this process and return its exit code."""
-    sys.argv = ["rotorfit", *map(str, arguments)]
     with pytest.raises(SystemExit) as ended:
-        main()
+        main([*map(str, arguments)])
     code = ended.value.code
     return code if isinstance(code, int) else 0
 

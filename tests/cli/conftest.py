@@ -1,11 +1,11 @@
 """Short simulated flights as files, and the command line in process."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.common import without_progress
 from command_line import AIRFRAME, EXPERIMENT, Columns, Outcome, called
 
 from rotorfit.logs.table import write_table
@@ -19,22 +19,15 @@ from rotorfit.simulation import (
 )
 
 
-@pytest.fixture(autouse=True)
-def no_plain_lines(monkeypatch):
-    """On a busy machine work takes long enough for lines that no test of other things expects."""
-    monkeypatch.setattr("rotorfit.cli.progress.EVERY", 3600.0)
-
-
 @pytest.fixture
-def run(monkeypatch, capsys) -> Callable[..., Outcome]:
+def run(capsys) -> Callable[..., Outcome]:
     """Call the command line in process."""
-    monkeypatch.setattr(sys, "argv", sys.argv)
 
     def outcome(*arguments: object) -> Outcome:
         capsys.readouterr()
         code = called(*arguments)
         printed = capsys.readouterr()
-        return Outcome(code, printed.out, printed.err)
+        return Outcome(code, printed.out, without_progress(printed.err))
 
     return outcome
 

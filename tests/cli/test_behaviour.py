@@ -8,9 +8,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,9 +20,12 @@ from blackbox_file import blackbox_of
 from command_line import EXPERIMENT
 
 from rotorfit import __version__
-from rotorfit.cli import identify as identify_command
+from rotorfit.cli.main import main
 from rotorfit.cli.progress import paced, steps
-from rotorfit.cli.terminal import COLOUR, colour_from, painted
+from rotorfit.cli.terminal import COLOUR, colour_from, coloured
+from rotorfit.errors import EstimationError
+from rotorfit.experiment.experiment import load_experiment
+from rotorfit.identification.identify import identify
 from rotorfit.logs import read_log
 from rotorfit.report.text import result_text
 from rotorfit.results.result import IdentificationResult
@@ -104,12 +108,25 @@ def test_force_replaces(run, saved, here):
     assert numbers(stored(here)) == numbers(stored(saved))
 
 
-def test_a_failing_disk_leaves_nothing(refused, here, monkeypatch):
-    def full(*arguments, **options):
-        raise OSError(28, "No space left on device")
+@pytest.fixture
+def broken(monkeypatch) -> Callable[[str, str, BaseException], None]:
+    """Let an operation of `Path` on the files of a name fail."""
 
-    monkeypatch.setattr(os, "replace", full)
-    monkeypatch.setattr(Path, "replace", full)
+    def break_disk(operation: str, name: str, fault: BaseException) -> None:
+        whole = getattr(Path, operation)
+
+        def faulty(self, *arguments, **options):
+            if self.name.startswith(name):
+                raise fault
+            return whole(self, *arguments, **options)
+
+        monkeypatch.setattr(Path, operation, faulty)
+
+    return break_disk
+
+
+def test_a_failing_disk_leaves_nothing(refused, here, broken):
+    broken("replace", "", OSError(28, "No space left on device"))
     line = refused("identify", "experiment.toml", "-o", "result.json")
     assert "No space left on device" in line
 
@@ -239,19 +256,20 @@ def test_a_fault_of_ours_is_one_line(refused_fault, fault):
     )
 
 
-def test_equations_without_a_solution_are_the_flights_and_said(refused, here, monkeypatch):
-    def unsolved(*arguments, **options):
+def test_equations_without_a_solution_are_refused(here):
+    def unsolved(step: str):
         raise np.linalg.LinAlgError("SVD did not converge")
 
-    monkeypatch.setattr("rotorfit.identification.identify.load_dataset", unsolved)
-    assert "no solution (SVD did not converge)" in refused("identify", "experiment.toml")
+    experiment = load_experiment(here / "experiment.toml")
+    with pytest.raises(EstimationError, match=r"no solution \(SVD did not converge\)"):
+        identify(experiment, progress=unsolved)
 
 
 @pytest.fixture
-def refused_fault(run, here, monkeypatch):
+def refused_fault(run, here, monkeypatch, broken):
     def line(fault: Exception) -> str:
         monkeypatch.delenv("ROTORFIT_DEBUG", raising=False)
-        break_identify(monkeypatch, fault)
+        broken("read_text", "experiment.toml", fault)
         ended = run("identify", "experiment.toml")
         assert (ended.code, ended.out) == (1, "")
         return ended.err
@@ -259,25 +277,15 @@ def refused_fault(run, here, monkeypatch):
     return line
 
 
-def break_identify(monkeypatch, fault: BaseException) -> None:
-    def broken(*arguments, **options):
-        raise fault
-
-    monkeypatch.setattr(identify_command, "identify", broken)
-
-
-def test_debugging_shows_the_fault(run, here, monkeypatch):
-    break_identify(monkeypatch, ValueError("odd value"))
+def test_debugging_shows_the_fault(here, monkeypatch, broken):
+    broken("read_text", "experiment.toml", ValueError("odd value"))
     monkeypatch.setenv("ROTORFIT_DEBUG", "1")
-    from rotorfit.cli.main import main
-
-    monkeypatch.setattr(sys, "argv", ["rotorfit", "identify", "experiment.toml"])
     with pytest.raises(ValueError, match="odd value"):
-        main()
+        main(["identify", "experiment.toml"])
 
 
-def test_ctrl_c_in_process(run, here, monkeypatch):
-    break_identify(monkeypatch, KeyboardInterrupt())
+def test_ctrl_c_in_process(run, here, broken):
+    broken("open", "flight.csv", KeyboardInterrupt())
     ended = run("identify", "experiment.toml", "-o", "result.json")
     assert (ended.code, ended.out, ended.err) == (130, "", "rotorfit: stopped\n")
     assert not (here / "result.json").exists()
@@ -312,12 +320,10 @@ def test_ascii_terminal_and_warnings_as_errors(saved, tmp_path):
     assert ended.stderr.endswith("H\\xf6he/none.csv: no such file: check the path\n")
 
 
-def test_a_plain_line_now_and_then_where_stderr_is_no_terminal(monkeypatch):
-    monkeypatch.setattr("rotorfit.cli.progress.EVERY", 0.02)
+def test_plain_lines_where_stderr_is_no_terminal():
     stream = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", stream)
-    with steps() as tell:
-        tell("fitting")
+    with redirect_stderr(stream), steps(every=0.02) as report_progress:
+        report_progress("fitting")
         while stream.getvalue().count("\n") < 2:
             time.sleep(0.01)
     lines = stream.getvalue().splitlines()
@@ -334,23 +340,23 @@ def lines_until(words, stream):
     pytest.fail(stream.getvalue().splitlines()[-1])
 
 
-def test_a_pace_is_that_until_now_not_until_the_last_that_was_done(monkeypatch):
+def test_a_pace_is_until_now_not_until_the_last_log():
     """One log that hangs must not leave "about 9 s left" standing for minutes."""
-    clock = [0.0]
-    monkeypatch.setattr("rotorfit.cli.progress.EVERY", 0.02)
-    monkeypatch.setattr("rotorfit.cli.progress.time", SimpleNamespace(monotonic=lambda: clock[0]))
+    seconds = [0.0]
     stream = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", stream)
-    with paced("identifying") as show:
-        clock[0] = 1.0
-        show(10, 100)
+    with (
+        redirect_stderr(stream),
+        paced("identifying", every=0.02, clock=lambda: seconds[0]) as report_progress,
+    ):
+        seconds[0] = 1.0
+        report_progress(10, 100)
         lines_until("10 of 100, 10.0 a second, about 9 s left", stream)
-        clock[0] = 20.0
+        seconds[0] = 20.0
         lines_until("10 of 100, 0.5 a second, about 3 min left", stream)
 
 
 @pytest.mark.parametrize(
-    ("when", "variables", "coloured"),
+    ("when", "variables", "expected"),
     [
         ("auto", {}, True),
         ("auto", {"NO_COLOR": "1"}, False),
@@ -359,19 +365,19 @@ def test_a_pace_is_that_until_now_not_until_the_last_that_was_done(monkeypatch):
         ("always", {"NO_COLOR": "1"}, True),
     ],
 )
-def test_verdicts_in_colour_on_a_terminal(monkeypatch, when, variables, coloured):
+def test_verdicts_in_colour_on_a_terminal(monkeypatch, when, variables, expected):
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.setattr(sys, "stdout", Terminal())
     text = "  kt   3 +- 1  N  identified\n  kd   -   N m  ratio-only with Izz\n  identified: words"
     rest = colour_from(["identify", "--color", when, "log.csv"])
     assert rest == ["identify", "log.csv"]
     green, yellow = "\x1b[32midentified\x1b[0m\n", "\x1b[33mratio-only\x1b[0m with Izz\n"
-    shown = painted(text)
+    with redirect_stdout(Terminal()):
+        shown = coloured(text)
     COLOUR.set("auto")
-    assert (green in shown, yellow in shown) == (coloured, coloured)
+    assert (green in shown, yellow in shown) == (expected, expected)
     assert shown.endswith("  identified: words")
     assert re.sub(r"\x1b\[\d+m", "", shown) == text
 
@@ -425,11 +431,10 @@ def wait_for(pattern, stream):
         time.sleep(0.01)
 
 
-def test_progress_only_where_someone_watches(monkeypatch):
+def test_progress_only_where_someone_watches():
     for stream, shown in ((io.StringIO(), False), (Terminal(), True)):
-        monkeypatch.setattr(sys, "stderr", stream)
-        with steps() as tell:
-            tell("reading flight.csv")
+        with redirect_stderr(stream), steps(every=3600.0) as report_progress:
+            report_progress("reading flight.csv")
             wait_for("reading flight.csv", stream)
         assert ("reading flight.csv" in stream.getvalue()) == shown
 
@@ -443,16 +448,14 @@ def halfway(stream, done):
         wait_for(BAR, stream)
 
 
-def test_a_log_that_is_read_has_a_bar_where_someone_watches(monkeypatch, tmp_path):
+def test_a_log_has_a_bar_where_someone_watches(monkeypatch, tmp_path):
     monkeypatch.setenv("TERM", "xterm")
-    rows = "\n".join(f"{0.01 * i:.2f},{i % 7},2,3" for i in range(40_000))
+    rows = "\n".join(f"{0.01 * i:.2f},{i % 7},2,3" for i in range(300_000))  # several pieces
     log = tmp_path / "long.csv"
     log.write_text("time,gyro_x,gyro_y,gyro_z\n" + rows)
-    monkeypatch.setattr("rotorfit.logs.delimited.PIECE_BYTES", 1 << 16)
     for stream, shown in ((io.StringIO(), False), (Terminal(), True)):
-        monkeypatch.setattr(sys, "stderr", stream)
-        with steps() as tell:
-            tell("looking")
+        with redirect_stderr(stream), steps(every=3600.0) as report_progress:
+            report_progress("looking")
             read_log(log, progress=partial(halfway, stream))
         words = stream.getvalue()
         assert ("reading long.csv" in words) == shown

@@ -4,9 +4,11 @@ What README.md and the first page of the documentation show of it is what it mak
 rewritten by  pytest --update-golden tests/cli/test_demo.py
 """
 
+import io
 import json
 import re
 import runpy
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -29,11 +31,10 @@ FILES = [
 def demonstrated(tmp_path_factory) -> tuple[Path, list[str]]:
     """The folder that demo -o made, and the lines it printed."""
     folder = tmp_path_factory.mktemp("demo") / "new" / "folder"
-    with pytest.MonkeyPatch.context() as patch:
-        texts: list[str] = []
-        patch.setattr(demo_command, "show", texts.append)
+    printed = io.StringIO()
+    with redirect_stdout(printed):
         assert called("demo", "-o", folder) == 0
-    return folder, "\n".join(texts).splitlines()
+    return folder, printed.getvalue().splitlines()
 
 
 def test_files(demonstrated):

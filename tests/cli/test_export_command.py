@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from command_line import AIRFRAME
 
-from rotorfit.cli.result_commands import export
+from rotorfit.cli.export import export
 from rotorfit.errors import OutputError
 from rotorfit.export.table import columns_of, table_files
 from rotorfit.export.targets import RANDOM_TARGETS, TARGETS
@@ -160,7 +160,7 @@ def of(flight, **errors):
     )
 
 
-def test_columns_are_of_what_is_known_and_per_kilogram_where_the_mass_is_not():
+def test_columns_are_of_known_components_and_per_kilogram():
     found = columns_of(of("A1.csv", Fz=0.1, Mx=0.1), a_result())
     assert list(found) == [
         "time",
@@ -247,7 +247,7 @@ def test_a_device_or_a_pipe_is_never_replaced(refused, there):
     assert (there / "pipe").is_fifo()
 
 
-def test_drawn_vehicles_are_written_and_the_rejected_share_is_told(run, there):
+def test_drawn_vehicles_are_written_with_the_rejected_share(run, there):
     asked = ("export", "result.json", "--to", "samples", "--samples", "7", "-o", "v.npz")
     ended = run(*asked)
     assert (ended.code, ended.err) == (0, "")

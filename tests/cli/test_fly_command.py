@@ -155,7 +155,7 @@ def test_other_vehicles_are_refused(refused, there):
     assert "six has 6 rotors, the result 4" in words
 
 
-def test_without_mujoco_the_flights_are_replayed_all_the_same(run, there, monkeypatch):
+def test_without_mujoco_the_flights_are_replayed(run, there, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     ended = run(
         *("fly", "result.json", *KNOWN, *BENCH, "-o", "fly.json"),
@@ -201,7 +201,7 @@ def test_terms_of_the_replay_are_not_said_to_be_missing_from_it():
     term = parameter("twist", 1.2e-5, "A")
     drag = parameter("drag_x", 0.1, "A")
     result = replace(a_result(), parameters=(*a_result().parameters, term, drag))
-    notes = fly._notes(result, vehicle_model(result), {})
+    notes = fly.replay_notes(result, vehicle_model(result), {})
     assert "identified, but used in the replay only: twist = 1.2e-05 +- 1.2e-07 m" in notes
     assert not any("left out of this file" in note for note in notes)
     assert any("frame's drag; replay and MuJoCo leave it out" in note for note in notes)

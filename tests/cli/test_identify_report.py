@@ -20,7 +20,7 @@ def test_the_report_and_the_figures_are_written(run, here) -> None:
     assert "wrote out.html" in ended.err
 
 
-def test_without_the_renderer_one_line_says_how_to_get_it(run, here, monkeypatch) -> None:
+def test_without_the_renderer_one_line_names_it(run, here, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "resvg_py", None)
     ended = run("identify", "experiment.toml", "--figures", "pictures")
     assert ended.code == 0

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blackbox_file import blackbox_of
-from command_line import without
+from command_line import Columns, without
 
-from rotorfit.errors import FlightError
 from rotorfit.simulation import (
     STILL,
     Scenario,
@@ -312,16 +311,19 @@ def test_what_needs_an_airframe_is_said_in_one_line(run, here):
     assert report["not_judged"] == []
 
 
-def test_a_flight_too_short_for_prospects_is_told_and_done(run, changed, monkeypatch):
-    changed(lambda c: c)
+def in_pieces(columns: Columns) -> Columns:
+    """Leave 0.3 s of every 0.7 s in the air: no piece is long enough for anything."""
+    kept = (columns["time"] < 3.0) | (columns["time"] % 0.7 < 0.3)
+    return {name: values[kept] for name, values in columns.items()}
 
-    def too_short(*arguments, commanded):
-        raise FlightError("the airborne part is too short to use")
 
-    monkeypatch.setattr("rotorfit.inspection.inspect_log.prospects", too_short)
+def test_a_flight_too_short_for_prospects_is_reported(run, changed):
+    changed(in_pieces)
     ended = run("inspect", "flight.csv", "--json")
     assert (ended.code, ended.err) == (0, "")
-    assert ended.json[0]["trouble"] == ["the airborne part is too short to use"]
+    assert ended.json[0]["trouble"] == [
+        "the airborne part is too short to use; fly longer, or set start and end yourself"
+    ]
     assert ended.json[0]["prospects"] is None
 
 
@@ -391,7 +393,7 @@ def test_a_motor_clock_that_is_far_off_is_named(run, changed):
     assert "responds 204 ms after the motor data: no motor is so slow" in text
 
 
-def test_the_settings_are_those_of_the_log_s_firmware_and_their_file_is_there(run, here, blackbox):
+def test_settings_are_those_of_the_firmware_and_of_a_file(run, here, blackbox):
     inav = re.sub(
         rb"H Firmware revision:[^\n]*", b"H Firmware revision:INAV 7.1.2 (abc) F7", blackbox
     )

@@ -1,12 +1,14 @@
 """rotorfit simulate: files ready for identify, whole or not at all, nothing overwritten."""
 
 import json
+import os
+from pathlib import Path
 
 import pytest
 
-from rotorfit.cli import simulate as command
+from rotorfit.cli.simulate import simulate
 from rotorfit.errors import OutputError
-from rotorfit.simulation import experiment_files
+from rotorfit.simulation.experiment_files import write_all
 
 FILES = ["A1.csv", "A2.csv", "experiment.toml", "truth.json"]
 QUICK = ("simulate", "single", "--seconds", "15", "--variant", "real")
@@ -16,16 +18,25 @@ QUICK = ("simulate", "single", "--seconds", "15", "--variant", "real")
 def flown_files(tmp_path_factory):
     """Files of the quick simulation by name."""
     folder = tmp_path_factory.mktemp("simulated")
-    request = command.SimulateRequest(scenario="single", output=folder, seconds=15.0)
-    command.run(request)
+    simulate("single", folder, seconds=15.0)
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 @pytest.fixture
-def quickly(monkeypatch, flown_files):
-    """Let the command find the flights already flown."""
-    texts = {name: content.decode() for name, content in sorted(flown_files.items())}
-    monkeypatch.setattr(command, "experiment_files", lambda plan, progress: texts)
+def broken_disk(monkeypatch):
+    """Let the file of a name fail at the moment in which it is moved to its place."""
+    whole = os.replace
+
+    def break_disk(name: str, fault: BaseException) -> None:
+        def faulty(source, target, **options):
+            if Path(target).name == name:
+                raise fault
+            whole(source, target, **options)
+
+        monkeypatch.setattr(os, "replace", faulty)
+        monkeypatch.setattr(Path, "replace", faulty)
+
+    return break_disk
 
 
 def test_files_are_ready_for_identify(run, tmp_path, flown_files):
@@ -38,12 +49,12 @@ def test_files_are_ready_for_identify(run, tmp_path, flown_files):
     assert run("identify", folder / "experiment.toml", "--json").code == 0
 
 
-def test_json_lists_the_files(run, quickly, tmp_path):
+def test_json_lists_the_files(run, tmp_path):
     ended = run(*QUICK, "-o", tmp_path, "--json")
     assert ended.json == {"folder": str(tmp_path), "files": FILES}
 
 
-def test_nothing_is_overwritten_unless_forced(run, quickly, tmp_path, flown_files):
+def test_nothing_is_overwritten_unless_forced(run, tmp_path, flown_files):
     (tmp_path / "truth.json").write_text("mine")
     ended = run(*QUICK, "-o", tmp_path)
     assert ended.code == 1
@@ -53,27 +64,17 @@ def test_nothing_is_overwritten_unless_forced(run, quickly, tmp_path, flown_file
     assert (tmp_path / "truth.json").read_bytes() == flown_files["truth.json"]
 
 
-def test_interrupted_flights_leave_nothing(monkeypatch, run, tmp_path):
-    def interrupted(plan, progress):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(command, "experiment_files", interrupted)
+def test_interrupted_flights_leave_nothing(broken_disk, run, tmp_path):
+    broken_disk("A1.csv", KeyboardInterrupt())
     assert run(*QUICK, "-o", tmp_path / "new").code == 130
     assert list(tmp_path.iterdir()) == []
 
 
-def test_failed_writing_replaces_nothing(monkeypatch, tmp_path):
+def test_failed_writing_replaces_nothing(broken_disk, tmp_path):
     (tmp_path / "a.csv").write_text("old")
-    whole = experiment_files.write_whole
-
-    def full_disk(path, content, *, force):
-        if path.name == "b.csv":
-            raise OutputError("no space left")
-        whole(path, content, force=force)
-
-    monkeypatch.setattr(experiment_files, "write_whole", full_disk)
+    broken_disk("b.csv", OSError(28, "no space left"))
     with pytest.raises(OutputError, match="no space left"):
-        experiment_files.write_all(tmp_path, {"a.csv": "new", "b.csv": "new"})
+        write_all(tmp_path, {"a.csv": "new", "b.csv": "new"})
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.csv": "old"}
 
 

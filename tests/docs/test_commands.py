@@ -11,7 +11,6 @@ import os
 import re
 import shlex
 import shutil
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
@@ -74,10 +73,10 @@ def here(flown, tmp_path, monkeypatch) -> Path:
 
 def typed(line: str) -> int:
     """Run one command as the shell would, in this process; return its exit code."""
-    sys.argv = [os.path.expandvars(word) for word in shlex.split(line, comments=True)]
-    assert sys.argv[0] == "rotorfit", f"{line!r} is not run by the tests: mark its block"
+    name, *arguments = [os.path.expandvars(word) for word in shlex.split(line, comments=True)]
+    assert name == "rotorfit", f"{line!r} is not run by the tests: mark its block"
     with pytest.raises(SystemExit) as ended:
-        main()
+        main(arguments)
     return ended.value.code if isinstance(ended.value.code, int) else 0
 
 
@@ -98,8 +97,7 @@ def commands_of(page: Path) -> list[str]:
         for page in WITH_COMMANDS
     ],
 )
-def test_commands(page, here, capsys, monkeypatch):
-    monkeypatch.setattr(sys, "argv", sys.argv)
+def test_commands(page, here, capsys):
     lines = commands_of(page)
     if page.stem == "tutorial":
         lines += commands_of(WITH_TUTORIAL)

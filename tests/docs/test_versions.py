@@ -29,7 +29,7 @@ def test_releases_are_sorted_as_numbers_and_other_tags_left_out(versions):
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
-def test_each_tag_is_built_from_its_own_state_and_all_list_all(versions, tmp_path, monkeypatch):
+def test_each_tag_is_built_from_its_own_state_and_all_list_all(versions, tmp_path):
     root, out = tmp_path / "root", tmp_path / "site"
     root.mkdir()
     git(root, "init", "--quiet")
@@ -44,8 +44,7 @@ def test_each_tag_is_built_from_its_own_state_and_all_list_all(versions, tmp_pat
         target.mkdir(parents=True)
         (target / "index.html").write_text((tree / "page").read_text())
 
-    monkeypatch.setattr(versions, "build", copied)
-    assert versions.build_all(out, root) == ["0.2.0", "0.1.0", "dev"]
+    assert versions.build_all(out, root, copied) == ["0.2.0", "0.1.0", "dev"]
     pages = {name: (out / name / "index.html").read_text() for name in ("0.1.0", "0.2.0", "dev")}
     assert pages == {"0.1.0": "0.1.0", "0.2.0": "0.2.0", "dev": "now"}
     for name in pages:
@@ -55,7 +54,7 @@ def test_each_tag_is_built_from_its_own_state_and_all_list_all(versions, tmp_pat
 
     shutil.rmtree(out / "dev")
     (out / "0.1.0" / "index.html").write_text("kept")
-    versions.build_all(out, root)
+    versions.build_all(out, root, copied)
     assert (out / "0.1.0" / "index.html").read_text() == "kept"
     left = subprocess.run(["git", "worktree", "list"], cwd=root, capture_output=True, text=True)
     assert left.stdout.count("\n") == 1

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
+from rotorfit.experiment.declared_vehicle import motor_model_of, read_options_of, vehicle_of
 from rotorfit.experiment.experiment import load_experiment, single_flight_experiment
-from rotorfit.experiment.read_options import read_options_of
 from rotorfit.logs.speed_law import (
     PolynomialLaw,
     PowerLaw,

@@ -6,11 +6,9 @@ import io
 import re
 import shlex
 import shutil
-import sys
 
 import pytest
 
-from rotorfit.cli import fleet as command
 from rotorfit.cli.main import main
 from rotorfit.fleet.run import Workers, claim
 from rotorfit.fleet.tables import csv_bytes
@@ -23,12 +21,11 @@ def run(monkeypatch, capsys):
     def alone(count, scheduler, time_limit):
         return Workers(count=0, time_limit=time_limit)
 
-    monkeypatch.setattr(command, "Workers", alone)
+    monkeypatch.setattr("rotorfit.fleet.run.Workers", alone)
 
     def called(*arguments):
-        monkeypatch.setattr(sys, "argv", ["rotorfit", "fleet", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
-            main()
+            main(["fleet", *map(str, arguments)])
         printed = capsys.readouterr()
         return ended.value.code or 0, printed.out, printed.err
 
@@ -78,9 +75,8 @@ def test_the_command_of_a_flight_makes_its_report_and_the_next_run_links_it(
     page = html.unescape((out / "fleet.html").read_text("utf-8"))
     (line,) = re.findall(r"rotorfit identify one/flight2\.csv [^<]*", page)
     monkeypatch.chdir(small_fleet.folder)
-    monkeypatch.setattr(sys, "argv", shlex.split(line))
     with pytest.raises(SystemExit) as ended:
-        main()
+        main(shlex.split(line)[1:])
     capsys.readouterr()
     assert not ended.value.code
     (report,) = (out / "reports").iterdir()
@@ -115,7 +111,7 @@ def test_stopped_it_says_how_to_go_on(run, out, small_fleet, monkeypatch):
     def stopped(logs, cache, workers, *, tell):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(command, "read_fleet", stopped)
+    monkeypatch.setattr("rotorfit.fleet.run.read_fleet", stopped)
     code, _, err = run(small_fleet.folder, *declared(small_fleet), "-o", out)
     assert code == 130
     assert "0 of 7 logs are done and kept" in err

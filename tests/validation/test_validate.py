@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flown
-from rotorfit.cli.validate import run as validate_command
+from rotorfit.cli.validate import validate as validate_command
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.results.result import IdentificationResult
 from rotorfit.simulation.experiment_files import experiment_files

@@ -1,7 +1,7 @@
 """The engine of the page: calls by name on a folder, JSON in and out; see protocol.md.
 
-No thread, no process, no server: what runs it decides where it runs, the server in a process for
-each long call, a web worker in the browser itself. What only long calls need is imported by them.
+It has no thread, process or server: the server runs each long call in a process, a web worker runs
+it in the browser itself. Heavy imports happen inside the long calls.
 """
 
 import json
@@ -12,7 +12,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from rotorfit import version
-from rotorfit.app.files import Progress, dropped, file_named, forget, in_their_names, receive, tell
+from rotorfit.app.exports import missing_numbers
+from rotorfit.app.files import (
+    Progress,
+    dropped,
+    file_named,
+    forget,
+    json_with_shown_names,
+    receive,
+    save_description,
+)
 from rotorfit.app.form import described, form_of_file
 from rotorfit.errors import (
     ExperimentError,
@@ -25,7 +34,7 @@ from rotorfit.logs.formats import FORMATS
 from rotorfit.model.layouts import LAYOUTS, layout_rotors
 from rotorfit.report.number_words import VERDICT_MEANING
 
-Reply = dict[str, Any]
+JsonObject = dict[str, Any]
 ACCEPTS: Final = (
     *(suffix for form in FORMATS for suffix in form.suffixes),
     *(".log", ".txt", ".toml", ".json"),
@@ -39,44 +48,28 @@ DOCUMENTS: Final = {
     "card": "card.html",
 }
 LONG: Final = ("add_file", "look", "identify", "plan", "export", "example")
-"""Calls that take seconds or minutes, and look into files from outside."""
+"""Calls that take seconds or minutes, and read files from outside."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Engine:
-    """What a page can ask.
-
-    Attributes
-    ----------
-    folder
-        Where all that the page has done is kept.
-    most_bytes
-        That its files may hold together.
-    """
+    """The calls of a page, all of whose state is in its folder."""
 
     folder: Path
     most_bytes: int = MOST_BYTES
 
-    def call(self, name: str, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return what a call answers, or ``{"refused": one line, ...}``; never raises on input.
-
-        Parameters
-        ----------
-        name, argument
-            As protocol.md has them; anything may come from outside.
-        progress
-            Told what is being done, by the long calls.
-        """
+    def call(self, name: str, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Run a call of protocol.md; refuse with ``{"refused": one line, ...}``, never raise."""
         try:
             return _CALLS[name](self, argument, progress)
         except RotorfitError as error:
-            return in_their_names(self.folder, _refusal(error))
+            return json_with_shown_names(self.folder, _refusal(error))
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
-            words = f"{name} was asked in a way that it does not understand ({error!r})"
-            return {"refused": f"{words}: reload the page"}
+            problem = f"{name} was asked in a way that it does not understand ({error!r})"
+            return {"refused": f"{problem}: reload the page"}
 
-    def options(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return layouts, targets, limits: what the page shows before anything is dropped."""
+    def options(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """List layouts, targets and limits, which the page shows before anything is dropped."""
         del argument, progress
         return {
             "version": version.__version__,
@@ -100,104 +93,98 @@ class Engine:
             "accepts": list(ACCEPTS),
         }
 
-    def restore(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return all that was done on the page."""
+    def restore(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Collect all that was done on the page."""
         del argument, progress
         return {
-            "files": [dict(one.told) for one in dropped(self.folder) if one.told],
-            "form": _kept(self.folder / "form.json"),
-            "outcome": _kept(self.folder / "outcome.json"),
+            "files": [dict(one.description) for one in dropped(self.folder) if one.description],
+            "form": _saved_json(self.folder / "form.json"),
+            "outcome": _saved_json(self.folder / "outcome.json"),
             "running": False,
         }
 
     def receive(self, name: str) -> tuple[str, Path]:
-        """Return the name that a new file has here, and where its bytes are to be written.
-
-        Raises
-        ------
-        OutputError
-            If there are too many files.
-        """
+        """Return the name of a new file on the page, and the path for its bytes."""
         one = receive(self.folder, name)
         return one.name, one.path
 
-    def add_file(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return what is to be said of a file whose bytes have come."""
+    def add_file(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Describe a file whose bytes have come."""
         return self.look({"name": argument["name"]}, progress)
 
-    def look(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return what is to be said of a file, of one log in it where it holds several."""
-        from rotorfit.app.findings import looked_at
+    def look(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Describe a file, or one log in it where it holds several."""
+        from rotorfit.app.findings import inspected
 
         one = file_named(self.folder, argument["name"])
         progress(f"reading {one.name}", None)
-        told = looked_at(one, log_number=argument.get("log"))
-        tell(one, told)
-        return told
+        description = inspected(one, log_number=argument.get("log"))
+        save_description(one, description)
+        return description
 
-    def remove_file(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
+    def remove_file(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
         """Forget a file."""
         del progress
         forget(file_named(self.folder, argument["name"]))
         return {}
 
-    def describe(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return the experiment file of the form, or what is wrong with it; keep the form."""
+    def describe(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Describe the form by its experiment file, or what is wrong with it; save both."""
         del progress
         form = argument["form"]
         write_whole(self.folder / "form.json", json.dumps(form), force=True)
-        answer = described(self.folder, form)
-        if answer["text"] is not None:
-            write_whole(self.folder / DOCUMENTS["experiment"], answer["text"], force=True)
-        return answer
+        description = described(self.folder, form)
+        if description["text"] is not None:
+            write_whole(self.folder / DOCUMENTS["experiment"], description["text"], force=True)
+        return description
 
-    def identify(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return the outcome of an identification."""
+    def identify(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Identify the flights of a form."""
         from rotorfit.app.outcome import identified
 
         form = argument["form"]
         write_whole(self.folder / "form.json", json.dumps(form), force=True)
         return identified(self.folder, form, progress=progress)
 
-    def plan(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return the flight to fly next, for the form as it was described last."""
-        from rotorfit.app.next_flight import planned
+    def plan(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Plan the flight to fly next, for the form as it was described last."""
+        from rotorfit.app.outcome import planned
 
-        form = argument.get("form") or _kept(self.folder / "form.json")
+        form = argument.get("form") or _saved_json(self.folder / "form.json")
         if form is None:
             raise ExperimentError("a plan needs the airframe: describe the vehicle first")
         return planned(self.folder, form, str(argument.get("accuracy", 5)), progress=progress)
 
-    def export(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Return the result as the file of another tool."""
+    def export(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Export the result as the file of another tool."""
         from rotorfit.app.exports import exported
 
         progress("writing the file", None)
         return exported(self.folder, argument)
 
-    def example(self, argument: Mapping[str, Any], progress: Progress) -> Reply:
-        """Fly a vehicle in simulation, and return its logs and a form that describes them."""
+    def example(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
+        """Fly a vehicle in simulation, and add its logs and a form that describes them."""
         from rotorfit.simulation.experiment_files import experiment_files
         from rotorfit.simulation.experiments import plan_experiment
 
         del argument
         flown = plan_experiment("single", "real", seed=1, seconds=EXAMPLE_SECONDS)
         files = experiment_files(flown, progress=lambda words: progress(words, None))
-        told: dict[str, Reply] = {}
+        added: dict[str, JsonObject] = {}
         for name, text in files.items():
             if name.endswith((".csv", ".toml")):
-                own, path = self.receive(f"example-{name}")
+                shown_name, path = self.receive(f"example-{name}")
                 path.write_text(text, encoding="utf-8")
-                told[name] = {"name": own, "path": path}
-        form = form_of_file(told["experiment.toml"]["path"])
-        self.remove_file(told.pop("experiment.toml"), progress)
+                added[name] = {"name": shown_name, "path": path}
+        form = form_of_file(added["experiment.toml"]["path"])
+        self.remove_file(added.pop("experiment.toml"), progress)
         for entry in form["configuration"]:
             for flight in (*entry["flights"], *entry["validation"]):
-                flight["file"] = told[flight["file"]]["name"]
-        return {"files": [self.look(one, progress) for one in told.values()], "form": form}
+                flight["file"] = added[flight["file"]]["name"]
+        return {"files": [self.look(one, progress) for one in added.values()], "form": form}
 
     def document(self, kind: str, name: str | None = None) -> Path | None:
-        """Return where a document is, ``findings`` being those on the file of a name."""
+        """Find the path of a document, ``findings`` being those on the file of a name."""
         if kind == "findings":
             path = file_named(self.folder, name or "").page
         else:
@@ -205,7 +192,7 @@ class Engine:
         return path if path is not None and path.exists() else None
 
     def bytes_held(self) -> int:
-        """Return how large the dropped files are together."""
+        """Sum the sizes of the dropped files [bytes]."""
         paths = [one.path for one in dropped(self.folder)]
         return sum(path.stat().st_size for path in paths if path.exists())
 
@@ -216,7 +203,7 @@ class Engine:
 
 EXAMPLE_SECONDS: Final = 30.0
 """Of each flight of the example, in the air [s]."""
-_CALLS: Final[Mapping[str, Callable[[Engine, Mapping[str, Any], Progress], Reply]]] = {
+_CALLS: Final[Mapping[str, Callable[[Engine, Mapping[str, Any], Progress], JsonObject]]] = {
     "options": Engine.options,
     "restore": Engine.restore,
     "add_file": Engine.add_file,
@@ -231,17 +218,15 @@ _CALLS: Final[Mapping[str, Callable[[Engine, Mapping[str, Any], Progress], Reply
 CALLS: Final = tuple(_CALLS)
 
 
-def _refusal(error: RotorfitError) -> Reply:
-    answer: Reply = {"refused": " ".join(str(error).split())}
+def _refusal(error: RotorfitError) -> JsonObject:
+    refusal: JsonObject = {"refused": " ".join(str(error).split())}
     if isinstance(error, ExperimentError) and error.problems:
-        answer["problems"] = [{"place": p, "words": words} for p, words in error.problems]
+        refusal["problems"] = [{"place": p, "words": text} for p, text in error.problems]
     if isinstance(error, MissingNumbersError):
-        from rotorfit.app.exports import missing_numbers
-
-        answer["missing"] = missing_numbers(error)
-    return answer
+        refusal["missing"] = missing_numbers(error)
+    return refusal
 
 
-def _kept(path: Path) -> Any:
-    """Return the JSON of a file; None where there is none."""
+def _saved_json(path: Path) -> Any:
+    """Read the JSON of a file; None where there is none."""
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None

@@ -1,4 +1,7 @@
-"""A result as the files of other tools, for a page that downloads them."""
+"""The targets of `rotorfit export` on the page, and a result as their files.
+
+The engine offers the targets at once; the exporters are imported only when a file is made.
+"""
 
 import base64
 from collections.abc import Mapping
@@ -12,30 +15,28 @@ from rotorfit.export.write import drawn_sentence, export, randomised
 from rotorfit.results.sound_result import load_sound
 
 
-def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the file of a target, made of the page's result.
+def targets() -> list[dict[str, str]]:
+    """List every target with its title, and how its file ends."""
+    return [
+        {"target": name, "suffix": target.suffix, "title": target.title}
+        for name, target in OFFERED.items()
+    ]
 
-    Parameters
-    ----------
-    folder
-        Of the page.
-    wanted
-        ``target``, and where wanted ``configuration``, ``assume`` and ``project``.
 
-    Raises
-    ------
-    RotorfitError
-        If there is no result yet, or what the target needs is not known.
+def exported(folder: Path, argument: Mapping[str, Any]) -> dict[str, Any]:
+    """Make the file of a target from the page's result.
+
+    The argument holds ``target``, and where wanted ``configuration``, ``assume`` and ``project``.
     """
-    target = wanted["target"]
+    target = argument["target"]
     if target not in OFFERED:
         raise OutputError(f"no target {target!r}; targets: {', '.join(OFFERED)}")
     path = folder / "result.json"
     if not path.exists():
         raise OutputError("there is no result yet: identify first")
     result = load_sound(path)
-    assumed = _assumed(wanted.get("assume") or {})
-    configuration = wanted.get("configuration")
+    assumed = _assumed(argument.get("assume") or {})
+    configuration = argument.get("configuration")
     name = f"{target}{OFFERED[target].suffix}"
     if target in RANDOM_TARGETS:
         content, found = randomised(
@@ -48,7 +49,7 @@ def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
         target,
         configuration=configuration,
         assumed=assumed,
-        project=wanted.get("project") is True,
+        project=argument.get("project") is True,
     )
     return {
         "name": name,
@@ -58,11 +59,12 @@ def exported(folder: Path, wanted: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def missing_numbers(error: MissingNumbersError) -> list[dict[str, str]]:
-    """Return the numbers that the user may supply, with their units."""
+    """List the numbers that the user may supply, with their units."""
     return [{"name": name, "unit": unit_of(name)} for name in error.names]
 
 
 def _assumed(given: Mapping[str, Any]) -> dict[str, float]:
+
     try:
         return parse_assumptions([f"{name}={value}" for name, value in given.items()])
     except ValueError as error:

@@ -1,7 +1,6 @@
-"""The files that were dropped on the page: kept under names of our own, shown under theirs.
+"""The files that were dropped on the page: stored under random names, shown under their own.
 
-A name from outside is only ever shown: what it is kept under is drawn at random, so that no name
-can lead out of the folder.
+No name from outside can lead out of the folder: it is only ever shown.
 """
 
 import json
@@ -16,7 +15,7 @@ from rotorfit.errors import ExperimentError, OutputError
 from rotorfit.logs.files import file_name, write_whole
 
 Progress = Callable[[str, float | None], None]
-"""Told the step and how far it is, from 0 to 1; None where that is not known."""
+"""Receives the step and its share done, from 0 to 1; None where that is not known."""
 MOST_FILES: Final = 64
 """On one page."""
 LONGEST_NAME: Final = 120
@@ -29,93 +28,71 @@ _UNSEEN: Final = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dropped:
-    """A file of the page.
+    """A file of the page, known to page and experiment file by its name; files are in order.
 
-    Attributes
-    ----------
-    name
-        Under which the page and the experiment file know it.
-    path
-        Where its bytes are.
-    order
-        Among the files that came before and after.
-    told
-        What the page was told of it; empty until it has been looked at.
+    The description is what the page shows of it; empty until it has been inspected.
     """
 
     name: str
     path: Path
     order: int
-    told: Mapping[str, Any]
+    description: Mapping[str, Any]
 
     @property
     def page(self) -> Path:
-        """Where the page with its findings is."""
+        """The path of the page with its findings."""
         return self.path.with_suffix(".html")
 
 
 def receive(folder: Path, name: str) -> Dropped:
-    """Return a new file, its bytes still to be written to its path.
-
-    Parameters
-    ----------
-    folder
-        Of the page.
-    name
-        As it was dropped.
-
-    Raises
-    ------
-    OutputError
-        If there are too many already.
-    """
+    """Create the entry of a file dropped under a name; its bytes are still to be written."""
     place = folder / "files"
     place.mkdir(mode=0o700, exist_ok=True)
     before = dropped(folder)
     taken = {one.name for one in before}
     if len(taken) >= MOST_FILES:
         raise OutputError(f"{len(taken)} files are on the page already: remove some first")
-    own = _another(_shown(name), taken)
-    suffix = ".toml" if own.lower().endswith(".toml") else ".log"
+    unique = _unique(_shown(name), taken)
+    suffix = ".toml" if unique.lower().endswith(".toml") else ".log"
     path = place / f"{secrets.token_hex(8)}{suffix}"
-    new = Dropped(name=own, path=path, order=before[-1].order + 1 if before else 0, told={})
-    tell(new, {})
+    order = before[-1].order + 1 if before else 0
+    new = Dropped(name=unique, path=path, order=order, description={})
+    save_description(new, {})
     return new
 
 
-def tell(one: Dropped, told: Mapping[str, Any]) -> None:
-    """Keep what the page was told of a file."""
-    note = {"name": one.name, "path": one.path.name, "order": one.order, "told": told}
+def save_description(one: Dropped, description: Mapping[str, Any]) -> None:
+    """Save what the page shows of a file."""
+    note = {
+        "name": one.name,
+        "path": one.path.name,
+        "order": one.order,
+        "description": description,
+    }
     write_whole(one.path.with_suffix(".json"), json.dumps(note), force=True)
 
 
 def dropped(folder: Path) -> list[Dropped]:
-    """Return the files of a page, in the order in which they came."""
-    return sorted(_kept(folder), key=lambda one: one.order)
+    """List the files of a page, in the order in which they came."""
+    return sorted(_stored(folder), key=lambda one: one.order)
 
 
-def _kept(folder: Path) -> Iterator[Dropped]:
+def _stored(folder: Path) -> Iterator[Dropped]:
     for note in (folder / "files").glob("*.json"):
         try:
-            known = json.loads(note.read_text(encoding="utf-8"))
+            entry = json.loads(note.read_text(encoding="utf-8"))
         except FileNotFoundError:  # removed meanwhile
             continue
         yield Dropped(
-            name=known["name"],
-            path=note.parent / known["path"],
-            order=known["order"],
-            told=known["told"],
+            name=entry["name"],
+            path=note.parent / entry["path"],
+            order=entry["order"],
+            description=entry["description"],
         )
 
 
 def file_named(folder: Path, name: str) -> Dropped:
-    """Return a file of the page.
-
-    Raises
-    ------
-    ExperimentError
-        If it was not dropped.
-    """
+    """Find a file of the page; raise ExperimentError if it was not dropped."""
     found = next((one for one in dropped(folder) if one.name == name), None)
     if found is None:
         raise ExperimentError(f"no file {name} is on the page: drop it here")
@@ -123,37 +100,37 @@ def file_named(folder: Path, name: str) -> Dropped:
 
 
 def forget(one: Dropped) -> None:
-    """Remove a file and all that was said of it."""
+    """Remove a file, its description and its page."""
     for path in (one.path.with_suffix(".json"), one.path, one.page):
         path.unlink(missing_ok=True)
 
 
-def in_its_name(folder: Path, words: str) -> str:
-    """Return text in which each file of the page has the name that the user knows."""
-    if f"{folder}" not in words and not re.search(r"[0-9a-f]{16}", words):
-        return words
+def with_shown_names(folder: Path, text: str) -> str:
+    """Replace the stored name of each file of the page by the one that the user knows."""
+    if f"{folder}" not in text and not re.search(r"[0-9a-f]{16}", text):
+        return text
     for one in dropped(folder):
-        words = words.replace(str(one.path), one.name).replace(one.path.name, one.name)
-        words = words.replace(one.path.stem, one.name)
-    return words
+        text = text.replace(str(one.path), one.name).replace(one.path.name, one.name)
+        text = text.replace(one.path.stem, one.name)
+    return text
 
 
-def in_their_names(folder: Path, value: Any) -> Any:
-    """Return JSON in which each file of the page has the name that the user knows."""
+def json_with_shown_names(folder: Path, value: Any) -> Any:
+    """Replace the stored names in every text of a JSON value."""
     match value:
         case str():
-            return in_its_name(folder, value)
+            return with_shown_names(folder, value)
         case Mapping():
             table = cast("Mapping[str, Any]", value)
-            return {key: in_their_names(folder, one) for key, one in table.items()}
+            return {key: json_with_shown_names(folder, one) for key, one in table.items()}
         case list() | tuple():
-            return [in_their_names(folder, one) for one in cast("list[Any]", value)]
+            return [json_with_shown_names(folder, one) for one in cast("list[Any]", value)]
         case _:
             return value
 
 
 def _shown(name: str) -> str:
-    """Return the last part of a name, in characters that can be seen."""
+    """Reduce a name to its last part, in characters that can be seen."""
     last = _UNSEEN.sub("", file_name(name)).strip(" .") or NAMELESS
     stem, dot, suffix = last.rpartition(".")
     if len(last) <= LONGEST_NAME:
@@ -161,8 +138,8 @@ def _shown(name: str) -> str:
     return f"{(stem if dot else last)[: LONGEST_NAME - 12]}{dot}{suffix[:8] if dot else ''}"
 
 
-def _another(name: str, taken: set[str]) -> str:
-    """Return a name that no other file has."""
+def _unique(name: str, taken: set[str]) -> str:
+    """Append a number to a name that another file has."""
     stem, dot, suffix = name.rpartition(".") if "." in name else (name, "", "")
     names = (f"{stem}-{number}{dot}{suffix}" for number in range(2, MOST_FILES + 2))
     return name if name not in taken else next(one for one in names if one not in taken)

@@ -1,15 +1,14 @@
-"""What the doctor says of a dropped file, and what it fills the form with."""
+"""The inspection of a dropped file, and what it fills the form with."""
 
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final, cast
 
-from rotorfit.app.files import Dropped, in_its_name, in_their_names
+from rotorfit.app.files import Dropped, json_with_shown_names, with_shown_names
 from rotorfit.app.form import files_of, form_of_file
 from rotorfit.errors import RotorfitError
 from rotorfit.inspection.inspect_log import LogReport, inspect_log
-from rotorfit.inspection.prospects import Prospects
 from rotorfit.inspection.seen_airframe import seen_airframe
 from rotorfit.logs import ReadOptions, read_log
 from rotorfit.logs.files import write_whole
@@ -25,48 +24,38 @@ KINDS: Final = {
 SHOWN: Final = {"roll": "roll inertia", "pitch": "pitch inertia", "yaw": "yaw"}
 
 
-def looked_at(one: Dropped, *, log_number: int | None = None) -> dict[str, Any]:
-    """Return what the page is told of a dropped file; never a refusal, but for a log's number.
-
-    Parameters
-    ----------
-    one
-        The file, its bytes at its path.
-    log_number
-        Which of several logs in it, from 1.
-    """
-    kind, words = "other", list[str]()
-    folder = one.path.parent.parent
-    told: dict[str, Any] = {"logs": [], "findings": None, "form": None}
+def inspected(one: Dropped, *, log_number: int | None = None) -> dict[str, Any]:
+    """Describe a dropped file for the page, one of several logs in it by number, from 1."""
+    kind, remarks = "other", list[str]()
+    description: dict[str, Any] = {"logs": [], "findings": None, "form": None}
     try:
-        own = own_kind(one.path)
-        kind = (
-            "log" if own is None and one.path.suffix != ".toml" else KINDS.get(own or "", "other")
-        )
+        known_kind = own_kind(one.path)
+        is_log = known_kind is None and one.path.suffix != ".toml"
+        kind = "log" if is_log else KINDS.get(known_kind or "", "other")
         if kind == "log":
-            told |= _of_log(one, log_number)
+            description |= _of_log(one, log_number)
         elif kind == "result":
-            words = ["a result of identify: a form may take the motors' law from it"]
+            remarks = ["a result of identify: a form may take the motors' law from it"]
         else:
-            told["form"] = form_of_file(one.path)
-            names = files_of(told["form"])
-            words = [f"it names {', '.join(names)}: drop these here too"] if names else []
+            description["form"] = form_of_file(one.path)
+            names = files_of(description["form"])
+            remarks = [f"it names {', '.join(names)}: drop these here too"] if names else []
     except RotorfitError as error:
-        kind, words = "other", [str(error)]
+        kind, remarks = "other", [str(error)]
     size = one.path.stat().st_size
-    told |= {"name": one.name, "bytes": size, "kind": kind, "words": words}
-    return in_their_names(folder, told)
+    description |= {"name": one.name, "bytes": size, "kind": kind, "words": remarks}
+    return json_with_shown_names(one.path.parent.parent, description)
 
 
 def _of_log(one: Dropped, number: int | None) -> dict[str, Any]:
-    """Return which logs are in a file and what one of them shows; its page is written beside it."""
+    """List the logs in a file, inspect one of them, and write its page."""
     entries = logs_in_file(one.path)
     logs = [{"number": e.number, "words": e.description} for e in entries if len(entries) > 1]
     if logs and number is None:
         return {"logs": logs}
     log = read_log(one.path, options=ReadOptions(log_number=number))
     report = inspect_log(log)
-    html = in_its_name(one.path.parent.parent, log_report_html(report))
+    html = with_shown_names(one.path.parent.parent, log_report_html(report))
     write_whole(one.page, html, force=True)
     seen = asdict(seen_airframe(log, report))
     found = plain(report) | {
@@ -84,7 +73,7 @@ def _of_log(one: Dropped, number: int | None) -> dict[str, Any]:
 
 
 def _logged_airframe(metadata: Mapping[str, str]) -> dict[str, Any]:
-    """Return the geometry that a log tells, without what is still to be measured."""
+    """Extract the geometry in a log's metadata, without what is still to be measured."""
     text = metadata.get("airframe", "")
     try:
         tables = tomllib.loads(text)
@@ -106,31 +95,18 @@ def _logged_airframe(metadata: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _verdict(report: LogReport) -> dict[str, str]:
-    """Return in one sentence what a flight can show, and whether that is much."""
+    """Summarise in one sentence what a flight can show, with a level."""
     found = report.prospects
     if not report.usable or found is None:
         # The reader's reason comes first in what is to be known.
         why = next(iter(report.trouble), "no usable flight in it")
         return {"level": "poor", "words": f"Nothing can be identified from this log: {why}"}
-    by_prospect = _named(found)
-    well, roughly, nothing = (by_prospect[key] for key in ("well", "roughly", "not"))
-    words = [
-        f"{text} {', '.join(names)}"
-        for text, names in (
-            ("shows well:", well),
-            ("roughly:", roughly),
-            ("not at all:", nothing),
-        )
-        if names
-    ]
-    level = "good" if not roughly and not nothing else "fair" if well or roughly else "poor"
-    return {"level": level, "words": f"This flight {'; '.join(words)}"}
-
-
-def _named(found: Prospects) -> dict[str, list[str]]:
-    """Return what a flight shows well, roughly and not at all."""
-    named: dict[str, list[str]] = {"well": [], "roughly": [], "not": []}
-    named[found.thrust.prospect].append("thrust")
+    names: dict[str, list[str]] = {"well": [], "roughly": [], "not": []}
+    names[found.thrust.prospect].append("thrust")
     for axis in found.excitation:
-        named[axis.prospect].append(SHOWN[axis.axis])
-    return named
+        names[axis.prospect].append(SHOWN[axis.axis])
+    titles = {"well": "shows well:", "roughly": "roughly:", "not": "not at all:"}
+    parts = [f"{title} {', '.join(names[key])}" for key, title in titles.items() if names[key]]
+    incomplete = names["roughly"] or names["not"]
+    level = "good" if not incomplete else "fair" if names["well"] or names["roughly"] else "poor"
+    return {"level": level, "words": f"This flight {'; '.join(parts)}"}

@@ -9,13 +9,13 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment, airframe_of_tables, experiment_of_tables
 from rotorfit.experiment.toml_files import (
+    experiment_text,
     file_as_table,
     files_as_tables,
     read_toml,
     refuse_too_many_values,
     with_known_motors,
 )
-from rotorfit.experiment.toml_text import experiment_text
 from rotorfit.logs.files import file_name
 
 SOURCE: Final = Path("experiment.toml")
@@ -25,7 +25,7 @@ Problem = tuple[str, str]
 
 
 def described(folder: Path, form: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the experiment file of a form, or what is wrong with it, and its rotors."""
+    """Describe a form: its experiment file, or what is wrong with it, and its rotors."""
     problems: list[Problem] = []
     try:
         experiment_of(folder, form)
@@ -39,12 +39,12 @@ def described(folder: Path, form: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def text_of(form: Mapping[str, Any]) -> str:
-    """Return the experiment file of a form that describes an experiment."""
+    """Write the experiment file of a form that describes an experiment."""
     return experiment_text({**form, "configuration": [_short(c) for c in form["configuration"]]})
 
 
 def _short(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration whose flights are names, where they are nothing but that."""
+    """Replace flights of a configuration by their names, where they are nothing but that."""
     short = dict(entry)
     for kind in FLIGHTS:
         flights = [flight for flight in rows(entry.get(kind)) if flight]
@@ -54,19 +54,9 @@ def _short(entry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def experiment_of(folder: Path, form: Mapping[str, Any]) -> Experiment:
-    """Return the experiment of a form, its flights being files of the page.
+    """Check a form from the page, which may hold anything; its flights are files of the page.
 
-    Parameters
-    ----------
-    folder
-        Of the page.
-    form
-        As the page sent it; anything may be in it.
-
-    Raises
-    ------
-    ExperimentError
-        With every place that is wrong.
+    The ExperimentError names every place that is wrong.
     """
     refuse_too_many_values(form, SOURCE)
     files = {one.name: one for one in dropped(folder)}
@@ -82,23 +72,25 @@ def experiment_of(folder: Path, form: Mapping[str, Any]) -> Experiment:
         every = [*(error.problems or [("", str(error))]), *missing]
         raise ExperimentError(str(error), problems=every) from error
     if missing:
-        words = "; ".join(sentence for _, sentence in missing)
-        raise ExperimentError(words, problems=missing)
+        message = "; ".join(sentence for _, sentence in missing)
+        raise ExperimentError(message, problems=missing)
     return experiment
 
 
 def _missing(form: Mapping[str, Any], files: Mapping[str, Dropped]) -> list[Problem]:
-    """Return the flights that are no log of the page, or one of several without its number."""
+    """List the flights that are no log of the page, or one of several without its number."""
     problems: list[Problem] = []
     for place, flight in _flights(form):
         name = flight.get("file")
-        told = files[name].told if isinstance(name, str) and name in files else None
-        if told is None:
+        file = files.get(name) if isinstance(name, str) else None
+        description: Mapping[str, Any] = {} if file is None else file.description
+        if file is None:
             problems.append((place, f"no file {name} is on the page: drop it here"))
-        elif told.get("kind", "log") != "log":
+        elif description.get("kind", "log") != "log":
             problems.append((place, f"{name} is no flight log: name one"))
-        elif told.get("logs") and flight.get("log") is None:
-            problems.append((place, f"{name} holds {len(told['logs'])} logs: choose one"))
+        elif description.get("logs") and flight.get("log") is None:
+            count = len(description["logs"])
+            problems.append((place, f"{name} holds {count} logs: choose one"))
         pose = flight.get("mocap")
         recording = pose if isinstance(pose, str) else table(pose).get("file")
         if recording is not None and recording not in files:
@@ -127,21 +119,21 @@ def table(value: Any) -> Mapping[str, Any]:
 
 
 def _with_known_motors(folder: Path, form: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the form with law and lag from a result of the page, where it names one."""
+    """Add law and lag from a result of the page to a form, where it names one."""
     tables = dict(form)
-    own = table(tables.get("motors"))
-    if not isinstance(own.get("result"), str):
+    motors = table(tables.get("motors"))
+    if not isinstance(motors.get("result"), str):
         return tables
     try:
-        known = file_named(folder, file_name(own["result"]))
-        tables["motors"] = {**own, "result": str(known.path)}
+        result = file_named(folder, file_name(motors["result"]))
+        tables["motors"] = {**motors, "result": str(result.path)}
         return with_known_motors(tables, folder)
     except ExperimentError as error:
         raise ExperimentError(str(error), problems=[("motors.result", str(error))]) from error
 
 
 def _rotors(form: Mapping[str, Any]) -> list[dict[str, Any]] | None:
-    """Return the rotors of a form as soon as its airframe is whole, from the centre, FLU [m]."""
+    """List the rotors of a form as soon as its airframe is whole, from the centre, FLU [m]."""
     try:
         known = airframe_of_tables({"airframe": form.get("airframe")}, source=SOURCE)
         vehicle = vehicle_of(known.airframe)
@@ -151,18 +143,7 @@ def _rotors(form: Mapping[str, Any]) -> list[dict[str, Any]] | None:
 
 
 def form_of_file(path: Path) -> dict[str, Any]:
-    """Return the form that an experiment or airframe file fills, its flights by their own names.
-
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    ExperimentError
-        If it is none.
-    """
+    """Read the form from an experiment or airframe file, its flights by the last part of names."""
     tables = read_toml(path)
     bare = dict(tables)
     if isinstance(tables.get("motors"), dict):
@@ -175,15 +156,15 @@ def form_of_file(path: Path) -> dict[str, Any]:
 
 
 def _written_out(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a configuration with every flight as a table, by the last part of its name."""
+    """Write every flight of a configuration as a table, by the last part of its name."""
     whole = files_as_tables(entry, FLIGHTS)
     for kind in FLIGHTS:
         if kind in whole:
-            whole[kind] = [_by_own_name(flight) for flight in whole[kind]]
+            whole[kind] = [_by_file_name(flight) for flight in whole[kind]]
     return whole
 
 
-def _by_own_name(flight: dict[str, Any]) -> dict[str, Any]:
+def _by_file_name(flight: dict[str, Any]) -> dict[str, Any]:
     named: dict[str, Any] = {**file_as_table(flight, "mocap")}
     named["file"] = file_name(flight["file"])
     if "mocap" in named:
@@ -192,7 +173,7 @@ def _by_own_name(flight: dict[str, Any]) -> dict[str, Any]:
 
 
 def files_of(form: Mapping[str, Any]) -> list[str]:
-    """Return the names of all files that a form wants."""
+    """List the names of all files that a form wants."""
     names = [str(flight["file"]) for _, flight in _flights(form)]
     poses = [str(f["mocap"]["file"]) for _, f in _flights(form) if "mocap" in f]
     return list(dict.fromkeys([*names, *poses]))

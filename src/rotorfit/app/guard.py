@@ -33,7 +33,7 @@ HEADERS: Final = {
 
 
 class Guard:
-    """Lets through what comes from our own page, with the token taken off the address."""
+    """Passes on the requests of the page itself, with the token taken off the address."""
 
     def __init__(self, app: ASGIApp, *, token: str, port: int) -> None:
         self._app = app
@@ -42,7 +42,7 @@ class Guard:
         self._origins = {f"http://{host}" for host in self._hosts}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or refuse it in one line."""
+        """Pass a request on, or refuse it in one line."""
         if scope["type"] != "http":
             return  # no other kind is served
 
@@ -63,7 +63,7 @@ class Guard:
         await self._app(inner, receive, send_guarded)
 
     def _refusal(self, scope: Scope) -> str | None:
-        """Return why a request is refused; None where it is not."""
+        """Return the reason to refuse a request; None where there is none."""
         headers: Iterable[tuple[bytes, bytes]] = scope["headers"]
         hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
         if len(hosts) != 1 or hosts[0] not in self._hosts:

@@ -1,18 +1,17 @@
 """The engine where Python runs in the browser itself: what static/worker.js calls."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Protocol, runtime_checkable
 
-from rotorfit.app.engine import CALLS, Engine, Reply
+from rotorfit.app.engine import CALLS, Engine, JsonObject
+from rotorfit.app.files import Progress
 from rotorfit.errors import RotorfitError
 
 FOLDER: Final = Path("/tmp/rotorfit-page")
 """In the memory of the browser's tab."""
 MOST_BYTES: Final = 500_000_000
 """Of all files together: they are in memory, which is at most 4 GB there."""
-Told = Callable[[str, float | None], Any]
 
 
 @runtime_checkable
@@ -20,31 +19,32 @@ class Bytes(Protocol):
     """An array of JavaScript."""
 
     def to_bytes(self) -> bytes:
-        """Return it as Python has it."""
+        """Convert to bytes of Python."""
         ...
 
 
-def call(name: str, argument: str, progress: Told, sent: Bytes | None = None) -> str:
-    """Return the answer of a call as JSON text.
+def call(
+    name: str,
+    argument: str,
+    progress: Progress,
+    sent: Bytes | None = None,
+    *,
+    folder: Path = FOLDER,
+    most_bytes: int = MOST_BYTES,
+) -> str:
+    """Run a call of protocol.md, its argument and its response being JSON text.
 
-    Parameters
-    ----------
-    name, argument
-        As protocol.md has them, the argument as JSON text; and ``document``, with ``kind`` and
-        ``name``, for what a server would answer at an address.
-    progress
-        Told what is being done.
-    sent
-        The bytes of a file, for ``add_file``.
+    ``document``, with ``kind`` and ``name``, stands for what a server has at an address; `sent` are
+    the bytes of a file, for ``add_file``.
     """
-    FOLDER.mkdir(exist_ok=True)
-    engine = Engine(folder=FOLDER, most_bytes=MOST_BYTES)
-    return json.dumps(_answer(engine, name, json.loads(argument), progress, sent))
+    folder.mkdir(exist_ok=True)
+    engine = Engine(folder=folder, most_bytes=most_bytes)
+    return json.dumps(_response(engine, name, json.loads(argument), progress, sent))
 
 
-def _answer(
-    engine: Engine, name: str, argument: dict[str, Any], progress: Told, sent: Bytes | None
-) -> Reply:
+def _response(
+    engine: Engine, name: str, argument: dict[str, Any], progress: Progress, sent: Bytes | None
+) -> JsonObject:
     if name == "document":
         return _document(engine, argument)
     if name == "follow" or name not in CALLS:
@@ -58,19 +58,19 @@ def _answer(
 
 
 def _received(engine: Engine, name: str, content: bytes) -> str:
-    """Return the name under which a file is kept."""
+    """Store a file, and return the name under which it is kept."""
     if engine.bytes_held() + len(content) > engine.most_bytes:
         raise RotorfitError(
             f"{name} is too large: in the browser all files together may have "
             f"{engine.most_bytes / 1e6:.0f} MB; rotorfit app takes more"
         )
-    own, path = engine.receive(name)
+    new_name, path = engine.receive(name)
     path.write_bytes(content)
-    return own
+    return new_name
 
 
-def _document(engine: Engine, asked: dict[str, Any]) -> Reply:
-    path = engine.document(asked["kind"], asked.get("name"))
+def _document(engine: Engine, argument: dict[str, Any]) -> JsonObject:
+    path = engine.document(argument["kind"], argument.get("name"))
     if path is None:
         return {"refused": "there is no such document yet"}
     kind = "text/html" if path.suffix == ".html" else "text/plain"

@@ -1,90 +1,86 @@
-"""The identification of a form, and its outcome as the page shows it."""
+"""The identification of a form, its outcome as the page shows it, and the next flight."""
 
 import dataclasses
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rotorfit.app.files import Progress, in_its_name, in_their_names
-from rotorfit.app.form import experiment_of, text_of
-from rotorfit.errors import RotorfitWarning
+from threadpoolctl import threadpool_limits
+
+from rotorfit.app.files import Progress, json_with_shown_names, with_shown_names
+from rotorfit.app.form import SOURCE, experiment_of, rows, table, text_of
+from rotorfit.errors import ExperimentError, RotorfitWarning
+from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.experiment import airframe_of_tables
 from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.identification.identify import identify
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.progress import watched
+from rotorfit.planning.after import check_same_vehicle, result_mass
+from rotorfit.planning.plan import PlanRequest, plan
+from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.report.number_words import PREDICTED_WELL
 from rotorfit.report.parameters import ParameterTable, Row, parameter_tables
+from rotorfit.report.plan_card import card_html
+from rotorfit.report.plan_text import plan_text
 from rotorfit.report.result_page import report_html
 from rotorfit.report.summary import summary_of
 from rotorfit.report.text import advice_of, assumptions_of, result_text, warnings_of
 from rotorfit.results.result import IdentificationResult, configuration_names
+from rotorfit.results.sound_result import load_sound
 from rotorfit.validation.validate import drawn_comparisons
 
 
 def identified(folder: Path, form: Mapping[str, Any], *, progress: Progress) -> dict[str, Any]:
-    """Identify what a form describes, keep result, report and experiment file, return the outcome.
-
-    Parameters
-    ----------
-    folder
-        Of the page.
-    form
-        As the page sent it.
-    progress
-        Told what is being done.
-
-    Raises
-    ------
-    RotorfitError
-        If the form, a log or a flight cannot be used.
-    """
+    """Identify a form's flights, save result, report and experiment file, return the outcome."""
     experiment = experiment_of(folder, form)
 
-    def tell(words: str) -> None:
-        progress(in_its_name(folder, words), None)
+    def report_step(step: str) -> None:
+        progress(with_shown_names(folder, step), None)
 
-    def tell_reading(path: Path, share: float) -> None:
-        progress(in_its_name(folder, f"reading {path.name}"), share)
+    def report_reading(path: Path, share: float) -> None:
+        progress(with_shown_names(folder, f"reading {path.name}"), share)
 
-    with warnings.catch_warnings(), watched(tell_reading):
+    with warnings.catch_warnings(), watched(report_reading):
         warnings.simplefilter("ignore", RotorfitWarning)
-        result = identify(experiment, progress=tell)
-        tell("drawing")
+        result = identify(experiment, progress=report_step)
+        report_step("drawing")
         comparisons = drawn_comparisons(result, experiment)
-    result = _in_their_names(folder, result)
-    html = in_its_name(folder, report_html(result, comparisons=comparisons))
+    result = _with_shown_names(folder, result)
+    html = with_shown_names(folder, report_html(result, comparisons=comparisons))
     outcome = outcome_of(result)
     text = text_of(form)
-    kept = {
+    files = {
         "experiment.toml": text,
         "result.json": result.to_json(),
         "report.html": html,
         "outcome.json": json.dumps({**outcome, "experiment": text}, allow_nan=False),
     }
-    for name, content in kept.items():
+    for name, content in files.items():
         write_whole(folder / name, content, force=True)
-    return json.loads(kept["outcome.json"])
+    return json.loads(files["outcome.json"])
 
 
-def _in_their_names(folder: Path, result: IdentificationResult) -> IdentificationResult:
-    """Return a result whose words name files as the user does."""
+def _with_shown_names(folder: Path, result: IdentificationResult) -> IdentificationResult:
+    """Replace the stored names in the texts of a result."""
+
+    def renamed(texts: Iterable[str]) -> tuple[str, ...]:
+        return tuple(with_shown_names(folder, text) for text in texts)
+
     flights = tuple(
-        dataclasses.replace(
-            flight, warnings=tuple(in_its_name(folder, words) for words in flight.warnings)
-        )
-        for flight in result.flights
+        dataclasses.replace(flight, warnings=renamed(flight.warnings)) for flight in result.flights
     )
     return dataclasses.replace(
         result,
         flights=flights,
-        settings=in_their_names(folder, result.settings),
+        settings=json_with_shown_names(folder, result.settings),
         findings=tuple(
             dataclasses.replace(
                 one,
-                sentence=in_its_name(folder, one.sentence),
-                flights=tuple(in_its_name(folder, file) for file in one.flights),
+                sentence=with_shown_names(folder, one.sentence),
+                flights=renamed(one.flights),
             )
             for one in result.findings
         ),
@@ -92,13 +88,13 @@ def _in_their_names(folder: Path, result: IdentificationResult) -> Identificatio
 
 
 def outcome_of(result: IdentificationResult) -> dict[str, Any]:
-    """Return what the page shows of a result; JSON without NaN."""
+    """Collect what the page shows of a result; JSON without NaN."""
     summary = summary_of(result)
     return {
         "name": result.name,
         "seconds": sum(flight.seconds_used for flight in result.flights),
         "text": result_text(result),
-        "tables": [_table(table) for table in parameter_tables(result)],
+        "tables": [_table(one) for one in parameter_tables(result)],
         "summary": [
             {"title": title, "findings": [dataclasses.asdict(one) for one in found]}
             for title, found in summary.groups
@@ -121,12 +117,12 @@ def outcome_of(result: IdentificationResult) -> dict[str, Any]:
     }
 
 
-def _table(table: ParameterTable) -> dict[str, Any]:
+def _table(parameters: ParameterTable) -> dict[str, Any]:
     return {
-        "title": table.title,
-        "explanation": table.explanation,
-        "rows": [_row(row) for row in table.rows],
-        "notes": [dataclasses.asdict(note) for note in table.notes],
+        "title": parameters.title,
+        "explanation": parameters.explanation,
+        "rows": [_row(row) for row in parameters.rows],
+        "notes": [dataclasses.asdict(note) for note in parameters.notes],
     }
 
 
@@ -145,3 +141,50 @@ def _row(row: Row) -> dict[str, Any]:
         "note": row.note,
         "ends": None if row.bar is None else row.ends,
     }
+
+
+def planned(
+    folder: Path, form: Mapping[str, Any], accuracy: str, *, progress: Progress
+) -> dict[str, Any]:
+    """Plan the flight to fly next, after the page's result if there is one, and save its card.
+
+    The form has the airframe, and a mass where there is no result yet; the accuracy is as
+    `rotorfit plan --accuracy` takes it.
+    """
+
+    def report_progress(done: int, total: int) -> None:
+        progress("flying the manoeuvres in simulation", done / total)
+
+    request = _plan_request(folder, form, accuracy)
+    with threadpool_limits(limits=1, user_api="blas"):
+        flights = plan(request, progress=report_progress)
+    write_whole(folder / "card.html", card_html(flights), force=True)
+    write_whole(folder / "plan.json", flights.to_json(), force=True)
+    return {"text": plan_text(flights), "card": True, "plan": json.loads(flights.to_json())}
+
+
+def _plan_request(folder: Path, form: Mapping[str, Any], accuracy: str) -> PlanRequest:
+    declared = airframe_of_tables(form, source=SOURCE)
+    vehicle, motors = vehicle_of(declared.airframe), declared.motors
+    earlier = folder / "result.json"
+    after = load_sound(earlier) if earlier.exists() else None
+    if after is not None:
+        check_same_vehicle(after, vehicle)
+    return PlanRequest(
+        name=str(form.get("name", "vehicle")),
+        vehicle=vehicle,
+        mass=_mass(form) if after is None else result_mass(after, None)[1],
+        speed=motors.speed,
+        timed=motors.delay is None and (motors.speed == "measured" or motors.lag is None),
+        wanted=wanted_accuracy(accuracy),
+        after=after,
+    )
+
+
+def _mass(form: Mapping[str, Any]) -> float:
+    """Read the mass of the first configuration [kg]."""
+    entry = next(iter(rows(form.get("configuration"))), None)
+    mass = table(entry).get("mass")
+    if not isinstance(mass, int | float):
+        raise ExperimentError("a plan needs the mass of the vehicle as it flies: weigh it")
+    return float(mass)

@@ -6,13 +6,13 @@ import secrets
 import shutil
 import sys
 import tempfile
-from collections.abc import AsyncGenerator, Generator, Mapping
+from collections.abc import AsyncGenerator, Awaitable, Callable, Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from rotorfit.app.engine import Engine, Reply
+from rotorfit.app.engine import Engine, JsonObject
 
 MOST_PAGES: Final = 8
 MOST_WAITING: Final = 16
@@ -21,30 +21,32 @@ AT_ONCE: Final = 2
 """Processes of all pages."""
 GRACE = 120.0
 """For which a page that was closed is kept: it may only be loaded anew [s]."""
-LONGEST_ANSWER: Final = 2**28
+LONGEST_RESPONSE: Final = 2**28
 LOOKS: Final = ("add_file", "look")
-STOPPED: Final[Reply] = {"refused": "stopped", "stopped": True}
+STOPPED: Final[JsonObject] = {"refused": "stopped", "stopped": True}
+Work = Callable[[Engine, "Job"], Awaitable[JsonObject]]
+"""Runs a long call of an engine."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Job:
-    """A long call: what it is told of it so far, and its answer once there is one."""
+    """A long call: its progress so far, and its response once there is one."""
 
     name: str
     argument: Mapping[str, Any]
     progress: Mapping[str, Any] | None = None
-    answer: Reply | None = None
+    response: JsonObject | None = None
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     task: asyncio.Task[None] | None = None
 
-    def tell(self, progress: Mapping[str, Any]) -> None:
-        """Keep what is being done."""
+    def report(self, progress: Mapping[str, Any]) -> None:
+        """Set the progress, and wake those who wait for it."""
         self.progress = progress
         self._wake()
 
-    def end(self, answer: Reply) -> None:
-        """Keep the answer."""
-        self.answer = answer
+    def end(self, response: JsonObject) -> None:
+        """Set the response, and wake those who wait for it."""
+        self.response = response
         self._wake()
 
     def _wake(self) -> None:
@@ -52,16 +54,16 @@ class Job:
         self.changed = asyncio.Event()
 
     async def events(self) -> AsyncGenerator[dict[str, Any]]:
-        """Yield progress, and at the end the answer."""
-        told: Mapping[str, Any] | None = None
-        while self.answer is None:
+        """Yield progress, and at the end the response."""
+        sent: Mapping[str, Any] | None = None
+        while self.response is None:
             changed = self.changed
-            if self.progress is not told:
-                told = self.progress
-                yield {"progress": told}
+            if self.progress is not sent:
+                sent = self.progress
+                yield {"progress": sent}
             else:
                 await changed.wait()
-        yield {"answer": self.answer}
+        yield {"answer": self.response}
 
 
 @dataclass(slots=True, kw_only=True)
@@ -79,7 +81,7 @@ class Page:
     leaving: asyncio.TimerHandle | None = None
 
     def running(self, name: str) -> Job | None:
-        """Return a long call that has not ended."""
+        """Find a long call that has not ended."""
         return next((job for job in self.jobs if job.name == name), None)
 
     def stop(self, file: str | None = None) -> None:
@@ -94,26 +96,25 @@ class Page:
 class Pages:
     """Every page of a server, in one private folder."""
 
-    def __init__(self, *, most_bytes: int) -> None:
+    def __init__(self, *, most_bytes: int, work: Work | None = None) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix="rotorfit-app-"))  # for nobody else: 0700
         self.most_bytes = most_bytes
+        self.grace = GRACE
+        self._call = work or call_in_process
         self.closing = asyncio.Event()
         self._pages: dict[str, Page] = {}
         self._slots = asyncio.Semaphore(AT_ONCE)
 
     def open(self, key: object) -> Page | None:
-        """Return the page of a key, a new one where there is none; None where there are too many.
-
-        A page that nobody looks at any more makes room.
-        """
+        """Return the page of a key, or a new one; None where too many are open in browsers."""
         page = self._pages.get(key) if isinstance(key, str) else None
         if page is not None:
             return page
         if len(self._pages) >= MOST_PAGES:
-            left = next((one for one in self._pages.values() if not one.present), None)
-            if left is None:
+            abandoned = next((one for one in self._pages.values() if not one.present), None)
+            if abandoned is None:
                 return None
-            self._forget(left)
+            self._forget(abandoned)
         folder = self.folder / secrets.token_hex(8)
         folder.mkdir(mode=0o700)
         key = secrets.token_urlsafe(16)
@@ -141,7 +142,7 @@ class Pages:
 
     def _leave(self, page: Page) -> None:
         loop = asyncio.get_running_loop()
-        page.leaving = loop.call_later(GRACE, self._forget_if_left, page)
+        page.leaving = loop.call_later(self.grace, self._forget_if_left, page)
 
     def _forget_if_left(self, page: Page) -> None:
         if not page.present:
@@ -157,7 +158,7 @@ class Pages:
         page.engine.clear()
 
     def begin(self, page: Page, name: str, argument: Mapping[str, Any]) -> Job:
-        """Return a long call that works, or waits for its turn."""
+        """Start a long call, or let it wait for its turn."""
         job = Job(name=name, argument=argument)
         if len(page.jobs) >= MOST_WAITING:
             job.end({"refused": f"{len(page.jobs)} calls of this page wait already: try later"})
@@ -169,16 +170,16 @@ class Pages:
     async def _work(self, page: Page, job: Job) -> None:
         turn = page.looking if job.name in LOOKS else page.working
         if turn.locked():
-            job.tell({"step": "waiting for its turn", "share": None})
-        answer: Reply = STOPPED
+            job.report({"step": "waiting for its turn", "share": None})
+        response: JsonObject = STOPPED
         try:
             async with turn, self._slots:
-                answer = await _in_a_process(page.engine, job)
+                response = await self._call(page.engine, job)
         except asyncio.CancelledError:
-            pass  # stopped: the answer says so
+            pass  # stopped: the response says so
         finally:
             page.jobs.remove(job)
-            job.end(answer)
+            job.end(response)
 
     async def end(self) -> None:
         """End all that runs, and remove everything."""
@@ -194,8 +195,8 @@ class Pages:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-async def _in_a_process(engine: Engine, job: Job) -> Reply:
-    """Return the answer of a long call; the process ends with it, or is ended."""
+async def call_in_process(engine: Engine, job: Job) -> JsonObject:
+    """Run a long call in a process of its own, which ends with it or is ended."""
     command = (sys.executable, "-P", "-m", "rotorfit.app.job", str(engine.folder))
     pipe, nothing = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
     process = await asyncio.create_subprocess_exec(
@@ -203,18 +204,18 @@ async def _in_a_process(engine: Engine, job: Job) -> Reply:
         stdin=pipe,
         stdout=pipe,
         stderr=nothing,
-        limit=LONGEST_ANSWER,
+        limit=LONGEST_RESPONSE,
         start_new_session=True,  # Ctrl-C is for the server, which ends it
     )
     try:
         assert process.stdin is not None and process.stdout is not None
-        asked = {"name": job.name, "argument": job.argument, "most_bytes": engine.most_bytes}
-        process.stdin.write(f"{json.dumps(asked)}\n".encode())
+        request = {"name": job.name, "argument": job.argument, "most_bytes": engine.most_bytes}
+        process.stdin.write(f"{json.dumps(request)}\n".encode())
         async for line in process.stdout:
-            said = json.loads(line)
-            if "answer" in said:
-                return said["answer"]
-            job.tell(said["progress"])
+            message = json.loads(line)
+            if "answer" in message:
+                return message["answer"]
+            job.report(message["progress"])
         status = await process.wait()
         return {
             "refused": f"the work ended before it was done (exit status {status}; out of memory?): "

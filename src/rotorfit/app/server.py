@@ -20,13 +20,13 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route
 from starlette.types import Receive, Scope, Send
 
-from rotorfit.app.engine import CALLS, LONG, MOST_BYTES, Reply
+from rotorfit.app.engine import CALLS, LONG, MOST_BYTES, JsonObject
 from rotorfit.app.guard import DOCUMENT_POLICY, Guard
 from rotorfit.app.pages import STOPPED, Job, Page, Pages
 from rotorfit.errors import OutputError, RotorfitError
 
 STATIC: Final = Path(__file__).parent / "static"
-LONGEST_ASKED: Final = 1_000_000
+LONGEST_CALL: Final = 1_000_000
 """Of the JSON of a call [bytes]."""
 SLOWEST: Final = 60.0
 """Between two pieces of what is sent [s]."""
@@ -38,19 +38,7 @@ ENDED: Final = {"type": "http.response.body", "body": b"", "more_body": False}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Served:
-    """A server that is ready to run.
-
-    Attributes
-    ----------
-    address
-        Of the page, token included.
-    server
-        To be run with `sockets`; `should_exit` ends it.
-    sockets
-        On which it listens already.
-    pages
-        What it keeps.
-    """
+    """A server that listens already; the address is that of the page, token included."""
 
     address: str
     server: uvicorn.Server
@@ -63,34 +51,21 @@ class _Server(uvicorn.Server):
 
     def __init__(self, config: uvicorn.Config, pages: Pages) -> None:
         super().__init__(config)
-        self._kept = pages
+        self._pages = pages
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """End; uvicorn would raise the signal once more, and nobody would tidy up."""
+        """End; uvicorn would raise the signal once more, before the pages are removed."""
         del sig, frame
         self.should_exit = True
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Close what is open, then end."""
-        await self._kept.end()
+        await self._pages.end()
         await super().shutdown(sockets)
 
 
 def ready(*, port: int = 0, most_bytes: int = MOST_BYTES) -> Served:
-    """Return a server of the page that listens on this computer, and is still to be run.
-
-    Parameters
-    ----------
-    port
-        On which; 0: any that is free.
-    most_bytes
-        That the files of one page may hold together.
-
-    Raises
-    ------
-    OutputError
-        If the port is taken.
-    """
+    """Prepare a server that listens on a port of this computer; 0: any that is free."""
     try:
         listening = socket.create_server(("127.0.0.1", port))
     except (OSError, OverflowError) as error:
@@ -123,7 +98,7 @@ def ready(*, port: int = 0, most_bytes: int = MOST_BYTES) -> Served:
 
 
 def serve(served: Served) -> None:
-    """Run a server until a signal ends it; then nothing of it is left."""
+    """Run a server until a signal ends it, then remove all of its pages."""
     hang_up = getattr(signal, "SIGHUP", None)  # the terminal was closed; Windows has none
     if hang_up is not None:
         signal.signal(hang_up, served.server.handle_exit)
@@ -134,11 +109,11 @@ def serve(served: Served) -> None:
 
 
 def _application(pages: Pages) -> Starlette:
-    """Return what answers once the guard has let a request through."""
+    """Route the requests that the guard has let through."""
 
     async def open_page(request: Request) -> Response:
-        asked = await _json_of(request)
-        page = pages.open(asked.get("page"))
+        argument = await _json_of(request)
+        page = pages.open(argument.get("page"))
         if page is None:
             return _refused("too many pages are open: close one of them", 429)
         return JSONResponse({"page": page.key, "engine": "server"})
@@ -167,22 +142,22 @@ def _application(pages: Pages) -> Starlette:
         Route("/page/{page}/{call}", call, methods=["POST"]),
         Route("/{name}", _static),
     ]
-    handlers: dict[Any, Callable[..., Any]] = {RotorfitError: _answered}
+    handlers: dict[Any, Callable[..., Any]] = {RotorfitError: _refused_error}
     return Starlette(routes=routes, exception_handlers=handlers)
 
 
-async def _answered(request: Request, error: Exception) -> Response:
+async def _refused_error(request: Request, error: Exception) -> Response:
     del request
     return _refused(str(error), 400)
 
 
-def _refused(words: str, status: int) -> Response:
+def _refused(message: str, status: int) -> Response:
     # What was not read of a request is not waited for.
-    return JSONResponse({"refused": words}, status_code=status, headers={"connection": "close"})
+    return JSONResponse({"refused": message}, status_code=status, headers={"connection": "close"})
 
 
 async def _static(request: Request) -> Response:
-    """Return a file of the page: one of those that are there, whatever is asked for."""
+    """Serve a file of the page: one of those in its folder, whatever is asked for."""
     name = request.path_params.get("name", "index.html")
     if name == "engine.json":
         return JSONResponse({"engine": "server"})
@@ -194,18 +169,12 @@ async def _static(request: Request) -> Response:
 
 
 async def _json_of(request: Request) -> dict[str, Any]:
-    """Return the table that was sent.
-
-    Raises
-    ------
-    OutputError
-        If it is too long, too slow, or none.
-    """
+    """Read the table that was sent; raise OutputError if it is too long, too slow, or none."""
     sent = bytearray()
     async for piece in _pieces(request):
         sent += piece
-        if len(sent) > LONGEST_ASKED:
-            raise OutputError(f"a call of over {LONGEST_ASKED} bytes: the form is too long")
+        if len(sent) > LONGEST_CALL:
+            raise OutputError(f"a call of over {LONGEST_CALL} bytes: the form is too long")
     try:
         found = json.loads(sent or b"{}", parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
@@ -220,13 +189,7 @@ def _no_number(word: str) -> float:
 
 
 async def _pieces(request: Request) -> AsyncGenerator[bytes]:
-    """Yield what is sent.
-
-    Raises
-    ------
-    OutputError
-        If nothing comes for too long, or the sender has gone.
-    """
+    """Yield what is sent; raise OutputError if nothing comes for too long."""
     pieces = aiter(request.stream())
     while True:
         try:
@@ -242,7 +205,7 @@ async def _pieces(request: Request) -> AsyncGenerator[bytes]:
 
 
 def _called(pages: Pages, page: Page, name: str, argument: dict[str, Any]) -> Response:
-    """Return the answer of a call: at once, or line by line where it takes long."""
+    """Respond to a call: at once, or line by line where it takes long."""
     if name == "stop":
         page.stop()
         return JSONResponse({})
@@ -255,65 +218,59 @@ def _called(pages: Pages, page: Page, name: str, argument: dict[str, Any]) -> Re
         return _refused(f"no call {name!r}", 404)
     if name == "remove_file":
         return JSONResponse(_removed(page, argument))
-    answer = page.engine.call(name, argument, _nobody)
+    response = page.engine.call(name, argument, _silent)
     if name == "restore":
-        answer["running"] = page.running("identify") is not None
-    return JSONResponse(answer)
+        response["running"] = page.running("identify") is not None
+    return JSONResponse(response)
 
 
 async def _added(pages: Pages, page: Page, request: Request) -> Response:
-    """Take a file, then look at it."""
-    own, path = page.engine.receive(request.query_params.get("name", ""))
+    """Receive a file, then inspect it."""
+    name, path = page.engine.receive(request.query_params.get("name", ""))
     try:
-        await _taken(page, path, request)
+        await _write_sent(page, path, request)
     except (OutputError, OSError) as error:
-        page.engine.call("remove_file", {"name": own}, _nobody)
-        return _refused(f"{own}: {error}", 413)
-    return _Lines(pages.begin(page, "add_file", {"name": own}), pages)
+        page.engine.call("remove_file", {"name": name}, _silent)
+        return _refused(f"{name}: {error}", 413)
+    return _Lines(pages.begin(page, "add_file", {"name": name}), pages)
 
 
-async def _taken(page: Page, path: Path, request: Request) -> None:
-    """Write what is sent into a file.
-
-    Raises
-    ------
-    OutputError
-        If it is more than the page may hold, or does not come.
-    """
+async def _write_sent(page: Page, path: Path, request: Request) -> None:
+    """Write what is sent into a file; raise OutputError if it is more than the page may hold."""
     most = page.engine.most_bytes
     limit = f"too large: the files of a page may hold {most / 1e6:.0f} MB (see --limit)"
     announced = request.headers.get("content-length", "0")
     if announced.isdecimal() and page.held + int(announced) > most:
         raise OutputError(limit)
-    taken = 0
+    received = 0
     try:
         with path.open("xb") as file:
             async for piece in _pieces(request):
-                taken += len(piece)
+                received += len(piece)
                 page.held += len(piece)
                 if page.held > most:
                     raise OutputError(limit)
                 file.write(piece)
     except (OutputError, OSError):
-        page.held -= taken
+        page.held -= received
         raise
 
 
-def _removed(page: Page, argument: dict[str, Any]) -> Reply:
-    """Forget a file, and the looks at it."""
+def _removed(page: Page, argument: dict[str, Any]) -> JsonObject:
+    """Remove a file, and end the inspections of it."""
     page.stop(str(argument.get("name")))
     before = page.engine.bytes_held()
-    answer = page.engine.call("remove_file", argument, _nobody)
+    response = page.engine.call("remove_file", argument, _silent)
     page.held += page.engine.bytes_held() - before
-    return answer
+    return response
 
 
-def _nobody(step: str, share: float | None) -> None:
+def _silent(step: str, share: float | None) -> None:
     del step, share
 
 
 def _document(page: Page, request: Request) -> Response:
-    """Return a report, a result or a page of findings, with nothing that it could speak to."""
+    """Serve a report, a result or a page of findings, which may connect to nothing."""
     path = page.engine.document(request.path_params["kind"], request.query_params.get("name"))
     if path is None:
         return _refused("there is no such document yet", 404)
@@ -322,7 +279,7 @@ def _document(page: Page, request: Request) -> Response:
 
 
 class _Lines(Response):
-    """What a long call says, one line of JSON each; it goes on where nobody listens."""
+    """The events of a long call, a line of JSON each; the call goes on where nobody listens."""
 
     media_type = "application/x-ndjson"
 
@@ -347,7 +304,7 @@ class _Lines(Response):
 
 
 class _Presence(Response):
-    """Nothing, for as long as the page is open."""
+    """An empty response that lasts as long as the page is open."""
 
     def __init__(self, pages: Pages, page: Page) -> None:
         super().__init__()
@@ -355,7 +312,7 @@ class _Presence(Response):
         self._pages, self._page = pages, page
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Stay."""
+        """Stay open until the page or the server ends."""
         del scope
         with self._pages.present(self._page):
             start = {"type": "http.response.start", "status": 200, "headers": self.raw_headers}
@@ -382,8 +339,3 @@ async def _first_of(*works: Any) -> None:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-
-
-def answer_of(lines: bytes) -> Reply:
-    """Return the answer at the end of what a long call said."""
-    return json.loads(lines.strip().splitlines()[-1])["answer"]

@@ -1,88 +1,108 @@
 """rotorfit airframe: questions that a ruler answers, and the file that comes of them."""
 
+from __future__ import annotations
+
 import sys
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import ValidationError
+import typer
 
-from rotorfit.cli.outputs import refuse_output_file
+from rotorfit.cli.options import Force, LogNumber, OutputFile, Speed
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import say, show
+from rotorfit.cli.terminal import print_result, print_status, refuse_output_file
 from rotorfit.errors import ExperimentError, OutputError
-from rotorfit.experiment.airframe_table import AirframeEntry
-from rotorfit.inspection.inspect_log import inspect_log
-from rotorfit.inspection.seen_airframe import SeenAirframe, seen_airframe
-from rotorfit.logs import ReadOptions, read_log
-from rotorfit.logs.files import write_whole
-from rotorfit.model.layouts import LAYOUTS, spaced_rotors
+
+if TYPE_CHECKING:
+    from rotorfit.inspection.seen_airframe import SeenAirframe
 
 SMALLEST, LARGEST = 15.0, 10_000.0
 """Of a spacing [mm]."""
+Layout = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="quad-x, quad-plus, hexa-x, ...; asked for if not given."),
+]
+Order = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Motor numbering: px4, ardupilot, betaflight, crazyflie; asked for if not given.",
+    ),
+]
+Spacing = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y",
+        help="Between the motor axes, front to back and left to right [mm]; asked for if not "
+        "given.",
+    ),
+]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AirframeRequest:
-    """What the user asked for; what is None is asked."""
+def airframe(
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="LOG", help="A flight of the vehicle: it shows motor order and spins."
+        ),
+    ] = None,
+    output: OutputFile = Path("airframe.toml"),
+    log_number: LogNumber = None,
+    layout: Layout = None,
+    order: Order = None,
+    spacing: Spacing = None,
+    speed: Speed = None,
+    force: Force = False,
+) -> None:
+    """Write the airframe file that other commands need.
 
-    output: Path
-    log: Path | None = None
-    log_number: int | None = None
-    layout: str | None = None
-    order: str | None = None
-    spacing: str | None = None
-    speed: str | None = None
-    force: bool = False
+    Asks for what a ruler measures; a log fills in what the flight shows: the number of motors,
+    their order and spins, and whether their speed was measured.
+    """
+    from rotorfit.inspection.seen_airframe import SeenAirframe
+    from rotorfit.logs.files import write_whole
+    from rotorfit.model.layouts import LAYOUTS
 
-
-def run(request: AirframeRequest) -> None:
-    """Look at the log, ask what is missing, write the file."""
-    inputs = [] if request.log is None else [request.log]
-    refuse_output_file(request.output, inputs=inputs, force=request.force)
-    seen = _seen(request)
-    layout = _chosen("layout", request.layout, seen, _layouts(seen))
+    refuse_output_file(output, inputs=[] if log is None else [log], force=force)
+    seen = SeenAirframe() if log is None else _seen_in(log, log_number)
+    layout = _layout_or_order("layout", layout, seen, _layouts(seen))
     orders = [order for name, order in LAYOUTS if name == layout]
-    order = _chosen("order", request.order, seen, orders)
-    spacing = _spacing(request.spacing)
-    speed = (
-        request.speed
-        or seen.speed
-        or _one_of(
-            ["measured", "commanded"],
-            "Rotor speed in the log: measured (ESC telemetry, bidirectional DShot) or commanded",
-            "commanded",
-            "--speed",
-        )
-    )
+    order = _layout_or_order("order", order, seen, orders)
+    spaces = _parse_spacing(spacing)
+    given_speed = speed or seen.speed
+    if given_speed is None:
+        question = "Rotor speed in the log: measured (ESC telemetry, bidirectional DShot) or "
+        choices = ["measured", "commanded"]
+        given_speed = _ask_choice(choices, f"{question}commanded", "commanded", "--speed")
     turned = seen.turned and (layout, order) == (seen.layout, seen.order)
-    text = airframe_text(layout, order, spacing, speed=speed, turned=turned)
-    _refuse_wrong(text)
-    write_whole(request.output, text, force=request.force)
-    show(f"{text}\nwritten to {request.output}; next:")
-    log = "LOG" if request.log is None else request.log
-    show(f"  rotorfit identify {log} --mass KG --airframe {request.output}")
+    text = airframe_text(layout, order, spaces, speed=given_speed, turned=turned)
+    _refuse_unreadable(text)
+    write_whole(output, text, force=force)
+    print_result(f"{text}\nwritten to {output}; next:")
+    print_result(f"  rotorfit identify {log or 'LOG'} --mass KG --airframe {output}")
 
 
-def _seen(request: AirframeRequest) -> SeenAirframe:
-    """Return what the log says, and say it."""
-    if request.log is None:
-        return SeenAirframe()
-    with steps() as tell:
-        tell(f"reading {request.log.name}")
-        log = read_log(request.log, options=ReadOptions(log_number=request.log_number))
+def _seen_in(path: Path, log_number: int | None) -> SeenAirframe:
+    """Read the airframe off a log, and print it."""
+    from rotorfit.inspection.inspect_log import inspect_log
+    from rotorfit.inspection.seen_airframe import seen_airframe
+    from rotorfit.logs import ReadOptions, read_log
+
+    with steps() as report_progress:
+        report_progress(f"reading {path.name}")
+        log = read_log(path, options=ReadOptions(log_number=log_number))
         seen = seen_airframe(log, inspect_log(log))
     if seen.rotors is None:
         raise ExperimentError(
-            f"{request.log}: no motors in this log, so it shows nothing of the rotors: leave it "
+            f"{path}: no motors in this log, so it shows nothing of the rotors: leave it "
             "out and answer the questions, or give a log with motor outputs"
         )
-    say(f"{request.log.name}: {log.format}, {seen.rotors} motors, rotor speed {seen.speed}")
-    words = ", every spin reversed (props out)" if seen.turned else ""
-    say(
-        f"the flight confirms {seen.layout}, motors in the order of {seen.order}{words}"
+    print_status(f"{path.name}: {log.format}, {seen.rotors} motors, rotor speed {seen.speed}")
+    spins = ", every spin reversed (props out)" if seen.turned else ""
+    print_status(
+        f"the flight confirms {seen.layout}, motors in the order of {seen.order}{spins}"
         if seen.borne_out
         else "the flight does not show which layout and motor order it is: look at the vehicle"
     )
@@ -90,7 +110,9 @@ def _seen(request: AirframeRequest) -> SeenAirframe:
 
 
 def _layouts(seen: SeenAirframe) -> list[str]:
-    """Return the layouts of so many rotors."""
+    """List the layouts with the log's number of rotors."""
+    from rotorfit.model.layouts import LAYOUTS
+
     names = dict.fromkeys(name for name, _ in LAYOUTS)
     return [
         name
@@ -99,55 +121,59 @@ def _layouts(seen: SeenAirframe) -> list[str]:
     ]
 
 
-def _chosen(what: str, given: str | None, seen: SeenAirframe, choices: list[str]) -> str:
-    """Return layout or order: as given, else as asked, the flight's own as default."""
-    own = {"layout": seen.layout, "order": seen.order}[what]
+def _layout_or_order(
+    key: Literal["layout", "order"], given: str | None, seen: SeenAirframe, choices: list[str]
+) -> str:
+    """Select layout or order: as given, else as the flight shows, else by a question."""
+    shown = seen.layout if key == "layout" else seen.order
     if not choices:
         raise ExperimentError(
             f"no named layout has {seen.rotors} rotors: list them in the file, as docs/experiment "
             "says, with rotors = [ { position = [x, y, z], spin = 'ccw' }, ... ]"
         )
-    default = own if own in choices else choices[0]
-    if given is None and seen.borne_out and own in choices:
-        return str(own)
-    question = f"{what.capitalize()} ({', '.join(choices)})"
+    default = shown if shown in choices else choices[0]
+    if given is None and seen.borne_out and shown in choices:
+        return str(shown)
+    question = f"{key.capitalize()} ({', '.join(choices)})"
     only = choices[0] if len(choices) == 1 else None
-    answer = given or only or _one_of(choices, question, default, f"--{what}")
+    answer = given or only or _ask_choice(choices, question, default, f"--{key}")
     if answer not in choices:
         near = get_close_matches(answer, choices, n=1, cutoff=0.5)
         hint = f"; did you mean {near[0]}?" if near else ""
-        raise ExperimentError(f"{what} {answer!r}; expected one of {', '.join(choices)}{hint}")
-    if seen.borne_out and own not in (None, answer):
-        say(f"the flight responds like {what} {own}, not {answer}: make sure that it is right")
+        raise ExperimentError(f"{key} {answer!r}; expected one of {', '.join(choices)}{hint}")
+    if seen.borne_out and shown not in (None, answer):
+        print_status(
+            f"the flight responds like {key} {shown}, not {answer}: make sure that it is right"
+        )
     return answer
 
 
-def _spacing(given: str | None) -> tuple[float, float]:
-    """Return front to back and left to right between the motor axes [m]."""
+def _parse_spacing(given: str | None) -> tuple[float, float]:
+    """Parse or ask for the spacing of the motor axes, front to back and left to right [m]."""
     if given is None:
-        say("Measure between the motors' axes with a ruler:")
-        x = _measured("  front to back [mm]", None)
-        return x, _measured("  left to right [mm]", f"{1e3 * x:g}")
+        print_status("Measure between the motors' axes with a ruler:")
+        x = _ask_spacing("  front to back [mm]", None)
+        return x, _ask_spacing("  left to right [mm]", f"{1e3 * x:g}")
     parts = given.split(",")
     if len(parts) != 2:
         raise ExperimentError(
             f"--spacing {given!r}; expected front to back and left to right in mm, such as 91,127"
         )
-    return _millimetres(parts[0]), _millimetres(parts[1])
+    return _parse_millimetres(parts[0]), _parse_millimetres(parts[1])
 
 
-def _measured(question: str, default: str | None) -> float:
-    """Return a spacing in metres, asked for until it is one."""
+def _ask_spacing(question: str, default: str | None) -> float:
+    """Ask for a spacing in mm until it is one; return it in m."""
     while True:
-        answer = _asked(question, default, "--spacing X,Y")
+        answer = _ask(question, default, "--spacing X,Y")
         try:
-            return _millimetres(answer)
+            return _parse_millimetres(answer)
         except ExperimentError as error:
-            say(str(error))
+            print_status(str(error))
 
 
-def _millimetres(text: str) -> float:
-    """Return a spacing in metres."""
+def _parse_millimetres(text: str) -> float:
+    """Parse a spacing in mm; return it in m."""
     try:
         value = float(text)
     except ValueError:
@@ -160,15 +186,15 @@ def _millimetres(text: str) -> float:
     return round(1e-3 * value, 6)
 
 
-def _one_of(choices: list[str], question: str, default: str, option: str) -> str:
-    """Return the answer to a question, asked until it is one of the choices."""
-    while (answer := _asked(question, default, option)) not in choices:
-        say(f"{answer!r} is none of {', '.join(choices)}")
+def _ask_choice(choices: list[str], question: str, default: str, option: str) -> str:
+    """Ask a question until the answer is one of the choices."""
+    while (answer := _ask(question, default, option)) not in choices:
+        print_status(f"{answer!r} is none of {', '.join(choices)}")
     return answer
 
 
-def _asked(question: str, default: str | None, option: str) -> str:
-    """Return the answer to a question, its default where it is empty."""
+def _ask(question: str, default: str | None, option: str) -> str:
+    """Ask a question; an empty answer is its default."""
     shown = "" if default is None else f" [{default}]"
     sys.stderr.write(f"{question}{shown}: ")
     sys.stderr.flush()
@@ -184,27 +210,20 @@ def _asked(question: str, default: str | None, option: str) -> str:
 def airframe_text(
     layout: str, order: str, spacing: tuple[float, float], *, speed: str, turned: bool
 ) -> str:
-    """Return the airframe file.
+    """Write the airframe file; spacing front to back, left to right [m]; turned: spins reversed."""
+    from rotorfit.model.layouts import spaced_rotors
 
-    Parameters
-    ----------
-    layout, order
-        Of `LAYOUTS`.
-    spacing
-        Front to back and left to right between the motor axes [m].
-    speed
-        ``measured`` or ``commanded``.
-    turned
-        Whether every rotor turns the other way than the order has it.
-    """
     lines = ["[airframe]"]
     if turned:
-        other = {"ccw": "cw", "cw": "ccw"}
+        reversed_spin = {"ccw": "cw", "cw": "ccw"}
         rotors = spaced_rotors(layout, spacing=spacing, order=order)
         lines.append(f"# {layout} in the motor order of {order}, every spin reversed (props out)")
         lines += [
             "rotors = [  # position from the centre, forward, left, up [m]",
-            *(f'  {{ position = {list(r.position)}, spin = "{other[r.spin]}" }},' for r in rotors),
+            *(
+                f'  {{ position = {list(r.position)}, spin = "{reversed_spin[r.spin]}" }},'
+                for r in rotors
+            ),
             "]",
         ]
     else:
@@ -222,11 +241,17 @@ def airframe_text(
     return "\n".join(lines) + "\n"
 
 
-def _refuse_wrong(text: str) -> None:
+def _refuse_unreadable(text: str) -> None:
     """Raise if the airframe cannot be read back."""
+    import tomllib
+
+    from pydantic import ValidationError
+
+    from rotorfit.experiment.airframe_table import AirframeEntry
+
     tables: Mapping[str, object] = tomllib.loads(text)
     try:
         AirframeEntry.model_validate(tables["airframe"])
     except ValidationError as error:
-        words = "; ".join(str(one["msg"]) for one in error.errors())
-        raise ExperimentError(words.removeprefix("Value error, ")) from error
+        message = "; ".join(str(one["msg"]) for one in error.errors())
+        raise ExperimentError(message.removeprefix("Value error, ")) from error

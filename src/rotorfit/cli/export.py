@@ -1,210 +1,269 @@
 """rotorfit export: a result as a file that another tool reads."""
 
+from __future__ import annotations
+
 import datetime
 import json
 import textwrap
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
-from typing import cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, cast, get_args
 
 import typer
 
-from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
+from rotorfit.cli.options import AsJson, Assume, Force, OutputFile, ResultFile
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import show, terminal_width
-from rotorfit.errors import OutputError, RotorfitWarning
-from rotorfit.export.result_numbers import Number, number_warnings, parse_assumptions
-from rotorfit.export.table import (
-    columns_of,
-    csv_text,
-    flight_comparisons,
-    parquet_bytes,
-    table_files,
+from rotorfit.cli.terminal import (
+    print_result,
+    refuse_output_file,
+    refuse_output_folder,
+    terminal_width,
 )
+from rotorfit.errors import OutputError, RotorfitWarning
 from rotorfit.export.targets import AnyTargetName, RandomTargetName, TargetName
-from rotorfit.export.variants import Variants
-from rotorfit.export.write import COUNT, drawn_sentence, export, randomised, variant_files
-from rotorfit.logs.files import write_whole
-from rotorfit.results.result import IdentificationResult
-from rotorfit.results.sound_result import load_sound
+
+if TYPE_CHECKING:
+    from rotorfit.export.result_numbers import Number
+    from rotorfit.export.variants import Variants
+    from rotorfit.results.result import IdentificationResult
+    from rotorfit.validation.wrench_comparison import WrenchComparison
+
+TARGETS: Final = get_args(AnyTargetName)
+
+
+def target_named(name: str) -> str:
+    """Return the name of a target; refuse an unknown one with the nearest."""
+    if name in TARGETS:
+        return name
+    near = get_close_matches(name, TARGETS, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise typer.BadParameter(f"no target {name!r}; {hint}targets: {', '.join(TARGETS)}")
+
+
+Target = Annotated[
+    AnyTargetName,
+    typer.Option(
+        "--to",
+        metavar="TARGET",
+        parser=target_named,
+        autocompletion=lambda: list(TARGETS),
+        help=f"Which tool's file: {', '.join(TARGETS)} (wrenches of the flights over time).",
+    ),
+]
+Configuration = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Which to export; not needed if the result has only one."),
+]
+Project = Annotated[
+    bool,
+    typer.Option("--project", help="Replace an impossible inertia by the nearest possible one."),
+]
+Samples = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        metavar="N",
+        help="Number of vehicles to draw from the uncertainty of the result. If a file of the "
+        "target holds one vehicle, -o names a folder (targets that hold many: default 100).",
+    ),
+]
+DrawSeed = Annotated[
+    int, typer.Option(min=0, metavar="N", help="With --samples: another seed gives other vehicles.")
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportRequest:
-    """What the user asked for."""
+class _Written:
+    """Where a target is written, and how that is reported."""
 
-    result: Path
-    target: AnyTargetName
+    target: str
     output: Path
-    configuration: str | None
-    assume: tuple[str, ...]
-    project: bool
-    samples: int | None
-    seed: int
     force: bool
     as_json: bool
 
 
-def run(request: ExportRequest) -> None:
-    """Read the result, write the file, say what is in it."""
+def export(
+    result: ResultFile,
+    target: Target,
+    output: OutputFile,
+    configuration: Configuration = None,
+    assume: Assume = None,
+    project: Project = False,
+    samples: Samples = None,
+    seed: DrawSeed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write a result as a file of a simulator or autopilot.
+
+    Refuses a target that needs numbers the flights do not determine, unless you supply them with
+    --assume; marks weak numbers in the file.
+    """
+    from rotorfit.export.result_numbers import parse_assumptions
+    from rotorfit.export.write import COUNT
+    from rotorfit.results.sound_result import load_sound
+
     try:
-        assumed = parse_assumptions(request.assume)
+        assumed = parse_assumptions(assume or [])
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--assume") from error
-    drawn = request.target in get_args(RandomTargetName)
-    if request.project and (drawn or request.samples is not None):
+    is_random = target in get_args(RandomTargetName)
+    if project and (is_random or samples is not None):
         raise typer.BadParameter(
             "--project is for one vehicle; drawn vehicles are physical already"
         )
-    if request.samples is not None and not drawn:
-        _write_variants(request, assumed)
+    written = _Written(target=target, output=output, force=force, as_json=as_json)
+    vehicle = {"configuration": configuration, "assumed": assumed}
+    drawn = {**vehicle, "count": samples or COUNT, "seed": seed}
+    if samples is not None and not is_random:
+        if target == "table":
+            raise typer.BadParameter("table is made of flights, and takes no --samples")
+        _write_variants(load_sound(result), drawn, written)
         return
-    refuse_output_file(request.output, inputs=[request.result], force=request.force)
-    result = load_sound(request.result)
-    if request.target == "table":
-        if assumed or request.project:
-            raise typer.BadParameter(
-                "table is made of flights, and takes no --assume and no --project"
-            )
-        _write_tables(request, result)
-    elif request.target in get_args(RandomTargetName):
-        _write_randomised(request, cast("RandomTargetName", request.target), result, assumed)
+    refuse_output_file(output, inputs=[result], force=force)
+    loaded = load_sound(result)
+    if is_random:
+        _write_randomised(loaded, drawn, written)
+    elif target != "table":
+        _write_vehicle(loaded, {**vehicle, "project": project}, written)
+    elif assumed or project:
+        raise typer.BadParameter("table is made of flights, and takes no --assume and no --project")
     else:
-        _write_vehicle(request, cast("TargetName", request.target), result, assumed)
+        _write_tables(loaded, configuration, result, written)
 
 
 def _write_randomised(
-    request: ExportRequest,
-    target: RandomTargetName,
-    result: IdentificationResult,
-    assumed: dict[str, float],
+    result: IdentificationResult, drawn: Mapping[str, Any], written: _Written
 ) -> None:
     """Write many vehicles into one file."""
-    content, found = randomised(
-        result,
-        target,
-        request.output,
-        configuration=request.configuration,
-        assumed=assumed,
-        count=request.samples or COUNT,
-        seed=request.seed,
-    )
-    write_whole(request.output, content, force=request.force)
-    _tell_drawn(request, [request.output], found)
+    from rotorfit.export.write import randomised
+    from rotorfit.logs.files import write_whole
+
+    target = cast("RandomTargetName", written.target)
+    content, variants = randomised(result, target, written.output, **drawn)
+    write_whole(written.output, content, force=written.force)
+    _report_drawn([written.output], variants, written)
 
 
-def _write_variants(request: ExportRequest, assumed: dict[str, float]) -> None:
+def _write_variants(
+    result: IdentificationResult, drawn: Mapping[str, Any], written: _Written
+) -> None:
     """Write one file for each of many vehicles into a folder."""
-    if request.target == "table":
-        raise typer.BadParameter("table is made of flights, and takes no --samples")
-    result = load_sound(request.result)
-    files, found = variant_files(
-        result,
-        cast("TargetName", request.target),
-        configuration=request.configuration,
-        assumed=assumed,
-        count=request.samples or COUNT,
-        seed=request.seed,
-    )
-    refuse_output_folder(request.output, files, force=request.force)
+    from rotorfit.export.write import variant_files
+    from rotorfit.logs.files import write_whole
+
+    files, variants = variant_files(result, cast("TargetName", written.target), **drawn)
+    refuse_output_folder(written.output, files, force=written.force)
     for name, text in files.items():
-        write_whole(request.output / name, text, force=request.force)
-    _tell_drawn(request, [request.output / name for name in files], found)
+        write_whole(written.output / name, text, force=written.force)
+    _report_drawn([written.output / name for name in files], variants, written)
 
 
-def _tell_drawn(request: ExportRequest, files: Sequence[Path], found: Variants) -> None:
-    """Say what was written of drawn vehicles, and what share of the draws was rejected."""
-    model = found.nominal
-    if request.as_json:
-        described = {
-            "target": request.target,
-            "files": [str(file) for file in files],
-            "configuration": model.configuration,
-            "count": len(found.models),
-            "seed": found.samples.seed,
-            "rejected": found.samples.rejected,
-            "reasons": dict(found.samples.reasons),
-            "numbers": [_plain(n) for n in model.numbers],
-            "notes": list(model.notes),
-        }
-        show(json.dumps(described, indent=1, allow_nan=False))
+def _report_drawn(files: list[Path], variants: Variants, written: _Written) -> None:
+    """Print what was written of drawn vehicles, and what share of the draws was rejected."""
+    from rotorfit.export.result_numbers import number_warnings
+    from rotorfit.export.write import drawn_sentence
+
+    model = variants.nominal
+    if written.as_json:
+        samples = variants.samples
+        _print_json(
+            target=written.target,
+            files=[str(file) for file in files],
+            configuration=model.configuration,
+            count=len(variants.models),
+            seed=samples.seed,
+            rejected=samples.rejected,
+            reasons=dict(samples.reasons),
+            numbers=[_plain(n) for n in model.numbers],
+            notes=list(model.notes),
+        )
         return
     count = f", {len(files)} files" if len(files) > 1 else ""
-    show(f"{request.output}: {request.target}, configuration {model.configuration}{count}")
-    for line in (drawn_sentence(found), *number_warnings(model.numbers), *model.notes):
-        show(textwrap.fill(line, terminal_width(), initial_indent="  ", subsequent_indent="    "))
+    print_result(f"{written.output}: {written.target}, configuration {model.configuration}{count}")
+    _print_remarks((drawn_sentence(variants), *number_warnings(model.numbers), *model.notes))
 
 
 def _write_vehicle(
-    request: ExportRequest,
-    target: TargetName,
-    result: IdentificationResult,
-    assumed: dict[str, float],
+    result: IdentificationResult, vehicle: Mapping[str, Any], written: _Written
 ) -> None:
-    made = export(
-        result,
-        target,
-        configuration=request.configuration,
-        assumed=assumed,
-        project=request.project,
-    )
-    write_whole(request.output, made.text, force=request.force)
-    if request.as_json:
-        described = {
-            "target": target,
-            "files": [str(request.output)],
-            "configuration": made.model.configuration,
-            "numbers": [_plain(n) for n in made.model.numbers],
-            "notes": list(made.model.notes),
-        }
-        show(json.dumps(described, indent=1, allow_nan=False))
+    from rotorfit.export.result_numbers import number_warnings
+    from rotorfit.export.write import export
+    from rotorfit.logs.files import write_whole
+
+    exported = export(result, cast("TargetName", written.target), **vehicle)
+    model = exported.model
+    write_whole(written.output, exported.text, force=written.force)
+    if written.as_json:
+        _print_json(
+            target=written.target,
+            files=[str(written.output)],
+            configuration=model.configuration,
+            numbers=[_plain(n) for n in model.numbers],
+            notes=list(model.notes),
+        )
         return
-    show(f"{request.output}: {target}, configuration {made.model.configuration}")
-    for line in (*number_warnings(made.model.numbers), *made.model.notes):
-        show(textwrap.fill(line, terminal_width(), initial_indent="  ", subsequent_indent="    "))
+    print_result(f"{written.output}: {written.target}, configuration {model.configuration}")
+    _print_remarks((*number_warnings(model.numbers), *model.notes))
 
 
-def _plain(number: Number) -> dict[str, object]:
-    return {
-        "name": number.name,
-        "value": number.value,
-        "unit": number.unit,
-        "origin": number.origin,
-        "interval": number.interval,
-        "remark": number.remark,
-    }
+def _print_json(**described: Any) -> None:
+    print_result(json.dumps(described, indent=1, allow_nan=False))
 
 
-def _write_tables(request: ExportRequest, result: IdentificationResult) -> None:
+def _print_remarks(remarks: Iterable[str]) -> None:
+    width = terminal_width()
+    for line in remarks:
+        print_result(textwrap.fill(line, width, initial_indent="  ", subsequent_indent="    "))
+
+
+def _plain(number: Number) -> dict[str, Any]:
+    keys = ("name", "value", "unit", "origin", "interval", "remark")
+    return {key: getattr(number, key) for key in keys}
+
+
+def _write_tables(
+    result: IdentificationResult, configuration: str | None, source: Path, written: _Written
+) -> None:
     """Write the wrenches of each flight: one file, or one a flight, all or none."""
-    with warnings.catch_warnings(), steps() as tell:
+    from rotorfit.export.table import flight_comparisons, table_files
+    from rotorfit.logs.files import write_whole
+
+    with warnings.catch_warnings(), steps() as report_progress:
         warnings.simplefilter("ignore", RotorfitWarning)  # the result has them already
-        tell("reading the flights again")
-        comparisons = flight_comparisons(result, request.configuration)
+        report_progress("reading the flights again")
+        comparisons = flight_comparisons(result, configuration)
     if not comparisons:
-        raise OutputError(f"no flight of configuration {request.configuration!r} in the result")
-    files = table_files(request.output, comparisons)
+        raise OutputError(f"no flight of configuration {configuration!r} in the result")
+    files = table_files(written.output, comparisons)
     for file in files:
-        refuse_output_file(file, inputs=[request.result], force=request.force)
-    contents: list[str | bytes] = []
-    for comparison in comparisons:
-        columns = columns_of(comparison, result)
-        if request.output.suffix.lower() == ".parquet":
-            date = datetime.date.today().isoformat()
-            head = (
-                f"table, written on {date}, of {result.name}, flight {comparison.flight} "
-                f"(sha256 {comparison.sha256}), configuration {comparison.configuration}",
-            )
-            contents.append(parquet_bytes(columns, head))
-        else:
-            contents.append(csv_text(columns))
+        refuse_output_file(file, inputs=[source], force=written.force)
+    contents = [_table_content(comparison, result, written.output) for comparison in comparisons]
     for file, content in zip(files, contents, strict=True):
-        write_whole(file, content, force=request.force)
-    if request.as_json:
-        show(json.dumps({"target": "table", "files": [str(file) for file in files]}, indent=1))
+        write_whole(file, content, force=written.force)
+    if written.as_json:
+        _print_json(target="table", files=[str(file) for file in files])
         return
     for file, comparison in zip(files, comparisons, strict=True):
         kind = "of the fit" if comparison.used_in_fit else "kept apart"
-        show(f"{file}: wrenches of {comparison.flight} ({kind}), low-pass 3 Hz")
+        print_result(f"{file}: wrenches of {comparison.flight} ({kind}), low-pass 3 Hz")
+
+
+def _table_content(
+    comparison: WrenchComparison, result: IdentificationResult, output: Path
+) -> str | bytes:
+    """Format the wrenches of a flight as Parquet or CSV, by the suffix of the output."""
+    from rotorfit.export.table import columns_of, csv_text, parquet_bytes
+
+    columns = columns_of(comparison, result)
+    if output.suffix.lower() != ".parquet":
+        return csv_text(columns)
+    date = datetime.date.today().isoformat()
+    head = (
+        f"table, written on {date}, of {result.name}, flight {comparison.flight} "
+        f"(sha256 {comparison.sha256}), configuration {comparison.configuration}",
+    )
+    return parquet_bytes(columns, head)

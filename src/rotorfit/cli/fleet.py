@@ -1,158 +1,218 @@
-"""rotorfit fleet: parse, call, print."""
+"""rotorfit fleet: identify many logs of many vehicles, and compare them."""
+
+from __future__ import annotations
 
 import dataclasses
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rotorfit.cli.options import AsJson, Force
 from rotorfit.cli.progress import paced, steps
-from rotorfit.cli.terminal import say, show
+from rotorfit.cli.terminal import print_result, print_status
 from rotorfit.errors import LogError
-from rotorfit.fleet.entries import make_folder
-from rotorfit.fleet.findings import Finding, findings
-from rotorfit.fleet.listing import Defaults, ListedLog, listed_logs, mass_of
-from rotorfit.fleet.run import (
-    FAILURES,
-    REPORTS,
-    Fleet,
-    FleetType,
-    Told,
-    Workers,
-    claim,
-    cores,
-    failures_file,
-    fleet_files,
-    links_to,
-    read_fleet,
-    types_of,
-)
-from rotorfit.fleet.statistics import ALARM
-from rotorfit.fleet.tables import has_parquet
-from rotorfit.logs.files import write_all_whole
 
-CACHE = "cache"
+if TYPE_CHECKING:
+    from rotorfit.fleet.findings import Finding
+    from rotorfit.fleet.listing import ListedLog
+    from rotorfit.fleet.run import Fleet, FleetType, Told, Workers
+
+Source = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DIR|TABLE",
+        help="A folder with logs (subfolders included); or a CSV with the columns file, vehicle, "
+        "configuration, mass, airframe, log (only file is required).",
+    ),
+]
+Output = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="DIR",
+        help="Folder for tables, page and the cache of each log; a second run continues there.",
+    ),
+]
+Airframe = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="File with [airframe] and [motors], for logs without one in the table.",
+    ),
+]
+Mass = Annotated[
+    str | None,
+    typer.Option(
+        metavar="KG", help='Mass of every vehicle without one in the table: kg, or "unknown".'
+    ),
+]
+VehicleOf = Annotated[
+    str | None,
+    typer.Option(
+        metavar="REGEX",
+        help="Finds the vehicle in the path of a log: the first group, or groups named vehicle and "
+        "configuration. Default: as the log says, else its folder.",
+    ),
+]
+WorkerCount = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Processes; default: one per core.")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="Work on a Dask cluster instead (tcp://HOST:PORT; extra dask)."
+    ),
+]
+TimeLimit = Annotated[
+    float,
+    typer.Option(
+        min=1.0,
+        metavar="SECONDS",
+        help="For one log; a log that takes longer is left out and listed.",
+    ),
+]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FleetRequest:
-    """What the user asked for, as the command line gave it."""
+def fleet(
+    source: Source,
+    output: Output,
+    airframe: Airframe = None,
+    mass: Mass = None,
+    vehicle_of: VehicleOf = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
+    time_limit: TimeLimit = 600.0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Identify many logs of many vehicles, and compare them.
 
-    source: Path
-    output: Path
-    airframe: Path | None = None
-    mass: str | None = None
-    vehicle_of: str | None = None
-    workers: int | None = None
-    scheduler: str | None = None
-    time_limit: float
-    force: bool = False
-    as_json: bool = False
+    Identifies each log by itself, then finds changes over time, outlier vehicles, and the mean and
+    spread of the type. Writes tables of flights, vehicles and unusable logs, and a page. After an
+    interruption, call it again: it continues.
+    """
+    from rotorfit.fleet.listing import Defaults, listed_logs, mass_of
+    from rotorfit.fleet.run import FAILURES, Workers, claim, cores, failures_file
 
-
-def run(request: FleetRequest) -> None:
-    """Identify every log, say what the fleet says, and write it."""
-    logs = listed_logs(request.source, _defaults(request), apart=request.output)
-    claim(request.output, request.source, force=request.force)
-    workers = Workers(
-        count=min(request.workers or cores(), len(logs)),
-        scheduler=request.scheduler,
-        time_limit=request.time_limit,
+    defaults = Defaults(
+        vehicle_of=_compiled(vehicle_of),
+        mass=None if mass is None else mass_of(mass, "--mass"),
+        airframe=airframe,
     )
-    cache = request.output / CACHE
-    fleet = _identified(logs, cache, workers)
-    if not fleet.records:
-        _write(request.output, {FAILURES: failures_file(fleet)})
+    logs = listed_logs(source, defaults, apart=output)
+    claim(output, source, force=force)
+    count = min(workers or cores(), len(logs))
+    executor = Workers(count=count, scheduler=scheduler, time_limit=time_limit)
+    cache = output / "cache"
+    identified = _identify(logs, cache, executor)
+    if not identified.records:
+        _write(output, {FAILURES: failures_file(identified)})
         raise LogError(
-            f"none of {len(logs)} logs could be used: {request.output / FAILURES} says why of each "
-            f"and what to do; the first: {fleet.failures[0].file}: {fleet.failures[0].reason}"
+            f"none of {len(logs)} logs could be used: {output / FAILURES} says why of each "
+            "and what to do; the first: "
+            f"{identified.failures[0].file}: {identified.failures[0].reason}"
         )
-    with steps() as tell:
-        tell("comparing the flights")
-        types = types_of(fleet)
-        tell("fitting the flights of each vehicle together")
-        name = request.source.absolute().stem
-        links = links_to(request.output, request.source)
-        files = fleet_files(fleet, types, cache, workers, name=name, links=links)
-    make_folder(request.output / REPORTS)
-    _write(request.output, files)
-    if not has_parquet():
-        say("tables are CSV: pip install 'rotorfit[parquet]' writes them as Parquet")
-    show(
-        json.dumps(_plain(fleet, types, files), indent=1)
-        if request.as_json
-        else _text(fleet, types, request.output)
-    )
+    _compare_and_write(identified, source, output, cache, executor, as_json=as_json)
 
 
-def _defaults(request: FleetRequest) -> Defaults:
-    pattern = None
-    if request.vehicle_of is not None:
-        try:
-            pattern = re.compile(request.vehicle_of)
-        except re.error as error:
-            raise typer.BadParameter(
-                f"{request.vehicle_of!r} is no regular expression ({error})",
-                param_hint="--vehicle-of",
-            ) from None
-    return Defaults(
-        mass=None if request.mass is None else mass_of(request.mass, "--mass"),
-        airframe=request.airframe,
-        vehicle_of=pattern,
-    )
+def _compiled(pattern: str | None) -> re.Pattern[str] | None:
+    """Compile ``--vehicle-of``."""
+    try:
+        return None if pattern is None else re.compile(pattern)
+    except re.error as error:
+        raise typer.BadParameter(
+            f"{pattern!r} is no regular expression ({error})",
+            param_hint="--vehicle-of",
+        ) from None
 
 
-def _identified(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet:
-    """Identify every log that is not kept; stopped, say how to go on."""
+def _identify(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet:
+    """Identify every log that is not in the cache; stopped, print how to go on."""
+    from rotorfit.fleet.run import Told, read_fleet
+
     last = Told(done=0, total=len(logs), fresh=0)
     try:
-        with paced("identifying") as show_pace:
+        with paced("identifying") as report_progress:
 
-            def tell(told: Told) -> None:
+            def report(state: Told) -> None:
                 nonlocal last
-                last = told
-                show_pace(told.done, told.total)
+                last = state
+                report_progress(state.done, state.total)
 
-            return read_fleet(logs, cache, workers, tell=tell)
+            return read_fleet(logs, cache, workers, tell=report)
     except KeyboardInterrupt:
-        say(
+        print_status(
             f"rotorfit: {last.done} of {last.total} logs are done and kept in {cache}; the same "
             "command goes on from there"
         )
         raise
 
 
+def _compare_and_write(
+    fleet: Fleet, source: Path, output: Path, cache: Path, workers: Workers, *, as_json: bool
+) -> None:
+    from rotorfit.fleet.entries import make_folder
+    from rotorfit.fleet.run import REPORTS, fleet_files, links_to, types_of
+    from rotorfit.fleet.tables import has_parquet
+
+    with steps() as report_progress:
+        report_progress("comparing the flights")
+        types = types_of(fleet)
+        report_progress("fitting the flights of each vehicle together")
+        name, links = source.absolute().stem, links_to(output, source)
+        files = fleet_files(fleet, types, cache, workers, name=name, links=links)
+    make_folder(output / REPORTS)
+    _write(output, files)
+    if not has_parquet():
+        print_status("tables are CSV: pip install 'rotorfit[parquet]' writes them as Parquet")
+    print_result(
+        json.dumps(_plain(fleet, types, files), indent=1)
+        if as_json
+        else _text(fleet, types, output)
+    )
+
+
 def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    from rotorfit.logs.files import write_all_whole
+
     write_all_whole({folder / name: content for name, content in files.items()}, force=True)
     for name in files:
-        say(f"wrote {folder / name}")
+        print_status(f"wrote {folder / name}")
 
 
 def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
-    """Return what a fleet came to, in some lines."""
-    identified = sum(not record.refused for record in fleet.records)
+    """Summarise a fleet in some lines."""
+    from rotorfit.fleet.statistics import ALARM
+
     vehicles = sum(len(one.statistics.vehicles) for one in types)
-    lines = [f"{identified} flights identified, of {vehicles} vehicles", *_left_out(fleet, folder)]
+    lines = [f"{_identified_count(fleet)} flights identified, of {vehicles} vehicles"]
+    lines += _failures_line(fleet, folder)
     for one in types:
-        found = _findings(one)
+        findings = _findings(one)
         lines += ["", *([f"Type {one.name}:"] if len(types) > 1 else [])]
-        lines += [_sentence(one, finding) for finding in found]
-        if not found:
+        lines += [
+            f"{one.statistics.vehicles[f.vehicle]}: {f.sentence} What to do: {f.advice}."
+            for f in findings
+        ]
+        if not findings:
             lines.append("Nothing changed, and no vehicle stands apart.")
     tests = sum(one.statistics.tests for one in types)
     chance = f"{100 * ALARM:.0f} % of fleets in which nothing changed show a change by chance"
     return "\n".join([*lines, "", f"({chance}; {tests} series of flights were looked at.)"])
 
 
-def _sentence(one: FleetType, finding: Finding) -> str:
-    vehicle = one.statistics.vehicles[finding.vehicle]
-    return f"{vehicle}: {finding.sentence} What to do: {finding.advice}."
+def _identified_count(fleet: Fleet) -> int:
+    return sum(not record.refused for record in fleet.records)
 
 
-def _left_out(fleet: Fleet, folder: Path) -> list[str]:
+def _failures_line(fleet: Fleet, folder: Path) -> list[str]:
+    from rotorfit.fleet.run import FAILURES
+
     count = len(fleet.failures)
     if not count:
         return []
@@ -170,7 +230,7 @@ def _plain(
     return {
         "types": {one.name: list(one.statistics.vehicles) for one in types},
         "flights": len(fleet.records),
-        "identified": sum(not record.refused for record in fleet.records),
+        "identified": _identified_count(fleet),
         "failures": [dataclasses.asdict(failure) for failure in fleet.failures],
         "findings": [_plain_finding(one, finding) for one in types for finding in _findings(one)],
         "files": list(files),
@@ -178,6 +238,8 @@ def _plain(
 
 
 def _findings(one: FleetType) -> list[Finding]:
+    from rotorfit.fleet.findings import findings
+
     return findings(one.statistics, one.fleet.records)
 
 

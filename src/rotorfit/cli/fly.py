@@ -1,59 +1,68 @@
 """rotorfit fly: whether the identified model flies, and predicts the flights it was made from."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from threadpoolctl import threadpool_limits
 
-from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
+from rotorfit.cli.options import AsJson, Assume, Figures, Force, LogNumber, Page, ResultFile
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import painted, say, show, terminal_width
+from rotorfit.cli.terminal import (
+    coloured,
+    print_result,
+    print_status,
+    refuse_output_file,
+    refuse_output_folder,
+    terminal_width,
+)
 from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
-from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable, has_mujoco
-from rotorfit.export.result_numbers import number_warnings, parse_assumptions
-from rotorfit.export.targets import BODY, ROTORS
-from rotorfit.export.vehicle import VehicleModel
-from rotorfit.export.vehicle_model import owner_of, terms_left_out, vehicle_model
-from rotorfit.logs.files import write_whole
-from rotorfit.results.command_units import is_per_command
-from rotorfit.results.result import IdentificationResult
-from rotorfit.results.sound_result import load_sound
-from rotorfit.validation.fly_outcome import IDENTIFIED, FlyOutcome
-from rotorfit.validation.model_flight import MANOEUVRES, ModelFlight
-from rotorfit.validation.replay import WINDOW
-from rotorfit.validation.replay_flights import Timed, replay_flights
-from rotorfit.validation.replay_vehicle import replay_vehicle
-from rotorfit.validation.validate import found_response
+
+if TYPE_CHECKING:
+    from rotorfit.export.vehicle import VehicleModel
+    from rotorfit.results.result import IdentificationResult
+    from rotorfit.validation.fly_outcome import FlyOutcome
+    from rotorfit.validation.model_flight import ModelFlight
+    from rotorfit.validation.replay_flights import Timed
 
 DRAWS = 40
 BENCH = "bench"
-NEEDS = (*BODY, *ROTORS)
 WITHOUT_MUJOCO = (
     "hover and steps skipped: MuJoCo not installed; pip install '.[mujoco]' in the clone adds them"
 )
 FIGURES = ("replay-1.svg", "replay-errors.svg", "manoeuvres.svg")
 PER_SPEED = ("kt", "kd", "Jr")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlyRequest:
-    """What the user asked for."""
-
-    result: Path
-    configuration: str | None = None
-    assume: tuple[str, ...] = ()
-    bench: tuple[str, ...] = ()
-    against: tuple[Path, ...] = ()
-    flights: tuple[Path, ...] = ()
-    log_number: int | None = None
-    output: Path | None = None
-    report: Path | None = None
-    figures: Path | None = None
-    force: bool = False
-    as_json: bool = False
+Configuration = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Which to fly; not needed if the result has only one."),
+]
+ReplayedFlights = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="LOG", help="Replay this log instead of the result's own flights; repeatable."
+    ),
+]
+Against = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="RESULT", help="Another result of the vehicle to compare with; repeatable."
+    ),
+]
+Bench = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="A number from your bench to compare with, SI; others as identified; repeatable.",
+    ),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="FILE", help="Write the numbers as JSON here."),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,114 +73,189 @@ class _Side:
     timed: Timed
 
 
-def run(request: FlyRequest) -> None:
-    """Replay the flights, fly the model, print what came of it, and write it where asked."""
-    assumed = _numbers(request.assume, "--assume")
-    bench = _numbers(request.bench, "--bench")
-    _refuse_outputs(request)
-    if request.log_number is not None and not request.flights:
+def fly(
+    result: ResultFile,
+    configuration: Configuration = None,
+    assume: Assume = None,
+    flight: ReplayedFlights = None,
+    log: LogNumber = None,
+    against: Against = None,
+    bench: Bench = None,
+    output: Output = None,
+    report: Page = None,
+    figures: Figures = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Check whether the identified vehicle flies as flown.
+
+    The measured rotor speeds drive the model for half a second from many measured starts; predicted
+    rates and accelerations are compared with the flown ones, and with those of a bench or another
+    result. Then hover and steps in MuJoCo, if installed.
+    """
+    from threadpoolctl import threadpool_limits
+
+    from rotorfit.export.vehicle_model import owner_of
+    from rotorfit.report.fly_text import fly_text
+    from rotorfit.results.sound_result import load_sound
+
+    assumed = _parse_numbers(assume or [], "--assume")
+    bench_numbers = _parse_numbers(bench or [], "--bench")
+    inputs = [result, *(against or []), *(flight or [])]
+    _refuse_outputs(inputs, output, report, figures, force=force)
+    if log is not None and not flight:
         raise typer.BadParameter("--log needs a --flight, which names the file")
-    result = load_sound(request.result)
+    loaded = load_sound(result)
     with threadpool_limits(limits=1, user_api="blas"):
-        outcome = _outcome(request, result, assumed, bench)
-    _write(request, outcome)
+        owner = owner_of(loaded, configuration)
+        sides = _sides(loaded, owner, assumed, bench_numbers, against or [])
+        outcome = _outcome(loaded, owner, sides, bench_numbers, flight or [], log)
+    _write(outcome, output, report, figures, force=force)
+    text = coloured(fly_text(outcome, width=terminal_width()))
+    print_result((outcome.to_json() if as_json else text).rstrip())
 
 
-def _numbers(words: tuple[str, ...], option: str) -> dict[str, float]:
+def _parse_numbers(texts: list[str], option: str) -> dict[str, float]:
+    from rotorfit.export.result_numbers import parse_assumptions
+
     try:
-        return parse_assumptions(words)
+        return parse_assumptions(texts)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint=option) from error
 
 
-def _refuse_outputs(request: FlyRequest) -> None:
-    files = [path for path in (request.output, request.report) if path is not None]
-    if len(set(files)) < len(files):
+def _refuse_outputs(
+    inputs: list[Path],
+    output: Path | None,
+    report: Path | None,
+    figures: Path | None,
+    *,
+    force: bool,
+) -> None:
+    if output is not None and output == report:
         raise typer.BadParameter("-o and --report name the same file")
-    inputs = [request.result, *request.against, *request.flights]
-    for path in files:
-        refuse_output_file(path, inputs=inputs, force=request.force)
-    if request.figures is not None:
-        refuse_output_folder(request.figures, FIGURES, force=request.force)
+    for path in (output, report):
+        if path is not None:
+            refuse_output_file(path, inputs=inputs, force=force)
+    if figures is not None:
+        refuse_output_folder(figures, FIGURES, force=force)
 
 
-def _outcome(
-    request: FlyRequest,
+def _sides(
     result: IdentificationResult,
+    owner: str,
     assumed: Mapping[str, float],
     bench: Mapping[str, float],
-) -> FlyOutcome:
-    owner = owner_of(result, request.configuration)
+    against: list[Path],
+) -> dict[str, _Side]:
+    """Collect the sets of parameters to compare, by label; raise if they are of other vehicles."""
+    from rotorfit.validation.fly_outcome import IDENTIFIED
+
     sides = {IDENTIFIED: _side(result, owner, assumed, draws=DRAWS)}
     if bench:
         sides[BENCH] = _side(result, owner, {**assumed, **bench})
-    for path in request.against:
-        sides[_label(path, sides)] = _other(path, owner, assumed)
-    own = sides[IDENTIFIED].model
+    for path in against:
+        label = path.stem if path.stem not in sides else f"{path.stem} ({len(sides)})"
+        sides[label] = _side_of_file(path, owner, assumed)
     for label, side in sides.items():
-        _refuse_other_vehicle(own, side.model, label)
-    with warnings.catch_warnings(), steps() as tell:
+        _refuse_other_vehicle(sides[IDENTIFIED].model, side.model, label)
+    return sides
+
+
+def _outcome(
+    result: IdentificationResult,
+    owner: str,
+    sides: Mapping[str, _Side],
+    bench: Mapping[str, float],
+    flights: list[Path],
+    log_number: int | None,
+) -> FlyOutcome:
+    """Replay the flights with every side, and fly the model in MuJoCo where it is installed."""
+    from rotorfit.export.mujoco_flight import has_mujoco
+    from rotorfit.validation.fly_outcome import IDENTIFIED, FlyOutcome
+    from rotorfit.validation.replay import WINDOW
+    from rotorfit.validation.replay_flights import replay_flights
+
+    identified = sides[IDENTIFIED]
+    with warnings.catch_warnings(), steps() as report_progress:
         warnings.simplefilter("ignore", RotorfitWarning)  # the result has them already
         replays = replay_flights(
             result,
             owner,
             {label: side.timed for label, side in sides.items()},
-            others=request.flights,
-            log_number=request.log_number,
-            tell=tell,
+            others=flights,
+            log_number=log_number,
+            tell=report_progress,
         )
         manoeuvres: dict[str, tuple[ModelFlight, ...]] = {}
-        known = [WITHOUT_MUJOCO]
+        notes = [WITHOUT_MUJOCO]
         if has_mujoco():
-            tell("flying the model")
-            manoeuvres, known = _manoeuvres(sides)
+            report_progress("flying the model")
+            manoeuvres, notes = _manoeuvres(sides)
     return FlyOutcome(
         name=result.name,
         configuration=owner,
         seconds=WINDOW,
-        draws=len(sides[IDENTIFIED].timed.vehicle.mass) - 1,
+        draws=len(identified.timed.vehicle.mass) - 1,
         labels=tuple(sides),
         replays=tuple(replays),
         manoeuvres=manoeuvres,
-        notes=(*_notes(result, own, bench), *known),
+        notes=(*replay_notes(result, identified.model, bench), *notes),
     )
 
 
 def _manoeuvres(
     sides: Mapping[str, _Side],
 ) -> tuple[dict[str, tuple[ModelFlight, ...]], list[str]]:
-    """Return the identified model flown by autopilots tuned to each side, and what was taken."""
-    model, taken = flyable(sides[IDENTIFIED].model)
+    """Fly the identified model by autopilots tuned to each side; note the numbers supplied."""
+    from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable
+    from rotorfit.validation.fly_outcome import IDENTIFIED
+    from rotorfit.validation.model_flight import MANOEUVRES
+
+    model, notes = flyable(sides[IDENTIFIED].model)
     flown = {
         label: tuple(
             fly_manoeuvre(model, name, believed=flyable(side.model)[0]) for name in MANOEUVRES
         )
         for label, side in sides.items()
     }
-    return flown, list(taken)
+    return flown, list(notes)
 
 
 def _side(
     result: IdentificationResult, owner: str, assumed: Mapping[str, float], *, draws: int = 0
 ) -> _Side:
-    """Return a set of parameters, refused as an export would be."""
+    """Collect a set of parameters, refused as an export would be."""
+    from rotorfit.export.targets import BODY, ROTORS
+    from rotorfit.export.vehicle_model import vehicle_model
+    from rotorfit.validation.replay_flights import Timed
+    from rotorfit.validation.replay_vehicle import replay_vehicle
+    from rotorfit.validation.validate import found_response
+
     _refuse_units(result, assumed)
     model = vehicle_model(
-        result, configuration=owner, needs=NEEDS, assumed=assumed, speed="full-command"
+        result,
+        configuration=owner,
+        needs=(*BODY, *ROTORS),
+        assumed=assumed,
+        speed="full-command",
     )
     # What was assumed, and what followed from it by a ratio, is not drawn.
-    fixed = {n.name: n.value for n in model.numbers if n.origin in ("assumed", "from-ratio")}
-    fixed = {n: v for n, v in fixed.items() if not n.startswith("motor_") and n != "max_speed"}
-    vehicle = replay_vehicle(result, owner, assumed={**_body(assumed), **fixed}, draws=draws)
+    derived = {n.name: n.value for n in model.numbers if n.origin in ("assumed", "from-ratio")}
+    fixed = {**_without_motors(assumed), **_without_motors(derived)}
+    vehicle = replay_vehicle(result, owner, assumed=fixed, draws=draws)
     return _Side(model=model, timed=Timed(vehicle=vehicle, response=found_response(result)))
 
 
-def _body(assumed: Mapping[str, float]) -> dict[str, float]:
-    return {n: v for n, v in assumed.items() if not n.startswith("motor_") and n != "max_speed"}
+def _without_motors(numbers: Mapping[str, float]) -> dict[str, float]:
+    """Select the numbers of body and rotors, without motor lag and largest speed."""
+    return {n: v for n, v in numbers.items() if not n.startswith("motor_") and n != "max_speed"}
 
 
 def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) -> None:
-    """Raise if numbers per rad/s are to stand among numbers per command."""
+    """Raise if numbers per rad/s are given for a result per command."""
+    from rotorfit.results.command_units import is_per_command
+
     if not is_per_command(result):
         return
     wrong = [n for n in assumed if n.split("_")[0] in PER_SPEED or n == "max_speed"]
@@ -183,44 +267,46 @@ def _refuse_units(result: IdentificationResult, assumed: Mapping[str, float]) ->
         )
 
 
-def _other(path: Path, owner: str, assumed: Mapping[str, float]) -> _Side:
-    """Return the parameters of another result: of the same configuration, or of its only one.
+def _side_of_file(path: Path, owner: str, assumed: Mapping[str, float]) -> _Side:
+    """Load another result's parameters, of the same configuration or of its only one.
 
-    What it has is its own; where it lacks something, the user's numbers stand for it too.
+    The assumed numbers are used only where it lacks some.
     """
+    from rotorfit.export.vehicle_model import owner_of
+    from rotorfit.results.sound_result import load_sound
+
     other = load_sound(path)
     names = {p.configuration for p in other.parameters}
     try:
-        whose = owner_of(other, owner if owner in names else None)
+        configuration = owner_of(other, owner if owner in names else None)
         try:
-            return _side(other, whose, {})
+            return _side(other, configuration, {})
         except OutputError:
-            return _side(other, whose, assumed)
+            return _side(other, configuration, assumed)
     except RotorfitError as error:
         raise OutputError(f"{path.name}: {error}") from error
 
 
-def _label(path: Path, taken: Mapping[str, object]) -> str:
-    label = path.stem
-    return label if label not in taken else f"{label} ({len(taken)})"
-
-
-def _refuse_other_vehicle(own: VehicleModel, other: VehicleModel, label: str) -> None:
-    if len(own.rotors) != len(other.rotors):
+def _refuse_other_vehicle(identified: VehicleModel, other: VehicleModel, label: str) -> None:
+    if len(identified.rotors) != len(other.rotors):
         raise OutputError(
-            f"{label} has {len(other.rotors)} rotors, the result {len(own.rotors)}: give a result "
-            "of the same vehicle"
+            f"{label} has {len(other.rotors)} rotors, the result {len(identified.rotors)}: give a "
+            "result of the same vehicle"
         )
-    if own.in_commands != other.in_commands:
+    if identified.in_commands != other.in_commands:
         raise OutputError(
             f"{label} and the result differ in what stands for the rotor speed (rad/s, or commands "
             "without a law): give a result made from the same motor data"
         )
 
 
-def _notes(
+def replay_notes(
     result: IdentificationResult, model: VehicleModel, bench: Mapping[str, float]
 ) -> list[str]:
+    """List what to know of a replay: weak and assumed numbers, the bench, terms left out."""
+    from rotorfit.export.result_numbers import number_warnings
+    from rotorfit.export.vehicle_model import terms_left_out
+
     notes = number_warnings(model.numbers)
     if bench:
         given = ", ".join(f"{name}={value:g}" for name, value in bench.items())
@@ -230,8 +316,8 @@ def _notes(
     terms = [t for t in terms_left_out(result, model.configuration) if t.split()[0] not in drag]
     if terms:
         notes.append(f"identified, but used in the replay only: {', '.join(terms)}")
-    own = [p.value is not None for p in result.parameters if p.name.startswith("kt_")]
-    if any(own) and not all(own):
+    known = [p.value is not None for p in result.parameters if p.name.startswith("kt_")]
+    if any(known) and not all(known):
         notes.append(
             "only some rotors have a kt of their own: hover is out of trim, which the CoM and all "
             "rotors make together; identify again with terms that leave rotor_spread out"
@@ -241,22 +327,27 @@ def _notes(
     return notes
 
 
-def _write(request: FlyRequest, outcome: FlyOutcome) -> None:
+def _write(
+    outcome: FlyOutcome,
+    output: Path | None,
+    report: Path | None,
+    figures: Path | None,
+    *,
+    force: bool,
+) -> None:
     # jinja2 is not worth its time to those who want numbers only.
+    from rotorfit.logs.files import write_whole
     from rotorfit.report.fly_page import write_fly_figures, write_fly_page
-    from rotorfit.report.fly_text import fly_text
     from rotorfit.report.pages import HINT, can_write_png
 
-    if request.output is not None:
-        write_whole(request.output, outcome.to_json(), force=request.force)
-        say(f"wrote {request.output}")
-    if request.report is not None:
-        write_fly_page(request.report, outcome, force=request.force)
-        say(f"wrote {request.report}")
-    if request.figures is not None:
-        paths = write_fly_figures(request.figures, outcome, force=request.force)
-        say(f"wrote {len(paths)} files to {request.figures}")
+    if output is not None:
+        write_whole(output, outcome.to_json(), force=force)
+        print_status(f"wrote {output}")
+    if report is not None:
+        write_fly_page(report, outcome, force=force)
+        print_status(f"wrote {report}")
+    if figures is not None:
+        paths = write_fly_figures(figures, outcome, force=force)
+        print_status(f"wrote {len(paths)} files to {figures}")
         if not can_write_png():
-            say(HINT)
-    text = painted(fly_text(outcome, width=terminal_width()))
-    show((outcome.to_json() if request.as_json else text).rstrip())
+            print_status(HINT)

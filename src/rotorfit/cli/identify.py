@@ -1,139 +1,150 @@
-"""rotorfit identify: parse, call, print."""
+"""rotorfit identify: the parameters of a vehicle from an experiment file, or from one log."""
+
+from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from rotorfit.cli.outputs import refuse_output_file, refuse_output_folder
-from rotorfit.cli.pictures import figure_names, write_pictures
+from rotorfit.cli.options import AsJson, End, Figures, Force, LogNumber, Page, Speed, Start
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import painted, say, show, terminal_width
-from rotorfit.errors import ExperimentError, RotorfitWarning
-from rotorfit.experiment.experiment import (
-    ConfigurationEntry,
-    Experiment,
-    MotorsEntry,
-    load_experiment,
-    single_flight_experiment,
+from rotorfit.cli.terminal import (
+    coloured,
+    print_result,
+    print_status,
+    refuse_output_file,
+    refuse_output_folder,
+    terminal_width,
 )
-from rotorfit.identification.identify import identify
-from rotorfit.logs.files import read_head
-from rotorfit.logs.read import own_kind, read_log
-from rotorfit.report.text import result_text
-from rotorfit.results.result import IdentificationResult
+from rotorfit.errors import ExperimentError, RotorfitWarning
 
-Window = tuple[float | None, float | None]
+if TYPE_CHECKING:
+    from rotorfit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
+    from rotorfit.results.result import IdentificationResult
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifyRequest:
-    """What the user asked for, as the command line gave it."""
-
-    source: Path
-    output: Path | None = None
-    report: Path | None = None
-    figures: Path | None = None
-    mass: str | None = None
-    airframe: Path | None = None
-    log: int | None = None
-    window: Window = (None, None)
-    speed: Literal["measured", "commanded"] | None = None
-    motion: Literal["imu", "mocap"] | None = None
-    method: Literal["banded", "ols", "tls"] | None = None
-    preset: Literal["paper"] | None = None
-    force: bool = False
-    as_json: bool = False
-
-    @property
-    def is_experiment(self) -> bool:
-        """Whether the source is an experiment file, going by its name."""
-        return self.source.suffix.lower() == ".toml"
+    Table = TypeVar("Table", FlightEntry, IdentificationEntry)
 
 
-def run(request: IdentifyRequest) -> None:
-    """Identify, print the result, and write it where asked."""
-    experiment = _with_options(_experiment(request), request)
-    for path in (request.output, request.report):
-        if path is not None:
-            refuse_output_file(path, inputs=_inputs(experiment, request), force=request.force)
-    if request.output is not None and request.output == request.report:
-        raise typer.BadParameter("-o and --report name the same file")
-    if request.figures is not None:
-        refuse_output_folder(request.figures, figure_names(), force=request.force)
-    result = quiet_identify(experiment)
-    if request.output is not None:
-        result.save(request.output, force=request.force)
-        say(f"wrote {request.output}")
-    if request.report is not None or request.figures is not None:
-        write_pictures(
-            result, experiment, report=request.report, figures=request.figures, force=request.force
-        )
-    text = painted(result_text(result, width=terminal_width()))
-    show((result.to_json() if request.as_json else text).rstrip())
+Source = Annotated[
+    Path,
+    typer.Argument(metavar="EXPERIMENT|LOG", help="An experiment file (.toml), or one flight log."),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="FILE", help="Write the result as JSON here."),
+]
+Mass = Annotated[
+    str | None, typer.Option(metavar="KG", help='With a log: weighed mass in kg, or "unknown".')
+]
+AirframeFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="With a log: file with [airframe] and [motors]."),
+]
+Motion = Annotated[
+    Literal["imu", "mocap"] | None,
+    typer.Option("--source", help="Motion from the IMU (default) or from motion capture."),
+]
+Method = Annotated[
+    Literal["banded", "ols", "tls"] | None,
+    typer.Option(
+        help="banded (default): all equations and configurations at once; ols: equation by "
+        "equation; tls: total least squares, as in the paper. Default: as the experiment file says."
+    ),
+]
+Preset = Annotated[
+    Literal["paper"] | None,
+    typer.Option(help="paper: exactly as Six et al. 2020, their standard deviations included."),
+]
 
 
-def quiet_identify(experiment: Experiment) -> IdentificationResult:
+def identify(
+    source: Source,
+    output: Output = None,
+    report: Page = None,
+    figures: Figures = None,
+    mass: Mass = None,
+    airframe: AirframeFile = None,
+    log: LogNumber = None,
+    start: Start = None,
+    end: End = None,
+    speed: Speed = None,
+    motion: Motion = None,
+    method: Method = None,
+    preset: Preset = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Identify a vehicle's parameters from its flights.
+
+    From an experiment file, which names airframe, masses and flights, or from one log with --mass
+    and --airframe.
+    """
+    from rotorfit.report.text import result_text
+
+    window = {"log": log, "start": start, "end": end}
+    if source.suffix.lower() == ".toml":
+        experiment = _load_experiment(source, {"mass": mass, "airframe": airframe, **window})
+    else:
+        experiment = _experiment_of_log(source, mass, airframe)
+    chosen = {"source": motion, "method": method, "preset": preset}
+    experiment = _with_options(experiment, chosen, speed, window)
+    inputs = [source, *([airframe] if airframe else []), *_flight_files(experiment)]
+    _refuse_outputs(inputs, output, report, figures, force=force)
+    result = identify_quietly(experiment)
+    if output is not None:
+        result.save(output, force=force)
+        print_status(f"wrote {output}")
+    if report is not None or figures is not None:
+        _write_pictures(result, experiment, report, figures, force=force)
+    text = coloured(result_text(result, width=terminal_width()))
+    print_result((result.to_json() if as_json else text).rstrip())
+
+
+def identify_quietly(experiment: Experiment) -> IdentificationResult:
     """Identify with a progress display; doubts are printed with the result, not as warnings."""
-    with warnings.catch_warnings(), steps() as tell:
+    from rotorfit.identification.identify import identify
+
+    with warnings.catch_warnings(), steps() as report_progress:
         warnings.simplefilter("ignore", RotorfitWarning)
-        return identify(experiment, progress=tell)
+        return identify(experiment, progress=report_progress)
 
 
-def _inputs(experiment: Experiment, request: IdentifyRequest) -> list[Path]:
-    """Return every file that is read, none of which may be written over."""
-    flights = [
-        Path(flight.file)
-        for entry in experiment.configuration
-        for flight in (*entry.flights, *entry.validation)
-    ]
-    return [request.source, *([request.airframe] if request.airframe else []), *flights]
+def _load_experiment(source: Path, log_options: Mapping[str, Any]) -> Experiment:
+    """Load an experiment file; raise where options are given that belong to a single log."""
+    from rotorfit.experiment.experiment import load_experiment
 
-
-def _experiment(request: IdentifyRequest) -> Experiment:
-    if request.is_experiment:
-        _refuse_options_of_a_log(request)
-        return load_experiment(request.source)
-    read_head(request.source, 1)  # a log that is not there is said before what else is missing
-    if own_kind(request.source) is not None:
-        read_log(request.source)  # which says what it is
-    if request.mass is None or request.airframe is None:
-        missing = [
-            words
-            for words, given in (
-                ("--mass KG", request.mass),
-                ("--airframe AIRFRAME.toml", request.airframe),
+    for option, value in log_options.items():
+        if value is not None:
+            raise typer.BadParameter(
+                f"--{option} belongs to a log; {source.name} is an experiment file, "
+                "which says it itself"
             )
-            if given is None
-        ]
+    return load_experiment(source)
+
+
+def _experiment_of_log(source: Path, mass: str | None, airframe: Path | None) -> Experiment:
+    from rotorfit.experiment.experiment import single_flight_experiment
+    from rotorfit.logs.files import read_head
+    from rotorfit.logs.read import own_kind, read_log
+
+    read_head(source, 1)  # a missing log is reported before missing options
+    if own_kind(source) is not None:
+        read_log(source)  # which says what it is
+    if mass is None or airframe is None:
+        required = {"--mass KG": mass, "--airframe AIRFRAME.toml": airframe}
+        missing = [option for option, value in required.items() if value is None]
         raise typer.BadParameter(
             f"a log also needs {' and '.join(missing)} (an experiment file ends in .toml)"
         )
-    return single_flight_experiment(
-        request.source, mass=_mass(request.mass), airframe=request.airframe
-    )
+    return single_flight_experiment(source, mass=_parse_mass(mass), airframe=airframe)
 
 
-def _refuse_options_of_a_log(request: IdentifyRequest) -> None:
-    given = {
-        "--mass": request.mass,
-        "--airframe": request.airframe,
-        "--log": request.log,
-        "--start": request.window[0],
-        "--end": request.window[1],
-    }
-    for option, value in given.items():
-        if value is not None:
-            raise typer.BadParameter(
-                f"{option} belongs to a log; {request.source.name} is an experiment file, "
-                "which says it itself"
-            )
-
-
-def _mass(text: str) -> float | Literal["unknown"]:
+def _parse_mass(text: str) -> float | Literal["unknown"]:
+    """Parse ``--mass`` [kg]."""
     if text == "unknown":
         return "unknown"
     try:
@@ -151,31 +162,87 @@ def _mass(text: str) -> float | Literal["unknown"]:
     return mass
 
 
-def _with_options(experiment: Experiment, request: IdentifyRequest) -> Experiment:
-    """Return the experiment with what the command line overrides."""
-    given = {"source": request.motion, "method": request.method, "preset": request.preset}
-    chosen = {key: value for key, value in given.items() if value is not None}
+def _with_options(
+    experiment: Experiment,
+    chosen: Mapping[str, Any],
+    speed: Literal["measured", "commanded"] | None,
+    window: Mapping[str, Any],
+) -> Experiment:
+    """Override an experiment's method, rotor speed, and log number and window of its flights."""
+    motors = experiment.motors
+    if speed is not None:
+        # Law and lag turn commands into speed: measured speed has no use for them.
+        unused = {"law": None, "lag": None} if speed == "measured" else {}
+        motors = motors.model_copy(update={"speed": speed, **unused})
+    configurations = [
+        entry.model_copy(update={"flights": tuple(_override(f, window) for f in entry.flights)})
+        for entry in experiment.configuration
+    ]
     return experiment.model_copy(
         update={
-            "identification": experiment.identification.model_copy(update=chosen),
-            "motors": _motors(experiment.motors, request),
-            "configuration": tuple(_chosen(c, request) for c in experiment.configuration),
+            "identification": _override(experiment.identification, chosen),
+            "motors": motors,
+            "configuration": tuple(configurations),
         }
     )
 
 
-def _motors(motors: MotorsEntry, request: IdentifyRequest) -> MotorsEntry:
-    """Return the motors with the speed that was asked for."""
-    if request.speed is None:
-        return motors
-    # Law and lag turn commands into speed: measured speed has no use for them.
-    idle = {"law": None, "lag": None} if request.speed == "measured" else {}
-    return motors.model_copy(update={"speed": request.speed, **idle})
+def _override(table: Table, options: Mapping[str, Any]) -> Table:
+    """Replace the fields of a table for which an option is given."""
+    return table.model_copy(update={key: v for key, v in options.items() if v is not None})
 
 
-def _chosen(entry: ConfigurationEntry, request: IdentifyRequest) -> ConfigurationEntry:
-    """Return a configuration with the log and the window that were asked for in its flights."""
-    given = {"log": request.log, "start": request.window[0], "end": request.window[1]}
-    update = {key: value for key, value in given.items() if value is not None}
-    flights = tuple(flight.model_copy(update=update) for flight in entry.flights)
-    return entry.model_copy(update={"flights": flights})
+def _flight_files(experiment: Experiment) -> list[Path]:
+    """List the logs that are read, none of which may be written over."""
+    return [
+        Path(flight.file)
+        for entry in experiment.configuration
+        for flight in (*entry.flights, *entry.validation)
+    ]
+
+
+def _refuse_outputs(
+    inputs: list[Path],
+    output: Path | None,
+    report: Path | None,
+    figures: Path | None,
+    *,
+    force: bool,
+) -> None:
+    for path in (output, report):
+        if path is not None:
+            refuse_output_file(path, inputs=inputs, force=force)
+    if output is not None and output == report:
+        raise typer.BadParameter("-o and --report name the same file")
+    if figures is not None:
+        from rotorfit.report.result_page import ALWAYS
+
+        refuse_output_folder(figures, ALWAYS, force=force)
+
+
+def _write_pictures(
+    result: IdentificationResult,
+    experiment: Experiment,
+    report: Path | None,
+    figures: Path | None,
+    *,
+    force: bool,
+) -> None:
+    """Write the page and the figures, and print their names."""
+    # jinja2 is not worth its time to those who want numbers only.
+    from rotorfit.report.pages import HINT, can_write_png
+    from rotorfit.report.result_page import write_figures, write_report
+    from rotorfit.validation.validate import drawn_comparisons
+
+    with warnings.catch_warnings(), steps() as report_progress:
+        warnings.simplefilter("ignore", RotorfitWarning)
+        report_progress("drawing")
+        comparisons = drawn_comparisons(result, experiment)
+    if report is not None:
+        write_report(report, result, comparisons=comparisons, force=force)
+        print_status(f"wrote {report}")
+    if figures is not None:
+        paths = write_figures(figures, result, comparisons, force=force)
+        print_status(f"wrote {len(paths)} files to {figures}")
+        if not can_write_png():
+            print_status(HINT)

@@ -1,29 +1,30 @@
 """rotorfit inspect: what this log can show, and which settings to change before the next flight."""
 
+from __future__ import annotations
+
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rotorfit.cli.outputs import refuse_output_file
+from rotorfit.cli.options import AsJson, Force, LogNumber
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import one_line, painted, say, show, terminal_width
-from rotorfit.errors import (
-    ExperimentError,
-    OutputError,
-    RotorfitError,
+from rotorfit.cli.terminal import (
+    coloured,
+    print_refusal,
+    print_result,
+    print_status,
+    refuse_output_file,
+    terminal_width,
 )
-from rotorfit.inspection.inspect_log import LogReport, inspect_log
-from rotorfit.logs import ReadOptions, read_log
-from rotorfit.logs.read import logs_in_file, own_kind
-from rotorfit.report.log_page import write_log_page
-from rotorfit.report.log_report import plain, report_text
+from rotorfit.errors import ExperimentError, RotorfitError
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import FlightEntry
+    from rotorfit.inspection.inspect_log import LogReport
+    from rotorfit.logs import ReadOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,87 +36,95 @@ class SeveralLogs:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InspectOptions:
-    """What the user asks of inspect besides the logs."""
+class InspectedLog:
+    """A log to inspect, and its entry where an experiment file names it."""
 
-    log_number: int | None = None
-    airframe: Path | None = None
-    as_json: bool = False
-    report: Path | None = None
-    force: bool = False
+    path: Path
+    read: ReadOptions
+    entry: FlightEntry | None = None
 
 
-def run(paths: list[Path], options: InspectOptions) -> None:
-    """Report every log; exit with 1 if one cannot be read or has no usable sample."""
-    if options.report is not None:
-        try:
-            refuse_output_file(options.report, inputs=paths, force=options.force)
-        except OutputError as error:
-            say(f"rotorfit: {one_line(str(error))}")
-            raise typer.Exit(1) from error
-    failed = False
+def inspect(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG",
+            help="Flight logs of any format, or experiment files (.toml) that map their columns.",
+        ),
+    ],
+    log: LogNumber = None,
+    airframe: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="File with [airframe] and [motors]: identify quickly, per kilogram.",
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a page here (HTML).")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Check what a log can show, and which settings to change.
+
+    Prints its channels, the part in the air, what an identification will find, and the autopilot
+    settings to change before the next flight.
+    """
+    from rotorfit.report.log_page import write_log_page
+
+    if report is not None:
+        refuse_output_file(report, inputs=logs, force=force)
+    inspected, refusals = _listed(logs)
+    for refusal in refusals:
+        print_refusal(refusal)
+    failed = bool(refusals)
     reports: list[LogReport | SeveralLogs] = []
-    looks, refused = _looks(paths)
-    for refusal in refused:
-        failed = True
-        say(f"rotorfit: {one_line(refusal)}")
-    for look in looks:
-        path = look.path
+    for one in inspected:
         try:
-            report = _report(look, options)
+            found = _inspect(one, log, airframe)
         except RotorfitError as error:
             failed = True
-            say(f"rotorfit: {one_line(str(error))}")
+            print_refusal(error)
             continue
-        if isinstance(report, LogReport) and not report.usable:
+        if not isinstance(found, SeveralLogs) and not found.usable:
             failed = True
-            say(f"rotorfit: {path}: no usable sample in it: copy the log again")
-        reports.append(report)
-        if not options.as_json:
-            show(painted(_text(report, width=terminal_width())))
-    if options.as_json and reports:
-        show(json.dumps([_plain(one) for one in reports], indent=1, allow_nan=False))
-    _write(options, reports)
+            print_status(f"rotorfit: {one.path}: no usable sample in it: copy the log again")
+        reports.append(found)
+        if not as_json:
+            print_result(coloured(_text(found)))
+    if as_json and reports:
+        print_result(json.dumps([_plain(one) for one in reports], indent=1, allow_nan=False))
+    single = [one for one in reports if not isinstance(one, SeveralLogs)]
+    if report is not None and single:
+        write_log_page(report, single, force=force)
+        print_status(f"rotorfit: wrote {report}")
     if failed:
         raise typer.Exit(1)
 
 
-def _write(options: InspectOptions, reports: Sequence[LogReport | SeveralLogs]) -> None:
-    """Write the page, where one is wanted and something is to be said."""
-    single = [one for one in reports if isinstance(one, LogReport)]
-    if options.report is not None and single:
-        write_log_page(options.report, single, force=options.force)
-        say(f"rotorfit: wrote {options.report}")
+def _listed(paths: list[Path]) -> tuple[list[InspectedLog], list[RotorfitError]]:
+    """List the logs to inspect, those of experiment files among them, and the refusals."""
+    from rotorfit.logs import ReadOptions
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
-    """A log to look at; what an experiment file says of it, where one names it."""
-
-    path: Path
-    read: ReadOptions = field(default_factory=ReadOptions)
-    entry: "FlightEntry | None" = None
-
-
-def _looks(paths: list[Path]) -> tuple[list[Look], list[str]]:
-    """Return the logs to look at, those of experiment files among them, and what is refused."""
-    looks: list[Look] = []
-    refused: list[str] = []
+    inspected: list[InspectedLog] = []
+    refusals: list[RotorfitError] = []
     for path in paths:
         if path.suffix.lower() != ".toml":
-            looks.append(Look(path=path))
+            inspected.append(InspectedLog(path=path, read=ReadOptions()))
             continue
         try:
-            looks += _of_experiment(path)
+            inspected += _of_experiment(path)
         except RotorfitError as error:
-            refused.append(str(error))
-    return looks, refused
+            refusals.append(error)
+    return inspected, refusals
 
 
-def _of_experiment(path: Path) -> list[Look]:
+def _of_experiment(path: Path) -> list[InspectedLog]:
+    from rotorfit.experiment.declared_vehicle import read_options_of
     from rotorfit.experiment.experiment import load_experiment
-    from rotorfit.experiment.read_options import read_options_of
     from rotorfit.experiment.toml_files import read_toml
+    from rotorfit.logs.read import own_kind
 
     if path.is_file() and "configuration" not in read_toml(path):
         raise ExperimentError(
@@ -124,35 +133,44 @@ def _of_experiment(path: Path) -> list[Look]:
         )
     experiment = load_experiment(path)
     return [
-        Look(
-            path=Path(entry.file),
-            read=read_options_of(entry, experiment.motors),
-            entry=entry,
+        InspectedLog(
+            path=Path(entry.file), read=read_options_of(entry, experiment.motors), entry=entry
         )
         for configuration in experiment.configuration
         for entry in (*configuration.flights, *configuration.validation)
     ]
 
 
-def _report(look: Look, options: InspectOptions) -> LogReport | SeveralLogs:
-    path, number = look.path, look.read.log_number or options.log_number
+def _inspect(
+    one: InspectedLog, log_number: int | None, airframe: Path | None
+) -> LogReport | SeveralLogs:
+    """Inspect a log, or list the logs in its file where one must be chosen."""
+    from rotorfit.inspection.inspect_log import inspect_log
+    from rotorfit.logs import read_log
+    from rotorfit.logs.read import logs_in_file
+
+    path, number = one.path, one.read.log_number or log_number
     entries = logs_in_file(path) if number is None else ()
     if len(entries) > 1:
         return SeveralLogs(
             file=str(path), logs=tuple(f"{e.number}: {e.description}" for e in entries)
         )
-    with steps() as tell:
-        tell(f"reading {path.name}")
-        log = read_log(path, options=replace(look.read, log_number=number))
-    return inspect_log(log, airframe=options.airframe, entry=look.entry)
+    with steps() as report_progress:
+        report_progress(f"reading {path.name}")
+        log = read_log(path, options=replace(one.read, log_number=number))
+    return inspect_log(log, airframe=airframe, entry=one.entry)
 
 
 def _plain(report: LogReport | SeveralLogs) -> dict[str, Any]:
-    return plain(report) if isinstance(report, LogReport) else asdict(report)
+    from rotorfit.report.log_report import plain
+
+    return asdict(report) if isinstance(report, SeveralLogs) else plain(report)
 
 
-def _text(report: LogReport | SeveralLogs, *, width: int) -> str:
-    if isinstance(report, LogReport):
-        return report_text(report, width=width)
+def _text(report: LogReport | SeveralLogs) -> str:
+    from rotorfit.report.log_report import report_text
+
+    if not isinstance(report, SeveralLogs):
+        return report_text(report, width=terminal_width())
     head = f"{report.file}: {len(report.logs)} logs; look at one with --log N"
     return "\n".join([head, *(f"  {line}" for line in report.logs), ""])

@@ -1,22 +1,116 @@
 """The command line: one command a question. Heavy imports happen inside the commands."""
 
+import re
 import sys
-from typing import Annotated
+from collections.abc import Callable
+from difflib import get_close_matches
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from rotorfit import version
-from rotorfit.cli import log_commands, result_commands, simulation_commands
-from rotorfit.cli.help import Program
+from rotorfit.cli.airframe import airframe
+from rotorfit.cli.app import page
+from rotorfit.cli.compare import compare
+from rotorfit.cli.demo import demo
+from rotorfit.cli.export import export
+from rotorfit.cli.fleet import fleet
+from rotorfit.cli.fly import fly
+from rotorfit.cli.identify import identify
+from rotorfit.cli.inspect import inspect
+from rotorfit.cli.plan import plan
+from rotorfit.cli.simulate import simulate
 from rotorfit.cli.terminal import (
     Colour,
     colour_from,
-    internal_error,
-    print_any_name,
-    refuse,
-    show,
+    escape_unprintable,
+    exit_internal_error,
+    exit_refused,
+    interruptible,
+    print_result,
 )
+from rotorfit.cli.validate import validate
 from rotorfit.errors import RotorfitError
+
+COMMANDS: Final[dict[str, tuple[Callable[..., None], str]]] = {
+    "inspect": (inspect, "flight.bfl"),
+    "app": (page, "--port 8421"),
+    "airframe": (airframe, "flight.bfl -o airframe.toml"),
+    "identify": (identify, "flight.bfl --mass 0.428 --airframe airframe.toml"),
+    "fleet": (fleet, "logs --airframe airframe.toml --mass 0.428 -o fleet"),
+    "validate": (validate, "result.json other_flight.bfl"),
+    "compare": (compare, "imu.json mocap.json"),
+    "export": (export, "result.json --to urdf -o quad.urdf"),
+    "fly": (fly, "result.json --report fly.html"),
+    "plan": (plan, "airframe.toml --mass 1.285 --card card.html"),
+    "simulate": (simulate, "single -o flights --seconds 20"),
+    "demo": (demo, "-o demo"),
+}
+"""In the order of ``--help``, each with its example."""
+
+
+class Command(TyperCommand):
+    """A command that shows each parameter once, and names the nearest to a misspelt choice."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return `[OPTIONS] LOG...`: an argument's name alone, where typer adds braces."""
+        arguments = [p for p in self.get_params(ctx) if p.param_type_name == "argument"]
+        return [self.options_metavar or "", *map(_usage, arguments)]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options."""
+        _write_parameters(self, ctx, formatter)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the command line."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            error.message = _with_nearest(error.message)
+            raise
+
+
+class Program(TyperGroup):
+    """The program with its commands."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write options, then commands."""
+        _write_parameters(self, ctx, formatter)
+        self.format_commands(ctx, formatter)
+
+
+def _usage(argument: Any) -> str:
+    name = argument.metavar + ("" if argument.nargs == 1 else "...")
+    return name if argument.required else f"[{name}]"
+
+
+def _write_parameters(command: TyperCommand | TyperGroup, ctx: Any, formatter: Any) -> None:
+    """Write each parameter once, without the type that typer puts behind its name (`<path>`)."""
+    rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+    parameters: list[Any] = command.get_params(ctx)
+    for parameter in parameters:
+        record = parameter.get_help_record(ctx)
+        if record is None:
+            continue
+        if parameter.param_type_name == "argument":
+            rows["Arguments"].append((parameter.metavar, record[1]))
+        else:
+            rows["Options"].append((record[0].replace("<", "").replace(">", ""), record[1]))
+    for title, entries in rows.items():
+        if entries:
+            with formatter.section(title):
+                formatter.write_dl(entries)
+
+
+def _with_nearest(message: str) -> str:
+    """Append the nearest valid choice to the refusal of a choice."""
+    message = message.removeprefix("Value error, ")
+    found = re.match(r"'(.*)' is not one of (.*?)\.?$", message)
+    choices = re.findall(r"'([^']*)'", found[2]) if found else []
+    near = get_close_matches(found[1], choices, n=1, cutoff=0.5) if found else []
+    return f"{message} Did you mean '{near[0]}'?" if near else message
+
 
 app = typer.Typer(
     name="rotorfit",
@@ -28,25 +122,35 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for part in (log_commands, result_commands, simulation_commands):
-    app.add_typer(part.commands)
+for name, (command, example) in COMMANDS.items():
+    epilog = f"Example: rotorfit {name} {example}"
+    app.command(name, cls=Command, epilog=epilog)(interruptible()(command))
 
 
-def main() -> None:
-    """Run the command line; a refusal is one line on stderr and exit code 1, never a traceback."""
-    print_any_name()
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; a refusal is one line on stderr and exit code 1, never a traceback.
+
+    Parameters
+    ----------
+    arguments
+        Without the program's name; those of the process if None.
+    """
+    escape_unprintable()
     try:
-        sys.argv[1:] = colour_from(sys.argv[1:])
-        app(prog_name="rotorfit")
+        if arguments is None:
+            sys.argv[1:] = colour_from(sys.argv[1:])
+        else:
+            arguments = colour_from(arguments)
+        app(arguments, prog_name="rotorfit")
     except RotorfitError as error:
-        refuse(error)
+        exit_refused(error)
     except Exception as error:  # a fault of ours: nobody else stands behind us to catch it
-        internal_error(error)
+        exit_internal_error(error)
 
 
 def _version(wanted: bool) -> bool:
     if wanted:
-        show(f"rotorfit {version.__version__}")
+        print_result(f"rotorfit {version.__version__}")
         raise typer.Exit
     return wanted
 

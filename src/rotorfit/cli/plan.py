@@ -1,27 +1,29 @@
-"""rotorfit plan: parse, call, print."""
+"""rotorfit plan: the flights that reach an accuracy, before anybody has flown."""
+
+from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from threadpoolctl import threadpool_limits
 
-from rotorfit.cli.outputs import refuse_output_file
+from rotorfit.cli.options import AsJson, Force, Speed
 from rotorfit.cli.progress import counted
-from rotorfit.cli.terminal import painted, say, show, terminal_width
+from rotorfit.cli.terminal import (
+    coloured,
+    print_result,
+    print_status,
+    refuse_output_file,
+    terminal_width,
+)
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.declared_vehicle import vehicle_of
-from rotorfit.experiment.experiment import single_flight_experiment
-from rotorfit.logs.files import write_whole
-from rotorfit.planning.after import check_same_vehicle, result_mass
-from rotorfit.planning.plan import FlightPlan, PlanRequest, plan
-from rotorfit.planning.wanted import wanted_accuracy
-from rotorfit.report.plan_card import write_card
-from rotorfit.report.plan_text import plan_text
-from rotorfit.results.result import IdentificationResult
-from rotorfit.results.sound_result import load_sound
+
+if TYPE_CHECKING:
+    from rotorfit.experiment.experiment import MotorsEntry
+    from rotorfit.model.vehicle import Vehicle
+    from rotorfit.planning.plan import PlanRequest
+    from rotorfit.results.result import IdentificationResult
 
 SHORTEST, LONGEST = 10.0, 600.0
 """Flights that a plan considers [s]."""
@@ -29,107 +31,175 @@ SLOWEST_LOG = 20.0
 """A log with fewer samples a second shows no manoeuvre [Hz]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanOptions:
-    """What the user asked for, as the command line gave it."""
+AirframeFile = Annotated[
+    Path, typer.Argument(metavar="AIRFRAME", help="File with [airframe] and [motors].")
+]
+Mass = Annotated[
+    float | None,
+    typer.Option(
+        metavar="KG",
+        help="Weighed as it flies, battery included [kg]; not needed with --after.",
+    ),
+]
+Accuracy = Annotated[
+    str,
+    typer.Option(
+        metavar="PERCENT|NAME=VALUE,...",
+        help="Target half-width of the 95 % interval: one percentage (of kt, kd, Ixx, Iyy, Izz), "
+        "or names such as kd=2,Izz=3,com_x=1 (com_x, com_y, com_z in mm).",
+    ),
+]
+Lengths = Annotated[
+    str,
+    typer.Option(
+        metavar="SECONDS,...",
+        help="Lengths of each flight to consider, between take-off and landing [s].",
+    ),
+]
+Payload = Annotated[
+    float | None,
+    typer.Option(metavar="KG", help="Mass of each of two payloads on one arm [kg]; 0: no payload."),
+]
+Guess = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="Your value of Ixx, Iyy, Izz, hover_speed, kd_over_kt, Jr or motor_lag (SI), in "
+        "place of the guess from the geometry; repeatable.",
+    ),
+]
+LogRate = Annotated[float, typer.Option(metavar="HZ", help="Samples per second of your log.")]
+After = Annotated[
+    Path | None,
+    typer.Option(metavar="RESULT", help="A result of this vehicle: plan for what it still lacks."),
+]
+Card = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write a page for the pilot here (.html to print, .txt)."),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="FILE", help="Write the plan as JSON here."),
+]
 
-    airframe: Path
-    mass: float | None = None
-    accuracy: str = "5"
-    seconds: str = "20,40,75"
-    speed: Literal["measured", "commanded"] | None = None
-    payload: float | None = None
-    guess: tuple[str, ...] = ()
-    log_rate: float = 200.0
-    after: Path | None = None
-    output: Path | None = None
-    card: Path | None = None
-    force: bool = False
-    as_json: bool = False
 
+def plan(
+    airframe: AirframeFile,
+    mass: Mass = None,
+    accuracy: Accuracy = "5",
+    seconds: Lengths = "20,40,75",
+    speed: Speed = None,
+    payload: Payload = None,
+    guess: Guess = None,
+    log_rate: LogRate = 200.0,
+    after: After = None,
+    card: Card = None,
+    output: Output = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Plan a flight for a target accuracy.
 
-def run(options: PlanOptions) -> None:
-    """Plan, print the plan, and write it where asked."""
-    _refuse_outputs(options)
-    request = _request(options)
-    with (
-        threadpool_limits(limits=1, user_api="blas"),
-        counted("flying the manoeuvres in simulation") as progress,
-    ):
-        answer = plan(request, progress=progress)
-    _write(answer, options)
-    text = painted(plan_text(answer, width=terminal_width()))
-    show((answer.to_json() if options.as_json else text).rstrip())
+    Recommends manoeuvres, how long to fly each, and whether to mount a payload.
+    """
+    from rotorfit.planning.plan import PlanRequest
+    from rotorfit.planning.wanted import wanted_accuracy
+    from rotorfit.results.sound_result import load_sound
 
-
-def _refuse_outputs(options: PlanOptions) -> None:
-    inputs = [options.airframe, *([options.after] if options.after else [])]
-    for path in (options.output, options.card):
-        if path is not None:
-            refuse_output_file(path, inputs=inputs, force=options.force)
-    if options.card is not None and options.card.suffix.lower() not in (".html", ".txt"):
-        raise typer.BadParameter("a card is a .html or a .txt file", param_hint="--card")
-    if options.output is not None and options.output == options.card:
-        raise typer.BadParameter("-o and --card name the same file")
-
-
-def _write(answer: FlightPlan, options: PlanOptions) -> None:
-    if options.output is not None:
-        write_whole(options.output, answer.to_json(), force=options.force)
-        say(f"wrote {options.output}")
-    if options.card is not None:
-        write_card(options.card, answer, force=options.force)
-        say(f"wrote {options.card}")
-
-
-def _request(options: PlanOptions) -> PlanRequest:
-    after = None if options.after is None else load_sound(options.after)
-    if options.mass is None and after is None:
+    _refuse_outputs([airframe, *([after] if after else [])], output, card, force=force)
+    result = None if after is None else load_sound(after)
+    if mass is None and result is None:
         raise typer.BadParameter(
             "a plan needs --mass KG, weighed as it flies (or --after RESULT.json, which has it)"
         )
-    # The file as it will be read when a flight is identified with it.
-    described = single_flight_experiment(Path("flight"), mass=1.0, airframe=options.airframe)
-    vehicle = vehicle_of(described.airframe)
-    motors = described.motors
-    speed = options.speed or motors.speed
-    if after is not None:
-        check_same_vehicle(after, vehicle)
-    return PlanRequest(
-        name=options.airframe.name,
+    vehicle, motors = _declared(airframe)
+    speed = speed or motors.speed
+    request = PlanRequest(
+        name=airframe.name,
         vehicle=vehicle,
-        mass=_mass(after, options.mass),
+        mass=_mass(mass, vehicle, result),
         speed=speed,
         timed=motors.delay is None and (speed == "measured" or motors.lag is None),
-        known=_guesses(options.guess),
-        wanted=wanted_accuracy(options.accuracy),
-        seconds=_lengths(options.seconds),
-        payload=_payload(options.payload),
-        log_rate=_log_rate(options.log_rate),
-        after=after,
+        known=_parse_guesses(guess or []),
+        wanted=wanted_accuracy(accuracy),
+        seconds=_parse_lengths(seconds),
+        payload=_checked_payload(payload),
+        log_rate=_checked_log_rate(log_rate),
+        after=result,
     )
+    _plan_and_write(request, output, card, force=force, as_json=as_json)
 
 
-def _mass(after: IdentificationResult | None, mass: float | None) -> float:
+def _plan_and_write(
+    request: PlanRequest, output: Path | None, card: Path | None, *, force: bool, as_json: bool
+) -> None:
+    from threadpoolctl import threadpool_limits
+
+    from rotorfit.logs.files import write_whole
+    from rotorfit.planning.plan import plan
+    from rotorfit.report.plan_card import write_card
+    from rotorfit.report.plan_text import plan_text
+
+    with (
+        threadpool_limits(limits=1, user_api="blas"),
+        counted("flying the manoeuvres in simulation") as report_progress,
+    ):
+        flights = plan(request, progress=report_progress)
+    if output is not None:
+        write_whole(output, flights.to_json(), force=force)
+        print_status(f"wrote {output}")
+    if card is not None:
+        write_card(card, flights, force=force)
+        print_status(f"wrote {card}")
+    text = coloured(plan_text(flights, width=terminal_width()))
+    print_result((flights.to_json() if as_json else text).rstrip())
+
+
+def _refuse_outputs(
+    inputs: list[Path], output: Path | None, card: Path | None, *, force: bool
+) -> None:
+    for path in (output, card):
+        if path is not None:
+            refuse_output_file(path, inputs=inputs, force=force)
+    if card is not None and card.suffix.lower() not in (".html", ".txt"):
+        raise typer.BadParameter("a card is a .html or a .txt file", param_hint="--card")
+    if output is not None and output == card:
+        raise typer.BadParameter("-o and --card name the same file")
+
+
+def _declared(airframe: Path) -> tuple[Vehicle, MotorsEntry]:
+    """Read vehicle and motors from an airframe file, as identify will read it."""
+    from rotorfit.experiment.declared_vehicle import vehicle_of
+    from rotorfit.experiment.experiment import single_flight_experiment
+
+    experiment = single_flight_experiment(Path("flight"), mass=1.0, airframe=airframe)
+    return vehicle_of(experiment.airframe), experiment.motors
+
+
+def _mass(mass: float | None, vehicle: Vehicle, after: IdentificationResult | None) -> float:
+    """Select the mass, given or of an earlier result, which must be of this vehicle [kg]."""
+    from rotorfit.planning.after import check_same_vehicle, result_mass
+
     if after is None:
         return math.nan if mass is None else mass
+    check_same_vehicle(after, vehicle)
     return result_mass(after, mass)[1]
 
 
-def _guesses(given: tuple[str, ...]) -> dict[str, float]:
-    known: dict[str, float] = {}
-    for words in given:
-        name, _, number = words.partition("=")
+def _parse_guesses(given: list[str]) -> dict[str, float]:
+    guesses: dict[str, float] = {}
+    for text in given:
+        name, _, number = text.partition("=")
         try:
-            known[name.strip()] = float(number)
+            guesses[name.strip()] = float(number)
         except ValueError:
             raise ExperimentError(
-                f"--guess {words!r}, expected NAME=VALUE in SI units, such as Izz=0.029"
+                f"--guess {text!r}, expected NAME=VALUE in SI units, such as Izz=0.029"
             ) from None
-    return known
+    return guesses
 
 
-def _lengths(text: str) -> tuple[float, ...]:
+def _parse_lengths(text: str) -> tuple[float, ...]:
     try:
         lengths = sorted({float(part) for part in text.split(",")})
     except ValueError:
@@ -142,7 +212,7 @@ def _lengths(text: str) -> tuple[float, ...]:
     return tuple(lengths)
 
 
-def _payload(mass: float | None) -> float | None:
+def _checked_payload(mass: float | None) -> float | None:
     if mass is not None and not (math.isfinite(mass) and 0.0 <= mass <= 50.0):
         raise ExperimentError(
             f"--payload is {mass:g} kg, expected the mass of each of the two in kg, or 0 for none"
@@ -150,7 +220,7 @@ def _payload(mass: float | None) -> float | None:
     return mass
 
 
-def _log_rate(rate: float) -> float:
+def _checked_log_rate(rate: float) -> float:
     if not (math.isfinite(rate) and SLOWEST_LOG <= rate <= 1e5):
         raise ExperimentError(
             f"--log-rate is {rate:g} Hz, expected the samples per second of the log, at least "

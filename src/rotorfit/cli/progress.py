@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
-from rotorfit.cli.terminal import say
+from rotorfit.cli.terminal import print_status
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -20,36 +20,29 @@ if TYPE_CHECKING:
 BAR_WIDTH = 20
 EVERY = 5.0
 """Between the plain lines [s]."""
-LATELY = 60.0
+WINDOW = 60.0
 """Over which a pace is taken [s]."""
+Clock = Callable[[], float]
 
 
-class _Now:
-    """What is being done now, and since when: rich and the plain lines look at it again and again.
+class _Status:
+    """The step at work, its share done (0 to 1; None: unknown), and the pace at the moment."""
 
-    Attributes
-    ----------
-    words
-        The step.
-    share
-        How far it is, from 0 to 1; None where that is not known.
-    pace
-        Says how fast it goes at the moment of the call; "" where that is not known.
-    """
-
-    def __init__(self, pace: Callable[[], str] = lambda: "") -> None:
-        self.words = "starting"
+    def __init__(
+        self, step: str, pace: Callable[[], str] = lambda: "", clock: Clock = time.monotonic
+    ) -> None:
+        self.step = step
         self.share: float | None = None
-        self.pace = pace
-        self._began = time.monotonic()
+        self._pace, self._clock = pace, clock
+        self._began = clock()
 
     def text(self) -> str:
-        """Return the step in one line. What has passed is said as such."""
+        """Format the step in one line, with the time that has passed."""
         share = "" if self.share is None else f", {100 * self.share:.0f} %"
-        return f"{self.words}{self.pace()}{share} ({time.monotonic() - self._began:.0f} s so far)"
+        return f"{self.step}{self._pace()}{share} ({self._clock() - self._began:.0f} s so far)"
 
     def __rich__(self) -> "RenderableType":
-        """Return the same with a bar."""
+        """Draw the step with a bar."""
         from rich.progress_bar import ProgressBar
         from rich.table import Table
         from rich.text import Text
@@ -63,92 +56,91 @@ class _Now:
 
 
 @contextmanager
-def steps() -> Generator[Callable[[str], None]]:
-    """Give a function that shows the step at work, with a bar for every log that is read."""
+def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
+    """Yield a function that shows the step at work, with a bar for every log that is read."""
     from rotorfit.logs.progress import watched
 
-    now = _Now()
-    step = now.words
+    status = _Status("starting")
+    step = status.step
 
-    def show(words: str) -> None:
+    def report(new_step: str) -> None:
         nonlocal step
-        step, now.words, now.share = words, words, None
+        step, status.step, status.share = new_step, new_step, None
 
-    def show_reading(path: Path, done: float) -> None:
+    def report_reading(path: Path, done: float) -> None:
         if done >= 1.0:
-            now.words, now.share = step, None
+            status.step, status.share = step, None
         else:
-            now.words, now.share = f"reading {path.name}", done
+            status.step, status.share = f"reading {path.name}", done
 
-    with _shown(now), watched(show_reading):
-        yield show
-
-
-@contextmanager
-def counted(what: str) -> Generator[Callable[[int, int], None]]:
-    """Give a function that shows how many of how many are done."""
-    now = _Now()
-    now.words = what
-
-    def show(done: int, total: int) -> None:
-        now.words, now.share = f"{what}, {done} of {total}", done / total
-
-    with _shown(now):
-        yield show
+    with _shown(status, every), watched(report_reading):
+        yield report
 
 
 @contextmanager
-def paced(what: str) -> Generator[Callable[[int, int], None]]:
-    """Give a function that shows how many of how many are done, how fast, and how long it takes."""
-    lately, left = deque([(time.monotonic(), 0)]), 0
+def counted(step: str) -> Generator[Callable[[int, int], None]]:
+    """Yield a function that shows how many of how many are done."""
+    status = _Status(step)
+
+    def report(done: int, total: int) -> None:
+        status.step, status.share = f"{step}, {done} of {total}", done / total
+
+    with _shown(status):
+        yield report
+
+
+@contextmanager
+def paced(
+    step: str, *, every: float = EVERY, clock: Clock = time.monotonic
+) -> Generator[Callable[[int, int], None]]:
+    """Yield a function that shows how many of how many are done, how fast, and how long it takes.
+
+    The pace is until now, not until the last that was done: one may take long.
+    """
+    recent, left = deque([(clock(), 0)]), 0
 
     def pace() -> str:
-        """Return the pace until now, not until the last that was done: one may take long."""
-        (first, before), (_, done) = lately[0], lately[-1]
-        each = (done - before) / max(time.monotonic() - first, 1e-3)
-        return f", {_pace(each)}, {_minutes(left / each)}" if each > 0.0 else ""
+        (first, before), (_, done) = recent[0], recent[-1]
+        rate = (done - before) / max(clock() - first, 1e-3)
+        if rate <= 0.0:
+            return ""
+        speed = f"{rate:.1f} a second" if rate >= 0.5 else f"{60 * rate:.1f} a minute"
+        return f", {speed}, {_remaining(left / rate)}"
 
-    now = _Now(pace)
-    now.words = what
+    status = _Status(step, pace, clock)
 
-    def show(done: int, total: int) -> None:
+    def report(done: int, total: int) -> None:
         nonlocal left
-        lately.append((time.monotonic(), done))
-        while len(lately) > 2 and lately[-1][0] - lately[0][0] > LATELY:
-            lately.popleft()
+        recent.append((clock(), done))
+        while len(recent) > 2 and recent[-1][0] - recent[0][0] > WINDOW:
+            recent.popleft()
         left = total - done
-        now.words, now.share = f"{what}, {done} of {total}", done / total
+        status.step, status.share = f"{step}, {done} of {total}", done / total
 
-    with _shown(now):
-        yield show
-
-
-def _pace(pace: float) -> str:
-    return f"{pace:.1f} a second" if pace >= 0.5 else f"{60 * pace:.1f} a minute"
+    with _shown(status, every):
+        yield report
 
 
-def _minutes(seconds: float) -> str:
-    """Return roughly how long it still takes."""
+def _remaining(seconds: float) -> str:
+    """Format roughly how long it still takes."""
     if seconds < 90.0:
         return f"about {seconds:.0f} s left"
-    return (
-        f"about {seconds / 60:.0f} min left"
-        if seconds < 5400.0
-        else (f"about {seconds / 3600:.1f} h left")
-    )
+    if seconds < 5400.0:
+        return f"about {seconds / 60:.0f} min left"
+    return f"about {seconds / 3600:.1f} h left"
 
 
 @contextmanager
-def _shown(now: _Now) -> Generator[None]:
-    """Show what is being done, meanwhile."""
+def _shown(status: _Status, every: float = EVERY) -> Generator[None]:
+    """Show the status meanwhile: on a terminal with rich, elsewhere as plain lines."""
     if sys.stderr.isatty():
         from rich.console import Console
 
-        with Console(stderr=True).status(now):
+        with Console(stderr=True).status(status):
             yield
         return
     ended = Event()
-    lines = Thread(target=_plain_lines, args=(now, ended), daemon=True)
+    lines = Thread(target=_plain_lines, args=(status, ended, every), daemon=True)
     lines.start()
     try:
         yield
@@ -157,6 +149,6 @@ def _shown(now: _Now) -> Generator[None]:
         lines.join()
 
 
-def _plain_lines(now: _Now, ended: Event) -> None:
-    while not ended.wait(EVERY):
-        say(f"rotorfit: {now.text()}")
+def _plain_lines(status: _Status, ended: Event, every: float) -> None:
+    while not ended.wait(every):
+        print_status(f"rotorfit: {status.text()}")

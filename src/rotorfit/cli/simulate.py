@@ -3,64 +3,72 @@
 import json
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from rotorfit.cli.outputs import refuse_output_folder
+import typer
+
+from rotorfit.cli.options import AsJson, Force, Seed
 from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import say, show
-from rotorfit.simulation.experiment_files import (
-    EXPERIMENT_FILE,
-    experiment_files,
-    file_names,
-    write_all,
-)
-from rotorfit.simulation.experiments import (
-    SECONDS,
-    ExperimentPlan,
-    Quality,
-    ScenarioName,
-    plan_experiment,
-)
+from rotorfit.cli.terminal import print_result, print_status, refuse_output_folder
+
+if TYPE_CHECKING:
+    from rotorfit.simulation.experiments import ExperimentPlan
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulateRequest:
-    """What the user asked for, as the command line gave it."""
+def simulate(
+    scenario: Annotated[
+        Literal["paper", "single", "hexa", "payload-pair"],
+        typer.Argument(
+            metavar="SCENARIO",
+            help="paper: vehicles A and B of Six et al. 2020; single: a quadrotor; hexa: six "
+            "rotors; payload-pair: bare and with a known payload.",
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder for flights, experiment and truth."
+        ),
+    ],
+    variant: Annotated[
+        Literal["clean", "lag", "noisy", "real"],
+        typer.Option(
+            help="clean: perfect; lag: motors with a known lag; noisy: and sensor noise and bias; "
+            "real: and gusts, drag, rotor inertia, unequal rotors, measured rotor speed."
+        ),
+    ] = "real",
+    seed: Seed = 1,
+    seconds: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", help="Of each flight, between take-off and landing [s]."),
+    ] = 75.0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate flights with known truth, to try things on.
 
-    scenario: ScenarioName
-    output: Path
-    variant: Quality = "real"
-    seed: int = 1
-    seconds: float = SECONDS
-    force: bool = False
-    as_json: bool = False
+    Writes flight logs, an experiment file ready for identify, and the truth.
+    """
+    from rotorfit.simulation.experiment_files import EXPERIMENT_FILE
+    from rotorfit.simulation.experiments import plan_experiment
 
-
-def run(request: SimulateRequest) -> None:
-    """Fly, write the files, and say which."""
-    plan = plan_experiment(
-        request.scenario, request.variant, seed=request.seed, seconds=request.seconds
-    )
-    with steps() as tell:
-        names = simulate_into(request.output, plan, force=request.force, progress=tell)
-    if request.as_json:
-        show(json.dumps({"folder": str(request.output), "files": names}, indent=1))
+    plan = plan_experiment(scenario, variant, seed=seed, seconds=seconds)
+    with steps() as report_progress:
+        names = simulate_into(output, plan, force=force, progress=report_progress)
+    if as_json:
+        print_result(json.dumps({"folder": str(output), "files": names}, indent=1))
         return
-    show(f"wrote {', '.join(names)} to {request.output}")
-    say(f"next: rotorfit identify {request.output / EXPERIMENT_FILE}")
+    print_result(f"wrote {', '.join(names)} to {output}")
+    print_status(f"next: rotorfit identify {output / EXPERIMENT_FILE}")
 
 
 def simulate_into(
-    folder: Path, plan: ExperimentPlan, *, force: bool, progress: Callable[[str], None]
+    folder: Path, plan: "ExperimentPlan", *, force: bool, progress: Callable[[str], None]
 ) -> list[str]:
-    """Fly an experiment and write its files into a folder, all or none; return their names.
+    """Fly an experiment and write its files into a folder, all or none; return their names."""
+    from rotorfit.simulation.experiment_files import experiment_files, file_names, write_all
 
-    Raises
-    ------
-    OutputError
-        If the folder holds some of the files and may not lose them, or cannot be written.
-    """
     is_new = not folder.exists()
     refuse_output_folder(folder, file_names(plan), force=force)
     try:

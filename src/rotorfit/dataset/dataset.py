@@ -12,7 +12,13 @@ import numpy as np
 from rotorfit.dataset.weight_balance import Turning, turning
 from rotorfit.errors import ExperimentError, RotorfitError
 from rotorfit.estimation.factors import Factors, stack_recordings
-from rotorfit.experiment.declared_vehicle import imu_tilt_of, motor_model_of, vehicle_of
+from rotorfit.experiment.declared_vehicle import (
+    imu_tilt_of,
+    motor_model_of,
+    read_options_of,
+    recording_options_of,
+    vehicle_of,
+)
 from rotorfit.experiment.experiment import (
     ConfigurationEntry,
     Experiment,
@@ -22,7 +28,6 @@ from rotorfit.experiment.experiment import (
 )
 from rotorfit.experiment.law_table import law_entry_of
 from rotorfit.experiment.payload import PointMass
-from rotorfit.experiment.read_options import read_options_of, recording_options_of
 from rotorfit.logs import read_log
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.model.regressor import Regressor

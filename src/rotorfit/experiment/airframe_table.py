@@ -77,13 +77,7 @@ class AirframeEntry(Strict):
         refuse_impossible_arms([rotor.position for rotor in rotors])
 
     def of_layout(self) -> tuple[Rotor, ...]:
-        """Return the rotors of the named layout, FLU.
-
-        Raises
-        ------
-        ExperimentError
-            If there is no such layout in that order.
-        """
+        """Place the rotors of the named layout, FLU."""
         layout = self.layout or ""
         if self.spacing is not None:
             return spaced_rotors(layout, spacing=self.spacing, order=self.order)
@@ -108,26 +102,15 @@ class AirframeEntry(Strict):
 
 
 def refuse_impossible_arms(positions: Sequence[Sequence[float]]) -> None:
-    """Raise where rotors are so near or so far that their unit must be wrong.
-
-    Parameters
-    ----------
-    positions
-        Of the rotors, x, y (and z) from the body origin [m].
-
-    Raises
-    ------
-    ValueError
-        With the distance that was met; the experiment's messages name the place in the file.
-    """
+    """Raise ValueError where rotors are so near or far from the centre that metres are unlikely."""
     places = np.array([position[:2] for position in positions], dtype=float)
     with np.errstate(over="ignore"):
         arm = float(np.linalg.norm(places - places.mean(axis=0), axis=1).mean())
         farthest = float(np.linalg.norm(places, axis=1).max())
     if arm >= SHORTEST_ARM and max(arm, farthest) <= LONGEST_ARM:
         return
-    met = arm if arm < SHORTEST_ARM else max(arm, farthest)
+    distance = arm if arm < SHORTEST_ARM else max(arm, farthest)
     raise ValueError(
-        f"the rotors are {met:.4g} m from the centre, expected {SHORTEST_ARM:g} to "
+        f"the rotors are {distance:.4g} m from the centre, expected {SHORTEST_ARM:g} to "
         f"{LONGEST_ARM:g} m: positions and arm are in metres (25 cm is 0.25)"
     )

@@ -1,20 +1,34 @@
-"""What an experiment's tables say of the vehicle, its IMU, payload and motors, in FLU and SI."""
+"""The tables of an experiment as the types of other rooms, in FLU and SI.
+
+Vehicle, IMU, payload and motors, and how the logs are read.
+"""
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.airframe_table import AirframeEntry, Axes, RotorEntry
-from rotorfit.experiment.experiment import ConfigurationEntry, Experiment, MotorsEntry, Source
+from rotorfit.experiment.experiment import (
+    ColumnEntry,
+    ConfigurationEntry,
+    Experiment,
+    FlightEntry,
+    MotorsEntry,
+    RecordingEntry,
+    Source,
+)
 from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.experiment.payload import PointMass
 from rotorfit.experiment.strict_tables import Vector
+from rotorfit.logs import ColumnSpec, ReadOptions
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.preprocessing.imu_tilt import ImuTilt
 from rotorfit.preprocessing.motors.motor_model import MotorModel
 
 
 def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
-    """Return the vehicle of an ``[airframe]`` table, converted to FLU.
+    """Convert the ``[airframe]`` table to a vehicle, FLU.
 
     Motion capture measures at the body origin itself: where an IMU is given, its place only says
     that the rotors' positions are known from that origin, and it counts as there.
@@ -43,7 +57,7 @@ def vehicle_of(airframe: AirframeEntry, source: Source = "imu") -> Vehicle:
 
 
 def imu_tilt_of(airframe: AirframeEntry) -> ImuTilt | None:
-    """Return how the IMU is mounted, where that is declared."""
+    """Return the declared mounting of the IMU; None where it is not declared."""
     if airframe.imu_tilt_deg is None:
         return None
     roll, pitch = np.radians(airframe.imu_tilt_deg).tolist()
@@ -51,14 +65,14 @@ def imu_tilt_of(airframe: AirframeEntry) -> ImuTilt | None:
 
 
 def with_imu_tilt(experiment: Experiment, tilt: ImuTilt) -> Experiment:
-    """Return the experiment with the mounting of the IMU declared."""
+    """Declare the mounting of the IMU in an experiment."""
     angles = (float(np.degrees(tilt.roll)), float(np.degrees(tilt.pitch)))
     airframe = experiment.airframe.model_copy(update={"imu_tilt_deg": angles})
     return experiment.model_copy(update={"airframe": airframe})
 
 
 def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:
-    """Return the payload of a configuration, converted to FLU."""
+    """Convert the payload of a configuration to point masses, FLU."""
     return tuple(
         PointMass(
             mass=item.mass,
@@ -71,7 +85,7 @@ def payload_of(entry: ConfigurationEntry, axes: Axes) -> tuple[PointMass, ...]:
 
 
 def motor_model_of(motors: MotorsEntry) -> MotorModel:
-    """Return how the motor channel becomes rotor speed.
+    """Convert the ``[motors]`` table to the model from motor channel to rotor speed.
 
     Parameters
     ----------
@@ -89,7 +103,7 @@ def motor_model_of(motors: MotorsEntry) -> MotorModel:
 
 
 def _rotor(entry: RotorEntry, axes: Axes) -> Rotor:
-    """Return a rotor in FLU, its axis normalised; up by default in either convention."""
+    """Convert a rotor to FLU, its axis normalised; up by default in either convention."""
     up = (0.0, 0.0, 1.0)
     axis = up if entry.axis is None else _flu(entry.axis, axes)
     length = sum(component**2 for component in axis) ** 0.5
@@ -100,6 +114,30 @@ def _rotor(entry: RotorEntry, axes: Axes) -> Rotor:
 
 
 def _flu(vector: Vector, axes: Axes) -> Vector:
-    """Return a vector in FLU: FRD is turned by half a turn about x."""
+    """Convert a vector to FLU: FRD is half a turn about x from it."""
     x, y, z = vector
     return (x, -y, -z) if axes == "FRD" else vector
+
+
+def read_options_of(flight: FlightEntry, motors: MotorsEntry) -> ReadOptions:
+    """Convert the entry of a flight to the options of its log's reader."""
+    return ReadOptions(
+        log_number=flight.log,
+        columns=_columns(flight.columns),
+        axes=flight.axes,
+        motor_poles=motors.poles,
+    )
+
+
+def recording_options_of(recording: RecordingEntry) -> ReadOptions:
+    """Convert the entry of a motion-capture file to the options of its reader."""
+    return ReadOptions(columns=_columns(recording.columns), axes=recording.axes)
+
+
+def _columns(entries: Mapping[str, ColumnEntry | str] | None) -> dict[str, ColumnSpec] | None:
+    if entries is None:
+        return None
+    return {
+        key: ColumnSpec(name=entry) if isinstance(entry, str) else ColumnSpec(**entry.model_dump())
+        for key, entry in entries.items()
+    }

@@ -21,8 +21,14 @@ from rotorfit.experiment.law_table import (
     speed_law_of,
 )
 from rotorfit.experiment.model_terms import Terms
-from rotorfit.experiment.problems import problems_in_words
-from rotorfit.experiment.strict_tables import Finite, NotNegative, Positive, Strict, Vector
+from rotorfit.experiment.strict_tables import (
+    Finite,
+    NotNegative,
+    Positive,
+    Strict,
+    Vector,
+    problem_sentences,
+)
 from rotorfit.experiment.toml_files import (
     file_as_table,
     files_as_tables,
@@ -100,11 +106,11 @@ class FlightEntry(Strict):
 
     @property
     def written(self) -> str:
-        """The file as the user wrote it: in the experiment file, or on the command line."""
+        """The file's name as given in the experiment file or on the command line."""
         return self.file if self._written is None else self._written
 
     def placed(self, file: Path) -> "FlightEntry":
-        """Return the entry with the path by which its file is found from anywhere."""
+        """Replace the file by its absolute path."""
         entry = self.model_copy(update={"file": str(file.absolute())})
         entry._written = self.written
         return entry
@@ -121,7 +127,7 @@ class FlightEntry(Strict):
         return self
 
     def overlaps(self, other: "FlightEntry") -> bool:
-        """Return whether both use some of the same time, if their files have the same content."""
+        """Decide whether both use some of the same time, if their files have the same content."""
         if (self.log or 1) != (other.log or 1):
             return False
         ends = [math.inf if entry.end is None else entry.end for entry in (self, other)]
@@ -292,21 +298,9 @@ def load_experiment(path: Path) -> Experiment:
 def experiment_of_tables(
     tables: Mapping[str, Any], *, source: Path, place: Callable[[str], Path]
 ) -> Experiment:
-    """Return the experiment of the tables of its file, its flights' paths made absolute.
+    """Check the tables of an experiment file; `place` finds the file of a flight by its name.
 
-    Parameters
-    ----------
-    tables
-        As in the file.
-    source
-        What messages name.
-    place
-        Where the file of a flight is, by its name in the tables.
-
-    Raises
-    ------
-    ExperimentError
-        If it is not an experiment; every place that is wrong is named.
+    The ExperimentError names the source and every place that is wrong.
     """
     experiment = _checked(Experiment, tables, source)
     return experiment.model_copy(
@@ -315,13 +309,7 @@ def experiment_of_tables(
 
 
 def airframe_of_tables(tables: Mapping[str, Any], *, source: Path) -> AirframeFile:
-    """Return airframe and motors of the tables of an airframe or experiment file.
-
-    Raises
-    ------
-    ExperimentError
-        As `experiment_of_tables`.
-    """
+    """Check airframe and motors in the tables of an airframe or experiment file."""
     return _checked(AirframeFile, _without_flights(tables), source)
 
 
@@ -363,7 +351,7 @@ def single_flight_experiment(
 
 
 def _without_flights(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the tables of an airframe file; of an experiment file those that both have."""
+    """Select the tables that airframe and experiment files both have."""
     is_experiment = "configuration" in data
     other = set(Experiment.model_fields) - set(AirframeFile.model_fields) if is_experiment else ()
     return {key: value for key, value in data.items() if key not in other}
@@ -376,34 +364,13 @@ def named_flight(
     start: float | None = None,
     end: float | None = None,
 ) -> FlightEntry:
-    """Return the entry of a flight that no experiment file names.
-
-    Parameters
-    ----------
-    path
-        Its log.
-    log_number
-        Which log of a file with several, from 1.
-    start, end
-        Of what is used of it [s since its first sample].
-
-    Raises
-    ------
-    ExperimentError
-        If it would end before it starts.
-    """
+    """Make the entry of a flight that no experiment file names, used from start to end [s]."""
     described = {"file": str(path), "log": log_number, "start": start, "end": end}
     return _checked(FlightEntry, described, path).placed(path)
 
 
 def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
-    """Return the experiment that a result was made from.
-
-    Raises
-    ------
-    ExperimentError
-        If the settings are not those of an experiment.
-    """
+    """Recover the experiment that a result was made from."""
     described = {key: value for key, value in settings.items() if key != "used"}
     airframe = dict(described.get("airframe", {}))
     if "rotors" in airframe:
@@ -413,19 +380,16 @@ def experiment_of_settings(settings: Mapping[str, Any]) -> Experiment:
 
 
 def _placed(configuration: ConfigurationEntry, place: Callable[[str], Path]) -> ConfigurationEntry:
-    def moved(flights: tuple[FlightEntry, ...]) -> tuple[FlightEntry, ...]:
-        return tuple(_found_from(flight, place) for flight in flights)
-
+    lists = {"flights": configuration.flights, "validation": configuration.validation}
     return configuration.model_copy(
         update={
-            "flights": moved(configuration.flights),
-            "validation": moved(configuration.validation),
+            key: tuple(_found_from(f, place) for f in flights) for key, flights in lists.items()
         }
     )
 
 
 def _found_from(flight: FlightEntry, place: Callable[[str], Path]) -> FlightEntry:
-    """Return a flight with absolute paths."""
+    """Make the paths of a flight absolute."""
     placed = flight.placed(place(flight.file))
     if flight.mocap is None:
         return placed
@@ -438,9 +402,9 @@ def _checked(kind: type[Model], data: Any, path: Path) -> Model:
         return kind.model_validate(data)
     except ValidationError as error:
         known = {name for table in _TABLES for name in table.model_fields}
-        problems = problems_in_words(error.errors(), sorted(known))
-        words = "; ".join(sentence for _, sentence in problems)
-        raise ExperimentError(f"{path.name}: {words}", problems=problems) from None
+        problems = problem_sentences(error.errors(), sorted(known))
+        sentences = "; ".join(sentence for _, sentence in problems)
+        raise ExperimentError(f"{path.name}: {sentences}", problems=problems) from None
 
 
 _TABLES: tuple[type[BaseModel], ...] = (

@@ -83,7 +83,7 @@ class LawEntry(Strict):
 
 
 def law_entry_of(law: SpeedLaw) -> LawEntry:
-    """Return the entry of a law as an autopilot's parameters tell it."""
+    """Convert a law from an autopilot's parameters to its entry."""
     voltage = law.voltage
     factor = None if voltage is None else VoltageEntry(**asdict(voltage))
     match law.curve:
@@ -105,7 +105,7 @@ def _refuse_falling(table: tuple[tuple[float, float], ...]) -> None:
 
 
 def speed_law_of(entry: LawEntry) -> SpeedLaw:
-    """Return the law that an entry describes."""
+    """Convert an entry to its law."""
     voltage = entry.voltage
     return SpeedLaw(
         curve=_curve_of(entry),

@@ -9,20 +9,12 @@ from jaxtyping import Float
 from rotorfit.model.parameters import FIRST_MOMENTS, INERTIA, inertia_about
 
 MOMENTS = (*FIRST_MOMENTS, *INERTIA)
-"""What a payload adds to, in this order."""
+"""The parameters to which a payload adds, in this order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointMass:
-    """One item of a payload.
-
-    Attributes
-    ----------
-    mass, mass_std
-        Weighed [kg].
-    position, position_std
-        Of its centre from the body origin, FLU, and the deviation of each component [m].
-    """
+    """One item of a payload: mass [kg], position of its centre from the body origin, FLU [m]."""
 
     mass: float
     position: tuple[float, float, float]
@@ -31,7 +23,7 @@ class PointMass:
 
 
 def added_moments(payload: Sequence[PointMass]) -> dict[str, float]:
-    """Return the first moments [kg m] and inertia at the origin [kg m^2] of point masses."""
+    """Sum first moments [kg m] and inertia at the origin [kg m^2] of point masses."""
     total = np.zeros(len(MOMENTS))
     for item in payload:
         total += _moments(item.mass, np.array(item.position))

@@ -1,8 +1,10 @@
-"""What the tables of the experiment file are made of: strict numbers, and no unknown keys."""
+"""Strict tables of the experiment file: numbers, no unknown keys, problems as sentences."""
 
+import difflib
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import ErrorDetails
 
 # Strict: neither true nor "1.285" is a number.
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -15,3 +17,67 @@ class Strict(BaseModel):
     """A table: frozen, and unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+EXPECTED: dict[str, str] = {
+    "tuple_type": "should be a list [ ... ]",
+    "model_type": "should be a table { ... }",
+    "dict_type": "should be a table { ... }",
+    "string_type": 'should be text in "quotes"',
+    "too_short": "has too few entries",
+}
+"""The checker's types in the words of TOML."""
+
+
+def problem_sentences(details: list[ErrorDetails], known: list[str]) -> list[tuple[str, str]]:
+    """Describe the problems that pydantic found: each place once, with a sentence.
+
+    For an unknown key the sentence names the nearest of the known ones.
+    """
+    by_place: dict[str, list[ErrorDetails]] = {}
+    for detail in details:
+        if not _is_echo(detail):
+            by_place.setdefault(_place(detail["loc"]), []).append(detail)
+    return [(place, _problem(place, found, known)) for place, found in by_place.items()]
+
+
+def _is_echo(detail: ErrorDetails) -> bool:
+    """Recognise a problem that repeats another one: a list is empty without its bad entries."""
+    given = detail["input"]
+    if detail["type"] == "too_short":
+        return bool(given) and detail.get("ctx", {}).get("actual_length") == 0
+    return detail["type"] == "string_type" and isinstance(given, dict)
+
+
+def _problem(place: str, details: list[ErrorDetails], known: list[str]) -> str:
+    """Describe the problem at one place."""
+    detail = details[0]
+    if detail["type"] == "extra_forbidden":
+        return f"unknown key {place}{_nearest(str(detail['loc'][-1]), known)}"
+    if detail["type"] == "missing":
+        return f"{place} is missing"
+    given = detail["input"]
+    message = ", or ".join(_expected(d) for d in details)
+    shown = "" if isinstance(given, dict | list | tuple) else f" (it is {given!r})"
+    return f"{place}: {message}{shown}" if place else message
+
+
+def _expected(detail: ErrorDetails) -> str:
+    message = detail["msg"].removeprefix("Value error, ")
+    return EXPECTED.get(detail["type"], message.replace("Input should", "should", 1))
+
+
+def _nearest(key: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    return f", did you mean {close[0]!r}?" if close else f"; known keys: {', '.join(known)}"
+
+
+def _place(location: tuple[int | str, ...]) -> str:
+    """Format a place such as configuration[0].mass, without the names of pydantic's types."""
+    parts: list[str] = []
+    for part in location:
+        if isinstance(part, int):
+            parts[-1:] = [f"{parts[-1]}[{part}]"] if parts else [f"[{part}]"]
+        elif part.isidentifier() and part not in ("float", "str", "ColumnEntry", "int"):
+            parts.append(part)
+    return ".".join(parts)

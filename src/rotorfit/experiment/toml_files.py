@@ -1,8 +1,14 @@
-"""A TOML file to plain tables, its short forms written out."""
+"""TOML files as plain tables: read with their short forms written out, and written.
+
+Of the libraries, tomli-w writes every list over several lines and inner tables under heads of
+their own, and tomlkit wants each of them built by hand: users would see another file, or there
+would be as much code.
+"""
 
 import json
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, cast
 
@@ -10,11 +16,14 @@ from rotorfit.errors import ExperimentError
 from rotorfit.logs.read import kind_of
 
 MOST_VALUES: Final = 20_000
-"""In one file; each that is wrong would be told, at a kilobyte or two."""
+"""In one file; each that is wrong would be reported, at a kilobyte or two."""
+_BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
+WIDEST: Final = 88
+"""Of a list on one line [characters]."""
 
 
 def file_as_table(data: Any, key: str) -> Any:
-    """Return the table with one plain file name written out as a table."""
+    """Write out one plain file name of a table as a table."""
     if not isinstance(data, dict):
         return data
     table = dict(cast("dict[str, Any]", data))
@@ -24,7 +33,7 @@ def file_as_table(data: Any, key: str) -> Any:
 
 
 def files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
-    """Return the table with plain file names written out as tables."""
+    """Write out lists of plain file names of a table as tables."""
     if not isinstance(data, dict):
         return data
     table = dict(cast("dict[str, Any]", data))
@@ -37,37 +46,27 @@ def files_as_tables(data: Any, keys: tuple[str, ...]) -> Any:
 
 
 def with_known_motors(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the tables with law and lag of ``[motors]`` from a result, where one is named.
+    """Take law and lag of ``[motors]`` from a result, where one is named by its path from a folder.
 
-    Parameters
-    ----------
-    tables
-        Of an experiment or airframe file. What its ``[motors]`` says itself stands.
-    folder
-        From which the result's path is.
-
-    Raises
-    ------
-    ExperimentError
-        If the file is not a result that tells the motors' law.
+    What ``[motors]`` gives itself stands.
     """
     motors = tables.get("motors")
     if not isinstance(motors, dict) or "result" not in motors:
         return tables
-    own = dict(cast("dict[str, Any]", motors))
-    known = _known_motors(own.pop("result"), folder)
-    if own.get("speed", "commanded") != "commanded":
+    given = dict(cast("dict[str, Any]", motors))
+    known = _known_motors(given.pop("result"), folder)
+    if given.get("speed", "commanded") != "commanded":
         raise ExperimentError(
             'motors.result gives law and lag for flights on commands: speed = "commanded", or '
             "leave result out"
         )
-    if "lag" in own:
+    if "lag" in given:
         known.pop("lag_std", None)
-    return {**tables, "motors": {**known, **own}}
+    return {**tables, "motors": {**known, **given}}
 
 
 def _known_motors(name: Any, folder: Path) -> dict[str, Any]:
-    """Return the table ``[motors]`` that a result has for flights without rotor speed."""
+    """Read the table ``[motors]`` that a result has for flights without rotor speed."""
     if not isinstance(name, str):
         raise ExperimentError(
             f"motors.result is {name!r}, expected the path of a result that identify -o wrote"
@@ -90,13 +89,7 @@ def _known_motors(name: Any, folder: Path) -> dict[str, Any]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the tables of a file.
-
-    Raises
-    ------
-    ExperimentError
-        If it is missing or not TOML.
-    """
+    """Read the tables of a file; raise ExperimentError if it is missing or not TOML."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -108,13 +101,13 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ExperimentError(f"{path} is a folder; give the TOML file in it") from None
     except (OSError, UnicodeDecodeError) as error:
         why = f"{path} cannot be read as text ({error}); expected TOML"
-        raise ExperimentError(_in_place_of_toml(path) or why) from error
+        raise ExperimentError(_other_kind(path) or why) from error
     try:
         tables = tomllib.loads(text)
     # Besides its own errors, tomllib gives a number of 4300 digits or deep nesting to Python.
     except (ValueError, RecursionError) as error:
         why = f"{path} is not valid TOML: {error}"
-        raise ExperimentError(_in_place_of_toml(path) or why) from error
+        raise ExperimentError(_other_kind(path) or why) from error
     refuse_too_many_values(tables, path)
     return tables
 
@@ -128,11 +121,8 @@ def refuse_too_many_values(tables: Mapping[str, Any], source: Path) -> None:
         )
 
 
-def _in_place_of_toml(path: Path) -> str | None:
-    """Return what a file is that is no TOML, and what would be right; None where that is open.
-
-    A file that is called TOML is one, with a mistake that Python names.
-    """
+def _other_kind(path: Path) -> str | None:
+    """Explain which kind a file is that is no TOML; None where it is called TOML or unknown."""
     kind = None if path.suffix == ".toml" else kind_of(path)
     if kind is None:
         return None
@@ -140,7 +130,7 @@ def _in_place_of_toml(path: Path) -> str | None:
 
 
 def _values(tables: Mapping[str, Any]) -> int:
-    """Return how many values there are, at any depth."""
+    """Count the values at any depth."""
     count, left = 0, list[Any](tables.values())
     while left:
         value = left.pop()
@@ -150,3 +140,56 @@ def _values(tables: Mapping[str, Any]) -> int:
         elif isinstance(value, list):
             left.extend(cast("list[Any]", value))
     return count
+
+
+def experiment_text(tables: Mapping[str, Any]) -> str:
+    """Write tables as `read_toml` returns them into the text of a file; None is left out."""
+    plain = [f"{_key(k)} = {_value(v)}" for k, v in tables.items() if not _is_table(v)]
+    blocks = ["\n".join(plain)] if plain else []
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            blocks.append(_block(f"[{_key(key)}]", cast("Mapping[str, Any]", value)))
+        elif _is_table(value):
+            blocks += [_block(f"[[{_key(key)}]]", one) for one in value]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _is_table(value: Any) -> bool:
+    """Decide whether a value has a head of its own, or is nothing at all."""
+    if not isinstance(value, list):
+        return value is None or isinstance(value, Mapping)
+    rows = cast("list[Any]", value)
+    return len(rows) > 0 and all(isinstance(row, Mapping) for row in rows)
+
+
+def _block(head: str, table: Mapping[str, Any]) -> str:
+    lines = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if v is not None]
+    return "\n".join([head, *lines])
+
+
+def _value(value: Any) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case str():
+            # A basic string of TOML is one of JSON, but for DEL.
+            return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        case Mapping():
+            table = cast("Mapping[str, Any]", value)
+            pairs = [f"{_key(k)} = {_value(v)}" for k, v in table.items() if v is not None]
+            return "{ " + ", ".join(pairs) + " }"
+        case list() | tuple():
+            return _list([_value(one) for one in cast("Sequence[Any]", value)])
+        case _:
+            return repr(value)
+
+
+def _list(values: Sequence[str]) -> str:
+    line = f"[{', '.join(values)}]"
+    if len(line) <= WIDEST:
+        return line
+    return "\n".join(["[", *(f"  {value}," for value in values), "]"])
+
+
+def _key(name: str) -> str:
+    return name if _BARE.fullmatch(name) else _value(name)

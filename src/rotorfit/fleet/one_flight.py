@@ -13,9 +13,8 @@ from jaxtyping import Float
 from rotorfit.diagnostics.kt_from_weight import kt_from_weight
 from rotorfit.errors import RotorfitError, RotorfitWarning
 from rotorfit.estimation.estimate import numerical_jacobian
-from rotorfit.experiment.declared_vehicle import vehicle_of
+from rotorfit.experiment.declared_vehicle import read_options_of, vehicle_of
 from rotorfit.experiment.experiment import Experiment, single_flight_experiment
-from rotorfit.experiment.read_options import read_options_of
 from rotorfit.fit.intervals.numbers import correlation_of
 from rotorfit.fleet.entries import Entry
 from rotorfit.fleet.kept_factors import factor_arrays

@@ -12,12 +12,12 @@ class Number:
 
     Attributes
     ----------
-    value, half
-        Digits, before the power of ten; `half` is empty where there is no interval.
+    half
+        Empty where there is no interval.
     low, high
-        The interval in words where it is not even about the value, else empty.
+        The interval where it is not even about the value, else empty.
     exponent
-        Power of ten; 0: none.
+        Power of ten of all digits; 0: none.
     """
 
     value: str
@@ -38,19 +38,19 @@ class Number:
 
 
 def known(number: float | None) -> float | None:
-    """Return a number, None where there is none."""
+    """Return a finite number, else None."""
     return number if number is not None and math.isfinite(number) else None
 
 
 def finite_interval(interval: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Return an interval, None where there is none."""
+    """Return an interval with finite ends, else None."""
     if interval is None or not all(math.isfinite(end) for end in interval):
         return None
     return interval
 
 
 def number_of(value: float | None, interval: tuple[float, float] | None) -> Number | None:
-    """Return a value as it is printed, None where there is none."""
+    """Round a value to two digits of its half-width; None where there is no value."""
     value, interval = known(value), finite_interval(interval)
     if value is None:
         return None
@@ -82,20 +82,15 @@ def _plain(value: float) -> Number:
 
 
 def _exponent(size: float) -> int:
-    """Return the power of ten to write apart; none for sizes that read well without."""
+    """Select the power of ten to separate; 0 for sizes that read well without."""
     exponent = math.floor(math.log10(size)) if size > 0 else 0
     return 0 if -3 <= exponent <= 4 else exponent
 
 
 def with_interval(value: float | None, interval: tuple[float, float] | None) -> str:
-    """Return a value and half of its interval, digits cut to two of the half-width.
+    """Format a value with its half-width, such as ``(2.656 +- 0.052)e-07``.
 
     An interval that is not even about the value is written out.
-
-    Examples
-    --------
-    >>> with_interval(2.656e-7, (2.604e-7, 2.708e-7))
-    '(2.656 +- 0.052)e-07'
     """
     number = number_of(value, interval)
     if number is None:

@@ -11,14 +11,10 @@ MOST_COLUMNS = 8192
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """Curves over one axis.
+    """Curves by name over one rising axis, in general time since the log's first sample [s].
 
     Attributes
     ----------
-    time
-        Or what else the axis counts; rising. Of a flight: since the log's first sample [s].
-    values
-        By the curve's name.
     gap
         A longer step than this is a cut, over which no line is drawn.
     """
@@ -29,9 +25,9 @@ class Series:
 
 
 def thinned(series: Series, *, columns: int = MOST_COLUMNS) -> Series:
-    """Return the series with at most two samples per column of time: its extremes.
+    """Reduce a series to at most two samples per column of time: the extremes.
 
-    All values keep one time axis: a column stands at its first sample and its middle.
+    All values keep one time axis: the first sample of a column and its middle.
     """
     if len(series.time) <= 2 * columns:
         return series
@@ -46,7 +42,7 @@ def thinned(series: Series, *, columns: int = MOST_COLUMNS) -> Series:
 
 
 def column_starts(series: Series, columns: int) -> Int[np.ndarray, " k"]:
-    """Return where columns of equal time begin; a cut begins one too."""
+    """Find the samples at which columns of equal time begin; a cut begins one too."""
     time = series.time
     span = max(float(time[-1] - time[0]), 1e-9)
     column = np.minimum(((time - time[0]) / span * columns).astype(int), columns - 1)
@@ -55,14 +51,14 @@ def column_starts(series: Series, columns: int) -> Int[np.ndarray, " k"]:
 
 
 def middles(starts: Int[np.ndarray, " k"], count: int) -> Int[np.ndarray, " k"]:
-    """Return the sample in the middle of each column."""
+    """Find the sample in the middle of each column."""
     return (starts + np.append(starts[1:], count)) // 2
 
 
 def extremes(
     values: Float[np.ndarray, " n"], starts: Int[np.ndarray, " k"]
 ) -> Float[np.ndarray, "k 2"]:
-    """Return least and greatest of each column, in the order that follows its slope."""
+    """Find least and greatest of each column, in the order that follows its slope."""
     low = np.minimum.reduceat(values, starts)
     high = np.maximum.reduceat(values, starts)
     last = np.append(starts[1:], len(values)) - 1

@@ -1,33 +1,30 @@
-"""A heading, a table and remarks: what a thing shows of itself in a terminal and in a notebook."""
+"""Tables of results, logs and plans: in a terminal, in a notebook, as a pandas frame."""
 
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Final
+from importlib import import_module
+from typing import Any, Final
+
+from rotorfit.errors import OutputError
 
 WIDTH: Final = 80
 LINES: Final = 24
 """Of one screen."""
+DataFrame = Any
+"""Of pandas, which need not be installed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """What is shown.
+    """A heading, a table and remarks.
 
     Attributes
     ----------
-    heading
-        One sentence.
-    columns
-        Their names; empty names stand for nothing.
-    rows
-        Cells as text, one for each column.
     hints
-        What the first cell of each row means; none, or one for each row.
-    remarks
-        Sentences below the table.
+        Explanations of the first cell of each row; none, or one for each row.
     more
         How to see the rest.
     """
@@ -41,9 +38,9 @@ class Sheet:
 
 
 def sheet_text(sheet: Sheet) -> str:
-    """Return a sheet as text of one screen: what does not fit is counted instead."""
+    """Format a sheet as text of one screen; rows that do not fit are counted."""
     head = textwrap.wrap(sheet.heading, WIDTH)
-    tail = [line for words in (*sheet.remarks, sheet.more) for line in textwrap.wrap(words, WIDTH)]
+    tail = [line for text in (*sheet.remarks, sheet.more) for line in textwrap.wrap(text, WIDTH)]
     table = _aligned([sheet.columns, *sheet.rows] if any(sheet.columns) else sheet.rows)
     room = max(LINES - len(head) - len(tail), 4)
     if len(table) > room:
@@ -64,7 +61,7 @@ def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
 
 
 def sheet_html(sheet: Sheet) -> str:
-    """Return a sheet as HTML for a notebook: no script, no colours of its own, all escaped."""
+    """Format a sheet as HTML for a notebook: no script, no colours, all escaped."""
     left = ' style="text-align:left"'
     whole = ' style="text-align:left;white-space:nowrap"'
     styles = [*[whole] * (len(sheet.columns) - 1), left]  # the last column may be a sentence
@@ -76,7 +73,7 @@ def sheet_html(sheet: Sheet) -> str:
         + "</tr>"
         for row, hint in zip(sheet.rows, hints, strict=True)
     )
-    below = "".join(f"<li>{escape(words)}</li>" for words in sheet.remarks)
+    below = "".join(f"<li>{escape(text)}</li>" for text in sheet.remarks)
     return (
         f"<p><strong>{_typeset(sheet.heading)}</strong></p>"
         f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
@@ -85,9 +82,24 @@ def sheet_html(sheet: Sheet) -> str:
     )
 
 
-def _typeset(words: str) -> str:
-    """Return text of a terminal as HTML, with +-, powers of ten and exponents as in print."""
-    words = escape(words).replace("+-", "±")
-    words = re.sub(r"(?<=[\d)])e([+-]\d+)", lambda m: f" × 10<sup>{int(m[1])}</sup>", words)
-    words = re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", words)
-    return words.replace("<sup>-", "<sup>−")
+def _typeset(text: str) -> str:
+    """Convert text of a terminal to HTML, with +-, powers of ten and exponents as in print."""
+    html = escape(text).replace("+-", "±")
+    html = re.sub(r"(?<=[\d)])e([+-]\d+)", lambda m: f" × 10<sup>{int(m[1])}</sup>", html)
+    html = re.sub(r"\^(-?\d+)", r"<sup>\1</sup>", html)
+    return html.replace("<sup>-", "<sup>−")
+
+
+def frame(columns: Mapping[str, Sequence[Any]]) -> DataFrame:
+    """Convert columns of one length to a pandas DataFrame."""
+    return pandas().DataFrame(dict(columns))
+
+
+def pandas() -> Any:
+    """Import pandas; raise OutputError if it is not installed."""
+    try:
+        return import_module("pandas")
+    except ImportError as error:
+        raise OutputError(
+            f"a frame needs pandas ({error}): pip install pandas, then call this again"
+        ) from error

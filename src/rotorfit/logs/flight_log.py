@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
 from rotorfit.errors import LogError
-from rotorfit.formatting.frame import DataFrame, frame, pandas
-from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.formatting.sheet import DataFrame, Sheet, frame, pandas, sheet_html, sheet_text
 from rotorfit.logs.formats import BY_NAME
 from rotorfit.logs.speed_law import SpeedLaw
 

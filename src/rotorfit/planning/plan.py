@@ -16,8 +16,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.payload import PointMass
 from rotorfit.fit.intervals.joint_numbers import number_scale
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.formatting.frame import DataFrame, frame
-from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.formatting.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.after import (
     Knowledge,

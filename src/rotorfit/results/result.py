@@ -20,8 +20,7 @@ from rotorfit.findings import (
     sentences,
 )
 from rotorfit.formatting.digits import with_interval
-from rotorfit.formatting.frame import DataFrame, frame
-from rotorfit.formatting.sheet import Sheet, sheet_html, sheet_text
+from rotorfit.formatting.sheet import DataFrame, Sheet, frame, sheet_html, sheet_text
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.read import kind_of
 from rotorfit.model.parameters import COM, DERIVED, INERTIA_COM, PARAMETERS

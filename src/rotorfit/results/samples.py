@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.errors import EstimationError
-from rotorfit.formatting.frame import DataFrame, frame
+from rotorfit.formatting.sheet import DataFrame, frame
 from rotorfit.model.parameters import COM, FIRST_MOMENTS, INERTIA, INERTIA_COM, INERTIA_PLACES
 
 Values = dict[str, Float[np.ndarray, " n"]]
