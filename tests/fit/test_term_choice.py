@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 import flown
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.model_terms import ADDED_TERMS
 from rotorfit.export.vehicle_model import terms_left_out
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
+from rotorfit.model.terms.registry import BY_LIKELIHOOD
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
 from rotorfit.simulation.views import IMU_AND_SPEED
@@ -204,5 +204,5 @@ def test_terms_that_are_not_there_stay_out(tmp_path, kind):
     assert result.settings["used"]["terms"] == list(
         ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag")
     )
-    assert set(result.settings["used"]["terms_gain"]) == set(ADDED_TERMS)
+    assert set(result.settings["used"]["terms_gain"]) == {t.name for t in BY_LIKELIHOOD}
     assert not any("raises the log-likelihood" in words for words in result.warnings)

@@ -17,6 +17,8 @@ from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.onboard_filter import filter_delay, lowpass_of
+from rotorfit.model.parameters import PARAMETERS
+from rotorfit.model.terms.air import VELOCITY
 
 FLOWN_AT: Final = 3.0
 """About where quick rolls and nods are [Hz]."""
@@ -27,7 +29,9 @@ ERROR: Final = 0.3
 simulator, whose true velocity is in the log."""
 ESTIMATES: Final = ("ulog", "dataflash")
 """Formats whose velocity is the autopilot's estimate."""
-OVER: Final = {"drag_x": 0, "drag_y": 1, "drag_z": 2, "inflow": 2}
+OVER: Final = {
+    name: info.velocity_axis for name, info in PARAMETERS.items() if info.velocity_axis is not None
+}
 """Coefficients, and the axis of the velocity that they are over."""
 LARGEST: Final = 0.9
 """Share of the errors, beyond which the velocity is nothing else."""
@@ -72,7 +76,9 @@ def lowpass_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray, 
 def velocity_estimated(dataset: Dataset) -> bool:
     """Return whether a velocity in the model is an autopilot's estimate."""
     flights = [flight for c in dataset.configurations for flight in c.flights]
-    return dataset.velocity == "known" and any(flight.log.format in ESTIMATES for flight in flights)
+    return VELOCITY in dataset.model.layout.added and any(
+        flight.log.format in ESTIMATES for flight in flights
+    )
 
 
 def allow_for_velocity_errors(fit: Fit) -> Fit:

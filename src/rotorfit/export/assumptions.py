@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Final
 
-from rotorfit.model.parameters import DERIVED, INERTIA, MOST_ROTORS, PARAMETERS, ParameterInfo
+from rotorfit.model.parameters import DERIVED, INERTIA, PARAMETERS
+from rotorfit.model.terms.rotors import MOST_ROTORS
+from rotorfit.model.terms.term import ParameterInfo
 
 _LENGTHS: Final = ("com_x", "com_y", "com_z", "rotor_center_x", "rotor_center_y")
 POSITIVE: Final = (

@@ -17,12 +17,12 @@ from rotorfit.export.header import noted
 from rotorfit.export.px4 import FLOAT, HOVER_RANGE, INTEGER, Parameter, hover_thrust, params_file
 from rotorfit.export.units import elements, inertia_frd
 from rotorfit.export.vehicle import BODY, LAG, ROTORS, SPEED, VehicleModel, refuse_no_lag
-from rotorfit.model.parameters import DRAG, TURN_DAMPING
+from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
 
 NEEDS = (*BODY, *ROTORS, *LAG, *SPEED)
 SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0))
 """Of SIH's motors, FLU: sign of x, sign of y, spin."""
-TERMS = (*DRAG, *TURN_DAMPING, "rotor_drag")
+TERMS = (*DRAG_NAMES, *TURN_DAMPING.names, "rotor_drag")
 """Of the air, that SIH has as one drag and one damping."""
 
 
@@ -43,7 +43,7 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_L_ROLL", float(arms[1]), FLOAT),
         ("SIH_L_PITCH", float(arms[0]), FLOAT),
         ("SIH_T_TAU", model.mean_lag, FLOAT),
-        ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG])), FLOAT),
+        ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG_NAMES])), FLOAT),
         ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
     ]
@@ -56,7 +56,7 @@ def _damping(model: VehicleModel) -> list[float]:
     """Return the damping of roll, pitch and yaw [N m s], the last that of the rotors in hover."""
     carried = model.hover_speed * float((model.arms[:, :2] ** 2).sum())
     return [
-        *(model.air.get(name, 0.0) for name in TURN_DAMPING),
+        *(model.air.get(name, 0.0) for name in TURN_DAMPING.names),
         model.air.get("rotor_drag", 0.0) * carried,
     ]
 

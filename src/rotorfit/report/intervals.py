@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rotorfit.formatting.digits import finite_interval, known
-from rotorfit.model.parameters import DRAG_MOMENTS
+from rotorfit.model.terms.air import DRAG_MOMENTS
 from rotorfit.report.svg import drawing, tag
 from rotorfit.results.result import Derived, Parameter
 

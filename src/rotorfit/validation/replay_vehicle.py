@@ -11,11 +11,9 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
-from rotorfit.model.parameters import (
-    COM,
-    INERTIA_COM,
-    PARAMETERS,
-)
+from rotorfit.model.parameters import COM, INERTIA_COM, PARAMETERS
+from rotorfit.model.terms.registry import TERMS
+from rotorfit.model.terms.term import Channel
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.samples import Values, about_com, normal_draws, tensors
@@ -182,17 +180,24 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
         arms = arms + columns(*ROTOR_CENTER, "rotor_center_z")[:, None]
     thrust = kt[:, :, None] * n
     spin = s[:, None] * n
-    torque = np.cross(arms, thrust) - values["kd"][:, None, None] * spin
-    torque[:, :, 2] += (values["kt"] * values.get("twist", zero))[:, None]
+    channels: dict[Channel, np.ndarray] = {
+        "squared speed": np.cross(arms, thrust) - values["kd"][:, None, None] * spin,
+        "yaw damping": np.zeros((len(zero), len(n))),
+        "constant": np.zeros((len(zero), 3)),
+    }
+    every = {name: zero for term in TERMS for name in term.parameters} | values
+    for replayed in (term.replayed for term in TERMS if term.replayed is not None):
+        for channel, torque in replayed(every, vehicle).items():
+            channels[channel] = channels[channel] + torque
     return ReplayVehicle(
         mass=values["mass"],
         com=com,
         inertia=tensors({name: values.get(name, zero) for name in INERTIA_COM}),
         thrust=thrust,
-        torque=torque,
+        torque=channels["squared speed"],
         spin=values.get("Jr", zero)[:, None, None] * spin,
-        damping=values.get("rotor_drag", zero)[:, None] * vehicle.squared_arms,
-        offset=columns("torque_offset_x", "torque_offset_y", "torque_offset_z"),
+        damping=channels["yaw damping"],
+        offset=channels["constant"],
         accel_bias=columns("accel_bias_x", "accel_bias_y", "accel_bias_z"),
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
     )
