@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +13,6 @@ from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.model.parameters import COM, INERTIA_COM, PARAMETERS
 from rotorfit.model.terms.registry import TERMS
-from rotorfit.model.terms.term import Channel
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.samples import Values, about_com, normal_draws, tensors
@@ -180,26 +179,24 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
         arms = arms + columns(*ROTOR_CENTER, "rotor_center_z")[:, None]
     thrust = kt[:, :, None] * n
     spin = s[:, None] * n
-    channels: dict[Channel, np.ndarray] = {
-        "squared speed": np.cross(arms, thrust) - values["kd"][:, None, None] * spin,
-        "yaw damping": np.zeros((len(zero), len(n))),
-        "constant": np.zeros((len(zero), 3)),
+    added = {
+        "torque": np.cross(arms, thrust) - values["kd"][:, None, None] * spin,
+        "damping": np.zeros((len(zero), len(n))),
+        "offset": np.zeros((len(zero), 3)),
     }
     every = {name: zero for term in TERMS for name in term.parameters} | values
     for replayed in (term.replayed for term in TERMS if term.replayed is not None):
-        for channel, torque in replayed(every, vehicle).items():
-            channels[channel] = channels[channel] + torque
+        for field, more in replayed(every, vehicle).items():
+            added[field] = added[field] + more
     return ReplayVehicle(
         mass=values["mass"],
         com=com,
         inertia=tensors({name: values.get(name, zero) for name in INERTIA_COM}),
         thrust=thrust,
-        torque=channels["squared speed"],
         spin=values.get("Jr", zero)[:, None, None] * spin,
-        damping=channels["yaw damping"],
-        offset=channels["constant"],
         accel_bias=columns("accel_bias_x", "accel_bias_y", "accel_bias_z"),
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
+        **added,
     )
 
 
@@ -213,15 +210,5 @@ def _possible(stack: ReplayVehicle) -> Bool[np.ndarray, " D"]:
 
 
 def _chosen(stack: ReplayVehicle, rows: np.ndarray) -> ReplayVehicle:
-    return ReplayVehicle(
-        mass=stack.mass[rows],
-        com=stack.com[rows],
-        inertia=stack.inertia[rows],
-        thrust=stack.thrust[rows],
-        torque=stack.torque[rows],
-        spin=stack.spin[rows],
-        damping=stack.damping[rows],
-        offset=stack.offset[rows],
-        accel_bias=stack.accel_bias[rows],
-        imu=stack.imu,
-    )
+    drawn = {f.name: getattr(stack, f.name)[rows] for f in fields(stack) if f.name != "imu"}
+    return replace(stack, **drawn)

@@ -209,6 +209,6 @@ TORQUE_OFFSET: Final = Term(
         brakes=False,
     ),
     replayed=lambda values, vehicle: {
-        "constant": np.stack([values[f"torque_offset_{axis}"] for axis in "xyz"], axis=1)
+        "offset": np.stack([values[f"torque_offset_{axis}"] for axis in "xyz"], axis=1)
     },
 )

@@ -200,7 +200,7 @@ TWIST: Final = Term(
     moves=(Move("kt_twist", "twist", "kt"),),
     dropped=2,
     replayed=lambda values, vehicle: {
-        "squared speed": (values["kt"] * values["twist"])[:, None, None] * np.array([0.0, 0.0, 1.0])
+        "torque": (values["kt"] * values["twist"])[:, None, None] * np.array([0.0, 0.0, 1.0])
     },
 )
 ROTOR_DRAG: Final = Term(
@@ -225,6 +225,6 @@ ROTOR_DRAG: Final = Term(
     entries=rotor_drag,
     dropped=1,
     replayed=lambda values, vehicle: {
-        "yaw damping": values["rotor_drag"][:, None] * vehicle.squared_arms
+        "damping": values["rotor_drag"][:, None] * vehicle.squared_arms
     },
 )

@@ -18,8 +18,6 @@ FX, FY, FZ, MX, MY, MZ = range(6)
 
 Motion = Literal["roll", "pitch", "yaw", "force", "place", "height", "air"]
 """Which motion shows a number (`results/verdicts.py` has what to fly for it)."""
-Channel = Literal["squared speed", "yaw damping", "constant"]
-"""What a torque of the replay multiplies: O_i^2 (D N 3), w_z O_i about z (D N), 1 (D 3)."""
 LEAST_SHARE: Final = 1e-3
 """Of the weight, that a term must make, at 1 m/s or at the end of an arm: flights without noise
 show what is of no account."""
@@ -162,7 +160,8 @@ class Term:
     of_sensor
         Of a sensor, not of the vehicle: nobody flies for it, no wrench has it.
     replayed
-        From draws of its parameters (D each) to torques of the replay, by what they multiply.
+        From draws of its parameters to what they add to fields of
+        `validation.replay_vehicle.ReplayVehicle`.
     """
 
     name: str
@@ -179,7 +178,7 @@ class Term:
     one_sided: bool = False
     reported: bool = True
     of_sensor: bool = False
-    replayed: Callable[[Mapping[str, np.ndarray], Vehicle], dict[Channel, np.ndarray]] | None = None
+    replayed: Callable[[Mapping[str, np.ndarray], Vehicle], dict[str, np.ndarray]] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
