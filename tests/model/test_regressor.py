@@ -196,6 +196,22 @@ def test_rotor_drag_is_the_yaw_torque_of_forces_against_the_turn(seed, rotors, t
 
 @settings(max_examples=50, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_a_torque_in_proportion_to_speed_is_newton_eulers(seed, rotors, tilted):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
+    body = replace(ne.random_body(rng, rotors), kd_linear=rng.uniform(0.0, 1e-3))
+    alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
+    expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
+    added = added_signals(["linear_drag_torque"])
+    Z = signal_matrix(ne.flight_of(alpha, w, dw, O, dO), vehicle, 0, SAMPLES, added=added)
+    A = regressor(vehicle, added=added)
+    actual, size = residual_and_size(A, Z, ne.theta_of(body))
+    assert_wrench(actual, expected, size)
+    assert "kd_linear" not in regressor(vehicle).names
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
 def test_an_exact_motion_leaves_no_residual(seed, rotors, tilted):
     rng = np.random.default_rng(seed)
     vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)

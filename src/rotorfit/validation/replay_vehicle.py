@@ -40,6 +40,8 @@ class ReplayVehicle:
         Force of each rotor per squared speed [N s^2/rad^2].
     torque
         Torque of each rotor about the CoM per squared speed [N m s^2/rad^2].
+    speed_torque
+        Torque of each rotor per speed [N m s/rad].
     spin
         Angular momentum of each rotor per speed [kg m^2].
     damping
@@ -57,6 +59,7 @@ class ReplayVehicle:
     inertia: Float[np.ndarray, "D 3 3"]
     thrust: Float[np.ndarray, "D N 3"]
     torque: Float[np.ndarray, "D N 3"]
+    speed_torque: Float[np.ndarray, "D N 3"]
     spin: Float[np.ndarray, "D N 3"]
     damping: Float[np.ndarray, "D N"]
     offset: Float[np.ndarray, "D 3"]
@@ -181,6 +184,7 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
     spin = s[:, None] * n
     added = {
         "torque": np.cross(arms, thrust) - values["kd"][:, None, None] * spin,
+        "speed_torque": np.zeros(thrust.shape),
         "damping": np.zeros((len(zero), len(n))),
         "offset": np.zeros((len(zero), 3)),
     }

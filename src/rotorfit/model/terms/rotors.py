@@ -4,8 +4,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
-from rotorfit.model.signals import SignalLayout
+from rotorfit.model.signals import AddedSignals, SignalLayout, aligned
 from rotorfit.model.terms.term import (
     MX,
     MY,
@@ -13,11 +14,14 @@ from rotorfit.model.terms.term import (
     Block,
     Move,
     ParameterInfo,
+    Significance,
     Size,
     Term,
     block,
 )
 from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.preprocessing.flight_data import FlightData
 
 MOST_ROTORS: Final = 16
 ROTOR_SPREAD_STD: Final = 0.04
@@ -31,6 +35,12 @@ TWIST_STD: Final = np.radians(2.0)
 ROTOR_DRAG_STD: Final = 0.3
 """The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
 0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
+
+LINEAR_TORQUE_STD: Final = 0.03
+"""Known of the drag torque in proportion to speed before the flight: all rotors in hover, as a
+share of the weight at the end of an arm. It is a third of a usual drag torque, which is a tenth of
+that. On 25 flights of a 3-inch quadrotor the torque went with the speed to the power of 1.7: a
+share of 0.3."""
 
 
 def rotor_thrust(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
@@ -88,6 +98,31 @@ def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
     """Yaw torque -c w_z sum O_i (x_i^2 + y_i^2) of rotors that a turn carries through the air."""
     del vehicle
     return {"rotor_drag": block(layout, {(MZ, "wzO"): 1.0})}
+
+
+def linear_torque(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Drag torque -s_i k_l O_i n_i in proportion to speed, as at low Reynolds numbers."""
+    del vehicle
+    entries = {
+        (row, f"sO_{axis}"): 1.0
+        for row, axis in ((MX, "x"), (MY, "y"), (MZ, "z"))
+        if f"sO_{axis}" in layout
+    }
+    return {"kd_linear": block(layout, entries)}
+
+
+def spin_names(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the components of sum s_i O_i n_i that do not vanish."""
+    return ("sO_z",) if aligned(vehicle) else ("sO_x", "sO_y", "sO_z")
+
+
+def spin_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n k"]:
+    """Return sum s_i O_i n_i, speeds along the axes that the rotors spin about [rad/s]."""
+    axes = vehicle.spins[:, None] * vehicle.axes
+    return flight.rotor_speed[rows] @ (axes[:, 2:] if aligned(vehicle) else axes)
+
+
+SPIN: Final = AddedSignals(name="spin", names=spin_names, of_rotors=spin_columns)
 
 
 def rotor_drag_std(size: Size) -> float:
@@ -226,5 +261,31 @@ ROTOR_DRAG: Final = Term(
     dropped=1,
     replayed=lambda values, vehicle: {
         "damping": values["rotor_drag"][:, None] * vehicle.squared_arms
+    },
+)
+LINEAR_DRAG_TORQUE: Final = Term(
+    name="linear_drag_torque",
+    words="a drag torque of the rotors in proportion to their speed",
+    when="declared",
+    parameters={
+        "kd_linear": ParameterInfo(
+            "N m s/rad",
+            1,
+            "drag torque of a rotor over its speed",
+            title="Drag torque of a rotor over its speed",
+            effective_unit="N m per command",
+            motion="yaw",
+            on_yaw_scale=True,
+            # A tenth of a usual drag torque in hover.
+            relevant=lambda s: 0.01 * s.mass * GRAVITY * s.arm / s.speeds,
+            prior=lambda s: LINEAR_TORQUE_STD * s.mass * GRAVITY * s.arm / s.speeds,
+        )
+    },
+    owner="shared",
+    entries=linear_torque,
+    signals=(SPIN,),
+    significance=Significance(parameters=("kd_linear",), least=lambda s: s.trace_torque / s.speeds),
+    replayed=lambda values, vehicle: {
+        "speed_torque": -values["kd_linear"][:, None, None] * vehicle.spins[:, None] * vehicle.axes
     },
 )
