@@ -12,6 +12,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+from rotorfit.dataset.load import load_dataset
 from rotorfit.errors import FlightWarning
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.experiment.experiment import load_experiment
@@ -21,7 +22,6 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import joint_estimate
 from rotorfit.fit.timing.timing_fit import find_timing
-from rotorfit.identification.identify import load_dataset
 from rotorfit.model.terms.registry import terms_named
 
 
