@@ -23,9 +23,11 @@ from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.joint.joint_map import joint_map
-from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior, rotor_drag_std
+from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
+from rotorfit.model.terms.rotors import rotor_drag_std
+from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.simulation import SimulatedFlight, sampled_flight_data
@@ -317,7 +319,9 @@ def _joint_configuration(
 def _rotor_drag_std(flight: SimulatedFlight) -> float:
     """Return what is known of the rotors' drag before the flight [N s^2/(m rad)]."""
     speeds = np.sqrt((flight.rotor_speed**2).mean(axis=0))
-    return rotor_drag_std(flight.truth.mass, float(speeds.sum()))
+    return rotor_drag_std(
+        Size(mass=flight.truth.mass, arm=flight.vehicle.arm, speeds=float(speeds.sum()))
+    )
 
 
 def true_phi(

@@ -13,14 +13,13 @@ from rotorfit.diagnostics.coupling import (
     without_coupling,
 )
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.model.parameters import inertia_matrix
 from rotorfit.model.regressor import regressor
 from rotorfit.preprocessing.flight_data import FlightData
 
 MASS, KT, KD, RATE = 1.4, 2e-6, 3e-8, 100.0
-NOTHING: tuple[Term, ...] = ()
+NOTHING: tuple[str, ...] = ()
 INERTIA = np.diag([0.010, 0.013, 0.021])
 BALL = np.diag([0.010, 0.010, 0.010])
 

@@ -17,11 +17,15 @@ from rotorfit.findings import sentences
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.flight_log import Channel, FlightLog, LoggedMotors
 from rotorfit.logs.speed_law import SpeedLaw, SquareRootLaw, VoltageFactor
+from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.registry import added_signals
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 LAW = SpeedLaw(curve=SquareRootLaw(1.0, 0.65, 0.15, 0.95), voltage=VoltageFactor(12.8, 1.0))
 TOLD = LoggedMotors(law=LAW, words="MOT_THST_EXPO", lag_on="thrust")
 COMMANDED = MotorsEntry(speed="commanded")
+KNOWN = regressor(made_fit.QUAD, added=added_signals(["drag"]))
+"""A model with the velocity among its signals."""
 OWN = LawEntry(sqrt=SqrtEntry(full_speed=900.0, thr_mdl_fac=0.3))
 
 
@@ -91,10 +95,10 @@ def test_an_estimated_velocity_leaves_drag_open():
     data = dataclasses.replace(prepared.data, velocity=velocity)
     prepared = dataclasses.replace(prepared, data=data)
     given = numbers(drag_x=0.9, drag_y=0.9, Ixx=0.02)
-    flown = made(logged(format="ulog"), prepared=prepared, velocity="known")
+    flown = made(logged(format="ulog"), prepared=prepared, model=KNOWN)
     half = velocity_half_width(given, flown)
     assert half == pytest.approx([0.01 + 0.9 * 0.36 / 0.64, 0.01 + 0.9 * 9.0, 0.01], rel=1e-3)
-    table = made(logged(), prepared=prepared, velocity="known")
+    table = made(logged(), prepared=prepared, model=KNOWN)
     assert velocity_half_width(given, table).tolist() == given.half_width.tolist()
 
 

@@ -12,8 +12,9 @@ from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.joint import term_choice
 from rotorfit.fit.joint.joint_problem import joint_problem
-from rotorfit.fit.joint.term_choice import _matters, chosen, expected_gain
+from rotorfit.fit.joint.term_choice import chosen, expected_gain
 from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.registry import added_signals
 
 G, MASS, ARM = 9.80665, 1.4, 0.25
 BARE = ()
@@ -122,7 +123,7 @@ def test_damping_of_turns_is_a_brake_and_more_than_a_trace(value, std, matters):
     size = MASS * G * ARM
     wide = made_fit.fit_of([body], std={"turn_damping_y@A": std * size}, terms=("turn_damping",))
     wide = with_values(wide, {"turn_damping_y@A": value * size})
-    assert term_choice._matters("turn_damping", wide, [body]) is matters
+    assert term_choice.matters("turn_damping", wide, [body]) is matters
 
 
 @pytest.mark.parametrize(("gain", "added"), [(49.9, False), (50.1, True)])
@@ -149,7 +150,7 @@ def test_a_torque_matters_from_a_thousandth_of_the_weight_at_the_end_of_an_arm(s
     body = made_fit.configuration(mass=MASS)
     wide = made_fit.fit_of([body], std={}, terms=("torque_offset",))
     wide = with_values(wide, {"torque_offset_y@A": -share * MASS * G * ARM})
-    assert _matters("torque_offset", wide, [body]) is matters
+    assert term_choice.matters("torque_offset", wide, [body]) is matters
 
 
 @pytest.mark.parametrize(
@@ -165,9 +166,9 @@ def test_a_torque_matters_from_a_thousandth_of_the_weight_at_the_end_of_an_arm(s
 )
 def test_drag_sideways_matters_from_four_deviations(drag, std, matters):
     body = made_fit.configuration(mass=MASS)
-    body = replace(body, model=regressor(made_fit.QUAD, velocity="known"),
+    body = replace(body, model=regressor(made_fit.QUAD, added=added_signals(["drag", "inflow"])),
                    factors=made_fit.blocks([(1.0, 2.0)], width=31))  # fmt: skip
     assert len(body.model.layout) == 31
     stds = {f"drag_{axis}@A": std for axis in "xyz"}
     wide = with_values(made_fit.fit_of([body], std=stds, terms=("drag",)), drag)
-    assert _matters("drag", wide, [body]) is matters
+    assert term_choice.matters("drag", wide, [body]) is matters

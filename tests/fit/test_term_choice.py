@@ -8,11 +8,12 @@ from scipy.spatial.transform import Rotation
 
 import flown
 from rotorfit.errors import ExperimentError
-from rotorfit.experiment.model_terms import ADDED_TERMS
 from rotorfit.export.vehicle_model import terms_left_out
 from rotorfit.fit.joint.term_choice import LEAST_GAIN
+from rotorfit.model.terms.registry import BY_LIKELIHOOD
 from rotorfit.report.text import result_text
 from rotorfit.simulation import Scenario, simulate_flight, variant, write_flight_table
+from rotorfit.simulation.pilot import Stick, Sticks
 from rotorfit.simulation.views import IMU_AND_SPEED
 from rotorfit.validation.validate import validate_file
 
@@ -26,6 +27,17 @@ def flight_of(drag, *, kind="noisy", seed=1, rotor_drag=0.0, at=(0.0, 0.0, 0.0))
     scenario = Scenario(sensors=sensors, **SHORT)
     truth = replace(truth, drag=drag, drag_position=at, rotor_drag=rotor_drag)
     return simulate_flight(truth, vehicle, scenario, seed=seed)
+
+
+def of_many_speeds(share):
+    """Return a flight of wide thrust and yaw whose drag torque in hover is linear by a share."""
+    (truth, vehicle), sensors = variant(flown.simulated_vehicle("A"), "noisy")
+    hover = np.sqrt(truth.mass * 9.80665 / (4.0 * truth.kt))
+    truth = replace(truth, kd=truth.kd * (1.0 - share), kd_linear=share * truth.kd * hover)
+    sticks = Sticks(climb=Stick(band=(0.3, 1.5), rms=3.5), yaw=Stick(band=(0.1, 1.0), rms=1.2))
+    return simulate_flight(
+        truth, vehicle, Scenario(sensors=sensors, sticks=sticks, **SHORT), seed=6
+    )
 
 
 def identified(folder, flight, *, terms=None, channels=LOGGED):
@@ -187,6 +199,43 @@ def test_drag_along_the_thrust_does_not_bend_kt_without_a_velocity(once, draggy,
     assert inside(found.parameter("kt"), draggy.truth.kt)
 
 
+WITH_LINEAR = (*FELT, "linear_drag_torque")
+
+
+@pytest.fixture(scope="module", params=[0.0, 0.3], ids=["without", "with it"])
+def linear(request, tmp_path_factory):
+    """Return what is true of such a flight, and what is identified with the term and without."""
+    folder, flight = tmp_path_factory.mktemp("linear"), of_many_speeds(request.param)
+    asked, usual = (
+        identified(folder, flight, channels=IMU_AND_SPEED, terms=terms)
+        for terms in (WITH_LINEAR, None)
+    )
+    return flight.truth, asked, usual
+
+
+def test_a_torque_linear_in_speed_is_found_beside_kd(linear):
+    truth, asked, usual = linear
+    found = asked.parameter("kd_linear")
+    assert found.unit == "N m s/rad"
+    assert inside(asked.parameter("kd"), truth.kd)
+    assert "kd_linear" not in {p.name for p in usual.parameters}
+    if truth.kd_linear:
+        assert inside(found, truth.kd_linear)
+        assert found.verdict == "identified"
+        assert found.value == pytest.approx(truth.kd_linear, rel=0.05)
+    else:
+        assert found.value is None or inside(found, 0.0)
+
+
+def test_a_torque_linear_in_speed_gains_only_where_it_is(linear):
+    truth, asked, usual = linear
+    gain = asked.diagnostics["log_likelihood"] - usual.diagnostics["log_likelihood"]
+    assert (gain > LEAST_GAIN) is bool(truth.kd_linear)
+    found = asked.parameter("kd_linear")
+    surely = found.value is not None and found.value > 4.0 * found.std
+    assert surely is bool(truth.kd_linear)
+
+
 def test_air_that_drives_a_climb_is_not_believed(tmp_path):
     driven = flight_of((0.0, 0.0, -0.3), seed=5)
     result = identified(tmp_path, driven, channels=IMU_AND_SPEED)
@@ -204,5 +253,5 @@ def test_terms_that_are_not_there_stay_out(tmp_path, kind):
     assert result.settings["used"]["terms"] == list(
         ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag")
     )
-    assert set(result.settings["used"]["terms_gain"]) == set(ADDED_TERMS)
+    assert set(result.settings["used"]["terms_gain"]) == {t.name for t in BY_LIKELIHOOD}
     assert not any("raises the log-likelihood" in words for words in result.warnings)

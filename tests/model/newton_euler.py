@@ -31,6 +31,7 @@ class Body:
     drag: np.ndarray | float = 0.0
     drag_position: np.ndarray | float = 0.0
     rotor_drag: float = 0.0
+    kd_linear: float = 0.0
     turn_damping: tuple[float, float] = (0.0, 0.0)
     inflow: float = 0.0
     translational_lift: float = 0.0
@@ -51,6 +52,7 @@ def theta_of(body, shared_kt=0.0):
     theta |= {f"kt_rotor_center_{a}": body.kt[0] * body.rotor_shift[i] for i, a in enumerate("xyz")}
     theta |= {"kt_twist": body.kt[0] * body.twist, "rotor_drag": body.rotor_drag}
     theta |= dict(zip(("turn_damping_x", "turn_damping_y"), body.turn_damping, strict=True))
+    theta |= {"kd_linear": body.kd_linear}
     theta |= {"inflow": body.inflow, "translational_lift": body.translational_lift}
     theta |= dict(zip(("drag_x", "drag_y", "drag_z"), body.drag * np.ones(3), strict=True))
     # Column k: the torque about the origin of the drag at unit velocity along k.
@@ -90,6 +92,7 @@ def rotor_wrench(body, vehicle, w, O, dO):
         thrust = body.kt[i] * O[:, i, None] ** 2 * n
         force += thrust
         torque += np.cross(place, thrust) - s * body.kd * O[:, i, None] ** 2 * n
+        torque -= s * body.kd_linear * O[:, i, None] * n
         torque += body.twist * body.kt[0] * O[:, i, None] ** 2 * [0.0, 0.0, 1.0]
         wheel = s * body.Jr * O[:, i, None] * n
         torque -= s * body.Jr * dO[:, i, None] * n + np.cross(w, wheel)

@@ -9,13 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import FlightError
-from rotorfit.model.regressor import EFFECTS, regressor
+from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_layout, signal_matrix
+from rotorfit.model.terms.registry import TERMS, added_signals
 from rotorfit.model.vehicle import Vehicle
 
 SEEDS = st.integers(0, 2**32 - 1)
 ROTORS = st.integers(3, 8)
 SAMPLES = 5
+OF_VELOCITY = added_signals(["drag", "inflow"])
+OF_CLIMB = added_signals(["climb_drag"])
 
 
 def residual_of(vehicle, theta, motion):
@@ -74,8 +77,8 @@ def test_drag_is_newton_eulers_where_the_velocity_is_known(seed, rotors, tilted,
     expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
     measured = at_imu(alpha, w, dw)
     flight = ne.flight_of(measured, w, dw, O, dO, velocity=v)
-    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity="known")
-    A = regressor(vehicle, velocity="known")
+    Z = signal_matrix(flight, vehicle, 0, SAMPLES, added=OF_VELOCITY)
+    A = regressor(vehicle, added=OF_VELOCITY)
     actual, size = residual_and_size(A, Z, ne.theta_of(body, 3e-6))
     assert_wrench(actual, expected, size)
 
@@ -96,8 +99,8 @@ def test_damping_inflow_and_lift_are_newton_eulers(seed, rotors, tilted, has_imu
     expected = ne.body_wrench(body, alpha, w, dw) - ne.air_wrench(body, vehicle, v, w, O)
     expected -= ne.rotor_wrench(body, vehicle, w, O, dO)
     flight = ne.flight_of(at_imu(alpha, w, dw), w, dw, O, dO, velocity=v)
-    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity="known")
-    A = regressor(vehicle, velocity="known")
+    Z = signal_matrix(flight, vehicle, 0, SAMPLES, added=OF_VELOCITY)
+    A = regressor(vehicle, added=OF_VELOCITY)
     actual, size = residual_and_size(A, Z, ne.theta_of(body, 3e-6))
     assert_wrench(actual, expected, size)
 
@@ -113,8 +116,8 @@ def test_felt_climb_is_held_back_along_z_alone(seed, rotors, tilted, has_imu):
     expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
     expected[:, 2] += d * climb
     flight = replace(ne.flight_of(at_imu(alpha, w, dw), w, dw, O, dO), climb=climb)
-    Z = signal_matrix(flight, vehicle, 0, SAMPLES, velocity="climb")
-    A = regressor(vehicle, velocity="climb")
+    Z = signal_matrix(flight, vehicle, 0, SAMPLES, added=OF_CLIMB)
+    A = regressor(vehicle, added=OF_CLIMB)
     assert "drag_z" not in A.names and "climb_drag" not in regressor(vehicle).names
     actual, size = residual_and_size(A, Z, {**ne.theta_of(body, 3e-6), "climb_drag": d})
     assert_wrench(actual, expected, size)
@@ -129,13 +132,13 @@ def test_a_turn_is_damped_without_a_velocity():
 def test_velocity_is_a_signal_only_where_it_is_asked_for():
     vehicle = ne.paper_vehicle()
     assert "vx" not in signal_layout(vehicle) and "drag_x" not in regressor(vehicle).names
-    with_it, without = signal_layout(vehicle, velocity="known"), signal_layout(vehicle)
+    with_it, without = signal_layout(vehicle, OF_VELOCITY), signal_layout(vehicle)
     assert len(with_it) == len(without) + 4 + 3  # velocity, its square, and inflow along z
     flight = ne.flight_of(*ne.random_motion(np.random.default_rng(2), SAMPLES, 4))
     with pytest.raises(FlightError, match="the velocity of the body is not known throughout"):
-        signal_matrix(flight, vehicle, 0, SAMPLES, velocity="known")
+        signal_matrix(flight, vehicle, 0, SAMPLES, added=OF_VELOCITY)
     with pytest.raises(FlightError, match="was not made of accelerometer and gyro"):
-        signal_matrix(flight, vehicle, 0, SAMPLES, velocity="climb")
+        signal_matrix(flight, vehicle, 0, SAMPLES, added=OF_CLIMB)
 
 
 @settings(max_examples=50, deadline=None)
@@ -189,6 +192,22 @@ def test_rotor_drag_is_the_yaw_torque_of_forces_against_the_turn(seed, rotors, t
     expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
     actual, size = residual_of(vehicle, ne.theta_of(body), motion)
     assert_wrench(actual, expected, size)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
+def test_a_torque_in_proportion_to_speed_is_newton_eulers(seed, rotors, tilted):
+    rng = np.random.default_rng(seed)
+    vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
+    body = replace(ne.random_body(rng, rotors), kd_linear=rng.uniform(0.0, 1e-3))
+    alpha, w, dw, O, dO = ne.random_motion(rng, SAMPLES, rotors)
+    expected = ne.body_wrench(body, alpha, w, dw) - ne.rotor_wrench(body, vehicle, w, O, dO)
+    added = added_signals(["linear_drag_torque"])
+    Z = signal_matrix(ne.flight_of(alpha, w, dw, O, dO), vehicle, 0, SAMPLES, added=added)
+    A = regressor(vehicle, added=added)
+    actual, size = residual_and_size(A, Z, ne.theta_of(body))
+    assert_wrench(actual, expected, size)
+    assert "kd_linear" not in regressor(vehicle).names
 
 
 @settings(max_examples=50, deadline=None)
@@ -356,11 +375,11 @@ def test_aligned_and_tilted_layouts_agree_where_all_axes_are_z(seed, rotors):
 
 def test_effects_can_be_left_out_and_keep_their_order():
     vehicle = ne.paper_vehicle()
-    assert regressor(vehicle, effects=["torque", "mass"]).names == ("kd", "mass")
+    assert regressor(vehicle, terms=["torque", "mass"]).names == ("mass", "kd")
     full = regressor(vehicle)
     assert full.tensor.shape == (len(full.names), 6, 24)
     for effect, name in {"rotor_inertia": "Jr", "rotor_drag": "rotor_drag"}.items():
-        kept = regressor(vehicle, effects=[e for e in EFFECTS if e != effect])
+        kept = regressor(vehicle, terms=[t.name for t in TERMS if t.name != effect])
         assert set(full.names) - set(kept.names) == {name}
 
 

@@ -33,7 +33,6 @@ from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.decimate import AsRecorded, as_recorded, decimated
-from rotorfit.preprocessing.flight_data import Velocity
 from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled
 from rotorfit.preprocessing.mocap.joined_poses import with_poses
 from rotorfit.preprocessing.mocap.prepare_mocap import prepare_mocap
@@ -111,8 +110,6 @@ class Dataset:
         When the rotors do what the motor data say, where it was found.
     source
         What measured the motion.
-    velocity
-        What of the body's velocity is among the signals.
     body
         Lines of the signals that the rotors have no part in, of each flight of each configuration:
         made once (`reduced`), they serve every timing of the motors.
@@ -124,7 +121,6 @@ class Dataset:
     configurations: tuple[ConfigurationData, ...]
     motor_timing: MotorTiming | None = None
     source: Source = "imu"
-    velocity: Velocity = "none"
     body: tuple[tuple[tuple[Lines, ...], ...], ...] | None = None
 
     @property
@@ -184,7 +180,7 @@ class Dataset:
 
     @property
     def _made_of(self) -> tuple[object, ...]:
-        return self.vehicle, self.configurations, self.velocity
+        return self.vehicle, self.configurations, self.model.layout
 
     def at(
         self,
@@ -213,7 +209,7 @@ class Dataset:
         """Return the same with the body's lines made, for bands at many timings."""
         body = tuple(
             tuple(
-                body_lines(data, plan=plan, velocity=self.velocity)
+                body_lines(data, plan=plan, added=self.model.layout.added)
                 for data, plan in (banded_data(f.prepared, None) for f in c.flights)
             )
             for c in self.configurations
@@ -238,7 +234,7 @@ class Dataset:
                 [f.prepared for f in c.flights],
                 self.vehicle,
                 response,
-                velocity=self.velocity,
+                added=self.model.layout.added,
                 free=free,
                 body=own,
                 top=top,

@@ -23,10 +23,9 @@ from rotorfit.dataset.dataset import (
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment, MotorsEntry
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, OF_VELOCITY, Term
 from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.registry import added_signals, considered_terms, terms_named
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.flight_data import Velocity
 
 Method = Literal["banded", "ols", "tls"]
 Progress = Callable[[str], None]
@@ -53,14 +52,13 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
     flights = [flight for configuration in loaded for flight in configuration.flights]
     _refuse_copies(flights)
     _refuse_mixed_commands(flights)
-    velocity = _velocity(experiment, loaded)
+    added = added_signals(_terms_considered(experiment, loaded))
     return Dataset(
         vehicle=vehicle,
-        model=regressor(vehicle, velocity=velocity),
+        model=regressor(vehicle, added=added),
         motors=agreed_motors(experiment.motors, flights),
         configurations=loaded,
         source=source,
-        velocity=velocity,
     ).reduced()
 
 
@@ -110,22 +108,22 @@ def _logged(flight: LoadedFlight) -> str:
     return "none" if flight.log.motors is None else flight.log.motors.words
 
 
-def _velocity(experiment: Experiment, configurations: Sequence[ConfigurationData]) -> Velocity:
-    """Select which velocity is among the signals."""
-    terms = experiment.identification.terms
+def _terms_considered(
+    experiment: Experiment, configurations: Sequence[ConfigurationData]
+) -> list[str]:
+    """Select the optional terms whose signals the fit needs."""
     if resolved_method(experiment) != "banded":
-        return "none"
-    if velocity_wanted(terms, configurations):
-        return "known"
-    from_imu = experiment.identification.source == "imu"
-    return "climb" if from_imu and "climb_drag" in (terms or DEFAULT_TERMS) else "none"
+        return []
+    terms = experiment.identification.terms
+    wanted = velocity_wanted(terms, configurations)
+    return considered_terms(terms, velocity=wanted, felt=experiment.identification.source == "imu")
 
 
 def velocity_wanted(
-    terms: Sequence[Term] | None, configurations: Sequence[ConfigurationData]
+    terms: Sequence[str] | None, configurations: Sequence[ConfigurationData]
 ) -> bool:
     """Return whether the model needs the body's velocity: chosen, or known and not decided yet."""
-    asked = [name for name in OF_VELOCITY if terms is not None and name in terms]
+    asked = [term.name for term in terms_named(terms or ()) if term.needs == "velocity"]
     unknown = [f for c in configurations for f in c.flights if not velocity_known([f])]
     if not unknown or not asked:
         return not unknown and (terms is None or bool(asked))

@@ -21,7 +21,8 @@ from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.logs.files import file_name
-from rotorfit.model.parameters import ACCEL_BIAS_STD, DRAG
+from rotorfit.model.terms.air import DRAG_NAMES
+from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
@@ -137,7 +138,7 @@ def _air_force(
     if data.velocity is None:
         return np.zeros((len(data.time), 3))
     v, n = np.nan_to_num(data.velocity), vehicle.axes
-    drag = v * [value(f"{name}@{configuration}") for name in DRAG]
+    drag = v * [value(f"{name}@{configuration}") for name in DRAG_NAMES]
     rising = v @ n.T + data.angular_velocity @ np.cross(vehicle.positions, n).T
     lost = value("inflow") * (data.rotor_speed * rising) @ n
     lift = value("translational_lift") * (v[:, :1] ** 2 + v[:, 1:2] ** 2) * [0.0, 0.0, 1.0]

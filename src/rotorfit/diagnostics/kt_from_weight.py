@@ -22,7 +22,7 @@ from rotorfit.findings import doubt
 from rotorfit.fit.fit import Fit, refit, shift_of
 from rotorfit.fit.fit_flights import widen_by_settings, widen_to_reach
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.model.parameters import ACCEL_BIAS_STD
+from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.results.verdicts import ADVICE

@@ -102,7 +102,7 @@ def stretched(vehicle: Vehicle, log_ratio: float) -> Vehicle:
 
 def _at(place: float, begun: float, dataset: Dataset, fit: BandedEstimate) -> BandedEstimate:
     """Fit with other lever arms, from the end of the fit at `begun`."""
-    tensor = regressor(stretched(dataset.vehicle, place), velocity=dataset.velocity).tensor
+    tensor = regressor(stretched(dataset.vehicle, place), added=dataset.model.layout.added).tensor
     problem = replace(fit.problem, tensors=tuple(tensor for _ in fit.problem.tensors))
     factor = float(np.exp(0.5 * (place - begun)))
     scale = {"Ixx": 1.0 / factor, "Iyy": factor}

@@ -90,7 +90,9 @@ def _errors(
             for stretch in split_segment(segment, STRETCH * data.sample_rate):
                 if len(stretch) >= SHORTEST_STRETCH * data.sample_rate:
                     rows = stretch.start, stretch.stop
-                    Z = signal_matrix(data, dataset.vehicle, *rows, velocity=dataset.velocity)
+                    Z = signal_matrix(
+                        data, dataset.vehicle, *rows, added=dataset.model.layout.added
+                    )
                     yield Z @ G.T, data.sample_rate
 
 

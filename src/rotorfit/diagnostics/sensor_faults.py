@@ -18,6 +18,8 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.timing.onboard_filter import filter_delay, lowpass_of
 from rotorfit.logs.formats import FORMATS
+from rotorfit.model.parameters import PARAMETERS
+from rotorfit.model.terms.air import VELOCITY
 
 FLOWN_AT: Final = 3.0
 """About where quick rolls and nods are [Hz]."""
@@ -26,7 +28,9 @@ LENGTH: Final = 2e-4
 ERROR: Final = 0.3
 """Standard deviation of an estimate's error along each axis [m/s]: PX4's was off by .2 to .5 in its
 simulator, whose true velocity is in the log."""
-OVER: Final = {"drag_x": 0, "drag_y": 1, "drag_z": 2, "inflow": 2}
+OVER: Final = {
+    name: info.velocity_axis for name, info in PARAMETERS.items() if info.velocity_axis is not None
+}
 """Coefficients, and the axis of the velocity that they are over."""
 LARGEST: Final = 0.9
 """Share of the errors, beyond which the velocity is nothing else."""
@@ -72,7 +76,8 @@ def velocity_estimated(dataset: Dataset) -> bool:
     """Return whether a velocity in the model is an autopilot's estimate."""
     formats = {flight.log.format for c in dataset.configurations for flight in c.flights}
     estimated = {form.name for form in FORMATS if form.velocity_estimated}
-    return dataset.velocity == "known" and not formats.isdisjoint(estimated)
+    known = VELOCITY in dataset.model.layout.added
+    return known and not formats.isdisjoint(estimated)
 
 
 def allow_for_velocity_errors(fit: Fit) -> Fit:

@@ -17,7 +17,7 @@ from rotorfit.export.file_format import elements, inertia_frd, with_notes
 from rotorfit.export.px4 import FLOAT, INTEGER, Parameter, hover_parameter, params_file
 from rotorfit.export.targets import TARGETS
 from rotorfit.export.vehicle import VehicleModel, refuse_no_lag
-from rotorfit.model.parameters import DRAG, TURN_DAMPING
+from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
 
 SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0))
 """Of SIH's motors, FLU: sign of x, sign of y, spin."""
@@ -40,7 +40,7 @@ def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
         ("SIH_L_ROLL", float(arms[1]), FLOAT),
         ("SIH_L_PITCH", float(arms[0]), FLOAT),
         ("SIH_T_TAU", model.mean_lag, FLOAT),
-        ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG])), FLOAT),
+        ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG_NAMES])), FLOAT),
         ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
         ("THR_MDL_FAC", 0.0, FLOAT),
         *hover_parameter(model),
@@ -52,7 +52,7 @@ def _damping(model: VehicleModel) -> list[float]:
     """Collect the damping of roll, pitch and yaw [N m s], the last from the rotors in hover."""
     carried = model.hover_speed * float((model.arms[:, :2] ** 2).sum())
     return [
-        *(model.air.get(name, 0.0) for name in TURN_DAMPING),
+        *(model.air.get(name, 0.0) for name in TURN_DAMPING.names),
         model.air.get("rotor_drag", 0.0) * carried,
     ]
 

@@ -19,10 +19,10 @@ from rotorfit.model.parameters import (
     FIRST_MOMENTS,
     INERTIA,
     INERTIA_COM,
-    MOST_ROTORS,
     PARAMETERS,
     inertia_about,
 )
+from rotorfit.model.terms.rotors import MOST_ROTORS
 from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 from rotorfit.results.verdicts import body_verdict, relative_width, twin_of

@@ -33,6 +33,8 @@ from rotorfit.export.vehicle import (
 )
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.model.parameters import AIR, COM, INERTIA_COM, inertia_matrix
+from rotorfit.model.terms.registry import OPTIONAL
+from rotorfit.model.terms.rotors import ROTOR_INERTIA, ROTOR_SPREAD
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
 from rotorfit.results.command_units import is_per_command
@@ -261,8 +263,13 @@ def _rotors(vehicle: Vehicle, numbers: Mapping[str, Number | Missing]) -> tuple[
 
 
 _TERMS: Final = (
-    *("motor_delay", "twist", "rotor_drag", *AIR),
-    *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
+    "motor_delay",
+    *(
+        n
+        for t in OPTIONAL
+        if not t.of_sensor and t not in (ROTOR_INERTIA, ROTOR_SPREAD)
+        for n in t.names
+    ),
 )
 
 

@@ -11,7 +11,6 @@ from jaxtyping import Float
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.experiment.model_terms import Term
 from rotorfit.findings import Finding
 from rotorfit.fit.intervals.joint_numbers import joint_numbers, physical
 from rotorfit.fit.intervals.numbers import Numbers
@@ -41,7 +40,7 @@ class Fit:
     """
 
     dataset: Dataset
-    terms: tuple[Term, ...]
+    terms: tuple[str, ...]
     choice: Choice
     estimate: BandedEstimate
     configurations: tuple[JointConfiguration, ...]

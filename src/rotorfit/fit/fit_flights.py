@@ -1,7 +1,7 @@
 """Fit the flights: the terms of the model, and intervals by other settings."""
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +9,6 @@ from jaxtyping import Float
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
 from rotorfit.findings import Finding, doubt, note
 from rotorfit.fit.fit import Fit, numbers_of, shift_of
 from rotorfit.fit.intervals.other_settings import widened
@@ -17,24 +16,14 @@ from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import chosen
 from rotorfit.fit.timing.timing_fit import timed_again
-
-FEWER_TERMS: Final[tuple[tuple[Term, ...], ...]] = (
-    (),
-    ("rotor_drag",),
-    ("rotor_drag", "twist"),
-    ("rotor_drag", "twist", "rotor_inertia"),
-    ("rotor_drag", "twist", "rotor_inertia", "rotor_spread"),
-    ("rotor_drag", "twist", "rotor_inertia", "rotor_spread", "climb_drag"),
-)
-"""What is left out of the model, in this order, where a fit does not settle: what flights tell
-least first."""
+from rotorfit.model.terms.registry import DEFAULT, DROPPED
 
 
-def fit_flights(dataset: Dataset, wanted: Sequence[Term] | None) -> Fit:
+def fit_flights(dataset: Dataset, wanted: Sequence[str] | None) -> Fit:
     """Fit the flights with the terms that the user wants, or those that they ask for (None)."""
     estimate, joint, present, unsettled = _settled(dataset, wanted)
 
-    def refit(terms: Sequence[Term], at: BandedEstimate) -> BandedEstimate:
+    def refit(terms: Sequence[str], at: BandedEstimate) -> BandedEstimate:
         return joint_estimate(joint, [], terms=terms, begin=at.estimate.by_name)
 
     choice, estimate = chosen(wanted, estimate, joint, refit=refit, present=present)
@@ -57,30 +46,29 @@ def fit_flights(dataset: Dataset, wanted: Sequence[Term] | None) -> Fit:
 
 
 def _settled(
-    dataset: Dataset, wanted: Sequence[Term] | None
-) -> tuple[BandedEstimate, list[JointConfiguration], tuple[Term, ...], tuple[Finding, ...]]:
+    dataset: Dataset, wanted: Sequence[str] | None
+) -> tuple[BandedEstimate, list[JointConfiguration], tuple[str, ...], tuple[Finding, ...]]:
     """Fit with all default terms, or the most of them with which the fit settles.
 
     Terms that the user asks for are kept, and a fit that does not settle with them is refused.
     """
     if wanted is not None:
         return *joint_fit(dataset, terms=wanted, begin=dataset.reached), tuple(wanted), ()
-    usual: list[Term] = [
-        t for t in DEFAULT_TERMS if t != "climb_drag" or dataset.velocity == "climb"
-    ]
-    for dropped in FEWER_TERMS:
-        terms: tuple[Term, ...] = tuple(t for t in usual if t not in dropped)
+    usual = [term.name for term in DEFAULT if term.stands_in(dataset.model.layout)]
+    for count in range(len(DROPPED) + 1):
+        dropped = tuple(term.name for term in DROPPED[:count])
+        terms = tuple(t for t in usual if t not in dropped)
         try:
             estimate, joint = joint_fit(dataset, terms=terms, begin=dataset.reached)
         except UnsettledError:
-            if dropped == FEWER_TERMS[-1]:
+            if count == len(DROPPED):
                 raise
             continue
         return estimate, joint, terms, (_left_out(dropped),) if dropped else ()
     raise UnsettledError("no terms to try")
 
 
-def _left_out(dropped: tuple[Term, ...]) -> Finding:
+def _left_out(dropped: tuple[str, ...]) -> Finding:
     return doubt(
         "terms-left-out",
         "the flights hardly determine all parameters: the fit settles only without "

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.fleet.records import KT_WEIGHT, TRIM, FlightRecord
-from rotorfit.model.parameters import DERIVED, MOST_ROTORS, PARAMETERS
+from rotorfit.model.parameters import DERIVED, PARAMETERS
+from rotorfit.model.terms.rotors import MOST_ROTORS
 
 Weather = Literal["taken out", "in it", "none"]
 

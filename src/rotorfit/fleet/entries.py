@@ -24,7 +24,7 @@ from rotorfit.experiment.experiment import Experiment
 from rotorfit.fleet.records import FlightFailure, FlightRecord
 from rotorfit.logs.files import write_whole
 
-FORM: Final = 2
+FORM: Final = 3
 """Of the entries: with another number all are made anew."""
 _ARRAYS: Final = ("values", "std", "low", "high", "covariance")
 _TUPLES: Final = ("names", "verdicts", "compared", "warnings")

@@ -24,7 +24,6 @@ from rotorfit.estimation.banded_equations import corrected_equations, evaluated
 from rotorfit.estimation.banded_problem import BandedProblem
 from rotorfit.estimation.estimate import Estimate, numerical_jacobian
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.intervals.joint_numbers import physical
 from rotorfit.fit.joint.informative_bands import Pushes, error_correlation, pushes
 from rotorfit.fit.joint.joint_fit import FittedFactors
@@ -140,7 +139,7 @@ def joined(flights: Sequence[Load]) -> Joined:
 
 def _vehicle(flights: Sequence[Load]) -> _Vehicle:
     """Return the parameters that any of the flights has, but for the flights' own times."""
-    terms: dict[Term, None] = {}
+    terms: dict[str, None] = {}
     first: JointConfiguration | None = None
     for load in flights:
         fitted = load()

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from rotorfit.dataset.dataset import Dataset
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import Experiment
-from rotorfit.experiment.model_terms import Term
 from rotorfit.fit.joint.joint_fit import FittedFactors
 from rotorfit.fit.joint.joint_problem import JointConfiguration
 from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.registry import signals_named
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import FreeTiming
 
@@ -34,7 +34,7 @@ def factor_arrays(fitted: FittedFactors, dataset: Dataset) -> dict[str, np.ndarr
     factors = {name: getattr(one.factors, name) for name in _FACTORS}
     told = {
         "terms": list(fitted.terms),
-        "velocity": dataset.velocity,
+        "signals": [signals.name for signals in dataset.model.layout.added],
         "timing": None if one.timing is None else _plain_timing(one.timing),
         "mass": one.mass,
         "name": one.name,
@@ -60,15 +60,14 @@ def fitted_factors(arrays: Mapping[str, np.ndarray], experiment: Experiment) -> 
             noise=arrays.get("noise"),
             slopes=arrays.get("slopes"),
         ),
-        model=regressor(vehicle, velocity=told["velocity"]),
+        model=regressor(vehicle, added=signals_named(told["signals"])),
         vehicle=vehicle,
         counted=arrays.get("counted"),
         answered=arrays.get("answered"),
         tied=arrays.get("tied"),
         timing=None if told["timing"] is None else _timing(told["timing"]),
     )
-    terms = cast("tuple[Term, ...]", tuple(told["terms"]))
-    return FittedFactors(configurations=(one,), terms=terms, values=told["values"])
+    return FittedFactors(configurations=(one,), terms=tuple(told["terms"]), values=told["values"])
 
 
 def _plain_timing(timing: FreeTiming) -> dict[str, object]:

@@ -1,122 +1,168 @@
 """Names, units and meaning of every parameter, in the order in which they are reported."""
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
-INERTIA: Final = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+from rotorfit.model.terms import air, body
+from rotorfit.model.terms.registry import TERMS
+from rotorfit.model.terms.rotors import MOST_ROTORS
+from rotorfit.model.terms.term import ParameterInfo
+
+FIRST_MOMENTS: Final = body.FIRST_MOMENTS.names
+INERTIA: Final = body.INERTIA.names
 COM: Final = ("com_x", "com_y", "com_z")
 INERTIA_COM: Final = tuple(f"{name}_com" for name in INERTIA)
-FIRST_MOMENTS: Final = ("msx", "msy", "msz")
-MOST_ROTORS: Final = 16
-DRAG: Final = ("drag_x", "drag_y", "drag_z")
-DRAG_MOMENTS: Final = tuple(f"drag_moment_{a}{b}" for a in "xyz" for b in "xyz" if a != b)
-TURN_DAMPING: Final = ("turn_damping_x", "turn_damping_y")
-ROTORS_AIR: Final = ("inflow", "translational_lift")
-AIR: Final = (*DRAG, *DRAG_MOMENTS, *TURN_DAMPING, *ROTORS_AIR)
+AIR_TERMS: Final = (air.DRAG, air.TURN_DAMPING, air.INFLOW, air.TRANSLATIONAL_LIFT)
+AIR: Final = tuple(name for term in AIR_TERMS for name in term.names)
 """What the air does besides thrust and drag torque, where the flights ask for it."""
 INERTIA_PLACES: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+MOTOR_TIMES: Final = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterInfo:
-    """Unit of a parameter, its power of the mass (for mass = "unknown"), and what it is."""
-
-    unit: str
-    mass_power: int
-    meaning: str
+def _of_motors(unit: str, meaning: str, title: str, effective: str | None = None) -> ParameterInfo:
+    return ParameterInfo(unit, 0, meaning, title=title, effective_unit=effective)
 
 
+MOTORS: Final[dict[str, ParameterInfo]] = {
+    "motor_lag": _of_motors(
+        "s", "first-order time constant of the motors", "Motor lag (time constant)"
+    ),
+    "motor_lag_up": _of_motors(
+        "s", "time constant of rising motor speed", "Motor lag, rising speed"
+    ),
+    "motor_lag_down": _of_motors(
+        "s", "time constant of falling motor speed", "Motor lag, falling speed"
+    ),
+    "motor_delay": _of_motors("s", "time by which motor data lead their effect", "Motor delay"),
+    "command_delay": _of_motors(
+        "s",
+        "time by which commands lead the measured speeds",
+        "Delay from command to measured speed",
+    ),
+    "max_speed": _of_motors(
+        "rad/s", "rotor speed at full command", "Rotor speed at full command", "command"
+    ),
+}
+"""Times of the motors, and the law from command to speed; no term of the equations of motion."""
+
+
+def names_of(*owners: str) -> tuple[str, ...]:
+    """Return the reported parameters that belong to all, to a rotor or to a configuration."""
+    return tuple(n for t in TERMS if t.owner in owners and t.reported for n in t.parameters)
+
+
+_ROTORS: Final = ("kt", *(f"kt_{i}" for i in range(1, MOST_ROTORS + 1)), "kd", "Jr")
+_OF_TERMS: Final = {n: info for t in TERMS if t.reported for n, info in t.parameters.items()}
 PARAMETERS: Final[dict[str, ParameterInfo]] = {
-    "kt": ParameterInfo("N s^2/rad^2", 1, "thrust coefficient of a rotor"),
-    **{
-        f"kt_{i}": ParameterInfo("N s^2/rad^2", 1, f"thrust coefficient of rotor {i}")
-        for i in range(1, MOST_ROTORS + 1)
-    },
-    "kd": ParameterInfo("N m s^2/rad^2", 1, "drag torque coefficient of a rotor"),
-    "Jr": ParameterInfo("kg m^2", 1, "spin inertia of a rotor with its motor bell"),
-    "mass": ParameterInfo("kg", 1, "mass"),
-    "msx": ParameterInfo("kg m", 1, "first moment, mass times CoM x"),
-    "msy": ParameterInfo("kg m", 1, "first moment, mass times CoM y"),
-    "msz": ParameterInfo("kg m", 1, "first moment, mass times CoM z"),
-    "Ixx": ParameterInfo("kg m^2", 1, "inertia at the body origin"),
-    "Iyy": ParameterInfo("kg m^2", 1, "inertia at the body origin"),
-    "Izz": ParameterInfo("kg m^2", 1, "inertia at the body origin"),
-    "Ixy": ParameterInfo("kg m^2", 1, "product of inertia at the body origin (tensor element)"),
-    "Ixz": ParameterInfo("kg m^2", 1, "product of inertia at the body origin (tensor element)"),
-    "Iyz": ParameterInfo("kg m^2", 1, "product of inertia at the body origin (tensor element)"),
-    "accel_bias_x": ParameterInfo("m/s^2", 0, "accelerometer bias, mounting tilt included"),
-    "accel_bias_y": ParameterInfo("m/s^2", 0, "accelerometer bias, mounting tilt included"),
-    "accel_bias_z": ParameterInfo("m/s^2", 0, "accelerometer bias"),
-    "rotor_center_x": ParameterInfo("m", 0, "centre of the rotors from the origin"),
-    "rotor_center_y": ParameterInfo("m", 0, "centre of the rotors from the origin"),
-    "twist": ParameterInfo("m", 0, "yaw torque over thrust: mean tilt about the arms, times arm"),
-    "rotor_drag": ParameterInfo("N s^2/(m rad)", 1, "in-plane drag of a rotor over its speeds"),
-    "drag_x": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
-    "drag_y": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
-    "drag_z": ParameterInfo("N s/m", 1, "air drag of the frame over its velocity"),
-    **{
-        name: ParameterInfo(
-            "N s", 1, f"torque of the air about {name[-2]} over velocity {name[-1]}"
-        )
-        for name in DRAG_MOMENTS
-    },
-    "turn_damping_x": ParameterInfo("N m s", 1, "torque of the air over the rate about x"),
-    "turn_damping_y": ParameterInfo("N m s", 1, "torque of the air over the rate about y"),
-    "inflow": ParameterInfo("N s^2/(m rad)", 1, "thrust lost over rotor speed and climb"),
-    "translational_lift": ParameterInfo("N s^2/m^2", 1, "thrust over the squared sideways speed"),
-    "torque_offset_x": ParameterInfo("N m", 1, "torque that does not change"),
-    "torque_offset_y": ParameterInfo("N m", 1, "torque that does not change"),
-    "torque_offset_z": ParameterInfo("N m", 1, "torque that does not change"),
-    "motor_lag": ParameterInfo("s", 0, "first-order time constant of the motors"),
-    "motor_lag_up": ParameterInfo("s", 0, "time constant of rising motor speed"),
-    "motor_lag_down": ParameterInfo("s", 0, "time constant of falling motor speed"),
-    "motor_delay": ParameterInfo("s", 0, "time by which motor data lead their effect"),
-    "command_delay": ParameterInfo("s", 0, "time by which commands lead the measured speeds"),
-    "max_speed": ParameterInfo("rad/s", 0, "rotor speed at full command"),
+    **{name: _OF_TERMS[name] for name in _ROTORS},
+    **_OF_TERMS,
+    **MOTORS,
 }
 """Everything that stands under ``parameters`` of a result."""
+NUISANCE: Final = tuple(name for term in TERMS if term.of_sensor for name in term.parameters)
+"""Of the sensors, not of the vehicle: nobody flies for them."""
+UNREPORTED: Final = tuple(n for t in TERMS if not t.reported for n in t.parameters)
+"""Parameters of a fit that are no numbers of a result."""
+ROW_ORDER: Final = (
+    *(*_ROTORS, *MOTORS),
+    *(name for name in _OF_TERMS if name not in (*_ROTORS, *NUISANCE)),
+    *NUISANCE,
+)
+"""The order of a result's parameters, within what they belong to."""
+
+
+def _about_com(name: str, title: str) -> ParameterInfo:
+    origin = PARAMETERS[name]
+    return ParameterInfo(
+        "kg m^2",
+        1,
+        "inertia about the CoM",
+        title=title,
+        motion=origin.motion,
+        on_yaw_scale=origin.on_yaw_scale,
+        relevant=origin.relevant,
+    )
+
+
+def _com(axis: str, title: str) -> ParameterInfo:
+    return ParameterInfo(
+        "m",
+        0,
+        "centre of mass from the origin",
+        title=f"Centre of mass, {title}",
+        motion=PARAMETERS[f"ms{axis}"].motion,
+        relevant=lambda s: s.arm / 50.0,
+    )
+
+
+def _over_kt(name: str, axis: str) -> ParameterInfo:
+    return ParameterInfo(
+        "m rad^2",
+        0,
+        f"{axis} inertia about the CoM over kt",
+        title=f"{axis.capitalize()} inertia over thrust coefficient",
+        effective_unit="m s^2 times squared command",
+        motion=PARAMETERS[name].motion,
+        on_yaw_scale=PARAMETERS[name].on_yaw_scale,
+    )
+
 
 DERIVED: Final[dict[str, ParameterInfo]] = {
-    "com_x": ParameterInfo("m", 0, "centre of mass from the origin"),
-    "com_y": ParameterInfo("m", 0, "centre of mass from the origin"),
-    "com_z": ParameterInfo("m", 0, "centre of mass from the origin"),
-    **{name: ParameterInfo("kg m^2", 1, "inertia about the CoM") for name in INERTIA_COM},
-    "kd_over_kt": ParameterInfo("m", 0, "drag torque over thrust"),
-    "Ixx_over_kt": ParameterInfo("m rad^2", 0, "roll inertia about the CoM over kt"),
-    "Iyy_over_kt": ParameterInfo("m rad^2", 0, "pitch inertia about the CoM over kt"),
-    "Izz_over_kt": ParameterInfo("m rad^2", 0, "yaw inertia about the CoM over kt"),
-    "kd_over_Izz": ParameterInfo("1/rad^2", 0, "yaw acceleration per rotor speed squared"),
-    "Jr_over_Izz": ParameterInfo("1", 0, "yaw acceleration per rotor acceleration"),
-    "hover_speed": ParameterInfo("rad/s", 0, "rotor speed that carries the weight"),
-    "motor_lag_total": ParameterInfo("s", 0, "motor lag plus delay"),
+    "com_x": _com("x", "forward"),
+    "com_y": _com("y", "to the left"),
+    "com_z": _com("z", "up"),
+    "Ixx_com": _about_com("Ixx", "Roll inertia about the CoM"),
+    "Iyy_com": _about_com("Iyy", "Pitch inertia about the CoM"),
+    "Izz_com": _about_com("Izz", "Yaw inertia about the CoM"),
+    **{f"{n}_com": _about_com(n, f"Product of inertia {n[1:]} about the CoM") for n in INERTIA[3:]},
+    "kd_over_kt": ParameterInfo(
+        "m",
+        0,
+        "drag torque over thrust",
+        title="Drag torque over thrust",
+        motion="yaw",
+        on_yaw_scale=True,
+    ),
+    "Ixx_over_kt": _over_kt("Ixx", "roll"),
+    "Iyy_over_kt": _over_kt("Iyy", "pitch"),
+    "Izz_over_kt": _over_kt("Izz", "yaw"),
+    "kd_over_Izz": ParameterInfo(
+        "1/rad^2",
+        0,
+        "yaw acceleration per rotor speed squared",
+        title="Yaw acceleration per rotor speed squared",
+        effective_unit="1/s^2 per squared command",
+        motion="yaw",
+    ),
+    "Jr_over_Izz": ParameterInfo(
+        "1",
+        0,
+        "yaw acceleration per rotor acceleration",
+        title="Yaw acceleration per rotor acceleration",
+        effective_unit="1/s per command",
+        motion="yaw",
+    ),
+    "hover_speed": ParameterInfo(
+        "rad/s",
+        0,
+        "rotor speed that carries the weight",
+        title="Rotor speed in hover",
+        effective_unit="command",
+    ),
+    "motor_lag_total": ParameterInfo(
+        "s", 0, "motor lag plus delay", title="Motor lag and delay together"
+    ),
 }
 """Everything that stands under ``derived`` of a result."""
 
+EVERY: Final = PARAMETERS | DERIVED
 EFFECTIVE_UNITS: Final[dict[str, str]] = {
-    "kt": "N per squared command",
-    "kd": "N m per squared command",
-    "Jr": "N m s per command",
-    "rotor_drag": "N s/m per command",
-    "inflow": "N s/m per command",
-    "Ixx_over_kt": "m s^2 times squared command",
-    "Iyy_over_kt": "m s^2 times squared command",
-    "Izz_over_kt": "m s^2 times squared command",
-    "kd_over_Izz": "1/s^2 per squared command",
-    "Jr_over_Izz": "1/s per command",
-    "hover_speed": "command",
-    "max_speed": "command",
+    name: info.effective_unit for name, info in EVERY.items() if info.effective_unit is not None
 }
 """Units where the command, 0 to 1, stands for the rotor speed; those of the others stay."""
-
-ACCEL_BIAS_STD: Final = 0.2
-"""What is known of a calibrated accelerometer before the flight [m/s^2]: 20 mg."""
-MOUNTING_STD: Final = 0.5
-"""The same sideways, where 3 degrees between IMU and rotor plane look like a bias [m/s^2]."""
-MOTOR_TIMES = ("motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
-SHARED = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR, *MOTOR_TIMES, "command_delay", "max_speed")
+SHARED: Final = (*names_of("shared"), *MOTORS)
 """Of the propulsion: every configuration has the same."""
 
 

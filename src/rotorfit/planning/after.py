@@ -13,7 +13,7 @@ from rotorfit.experiment.experiment import experiment_of_settings
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.joint_numbers import number_scale
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.model.parameters import COM, INERTIA_COM
+from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
 from rotorfit.planning.wanted import WANTABLE
@@ -22,7 +22,6 @@ from rotorfit.results.verdicts import (
     ADVICE,
     ADVISED,
     FLOWN,
-    NUISANCE,
     WEAK,
     body_verdict,
     judge,

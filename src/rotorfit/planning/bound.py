@@ -29,9 +29,10 @@ from rotorfit.fit.intervals.joint_numbers import (
 )
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.joint_map import joint_map
-from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior, rotor_drag_std
-from rotorfit.model.parameters import DERIVED, PARAMETERS
+from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_prior
+from rotorfit.model.parameters import EVERY, SHARED
 from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.term import Size
 from rotorfit.planning.noise import (
     REFERENCE_RATE,
     Assumptions,
@@ -272,13 +273,11 @@ def _covariance(
 
 def prior_std(problem: Problem) -> Float[np.ndarray, " f"]:
     """Return what the default estimate takes for known beforehand; else a vague deviation."""
-    known = joint_prior(problem.configurations)
-    names = problem.mapped.names
-    if "rotor_drag" in names:  # with nothing flown yet, its prior is that of the guessed vehicle
-        known["rotor_drag"] = float(problem.scale[names.index("rotor_drag")])
-    return np.array(
-        [known.get(n, VAGUE * s) for n, s in zip(names, problem.scale.tolist(), strict=True)]
-    )
+    sizes = dict(zip(problem.mapped.names, problem.scale.tolist(), strict=True))
+    # With nothing flown yet, the prior of what all share is that of the guessed vehicle.
+    known = {name: sizes[name] for name in SHARED if name in sizes and EVERY[name].prior}
+    known |= joint_prior(problem.configurations)
+    return np.array([known.get(name, VAGUE * size) for name, size in sizes.items()])
 
 
 def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
@@ -293,7 +292,7 @@ def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
                 abs(value), number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
             )
             extra[i] = attenuation_allowance(base, size, rho, answered=True)
-        if (PARAMETERS | DERIVED)[base].mass_power:
+        if EVERY[base].mass_power:
             weighed = 0.5 * problem.assumed.mass_step / bare.mass
             extra[i] = np.hypot(extra[i], weighed * value)
     return extra
@@ -387,18 +386,16 @@ def _scales(
     steps = {f"{name}@{LOADED}": std for name, std, _ in tolerances(payload)}
     I = truth.inertia
     own = {"Ixy": I[0], "Ixz": I[0], "Iyz": I[1]}
+    guessed = Size(mass=truth.mass, arm=arm, speeds=len(rough.vehicle.rotors) * speed)
     sizes: list[float] = []
     for name in mapped.names:
         base = name.partition("@")[0]
-        if base == "rotor_drag":
-            sizes.append(rotor_drag_std(truth.mass, len(rough.vehicle.rotors) * speed))
-        elif base in ("msx", "msy", "msz"):
-            sizes.append(truth.mass * arm)
+        step = EVERY[base].step if base in EVERY else None
+        if step is not None:
+            sizes.append(step(guessed))
         elif base in own:
             sizes.append(own[base])
-        elif base.startswith(("rotor_center", "twist")):
-            sizes.append(arm)
-        elif base.startswith(("spread", "accel_bias")):
+        elif base.startswith("spread"):
             sizes.append(1.0)
         else:
             sizes.append(steps.get(name) or abs(values[name]))

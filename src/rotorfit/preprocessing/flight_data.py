@@ -10,8 +10,6 @@ from rotorfit.logs.flight_log import LagOn
 from rotorfit.preprocessing.thinning import Thinning
 
 Differentiation = Literal["exact", "central"]
-Velocity = Literal["none", "climb", "known"]
-"""Of the body, among the signals: none, along z as the IMU feels it, or all as the log has it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.estimation.factors import Factors, stack_recordings
+from rotorfit.model.signals import AddedSignals
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.flight_data import FlightData, Velocity
+from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse, with_motors
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.reduction.motor_timing import FreeTiming
@@ -100,7 +101,7 @@ def flight_bands(
     vehicle: Vehicle,
     response: MotorResponse | None,
     *,
-    velocity: Velocity = "none",
+    added: Sequence[AddedSignals] = (),
     free: FreeTiming | None = None,
     body: Sequence[tuple[Lines, ...]] | None = None,
     top: float = np.inf,
@@ -116,7 +117,7 @@ def flight_bands(
                 flight,
                 vehicle,
                 response,
-                velocity=velocity,
+                added=added,
                 free=free,
                 body=own,
                 top=top,
@@ -131,7 +132,7 @@ def prepared_bands(
     vehicle: Vehicle,
     response: MotorResponse | None,
     *,
-    velocity: Velocity = "none",
+    added: Sequence[AddedSignals] = (),
     free: FreeTiming | None = None,
     body: tuple[Lines, ...] | None = None,
     top: float = np.inf,
@@ -139,9 +140,7 @@ def prepared_bands(
     """Reduce one flight to band factors, see `flight_bands`."""
     moved = [] if free is None else _moved(prepared, free)
     data, plan = banded_data(prepared, response)
-    return band_factors(
-        data, vehicle, plan=plan, velocity=velocity, moved=moved, body=body, top=top
-    )
+    return band_factors(data, vehicle, plan=plan, added=added, moved=moved, body=body, top=top)
 
 
 def banded_data(

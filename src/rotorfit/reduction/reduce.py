@@ -16,6 +16,7 @@ from rotorfit.estimation.factors import (
     triangular_factors,
 )
 from rotorfit.model.signals import (
+    AddedSignals,
     SignalLayout,
     body_columns,
     body_signals,
@@ -26,7 +27,7 @@ from rotorfit.model.signals import (
     yaw_signals,
 )
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.flight_data import FlightData, Segment, Velocity
+from rotorfit.preprocessing.flight_data import FlightData, Segment
 from rotorfit.preprocessing.signals import fading_rows
 
 Lines = Complex[np.ndarray, "_ b"]
@@ -104,11 +105,11 @@ def filtered_signals(
     segment: Segment,
     lowpass: LowPass,
     *,
-    velocity: Velocity = "none",
+    added: Sequence[AddedSignals] = (),
 ) -> Float[np.ndarray, "n z"]:
     """Low-pass the signals of every sample of a segment, for looking at a flight."""
     every = replace(lowpass, samples_per_period=None)
-    chunks = _filtered_chunks(flight, vehicle, segment, (every, 1), velocity=velocity)
+    chunks = _filtered_chunks(flight, vehicle, segment, (every, 1), added=added)
     return np.concatenate(list(chunks))
 
 
@@ -118,7 +119,7 @@ def _filtered_chunks(
     segment: Segment,
     plan: tuple[LowPass | None, int],
     *,
-    velocity: Velocity = "none",
+    added: Sequence[AddedSignals] = (),
 ) -> Iterator[Float[np.ndarray, "n z"]]:
     """Yield the filtered, decimated signals of a segment in whole blocks of bounded size."""
     lowpass, block = plan
@@ -126,11 +127,11 @@ def _filtered_chunks(
     for start in range(segment.start, segment.stop, chunk):
         stop = min(start + chunk, segment.stop)
         if lowpass is None:
-            yield signal_matrix(flight, vehicle, start, stop, velocity=velocity)
+            yield signal_matrix(flight, vehicle, start, stop, added=added)
             continue
         margin = lowpass.memory_rows(flight.sample_rate)
         first, last = max(start - margin, segment.start), min(stop + margin, segment.stop)
-        Z = signal_matrix(flight, vehicle, first, last, velocity=velocity)
+        Z = signal_matrix(flight, vehicle, first, last, added=added)
         smooth = _zero_phase(Z, lowpass.sos(flight.sample_rate))
         yield smooth[start - first : stop - first : lowpass.step(flight.sample_rate)]
 
@@ -171,7 +172,7 @@ def band_factors(
     vehicle: Vehicle,
     *,
     plan: BandPlan,
-    velocity: Velocity = "none",
+    added: Sequence[AddedSignals] = (),
     moved: Sequence[tuple[FlightData, FlightData, float]] = (),
     body: Sequence[Lines] | None = None,
     top: float = np.inf,
@@ -183,31 +184,30 @@ def band_factors(
     between them stay exact. `moved`: per slope the flight with its rotors a step later and earlier,
     and their distance; `body`: from `body_lines`; `top`: bands begin under this edge [Hz].
     """
-    layout = signal_layout(vehicle, velocity=velocity)
-    made, kept = rotor_columns(layout, inflow=True), body_columns(layout)
-    known = body_lines(flight, plan=plan, velocity=velocity) if body is None else body
-    inflow = velocity == "known"
+    layout = signal_layout(vehicle, added)
+    made, kept = rotor_columns(layout), body_columns(layout)
+    known = body_lines(flight, plan=plan, added=added) if body is None else body
     parts: list[Factors] = []
     for stretch, own in zip(_stretches(flight, plan), known, strict=True):
         resolution = flight.sample_rate / len(stretch)
         bands = [b for b in _bands(stretch, flight.sample_rate, plan) if b[0] * resolution < top]
         if not bands:
             continue
-        rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, inflow=inflow)
-        slopes = _slopes(moved, vehicle, stretch)
+        rotors = rotor_signals(flight, vehicle, stretch.start, stretch.stop, added=added)
+        slopes = _slopes(moved, vehicle, stretch, [s for s in added if s.sloped])
         fresh = _lines(np.concatenate([rotors, *slopes], axis=1), bands, plan)
         lines = np.empty((len(fresh), len(layout) + fresh.shape[1] - len(made)), dtype=complex)
         lines[:, kept], lines[:, made] = own[: len(fresh)], fresh[:, : len(made)]
         lines[:, len(layout) :] = fresh[:, len(made) :]
         every = _banded(lines, bands, resolution)
         blocks = _with_slopes(every, layout, len(slopes))
-        noise = rotor_noise(flight, vehicle, stretch, blocks.band, velocity=velocity)
+        noise = rotor_noise(flight, vehicle, stretch, blocks.band, added=added)
         parts.append(replace(blocks, noise=noise))
     return _stacked(parts)
 
 
 def body_lines(
-    flight: FlightData, *, plan: BandPlan, velocity: Velocity = "none"
+    flight: FlightData, *, plan: BandPlan, added: Sequence[AddedSignals] = ()
 ) -> tuple[Lines, ...]:
     """Transform the signals that the rotors have no part in, stretch by stretch.
 
@@ -216,7 +216,7 @@ def body_lines(
     """
     return tuple(
         _lines(
-            body_signals(flight, stretch.start, stretch.stop, velocity=velocity),
+            body_signals(flight, stretch.start, stretch.stop, added=added),
             _bands(stretch, flight.sample_rate, plan),
             plan,
         )
@@ -261,12 +261,14 @@ def _slopes(
     moved: Sequence[tuple[FlightData, FlightData, float]],
     vehicle: Vehicle,
     stretch: Segment,
+    added: Sequence[AddedSignals],
 ) -> list[Float[np.ndarray, "n r"]]:
     """Differentiate the rotors' signals by what moves them, from both sides of each."""
     slopes: list[Float[np.ndarray, "n r"]] = []
     for ahead, behind, distance in moved:
         one, other = (
-            rotor_signals(side, vehicle, stretch.start, stretch.stop) for side in (ahead, behind)
+            rotor_signals(side, vehicle, stretch.start, stretch.stop, added=added)
+            for side in (ahead, behind)
         )
         slopes.append((one - other) / distance)
     return slopes
@@ -278,7 +280,7 @@ def rotor_noise(
     stretch: Segment,
     band: Float[np.ndarray, "b 2"],
     *,
-    velocity: Velocity = "none",
+    added: Sequence[AddedSignals] = (),
 ) -> Float[np.ndarray, "b z"] | None:
     """Propagate white noise of the rotor speeds to each signal, per row of a band.
 
@@ -288,7 +290,7 @@ def rotor_noise(
     """
     if flight.rotor_speed_std <= 0:
         return None
-    layout = signal_layout(vehicle, velocity=velocity)
+    layout = signal_layout(vehicle, added)
     noise = np.zeros((len(band), len(layout)))
     turn = 2.0 * np.pi * band.mean(axis=1) / flight.sample_rate
     average, difference = np.ones_like(turn), turn * flight.sample_rate
@@ -350,7 +352,7 @@ def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
     """
     if not count:
         return factors
-    z, rotors = len(layout), rotor_columns(layout)
+    z, rotors = len(layout), rotor_columns(layout, sloped=True)
     rows = np.zeros((len(factors), count, factors.R.shape[1], z))
     for t in range(count):
         first = z + t * len(rotors)

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
-from rotorfit.model.parameters import COM, DRAG_MOMENTS, INERTIA_COM
+from rotorfit.model.parameters import COM, INERTIA_COM
+from rotorfit.model.terms.air import DRAG_MOMENTS
 from rotorfit.report.number_words import title_of, unit_words
 from rotorfit.report.svg import drawing, tag
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names

@@ -6,12 +6,13 @@ from typing import Any
 
 from rotorfit.formatting.digits import known, with_interval
 from rotorfit.logs.files import file_name
-from rotorfit.model.parameters import DRAG_MOMENTS
+from rotorfit.model.parameters import NUISANCE
+from rotorfit.model.terms.air import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
 from rotorfit.report.number_words import VERDICT_MEANING, percent
 from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
-from rotorfit.results.verdicts import NUISANCE, WEAK, twin_of
+from rotorfit.results.verdicts import WEAK, twin_of
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
 DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")

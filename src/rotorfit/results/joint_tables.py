@@ -14,13 +14,14 @@ from rotorfit.fit.intervals.joint_numbers import SHARED_NUMBERS, number_scale
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE
 from rotorfit.fit.joint.joint_map import spread_names
-from rotorfit.fit.joint.joint_problem import BIAS_STD, ROTOR_SPREAD_STD, JointConfiguration
-from rotorfit.model.parameters import DERIVED, PARAMETERS
+from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.model.parameters import DERIVED, PARAMETERS, ROW_ORDER, UNREPORTED
+from rotorfit.model.terms.body import BIAS_STD
+from rotorfit.model.terms.rotors import ROTOR_SPREAD_STD
 from rotorfit.reduction.frequency_bands import STRETCH
 from rotorfit.results.assemble import assembled
 from rotorfit.results.parameter_tables import (
     RATIOS,
-    ROW_ORDER,
     given_parameter,
     judgements,
     motor_parameters,
@@ -89,8 +90,11 @@ def joint_result(fit: Fit, experiment: Experiment) -> IdentificationResult:
             "log_likelihood": estimate.log_likelihood,
             "iterations": float(estimate.iterations),
             **{f"excitation_{key}": value for key, value in numbers.excitation.items()},
-            # Over a velocity that is felt, not known: no number with an interval.
-            **{k: v for k, v in estimate.estimate.by_name.items() if k.startswith("climb_drag@")},
+            **{
+                name: value
+                for name, value in estimate.estimate.by_name.items()
+                if name.partition("@")[0] in UNREPORTED
+            },
         },
     )
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from rotorfit.findings import note
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
-from rotorfit.model.parameters import PARAMETERS
+from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
 from rotorfit.motor_law.command_response import Recording, speed_response
 from rotorfit.motor_law.fit_law import FittedLaw, LawFit
 from rotorfit.motor_law.law_model import law_of, scales_of, timing_of
@@ -21,7 +21,7 @@ from rotorfit.preprocessing.motors.thrust_curve import (
 )
 from rotorfit.reduction.motor_timing import is_time_identifiable
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
-from rotorfit.results.parameter_tables import ROW_ORDER, found_time
+from rotorfit.results.parameter_tables import found_time
 from rotorfit.results.result import IdentificationResult, Parameter
 from rotorfit.results.verdicts import judge
 

@@ -8,13 +8,10 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import (
-    AIR,
     DERIVED,
-    MOST_ROTORS,
-    MOTOR_TIMES,
     PARAMETERS,
-    ParameterInfo,
 )
+from rotorfit.model.terms.term import ParameterInfo
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.motor_timing import MotorTiming, is_time_identifiable
 from rotorfit.results.result import Derived, Parameter
@@ -23,14 +20,6 @@ from rotorfit.results.verdicts import ADVICE, WEAK, Judgement, judge, motion_for
 SHARED_DERIVED = ("kd_over_kt", "motor_lag_total")
 TIME_SCALE = 0.008
 """A motor delay of this size matters [s]: known to a quarter of it, it is identified."""
-ROW_ORDER = (
-    *("kt", *(f"kt_{i + 1}" for i in range(MOST_ROTORS)), "kd", "Jr"),
-    *(*MOTOR_TIMES, "command_delay", "max_speed", "mass"),
-    *("msx", "msy", "msz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
-    *("rotor_center_x", "rotor_center_y", "twist", "rotor_drag", *AIR),
-    *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
-    *("accel_bias_x", "accel_bias_y", "accel_bias_z"),
-)
 ORIGIN_IS_IMU = (
     "no IMU position is given: the origin is the IMU, CoM and rotor centre are measured from it, "
     "and com_z is the height of the CoM over it; inertia about the CoM does not depend on that "

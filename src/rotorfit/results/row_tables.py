@@ -12,11 +12,10 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.intervals.other_settings import widened
 from rotorfit.fit.rows.row_fits import ROWS, RowFits, fit_rows
 from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
-from rotorfit.model.parameters import DERIVED, PARAMETERS, SHARED, full_name
+from rotorfit.model.parameters import DERIVED, PARAMETERS, ROW_ORDER, SHARED, full_name
 from rotorfit.results.assemble import assembled
 from rotorfit.results.parameter_tables import (
     RATIOS,
-    ROW_ORDER,
     SHARED_DERIVED,
     excitation_findings,
     given_parameter,

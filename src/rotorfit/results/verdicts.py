@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final
 
-from rotorfit.fit.intervals.excitation import AXIS_OF, LEAST_EXCITATION
-from rotorfit.fit.intervals.numbers import moments_beside, product_scale
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, INERTIA_COM, ROTORS_AIR
+from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
+from rotorfit.fit.intervals.numbers import moments_beside
+from rotorfit.model.parameters import EVERY, INERTIA_COM
+from rotorfit.model.terms.body import product_scale
+from rotorfit.model.terms.term import Motion
 from rotorfit.results.numbers import Derived, Parameter, Verdict
 from rotorfit.simulation.pilot import Manoeuvre
 
@@ -48,18 +50,6 @@ ADVICE: Final[Mapping[str, str]] = {
     "all equations at once, would",
 }
 
-NUISANCE: Final = ("accel_bias_x", "accel_bias_y", "accel_bias_z")
-"""Of the sensors, not of the vehicle: nobody flies for them."""
-
-PRACTICE: Final[Mapping[str, str]] = {
-    **{name: "place" for name in ("com_x", "com_y", "msx", "msy")},
-    **{name: "place" for name in ("rotor_center_x", "rotor_center_y")},
-    **{name: "height" for name in ("com_z", "msz")},
-    **{name: "air" for name in (*DRAG, *DRAG_MOMENTS, *ROTORS_AIR)},
-}
-"""What helps numbers that no axis of `AXIS_OF` speaks for, as `plan` finds it by the bound; all
-others by changes of thrust."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
@@ -70,9 +60,9 @@ class Judgement:
     advice: str | None = None
 
 
-def motion_for(name: str) -> str:
+def motion_for(name: str) -> Motion:
     """Return which motion determines a number: a key of `ADVICE`."""
-    return AXIS_OF.get(name) or PRACTICE.get(name, "force")
+    return EVERY[name].motion if name in EVERY else "force"
 
 
 def judge(

@@ -22,6 +22,8 @@ class Rotors:
         Angular momentum relative to the body per speed, Jr s_i n_i [kg m^2].
     yaw_damping_per_speed
         Torque against a turn about z per rate and rotor speed, c (x_i^2 + y_i^2) [N m s^2/rad^2].
+    torque_per_speed
+        Torque against the spin per speed, -k_l s_i n_i [N m s/rad].
     lag
         Time constant of the speed towards its command [s].
     lag_down
@@ -31,6 +33,7 @@ class Rotors:
     wrench_per_square: Float[np.ndarray, "6 N"]
     spin_per_speed: Float[np.ndarray, "3 N"]
     yaw_damping_per_speed: Float[np.ndarray, " N"]
+    torque_per_speed: Float[np.ndarray, "3 N"]
     lag: float
     lag_down: float
 
@@ -41,6 +44,7 @@ def rotors_of(truth: Truth, vehicle: Vehicle) -> Rotors:
         wrench_per_square=allocation(vehicle, kt=truth.rotor_kt(len(vehicle.rotors)), kd=truth.kd),
         spin_per_speed=truth.Jr * (vehicle.spins[:, None] * vehicle.axes).T,
         yaw_damping_per_speed=truth.rotor_drag * vehicle.squared_arms,
+        torque_per_speed=-truth.kd_linear * (vehicle.spins[:, None] * vehicle.axes).T,
         lag=truth.motor_lag,
         lag_down=truth.falling_lag,
     )
@@ -105,6 +109,7 @@ def wrenches(
     and an external wrench about the origin added.
     """
     applied = speeds * speeds @ rotors.wrench_per_square.T + external
+    applied[:, 3:] += speeds @ rotors.torque_per_speed.T
     applied[:, 3:] -= slopes @ rotors.spin_per_speed.T
     spins: list[list[float]] = (speeds @ rotors.spin_per_speed.T).tolist()
     damping: list[float] = (speeds @ rotors.yaw_damping_per_speed).tolist()

@@ -43,6 +43,8 @@ class Truth:
     rotor_drag
         Force on a rotor per speed and per velocity with which a turn about z carries it through
         the air [N s^2/(m rad)].
+    kd_linear
+        Drag torque of a rotor per speed [N m s/rad].
     disturbance_force_std, disturbance_torque_std
         Of each component of the disturbing wrench about the body origin [N, N m].
     disturbance_bandwidth
@@ -62,6 +64,7 @@ class Truth:
     drag: tuple[float, float, float] = (0.0, 0.0, 0.0)
     drag_position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rotor_drag: float = 0.0
+    kd_linear: float = 0.0
     disturbance_force_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_torque_std: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_bandwidth: float = 3.0
@@ -117,6 +120,8 @@ class Truth:
         values |= zip(names, self.inertia, strict=True)
         values |= {"motor_lag": self.motor_lag, "motor_delay": self.motor_delay}
         values |= {"rotor_drag": self.rotor_drag}
+        if self.kd_linear:
+            values["kd_linear"] = self.kd_linear
         at_com = tensor_elements(self.com_inertia)
         return values | {f"{name}_com": value for name, value in zip(names, at_com, strict=True)}
 

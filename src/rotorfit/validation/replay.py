@@ -4,14 +4,14 @@ Each window begins with the rates that were measured, and goes on by Newton and 
 
 .. math::
 
-    I_C \dot\omega = \sum_i (\tau_i \Omega_i^2 - d_i \Omega_i \omega_z e_z) - \dot h
+    I_C \dot\omega = \sum_i (\tau_i \Omega_i^2 + l_i \Omega_i - d_i \Omega_i \omega_z e_z) - \dot h
     - \omega \times (I_C \omega + h)
 
-with :math:`h` the angular momentum of the rotors in the body, and :math:`d_i` the drag of rotors
-that the turn carries through the air. Attitude, place and gravity are not
-in it: the accelerometer reads force over mass, whatever the attitude. A general engine would give
-nothing more here (MuJoCo's model even leaves the reaction of spinning-up rotors out); these few
-lines step all windows and all draws of the parameters at once.
+with :math:`h` the angular momentum of the rotors in the body, :math:`l_i` the torque in proportion
+to speed, and :math:`d_i` the drag of rotors that the turn carries through the air. Attitude, place
+and gravity are not in it: the accelerometer reads force over mass, whatever the attitude. A general
+engine would give nothing more here (MuJoCo's model even leaves the reaction of spinning-up rotors
+out); these few lines step all windows and all draws of the parameters at once.
 
 What was flown is smoothed without delay (30 Hz) before windows start from it and are compared with
 it: the gyro's noise at one instant would else be carried through the whole window.
@@ -214,7 +214,7 @@ def _acceleration(
     """Return the angular acceleration of the first E vehicles: Euler's equation about the CoM."""
     first = slice(0, len(w))
     torque = speed**2 @ vehicle.torque[first] - slope @ vehicle.spin[first]
-    torque += vehicle.offset[first, None]
+    torque += speed @ vehicle.speed_torque[first] + vehicle.offset[first, None]
     torque[..., 2] -= w[..., 2] * (vehicle.damping[first] @ speed.T)
     turning = w @ vehicle.inertia[first] + speed @ vehicle.spin[first]
     return (torque - np.cross(w, turning)) @ inverse[first]

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -11,11 +11,8 @@ from jaxtyping import Bool, Float
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import experiment_of_settings
-from rotorfit.model.parameters import (
-    COM,
-    INERTIA_COM,
-    PARAMETERS,
-)
+from rotorfit.model.parameters import COM, INERTIA_COM, PARAMETERS
+from rotorfit.model.terms.registry import TERMS
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.samples import Values, about_com, normal_draws, tensors
@@ -43,6 +40,8 @@ class ReplayVehicle:
         Force of each rotor per squared speed [N s^2/rad^2].
     torque
         Torque of each rotor about the CoM per squared speed [N m s^2/rad^2].
+    speed_torque
+        Torque of each rotor per speed [N m s/rad].
     spin
         Angular momentum of each rotor per speed [kg m^2].
     damping
@@ -60,6 +59,7 @@ class ReplayVehicle:
     inertia: Float[np.ndarray, "D 3 3"]
     thrust: Float[np.ndarray, "D N 3"]
     torque: Float[np.ndarray, "D N 3"]
+    speed_torque: Float[np.ndarray, "D N 3"]
     spin: Float[np.ndarray, "D N 3"]
     damping: Float[np.ndarray, "D N"]
     offset: Float[np.ndarray, "D 3"]
@@ -182,19 +182,25 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
         arms = arms + columns(*ROTOR_CENTER, "rotor_center_z")[:, None]
     thrust = kt[:, :, None] * n
     spin = s[:, None] * n
-    torque = np.cross(arms, thrust) - values["kd"][:, None, None] * spin
-    torque[:, :, 2] += (values["kt"] * values.get("twist", zero))[:, None]
+    added = {
+        "torque": np.cross(arms, thrust) - values["kd"][:, None, None] * spin,
+        "speed_torque": np.zeros(thrust.shape),
+        "damping": np.zeros((len(zero), len(n))),
+        "offset": np.zeros((len(zero), 3)),
+    }
+    every = {name: zero for term in TERMS for name in term.parameters} | values
+    for replayed in (term.replayed for term in TERMS if term.replayed is not None):
+        for field, more in replayed(every, vehicle).items():
+            added[field] = added[field] + more
     return ReplayVehicle(
         mass=values["mass"],
         com=com,
         inertia=tensors({name: values.get(name, zero) for name in INERTIA_COM}),
         thrust=thrust,
-        torque=torque,
         spin=values.get("Jr", zero)[:, None, None] * spin,
-        damping=values.get("rotor_drag", zero)[:, None] * vehicle.squared_arms,
-        offset=columns("torque_offset_x", "torque_offset_y", "torque_offset_z"),
         accel_bias=columns("accel_bias_x", "accel_bias_y", "accel_bias_z"),
         imu=np.array(vehicle.imu_position or (0.0, 0.0, 0.0)),
+        **added,
     )
 
 
@@ -208,15 +214,5 @@ def _possible(stack: ReplayVehicle) -> Bool[np.ndarray, " D"]:
 
 
 def _chosen(stack: ReplayVehicle, rows: np.ndarray) -> ReplayVehicle:
-    return ReplayVehicle(
-        mass=stack.mass[rows],
-        com=stack.com[rows],
-        inertia=stack.inertia[rows],
-        thrust=stack.thrust[rows],
-        torque=stack.torque[rows],
-        spin=stack.spin[rows],
-        damping=stack.damping[rows],
-        offset=stack.offset[rows],
-        accel_bias=stack.accel_bias[rows],
-        imu=stack.imu,
-    )
+    drawn = {f.name: getattr(stack, f.name)[rows] for f in fields(stack) if f.name != "imu"}
+    return replace(stack, **drawn)

@@ -17,9 +17,10 @@ from rotorfit.experiment.experiment import (
     experiment_of_settings,
     named_flight,
 )
-from rotorfit.model.parameters import AIR, FIRST_MOMENTS, INERTIA, TURN_DAMPING
 from rotorfit.model.regressor import Regressor, regressor
-from rotorfit.preprocessing.flight_data import Velocity
+from rotorfit.model.terms import body as body_terms
+from rotorfit.model.terms.registry import OPTIONAL, TERMS, added_signals, considered_terms
+from rotorfit.model.terms.rotors import THRUST
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.prepare import PreparedFlight
 from rotorfit.reduction.frequency_bands import retimed
@@ -36,7 +37,8 @@ from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchCompa
 
 CUTOFF = 3.0
 """Low-pass of both sides [Hz], the paper's."""
-BODY = ("mass", *FIRST_MOMENTS, *INERTIA)
+BODY_TERMS = (body_terms.MASS, body_terms.FIRST_MOMENTS, body_terms.INERTIA)
+BODY = tuple(name for term in BODY_TERMS for name in term.parameters)
 NEEDS = {
     "Fz": ("kt", "mass"),
     "Mx": ("kt", "Ixx"),
@@ -203,9 +205,11 @@ def compare_wrenches(
     known = _known(result, owner)
     experiment = experiment_of_settings(result.settings)
     vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
-    asked = bool((set(AIR) - set(TURN_DAMPING)) & set(known))
-    velocity: Velocity = "known" if asked and velocity_known([used]) else "none"
-    model = regressor(vehicle, velocity=velocity)
+    present = [term for term in OPTIONAL if set(term.parameters) & set(known)]
+    asked = any(term.needs == "velocity" for term in present) and velocity_known([used])
+    names = considered_terms([term.name for term in present], velocity=asked, felt=False)
+    added = added_signals(names)
+    model = regressor(vehicle, added=added)
     data = retimed(used.prepared, found_response(result))
     lowpass = LowPass(cutoff=cutoff)
     # What the filter makes of a segment's two ends is its own, not the flight's.
@@ -216,9 +220,7 @@ def compare_wrenches(
             f"{Path(used.entry.file).name}: no airborne stretch is longer than "
             f"{4 * end / data.sample_rate:.1f} s; a longer flight is needed to compare wrenches"
         )
-    parts = [
-        filtered_signals(data, vehicle, s, lowpass, velocity=velocity)[end:-end] for s in inner
-    ]
+    parts = [filtered_signals(data, vehicle, s, lowpass, added=added)[end:-end] for s in inner]
     Z = np.concatenate(parts)
     body, rotors = _wrenches(_without_bias(Z, known), model, known)
     time = np.concatenate([data.time[s.start + end : s.stop - end] for s in inner])
@@ -325,14 +327,11 @@ def _wrenches(
     kt = known.get("kt", 0.0)
     # A rotor whose own coefficient is not known has the mean one.
     rotors = {name: known.get(name, kt) for name in model.names if ROTOR_KT.fullmatch(name)}
-    rotors |= {name: known.get(name, 0.0) for name in ("kd", "Jr")}
-    for axis in "xy":
-        place = known.get(f"rotor_center_{axis}", 0.0)
-        rotors[f"kt_rotor_center_{axis}"] = kt * place
-    rotors["kt_twist"] = kt * known.get("twist", 0.0)
-    rotors["rotor_drag"] = known.get("rotor_drag", 0.0)
-    rotors |= {name: known.get(name, 0.0) for name in AIR if name in model.names}
-    rotors |= {f"M{axis}_0": known.get(f"torque_offset_{axis}", 0.0) for axis in "xyz"}
+    for term in TERMS:
+        if term not in (*BODY_TERMS, THRUST) and term.owner != "rotor" and not term.of_sensor:
+            for move in term.every_move:
+                factor = move.factor if move.times is None else known.get(move.times, 0.0)
+                rotors[move.entry] = factor * known.get(move.parameter, 0.0)
     return model.residual(Z, body), -model.residual(Z, rotors)
 
 

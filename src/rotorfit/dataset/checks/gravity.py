@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.dataset.weight_balance import held_up, hovering, turning
-from rotorfit.model.parameters import ACCEL_BIAS_STD
+from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
 

@@ -11,7 +11,7 @@ from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY, JointConfiguration, theta_of
 from rotorfit.model.signals import signal_matrix
-from rotorfit.preprocessing.flight_data import FlightData, Velocity
+from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import banded_data
 from rotorfit.reduction.reduce import banded_lines
 
@@ -68,7 +68,7 @@ def _lines(
         data, plan = banded_data(flight.prepared, dataset.timing)
 
         def columns(start: int, stop: int, data: FlightData = data) -> Float[np.ndarray, "n 9"]:
-            return _columns(data, c, G, (start, stop), velocity=dataset.velocity)
+            return _columns(data, c, G, (start, stop))
 
         for lines, bands, frequency in banded_lines(data, columns, plan=plan):
             lines[:, :3] *= 2j * np.pi * frequency[:, None]
@@ -92,11 +92,9 @@ def _columns(
     c: JointConfiguration,
     G: Float[np.ndarray, "3 z"],
     rows: tuple[int, int],
-    *,
-    velocity: Velocity,
 ) -> Float[np.ndarray, "n 9"]:
     """Compute reference, prediction and error in some rows; zeros where there is no reference."""
-    Z = signal_matrix(data, c.vehicle, *rows, velocity=velocity)
+    Z = signal_matrix(data, c.vehicle, *rows, added=c.model.layout.added)
     made = np.array([name.startswith(("O2_", "dH")) for name in c.model.layout.names])
     asked = np.zeros((len(Z), 3))
     if data.reference is not None and np.isfinite(data.reference[slice(*rows)]).all():

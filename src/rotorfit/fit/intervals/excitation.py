@@ -19,6 +19,8 @@ gives it without that link. The height of the centre of mass hangs on roll and p
 from collections.abc import Mapping
 from typing import Final
 
+from rotorfit.model.parameters import EVERY
+
 INERTIA_BIAS: Final = 2.5
 CLOSED_LOOP_BIAS: Final = 1.0
 RATIO_BIAS: Final = 1.5
@@ -29,22 +31,18 @@ NO_EXCITATION: Final = 1.5
 LEAST_EXCITATION: Final = 5.0
 """Below this, disturbances are no longer small against the pilot, and that is what limits."""
 
+AXES: Final = ("roll", "pitch", "yaw")
 AXIS_OF: Final[Mapping[str, str]] = {
-    **{name: "roll" for name in ("Ixx", "Ixx_com", "Ixx_over_kt", "Ixy", "Ixy_com")},
-    **{name: "roll" for name in ("Ixz", "Ixz_com")},
-    **{name: "pitch" for name in ("Iyy", "Iyy_com", "Iyy_over_kt", "Iyz", "Iyz_com")},
-    **{name: "yaw" for name in ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr")},
-    "rotor_drag": "yaw",
-    **{name: "yaw" for name in ("kd_over_Izz", "Jr_over_Izz")},
+    name: info.motion for name, info in EVERY.items() if info.motion in AXES
 }
 """Whose excitation decides how far a number can be trusted."""
 YAW_RATIOS: Final = ("kd_over_Izz", "Jr_over_Izz")
-SCALED: Final = ("Izz", "Izz_com", "Izz_over_kt", "kd", "kd_over_kt", "Jr", "rotor_drag")
+SCALED: Final = tuple(name for name, info in EVERY.items() if info.on_yaw_scale)
 """What is known only as well as the scale of the yaw equation."""
 YAW_PRODUCTS: Final = ("Ixz", "Ixz_com", "Iyz", "Iyz_com")
 """Where roll and pitch are flown and yaw is not, these stand in the yaw equation alone, where
 their scale is that of k_d."""
-HEIGHTS: Final = ("com_z", "msz")
+HEIGHTS: Final = tuple(name for name, info in EVERY.items() if info.motion == "height")
 COMMON: Final = 0.005
 COMMON_YAW: Final = 0.015
 """Shares of k_t and of roll and pitch inertia, and of what yaw tells, by which many flights are off

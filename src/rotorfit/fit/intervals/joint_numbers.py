@@ -28,6 +28,7 @@ from rotorfit.estimation.parameter_map import ParameterMap
 from rotorfit.estimation.reweighted import scatter_covariance
 from rotorfit.experiment.payload import MOMENTS
 from rotorfit.fit.intervals.excitation import (
+    AXES,
     HEIGHTS,
     LEAST_EXCITATION,
     SCALED,
@@ -40,34 +41,22 @@ from rotorfit.fit.intervals.excitation import (
     scale_stretch,
 )
 from rotorfit.fit.intervals.numbers import (
-    PRODUCTS,
     Numbers,
     correlation_of,
     hover_speed,
-    moments_beside,
-    plain_scale,
-    product_scale,
     quadrature,
+    relevant_size,
     t_half_width,
 )
 from rotorfit.fit.joint.joint_map import spread_names
-from rotorfit.fit.joint.joint_problem import JointConfiguration, rotor_drag_std, theta_of
+from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
-from rotorfit.model.parameters import (
-    DERIVED,
-    DRAG,
-    DRAG_MOMENTS,
-    INERTIA,
-    PARAMETERS,
-    ROTORS_AIR,
-    TURN_DAMPING,
-    inertia_about,
-)
+from rotorfit.model.parameters import EVERY, INERTIA, inertia_about, names_of
+from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import PILOT_BAND
 from rotorfit.reduction.motor_timing import FreeTiming
 
-AXES = ("roll", "pitch", "yaw")
 FEWEST_PHASES = 3
 """Whose scatter tells anything."""
 MOST_LEVERAGE = 4.0
@@ -75,12 +64,8 @@ MOST_LEVERAGE = 4.0
 FEWEST_FLIGHTS = 3
 """Of one configuration, from which their scatter tells anything: its own size from
 `ENOUGH_FLIGHTS` on, of fewer it can only be a lower limit."""
-OWN_NUMBERS = (
-    *("msx", "msy", "msz", *INERTIA, "accel_bias_x", "accel_bias_y", "accel_bias_z"),
-    *("rotor_center_x", "rotor_center_y", "twist", *DRAG, *DRAG_MOMENTS, *TURN_DAMPING),
-    *("torque_offset_x", "torque_offset_y", "torque_offset_z"),
-)
-SHARED_FREE = ("kt", "kd", "Jr", "rotor_drag", *ROTORS_AIR)
+OWN_NUMBERS = tuple(name for name in names_of("configuration") if name != "mass")
+SHARED_FREE = names_of("shared")
 SHARED_NUMBERS = (*SHARED_FREE, "kd_over_kt", "motor_lag_total")
 
 
@@ -360,7 +345,7 @@ def _with_systematic(
             parts.append(attenuation_allowance(base, size, rho, answered=False))
         if base in YAW_PRODUCTS:
             parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
-        if (PARAMETERS | DERIVED)[base].mass_power:
+        if EVERY[base].mass_power:
             owners = [by_name[owner]] if owner else list(configurations)
             relative = max(mass_std[c.name] / c.mass for c in owners)
             parts.append(1.96 * relative * value)
@@ -430,22 +415,13 @@ def _stretches(numbers: Numbers, half: Float[np.ndarray, " q"]) -> Float[np.ndar
 def number_scale(numbers: Numbers, name: str, *, mass: float, vehicle: Vehicle) -> float:
     """Return the size of a number below which its relative error does not matter."""
     base, _, owner = name.partition("@")
-    base = base.removesuffix("_com")
-    if base in ("rotor_drag", "inflow"):
-        hover = next(n for n in numbers.names if n.startswith("hover_speed"))
-        speeds = len(vehicle.rotors) * float(numbers.values[numbers.index(hover)])
-        return rotor_drag_std(mass, speeds)
-    if base == "Jr":
-        return abs(_moment(numbers, "Izz", owner)) / 1000.0
     if base == "Jr_over_Izz":
         return 1e-3
-    if base in PRODUCTS:
-        one, other = (_moment(numbers, moment, owner) for moment in moments_beside(base))
-        return product_scale(one, other)
-    return plain_scale(base, mass=mass, arm=vehicle.arm)
-
-
-def _moment(numbers: Numbers, name: str, owner: str) -> float:
-    """Return a moment of inertia of a configuration about its CoM (of any, for shared numbers)."""
-    own = owner or next(name for name in numbers.names if "@" in name).partition("@")[2]
-    return float(numbers.values[numbers.index(f"{name}_com@{own}")])
+    # Shared numbers: with the speeds and the inertia of any configuration.
+    own = owner or next((n for n in numbers.names if "@" in n), "").partition("@")[2]
+    known = dict(zip(numbers.names, numbers.values.tolist(), strict=True))
+    hover = next((v for n, v in known.items() if n.startswith("hover_speed")), np.nan)
+    Ixx, Iyy, Izz = (known.get(f"{name}_com@{own}", np.nan) for name in INERTIA[:3])
+    speeds = len(vehicle.rotors) * hover
+    size = Size(mass=mass, arm=vehicle.arm, speeds=speeds, moments=(Ixx, Iyy, Izz))
+    return relevant_size(base, size)

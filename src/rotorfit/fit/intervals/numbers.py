@@ -5,24 +5,16 @@ And the sizes below which a relative error of them does not matter.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
 from rotorfit.fit.intervals.excitation import AXIS_OF
-from rotorfit.model.parameters import (
-    DRAG,
-    DRAG_MOMENTS,
-    FIRST_MOMENTS,
-    INERTIA,
-    TURN_DAMPING,
-)
+from rotorfit.model.parameters import EVERY
+from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
-
-PRODUCTS: Final = INERTIA[3:]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,41 +115,15 @@ def quadrature(parts: Iterable[float]) -> float:
     return float(np.sqrt(sum(part**2 for part in parts)))
 
 
-def plain_scale(name: str, *, mass: float, arm: float) -> float:
-    """Return the size of a number below which its relative error does not matter, by mass and arm.
+def relevant_size(name: str, size: Size) -> float:
+    """Return the size of a number below which its relative error does not matter.
 
-    Parameters
-    ----------
-    name
-        Without its configuration. Zero for what is measured by its own size alone, and for what is
-        measured by other numbers.
-    mass, arm
-        Of the vehicle [kg], [m].
+    Zero where its own size alone counts; `name` is without its configuration.
     """
-    if name in FIRST_MOMENTS:
-        return mass * arm / 50.0
-    if name.startswith(("com_", "rotor_center_")) or name == "twist":
-        return arm / 50.0  # of a twist, a degree
-    if name in DRAG_MOMENTS:
-        return 0.3 * mass * arm / 5.0  # at 3 m/s as of a CoM that is arm / 150 off
-    if name in DRAG:
-        return 0.3 * mass  # as of a small multirotor: a tenth of its weight at 3 m/s
-    if name in TURN_DAMPING:
-        return 0.3 * mass * arm**2
-    if name == "translational_lift":
-        return 0.1 * mass  # a tenth of the weight at 3 m/s
-    if name.startswith("torque_offset_"):
-        return mass * GRAVITY * arm / 50.0
-    if name.startswith("accel_bias_"):
-        return 0.2
-    return 0.0
+    relevant = EVERY[name].relevant
+    return 0.0 if relevant is None else relevant(size)
 
 
 def moments_beside(product: str) -> tuple[str, str]:
     """Return the two moments of inertia about the axes of a product: Ixx and Izz of Ixz."""
     return f"I{product[1] * 2}", f"I{product[2] * 2}"
-
-
-def product_scale(one: float, other: float) -> float:
-    """Return the size of a product of inertia that matters, by the moments about its two axes."""
-    return float(np.sqrt(abs(one) * abs(other))) / 20.0

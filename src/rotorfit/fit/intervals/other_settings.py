@@ -77,7 +77,9 @@ def other_geometries(dataset: Dataset) -> Iterator[Dataset]:
     if vehicle.imu_position is not None and vehicle.imu_position_std > 0.0:
         others += [moved_imu(vehicle, axis, vehicle.imu_position_std) for axis in range(3)]
     for other in others:
-        yield replace(dataset, vehicle=other, model=regressor(other, velocity=dataset.velocity))
+        yield replace(
+            dataset, vehicle=other, model=regressor(other, added=dataset.model.layout.added)
+        )
 
 
 def longer_arms(vehicle: Vehicle, length: float) -> Vehicle:

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float, Int
 
 from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.joint.joint_problem import (
     ANSWERED,
     NOISY,
@@ -59,7 +59,7 @@ def select_informative_bands(
     *,
     commanded: bool,
     known: Mapping[str, tuple[float, float]] | None = None,
-    terms: Collection[Term] = DEFAULT_TERMS,
+    terms: Collection[str] = DEFAULT_TERMS,
 ) -> list[JointConfiguration]:
     """Return the configurations with what counts and what is answered.
 

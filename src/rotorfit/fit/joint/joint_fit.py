@@ -9,7 +9,7 @@ import numpy as np
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import SMALLEST_STEP, BandedEstimate
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse, estimated_response
 from rotorfit.fit.joint.informative_bands import select_informative_bands, select_slow_bands
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
@@ -36,7 +36,7 @@ class FittedFactors:
     """
 
     configurations: tuple[JointConfiguration, ...]
-    terms: tuple[Term, ...]
+    terms: tuple[str, ...]
     values: Mapping[str, float]
 
 
@@ -44,7 +44,7 @@ def joint_fit(
     dataset: Dataset,
     *,
     top: float = np.inf,
-    terms: Sequence[Term] = DEFAULT_TERMS,
+    terms: Sequence[str] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
     guess: Mapping[str, float] | None = None,
     known: Mapping[str, tuple[float, float]] | None = None,

@@ -12,18 +12,23 @@ from jaxtyping import Bool, Float
 
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.experiment.payload import MOMENTS, PointMass, added_moments, tolerances
 from rotorfit.fit.joint.closed_loop import NOMINAL_RESPONSE, ClosedLoopResponse
 from rotorfit.fit.joint.trims import UNSEEN, Scatter
-from rotorfit.model.parameters import DRAG, DRAG_MOMENTS, ROTORS_AIR, TURN_DAMPING
+from rotorfit.model.parameters import FIRST_MOMENTS
 from rotorfit.model.regressor import Regressor
+from rotorfit.model.terms.body import MASS
+from rotorfit.model.terms.registry import TERMS
+from rotorfit.model.terms.rotors import ROTOR_CENTER
+from rotorfit.model.terms.term import Move, Term
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.motor_timing import FreeTiming
 
-CROSS = {"x": (("y", "z", 1.0), ("z", "y", -1.0)),
-         "y": (("z", "x", 1.0), ("x", "z", -1.0)),
-         "z": (("x", "y", 1.0), ("y", "x", -1.0))}  # fmt: skip
+Free = dict[str, dict[tuple[int, str], float]]
+"""For each free parameter the entries of theta that it moves."""
+Products = dict[tuple[int, str], list[tuple[float, str, str]]]
+"""For each entry of theta its bilinear terms."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,78 +59,84 @@ class JointConfiguration:
 
 
 def joint_map(
-    configurations: Sequence[JointConfiguration], *, terms: Collection[Term] = DEFAULT_TERMS
+    configurations: Sequence[JointConfiguration], *, terms: Collection[str] = DEFAULT_TERMS
 ) -> ParameterMap:
     """Return the map from the free parameters to theta of every configuration."""
-    spread = spread_names(configurations[0].vehicle) if "rotor_spread" in terms else ()
-    everywhere = range(len(configurations))
-    shared = ("kt", "kd", "Jr") if "rotor_inertia" in terms else ("kt", "kd")
-    shared = (*shared, *(name for name in ("rotor_drag", *ROTORS_AIR) if name in terms))
-    free: dict[str, dict[tuple[int, str], float]] = {
-        name: {(c, name): 1.0 for c in everywhere} for name in shared
+    first = configurations[0]
+    used = [
+        term
+        for term in TERMS
+        if (term.when == "always" or term.name in terms) and term.stands_in(first.model.layout)
+    ]
+    every = range(len(configurations))
+    spread = spread_names(first.vehicle) if any(t.owner == "rotor" for t in used) else ()
+    free: Free = {
+        name: {(c, name): 1.0 for c in every}
+        for term in used
+        if term.owner == "shared"
+        for name in term.parameters
     }
     free |= {name: {} for name in dict.fromkeys(spread)}
-    timing = configurations[0].timing
-    free |= {name: {} for name in (() if timing is None else timing.names)}
+    free |= {name: {} for name in (() if first.timing is None else first.timing.names)}
     given: dict[tuple[int, str], float] = {}
-    products: dict[tuple[int, str], list[tuple[float, str, str]]] = {}
+    products: Products = {}
     for c, configuration in enumerate(configurations):
         given[c, "mass"] = configuration.mass
-        free |= _own_parameters(c, configuration) | _own_terms(c, configuration, terms)
-        products |= _rotor_terms(c, configuration, spread)
-        if "accel_bias" in terms:
-            products |= _bias_torque(c, configuration)
-        if "twist" in terms:
-            products[c, "kt_twist"] = [(1.0, "kt", f"twist@{configuration.name}")]
+        free |= _body(c, configuration)
+        products |= _spread_products(c, spread)
+        for term in _own_terms(used, configuration):
+            own, more = _entries(term, c, configuration)
+            free |= own
+            for entry, parts in more.items():
+                products[entry] = [*products.get(entry, ()), *parts]
     for c, configuration in enumerate(configurations):
         if configuration.payload_of is not None:
             added = added_moments(configuration.payload)
             given |= {(c, name): value for name, value in added.items()}
-            _link_payload(c, configuration, added, free)
+            _link_payload(c, configuration, added, free, used)
     return parameter_map(
-        configurations[0].model.names,
-        free,
-        given,
-        configurations=len(configurations),
-        products=products,
+        first.model.names, free, given, configurations=len(configurations), products=products
     )
 
 
-def _own_parameters(
-    c: int, configuration: JointConfiguration
-) -> dict[str, dict[tuple[int, str], float]]:
-    """Return the linear parameters of one configuration."""
+def _body(c: int, configuration: JointConfiguration) -> Free:
+    """Return the moments of one configuration's body, and the tolerances of its payload."""
     at = f"@{configuration.name}"
-    free: dict[str, dict[tuple[int, str], float]] = {}
+    free: Free = {}
     if configuration.payload_of is None:
         free |= {f"{name}{at}": {(c, name): 1.0} for name in MOMENTS}
     for name, _, effect in tolerances(configuration.payload):
         free[f"{name}{at}"] = {(c, moment): factor for moment, factor in effect.items()}
-    if configuration.vehicle.imu_position is None:
-        free |= {f"rotor_center_{axis}{at}": {} for axis in "xy"}
     return free
 
 
-def _own_terms(
-    c: int, configuration: JointConfiguration, terms: Collection[Term]
-) -> dict[str, dict[tuple[int, str], float]]:
-    """Return the parameters of the optional terms that each configuration has for itself."""
+def _own_terms(used: Sequence[Term], configuration: JointConfiguration) -> list[Term]:
+    """Return the terms of which each configuration has its own parameters, besides its body."""
+    centre = [ROTOR_CENTER] if configuration.vehicle.imu_position is None else []
+    return centre + [t for t in used if t.owner == "configuration" and t.when != "always"]
+
+
+def _entries(term: Term, c: int, configuration: JointConfiguration) -> tuple[Free, Products]:
+    """Return a term's parameters of one configuration with the entries of theta that they move."""
     at = f"@{configuration.name}"
-    free: dict[str, dict[tuple[int, str], float]] = {}
-    if "accel_bias" in terms:
-        mass = configuration.mass
-        free |= {f"accel_bias_{axis}{at}": {(c, f"F{axis}_0"): mass} for axis in "xyz"}
-    if "twist" in terms:
-        free[f"twist{at}"] = {}
-    if "climb_drag" in terms and "climb" in configuration.model.layout:
-        free[f"climb_drag{at}"] = {(c, "climb_drag"): 1.0}
-    if "drag" in terms:
-        free |= {f"{name}{at}": {(c, name): 1.0} for name in (*DRAG, *DRAG_MOMENTS)}
-    if "turn_damping" in terms:
-        free |= {f"{name}{at}": {(c, name): 1.0} for name in TURN_DAMPING}
-    if "torque_offset" in terms:
-        free |= {f"torque_offset_{axis}{at}": {(c, f"M{axis}_0"): 1.0} for axis in "xyz"}
-    return free
+    free: Free = {f"{name}{at}": {} for name in term.parameters}
+    products: Products = {}
+    for move in term.every_move:
+        own = f"{move.parameter}{at}"
+        if move.times is None:
+            free[own][c, move.entry] = move.factor
+        elif move.times in MASS.parameters:
+            free[own][c, move.entry] = configuration.mass * move.factor
+        else:
+            other = _free_name(move, configuration)
+            products.setdefault((c, move.entry), []).append((move.factor, other, own))
+    return free, products
+
+
+def _free_name(move: Move, configuration: JointConfiguration) -> str:
+    """Return the free parameter that a move is times: shared, or of the body under a payload."""
+    body = configuration.payload_of or configuration.name
+    return f"{move.times}@{body}" if move.times in MOMENTS else str(move.times)
 
 
 def spread_names(vehicle: Vehicle) -> tuple[str, ...]:
@@ -142,44 +153,24 @@ def _link_payload(
     c: int,
     configuration: JointConfiguration,
     added: Mapping[str, float],
-    free: dict[str, dict[tuple[int, str], float]],
+    free: Free,
+    used: Sequence[Term],
 ) -> None:
     """Let the body's parameters move a second configuration too, which is it plus a payload."""
     for name in MOMENTS:
         free[f"{name}@{configuration.payload_of}"][c, name] = 1.0
     # ms x b with ms = ms of the bare body + what the payload adds: the second part is linear.
-    for axis, pairs in CROSS.items():
-        for first, second, sign in pairs:
-            bias = f"accel_bias_{second}@{configuration.name}"
-            if bias in free:
-                free[bias][c, f"M{axis}_0"] = sign * added[f"ms{first}"]
+    for term in _own_terms(used, configuration):
+        for move in term.every_move:
+            if move.times in FIRST_MOMENTS:
+                own = f"{move.parameter}@{configuration.name}"
+                free[own][c, move.entry] = move.factor * added[move.times]
 
 
-def _bias_torque(
-    c: int, configuration: JointConfiguration
-) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
-    """Return ms x b: what the bias does in the moment rows, ms x (alpha - b)."""
-    at = f"@{configuration.name}"
-    body = f"@{configuration.payload_of or configuration.name}"
-    return {
-        (c, f"M{axis}_0"): [
-            (sign, f"ms{first}{body}", f"accel_bias_{second}{at}") for first, second, sign in pairs
-        ]
-        for axis, pairs in CROSS.items()
-    }
-
-
-def _rotor_terms(
-    c: int, configuration: JointConfiguration, spread: Sequence[str]
-) -> dict[tuple[int, str], list[tuple[float, str, str]]]:
-    """Return k_t times the spread of each rotor (over all rotors zero) and times the centre."""
+def _spread_products(c: int, spread: Sequence[str]) -> Products:
+    """Return k_t times the spread of each rotor, which is zero over all rotors."""
     mean = {name: spread.count(name) / len(spread) for name in spread}
-    terms: dict[tuple[int, str], list[tuple[float, str, str]]] = {
+    return {
         (c, f"kt_{i}"): [(float(name == own) - share, "kt", name) for name, share in mean.items()]
         for i, own in enumerate(spread, start=1)
     }
-    if configuration.vehicle.imu_position is None:
-        at = f"@{configuration.name}"
-        for axis in "xy":
-            terms[c, f"kt_rotor_center_{axis}"] = [(1.0, "kt", f"rotor_center_{axis}{at}")]
-    return terms

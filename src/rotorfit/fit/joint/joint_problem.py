@@ -24,7 +24,7 @@ from rotorfit.estimation.banded import (
 from rotorfit.estimation.factors import of_even_rows
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.estimation.parameter_map import ParameterMap
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.experiment.payload import tolerances
 from rotorfit.fit.joint.joint_map import JointConfiguration as JointConfiguration
 from rotorfit.fit.joint.joint_map import joint_map
@@ -38,9 +38,10 @@ from rotorfit.fit.rows.row_fits import (
     RowFits,
     fit_rows,
 )
-from rotorfit.model.parameters import ACCEL_BIAS_STD, DRAG_MOMENTS, MOUNTING_STD, TURN_DAMPING
+from rotorfit.model.terms.registry import TERMS
+from rotorfit.model.terms.rotors import spread_std
+from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
@@ -58,40 +59,9 @@ YAW_BANDWIDTH = 3.0
 SLOW_YAW = 0.3
 """[Hz] up to which that is taken for granted: each autopilot answers there. What it does further up
 hangs on its gains, on filters and on the rotors' reaction."""
-BIAS_STD = {"x": MOUNTING_STD, "y": MOUNTING_STD, "z": ACCEL_BIAS_STD}
-"""Known of a calibrated accelerometer before the flight [m/s^2]; sideways, three degrees between
-IMU and rotor plane look the same."""
-ROTOR_SPREAD_STD = 0.04
-"""Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
-2 %, one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
-GROUP_SPREAD_STD = 0.1
-"""Thrust coefficients of groups that the user tells apart differ by about this share: lower rotors
-in the wake of upper ones, other propellers."""
-TWIST_STD = np.radians(2.0)
-"""Known of the motors' mean tilt about their arms before the flight [rad]."""
-ROTOR_DRAG_STD = 0.3
-"""The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
-0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
-CLIMB_DRAG_STD = 0.5
-"""Known of what the air does against a climb before the flight, over mass and velocity [1/s]: drag
-of the frame and thrust that the rotors lose."""
-DRAG_STD = 0.3
-"""Known of the torque of drag before the flight: that of drag of this size over mass and velocity
-[1/s] at the end of an arm."""
-DAMPING_STD = 0.3
-"""Known of the damping of a turn before the flight: that of drag of this size over mass and
-velocity [1/s] at the end of an arm, over its rate."""
-INFLOW_STD = 1.0
-"""Known of the thrust that a climb costs: of this size over mass and velocity [1/s], a tenth of the
-weight in a climb of 1 m/s."""
-LIFT_STD = 0.05
-"""Known of the thrust that sideways velocity brings: over mass and squared velocity [1/m], a tenth
-of the weight at 4 m/s."""
 PUSHED_STD = 1.0
 """Known of how far an acceleration from without, over the arm, turns a vehicle: of a body whose
 radius of gyration is half its arm, pushed a quarter of an arm beside its centre of mass."""
-OFFSET_STD = 0.05
-"""Known of a constant torque, as a share of the weight at the end of an arm."""
 
 
 def joint_estimate(
@@ -99,7 +69,7 @@ def joint_estimate(
     starts: Sequence[RowFits],
     *,
     known: Mapping[str, tuple[float, float]] | None = None,
-    terms: Collection[Term] = DEFAULT_TERMS,
+    terms: Collection[str] = DEFAULT_TERMS,
     begin: Mapping[str, float] | None = None,
     close: float = SMALLEST_STEP,
 ) -> BandedEstimate:
@@ -172,7 +142,7 @@ def joint_problem(
     configurations: Sequence[JointConfiguration],
     *,
     known: Mapping[str, tuple[float, float]] | None = None,
-    terms: Collection[Term] = DEFAULT_TERMS,
+    terms: Collection[str] = DEFAULT_TERMS,
     of_many: bool = False,
 ) -> BandedProblem:
     """Return the problem that `joint_estimate` solves: a theta for each of `separate_flights`.
@@ -318,49 +288,43 @@ def _mixed(
 
 
 def joint_prior(configurations: Sequence[JointConfiguration]) -> dict[str, float]:
-    """Return the deviations of free parameters that are known before the flight, about zero."""
-    prior = {
-        f"spread_{i}": ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
-        for i, rotor in enumerate(configurations[0].vehicle.rotors, start=1)
-    }
+    """Return the deviations of free parameters that are known before the flight, about zero.
+
+    Of shared parameters, whose sizes go with the rotors' speeds, only where something was flown.
+    """
     first = configurations[0]
+    prior = {f"spread_{i}": spread_std(r) for i, r in enumerate(first.vehicle.rotors, start=1)}
     if len(first.factors):
-        speeds = float(rotor_speeds(first).sum())
-        prior["rotor_drag"] = rotor_drag_std(first.mass, speeds)
-        prior["inflow"] = INFLOW_STD * first.mass / speeds
-        prior["translational_lift"] = LIFT_STD * first.mass
+        prior |= _known_before("shared", size_of(first))
     for configuration in configurations:
-        at, arm = f"@{configuration.name}", configuration.vehicle.arm
-        prior |= {f"accel_bias_{axis}{at}": std for axis, std in BIAS_STD.items()}
-        prior[f"climb_drag{at}"] = CLIMB_DRAG_STD * configuration.mass
-        prior[f"twist{at}"] = TWIST_STD * arm
-        offset = OFFSET_STD * configuration.mass * GRAVITY * arm
-        prior |= {f"torque_offset_{axis}{at}": offset for axis in "xyz"}
-        damping = DAMPING_STD * configuration.mass * arm**2
-        prior |= {f"{name}{at}": damping for name in TURN_DAMPING}
-        # A velocity that hardly changes looks like a CoM elsewhere: this much, and no more.
-        moment = DRAG_STD * configuration.mass * arm
-        prior |= {f"{name}{at}": moment for name in DRAG_MOMENTS}
+        at, size = f"@{configuration.name}", size_of(configuration)
+        own = _known_before("configuration", size)
+        prior |= {f"{name}{at}": std for name, std in own.items()}
         prior |= {f"{name}{at}": std for name, std, _ in tolerances(configuration.payload)}
     return prior
+
+
+def _known_before(owner: str, size: Size) -> dict[str, float]:
+    """Return the deviations before the flight of the parameters that belong to all, or to one."""
+    return {
+        name: info.prior(size)
+        for term in TERMS
+        if term.owner == owner
+        for name, info in term.parameters.items()
+        if info.prior is not None
+    }
+
+
+def size_of(configuration: JointConfiguration) -> Size:
+    """Return how large a vehicle is, and how fast its rotors turn where something was flown."""
+    flown = len(configuration.factors) > 0
+    speeds = float(rotor_speeds(configuration).sum()) if flown else np.nan
+    return Size(mass=configuration.mass, arm=configuration.vehicle.arm, speeds=speeds)
 
 
 def error_correlation_std(vehicle: Vehicle) -> float:
     """Return what is known beforehand of the turn that comes with a push [(rad/s^2) / (m/s^2)]."""
     return PUSHED_STD / vehicle.arm
-
-
-def rotor_drag_std(mass: float, speeds: float) -> float:
-    """Return what is known of the rotors' drag before the flight [N s^2/(m rad)].
-
-    Parameters
-    ----------
-    mass
-        [kg]
-    speeds
-        Of all rotors together [rad/s].
-    """
-    return ROTOR_DRAG_STD * mass / speeds
 
 
 def rotor_speeds(configuration: JointConfiguration) -> Float[np.ndarray, " N"]:

@@ -11,21 +11,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.errors import UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, normal_equations
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.experiment.model_terms import (
-    ADDED_TERMS,
-    DEFAULT_TERMS,
-    OF_VELOCITY,
-    TERM_WORDS,
-    Term,
-)
-from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem, rotor_speeds
-from rotorfit.model.parameters import DRAG, TURN_DAMPING
-from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
+from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_problem, size_of
+from rotorfit.model.terms.registry import BY_LIKELIHOOD, OPTIONAL, terms_named
+from rotorfit.model.terms.term import Term
 
 LEAST_GAIN = 50.0
 """Of the log-likelihood, per configuration, for which a term enters. Of chance alone the three
@@ -34,13 +27,9 @@ gusts, which the autopilot answers, make up to 23 on simulated flights without t
 and pulses up to 40 on real ones, where flights of the same vehicle contradict one another. Drag
 that spoils anything gains over 100."""
 SURE = 4.0
-"""Deviations by which drag to a side must be more than none: a height controller that answers gusts
-looks like drag along z."""
+"""Deviations by which what brakes must be more than none."""
 LIKELY = 2.0
-"""Deviations by which drag along the thrust may be less than none by chance."""
-LEAST_SHARE = 1e-3
-"""Of the weight, that a term must make, at 1 m/s or at the end of an arm: flights without noise
-show what is of no account."""
+"""Deviations by which what brakes may be less than none by chance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +46,8 @@ class Choice:
         For which they were added; None where the user chose.
     """
 
-    terms: tuple[Term, ...]
-    gains: dict[Term, float] = dataclasses.field(default_factory=dict[Term, float])
+    terms: tuple[str, ...]
+    gains: dict[str, float] = dataclasses.field(default_factory=dict[str, float])
     least_gain: float | None = None
 
     @property
@@ -78,25 +67,26 @@ class Choice:
     @property
     def sentences(self) -> tuple[str, ...]:
         """Say of each term that was added, why."""
+        words = {term.name: term.words for term in OPTIONAL}
         return tuple(
-            f"the model includes {TERM_WORDS[name]} ({name}): it raises the log-likelihood by "
+            f"the model includes {words[name]} ({name}): it raises the log-likelihood by "
             f"{gain:.0f} ({self.least_gain:.0f} needed)"
             for name, gain in self.gains.items()
             if name in self.terms
         )
 
 
-Refit = Callable[[Sequence[Term], BandedEstimate], BandedEstimate]
+Refit = Callable[[Sequence[str], BandedEstimate], BandedEstimate]
 """The fit with other terms, begun at a fit."""
 
 
 def chosen(
-    terms: Sequence[Term] | None,
+    terms: Sequence[str] | None,
     fit: BandedEstimate,
     joint: Sequence[JointConfiguration],
     *,
     refit: Refit,
-    present: tuple[Term, ...] = DEFAULT_TERMS,
+    present: tuple[str, ...] = DEFAULT_TERMS,
 ) -> tuple[Choice, BandedEstimate]:
     """Return the terms of the model and the fit with them.
 
@@ -115,19 +105,20 @@ def chosen(
     """
     if terms is not None:
         return Choice(terms=tuple(terms)), fit
-    if _pushes(fit, joint):
-        with suppress(UnsettledError):
-            without: tuple[Term, ...] = tuple(t for t in present if t != "climb_drag")
-            present, fit = without, refit(without, fit)
-    gains: dict[Term, float] = {}
+    for term in terms_named(present):
+        if term.one_sided and _drives(term, fit, joint):
+            with suppress(UnsettledError):
+                without = tuple(name for name in present if name != term.name)
+                present, fit = without, refit(without, fit)
+    gains: dict[str, float] = {}
     least = LEAST_GAIN * len(joint)
-    known = "vx" in joint[0].model.layout
-    open_terms: list[Term] = [name for name in ADDED_TERMS if known or name not in OF_VELOCITY]
+    layout = joint[0].model.layout
+    open_terms = [term.name for term in BY_LIKELIHOOD if term.stands_in(layout)]
     while open_terms:
         # The one first that explains most: what is left for another is then its own.
         for one in open_terms:
             gains[one] = expected_gain(fit, joint, (*present, one))
-        name: Term = max(open_terms, key=gains.__getitem__)
+        name = max(open_terms, key=gains.__getitem__)
         if gains[name] < 0.5 * least:
             break
         open_terms.remove(name)
@@ -137,54 +128,39 @@ def chosen(
         except UnsettledError:
             continue  # the flights cannot tell it from the other terms
         gains[name] = trial.log_likelihood - fit.log_likelihood
-        if gains[name] >= least and _matters(name, trial, joint):
+        if gains[name] >= least and matters(name, trial, joint):
             present, fit = wider, trial
     return Choice(terms=present, gains=gains, least_gain=least), fit
 
 
-def _pushes(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
-    """Return whether what should brake a climb surely drives it: then it is not the air."""
-    names = [f"climb_drag@{c.name}" for c in joint]
+def _drives(term: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
+    """Return whether what should brake surely drives in every configuration: no air does that."""
+    names = [f"{name}@{c.name}" for c in joint for name in term.parameters]
     if not set(names) <= set(fit.estimate.names):
         return False
     at = [fit.estimate.names.index(name) for name in names]
     return bool((fit.estimate.values[at] < -LIKELY * fit.estimate.std[at]).all())
 
 
-def _matters(name: Term, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
+def matters(name: str, fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> bool:
     """Return whether a term is more than a trace in some configuration, and of the air a brake."""
-    at = {n: i for i, n in enumerate(fit.estimate.names)}
-
-    def of(*names: str) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        places = [at[n] for n in names]
-        return fit.estimate.values[places], SURE * fit.estimate.std[places]
-
+    (term,) = terms_named([name])
+    rule = term.significance
+    assert rule is not None
     for c in joint:
-        weight = LEAST_SHARE * c.mass * GRAVITY
-        trace, own = weight * c.vehicle.arm, f"@{c.name}"
-        match name:
-            case "drag":
-                size, sure = of(*(f"{n}{own}" for n in DRAG[:2]))
-                found = (size > np.maximum(sure, weight)).any()
-            case "turn_damping":
-                size, sure = of(*(f"{n}{own}" for n in TURN_DAMPING))
-                found = (size > np.maximum(sure, trace)).any()
-            case "inflow":
-                size, sure = of("inflow")
-                found = (size > np.maximum(sure, weight / rotor_speeds(c).sum())).all()
-            case "translational_lift":
-                size, sure = of("translational_lift")
-                found = (size > np.maximum(sure, weight)).all()
-            case _:
-                size, _ = of(*(f"{name}_{axis}{own}" for axis in "xyz"))
-                found = abs(size).max() > trace
-        if found:
+        own = "" if term.owner == "shared" else f"@{c.name}"
+        at = [fit.estimate.names.index(f"{n}{own}") for n in rule.parameters]
+        size, sure = fit.estimate.values[at], SURE * fit.estimate.std[at]
+        least = rule.least(size_of(c))
+        if not rule.brakes:
+            size, sure = np.abs(size), np.zeros(len(at))
+        if (size > np.maximum(sure, least)).any():
             return True
     return False
 
 
 def expected_gain(
-    fit: BandedEstimate, joint: Sequence[JointConfiguration], terms: Sequence[Term]
+    fit: BandedEstimate, joint: Sequence[JointConfiguration], terms: Sequence[str]
 ) -> float:
     """Return by how much the log-likelihood would rise with these terms, to second order."""
     problem = joint_problem(joint, terms=terms)

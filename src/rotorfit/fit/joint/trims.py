@@ -17,14 +17,14 @@ from jaxtyping import Bool, Float
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, Product
-from rotorfit.model.parameters import INERTIA, inertia_about
+from rotorfit.model.parameters import INERTIA, PARAMETERS, inertia_about
 
 ENOUGH_FLIGHTS: Final = 5
 """Of one configuration, from which their scatter tells its own size."""
 TRIM: Final = "trim_"
-MOVED: Final = ("msx", "msy")
+MOVED: Final = tuple(n for n, info in PARAMETERS.items() if info.between_flights == "moves")
 """First moments that a flight has for itself: the height of the CoM hardly makes a torque."""
-AIR: Final = ("kt", "kd")
+AIR: Final = tuple(n for n, info in PARAMETERS.items() if info.between_flights == "air")
 """Coefficients in proportion to the density of the air."""
 OWN: Final = (*MOVED, "air")
 """What a flight has for itself."""

@@ -30,8 +30,8 @@ from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.factors import Factors
 from rotorfit.estimation.parameter_map import ParameterMap, parameter_map
 from rotorfit.estimation.reweighted import BandedFit, reweighted, scatter_covariance
-from rotorfit.model.parameters import ACCEL_BIAS_STD, MOUNTING_STD
 from rotorfit.model.regressor import Regressor
+from rotorfit.model.terms.body import ACCEL_BIAS_STD, MOUNTING_STD
 from rotorfit.reduction.frequency_bands import PILOT_BAND, excited_bands
 
 ROWS = ("force", "roll", "pitch", "yaw")

@@ -14,18 +14,16 @@ from jaxtyping import Float
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.fit.intervals.excitation import attenuation_allowance
 from rotorfit.fit.intervals.numbers import (
-    PRODUCTS,
     Numbers,
     correlation_of,
     hover_speed,
-    moments_beside,
-    plain_scale,
-    product_scale,
     quadrature,
+    relevant_size,
     t_half_width,
 )
 from rotorfit.fit.rows.row_fits import ROWS, RowFits
-from rotorfit.model.parameters import DERIVED, INERTIA, PARAMETERS, inertia_about
+from rotorfit.model.parameters import EVERY, INERTIA, inertia_about
+from rotorfit.model.terms.term import Size
 from rotorfit.model.vehicle import Vehicle
 
 MOST_DRAG = 0.03
@@ -157,7 +155,7 @@ def _systematic(
         if rho is not None:
             size = max(value, number_scale(numbers, name, mass=mass, arm=vehicle.arm))
             parts.append(attenuation_allowance(name, size, rho, answered=False))
-        if (PARAMETERS | DERIVED)[name].mass_power:
+        if EVERY[name].mass_power:
             parts.append(weighed * value)
         result[i] = quadrature(parts)
     return result
@@ -165,11 +163,7 @@ def _systematic(
 
 def number_scale(numbers: Numbers, name: str, *, mass: float, arm: float) -> float:
     """Return the size of a number below which its relative error does not matter."""
-    base = name.removesuffix("_com")
-    if base not in PRODUCTS:
-        return plain_scale(base, mass=mass, arm=arm)
-    Ixx, Iyy = (abs(numbers.number(f"{moment}_com")[0]) for moment in ("Ixx", "Iyy"))
+    known = dict(zip(numbers.names, numbers.values.tolist(), strict=True))
+    Ixx, Iyy = (abs(known.get(f"{moment}_com", np.nan)) for moment in ("Ixx", "Iyy"))
     # The rows do not give Izz; of flat bodies it is the sum of the others.
-    moments = {"Ixx": Ixx, "Iyy": Iyy, "Izz": Ixx + Iyy}
-    one, other = (moments[moment] for moment in moments_beside(base))
-    return product_scale(one, other)
+    return relevant_size(name, Size(mass=mass, arm=arm, moments=(Ixx, Iyy, Ixx + Iyy)))

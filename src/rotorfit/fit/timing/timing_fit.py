@@ -20,11 +20,12 @@ from jaxtyping import Float
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import EstimationError, UnsettledError
 from rotorfit.estimation.banded import BandedEstimate, response_sensitivity
-from rotorfit.experiment.model_terms import DEFAULT_TERMS, Term
+from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.intervals.joint_numbers import formal_covariance, random_half_width
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.timing.onboard_filter import shape_fault
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
+from rotorfit.model.terms.registry import DEFAULT
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import (
     LARGEST_SKEW,
@@ -68,7 +69,7 @@ LOST: Final = 1.0
 """A fit that moves a time further has lost the motion: its slopes hold for some 20 ms [s]."""
 HOLD_FAULT: Final = 0.25
 """Of a sample: half of the half-sample that lies between the two ways a command may have held."""
-FEWEST_TERMS: Final[tuple[Term, ...]] = ("accel_bias",)
+FEWEST_TERMS: Final = tuple(term.name for term in DEFAULT if term.dropped is None)
 
 
 def find_timing(dataset: Dataset, *, lag: bool = True) -> MotorTiming | None:
@@ -93,7 +94,7 @@ def find_timing(dataset: Dataset, *, lag: bool = True) -> MotorTiming | None:
     return _unidentifiable(dataset, delay_free="delay" in unknown) if "lag" in unknown else None
 
 
-def timed_again(dataset: Dataset, terms: Sequence[Term]) -> Dataset:
+def timed_again(dataset: Dataset, terms: Sequence[str]) -> Dataset:
     """Return the flights at the timing that other terms of the model ask for.
 
     Damping of the turns that the model lacks makes the motors look quick. Where the fit does not
@@ -112,7 +113,7 @@ def timed_again(dataset: Dataset, terms: Sequence[Term]) -> Dataset:
 
 
 def _fitted(
-    dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+    dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> MotorTiming | None:
     begun, first = _begun(dataset, start, names, terms)
     timed, fit = _settled(begun, terms, first)
@@ -135,7 +136,7 @@ def _fitted(
 
 
 def _begun(
-    dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[Term, ...]
+    dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> tuple[Dataset, BandedEstimate]:
     """Return the first fit; of many flights, near where the liveliest few of them settle."""
     few, guess = liveliest(dataset), None
@@ -160,7 +161,7 @@ def _begun(
 
 def _settled(
     dataset: Dataset,
-    terms: tuple[Term, ...],
+    terms: tuple[str, ...],
     fit: BandedEstimate | None = None,
     *,
     skew: bool = True,
@@ -209,7 +210,7 @@ def _moved(free: FreeTiming, fit: BandedEstimate) -> MotorResponse:
 
 
 def _with_skew(
-    dataset: Dataset, fit: BandedEstimate, terms: tuple[Term, ...]
+    dataset: Dataset, fit: BandedEstimate, terms: tuple[str, ...]
 ) -> tuple[Dataset, BandedEstimate]:
     """Return the fit with a lag for rising and one for falling speed, if it gains enough."""
     free, found = dataset.free_timing, dataset.motor_timing

@@ -1,0 +1,78 @@
+"""Every term of the model, in the order of the experiment file.
+
+A new effect is a `Term` in `body.py`, `rotors.py` or `air.py`, named here. Sums over parameters
+and the columns of the signals go in this order: a new one stands last.
+"""
+
+from collections.abc import Collection
+from typing import Final
+
+from rotorfit.model.signals import AddedSignals, SignalLayout
+from rotorfit.model.terms.air import CLIMB_DRAG, DRAG, INFLOW, TRANSLATIONAL_LIFT, TURN_DAMPING
+from rotorfit.model.terms.body import ACCEL_BIAS, FIRST_MOMENTS, INERTIA, MASS, TORQUE_OFFSET
+from rotorfit.model.terms.rotors import (
+    LINEAR_DRAG_TORQUE,
+    ROTOR_CENTER,
+    ROTOR_DRAG,
+    ROTOR_INERTIA,
+    ROTOR_SPREAD,
+    THRUST,
+    TORQUE,
+    TWIST,
+)
+from rotorfit.model.terms.term import Term
+
+TERMS: Final[tuple[Term, ...]] = (
+    *(MASS, FIRST_MOMENTS, INERTIA, THRUST, TORQUE),
+    *(ROTOR_INERTIA, ROTOR_SPREAD, ACCEL_BIAS, ROTOR_CENTER, TWIST, ROTOR_DRAG, CLIMB_DRAG),
+    *(DRAG, TURN_DAMPING, INFLOW, TRANSLATIONAL_LIFT, TORQUE_OFFSET, LINEAR_DRAG_TORQUE),
+)
+OPTIONAL: Final = tuple(term for term in TERMS if term.when != "always")
+DEFAULT: Final = tuple(term for term in OPTIONAL if term.when == "default")
+BY_LIKELIHOOD: Final = tuple(term for term in OPTIONAL if term.when == "likelihood")
+DROPPED: Final = tuple(
+    sorted((t for t in DEFAULT if t.dropped is not None), key=lambda t: t.dropped or 0)
+)
+"""Left out one after the other where a fit does not settle."""
+
+
+def terms_named(names: Collection[str]) -> tuple[Term, ...]:
+    """Return the optional terms of these names, in the order of the model."""
+    return tuple(term for term in OPTIONAL if term.name in names)
+
+
+def considered_terms(asked: Collection[str] | None, *, velocity: bool, felt: bool) -> list[str]:
+    """Return the optional terms whose signals a fit needs.
+
+    Parameters
+    ----------
+    asked
+        As the user chose; None for the default ones, and what the flights ask for.
+    velocity
+        Whether the velocity is known and wanted: all its terms share the same signals.
+    felt
+        Whether accelerometer and gyro feel the climb, which serves where nothing tells more.
+    """
+    usual = [t.name for t in DEFAULT] if asked is None else asked
+    met: dict[str | None, bool] = {"velocity": velocity, "climb": felt and not velocity}
+    return [
+        t.name
+        for t in OPTIONAL
+        if (t.needs == "velocity" and velocity) or (t.name in usual and met.get(t.needs, True))
+    ]
+
+
+def added_signals(names: Collection[str]) -> tuple[AddedSignals, ...]:
+    """Return the signals that these terms add to a layout, each once."""
+    return tuple(dict.fromkeys(s for term in terms_named(names) for s in term.signals))
+
+
+def signals_named(names: Collection[str]) -> tuple[AddedSignals, ...]:
+    """Return added signals by their names."""
+    every = dict.fromkeys(signals for term in TERMS for signals in term.signals)
+    return tuple(signals for signals in every if signals.name in names)
+
+
+def terms_in(layout: SignalLayout) -> tuple[Term, ...]:
+    """Return all terms whose signals are in a layout."""
+    return tuple(term for term in TERMS if term.stands_in(layout))

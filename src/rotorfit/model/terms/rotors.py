@@ -1,0 +1,291 @@
+"""Terms of the rotors: thrust, torques about their axes, where they sit and how they are tilted."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.model.signals import AddedSignals, SignalLayout, aligned
+from rotorfit.model.terms.term import (
+    MX,
+    MY,
+    MZ,
+    Block,
+    Move,
+    ParameterInfo,
+    Significance,
+    Size,
+    Term,
+    block,
+)
+from rotorfit.model.vehicle import Rotor, Vehicle
+from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.preprocessing.flight_data import FlightData
+
+MOST_ROTORS: Final = 16
+ROTOR_SPREAD_STD: Final = 0.04
+"""Thrust coefficients of one vehicle's rotors differ by about this share: new propellers by 1 or
+2 %, one rotor of a 3-inch quadrotor by 7 % in flight after flight."""
+GROUP_SPREAD_STD: Final = 0.1
+"""Thrust coefficients of groups that the user tells apart differ by about this share: lower rotors
+in the wake of upper ones, other propellers."""
+TWIST_STD: Final = np.radians(2.0)
+"""Known of the motors' mean tilt about their arms before the flight [rad]."""
+ROTOR_DRAG_STD: Final = 0.3
+"""The rotors' drag over mass and velocity is of this size before the flight [1/s]: 0.54 forward and
+0.39 sideways of a racing quadrotor (Faessler, Franchi and Scaramuzza 2018)."""
+
+LINEAR_TORQUE_STD: Final = 0.03
+"""Known of the drag torque in proportion to speed before the flight: all rotors in hover, as a
+share of the weight at the end of an arm. It is a third of a usual drag torque, which is a tenth of
+that. On 25 flights of a 3-inch quadrotor the torque went with the speed to the power of 1.7: a
+share of 0.3."""
+
+
+def rotor_thrust(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Thrust k_t O^2 n_i at r_i: one coefficient for all rotors, and one of each rotor's own."""
+    blocks: dict[str, Block] = {"kt": block(layout, {})}
+    n = vehicle.axes
+    wrenches = -np.concatenate([n, np.cross(vehicle.positions, n)], axis=1)
+    for i, wrench in enumerate(wrenches):
+        own = block(layout, {})
+        own[:, layout.index(f"O2_{i + 1}")] = wrench
+        blocks[f"kt_{i + 1}"] = own
+        blocks["kt"] = blocks["kt"] + own
+    return blocks
+
+
+def rotor_torque(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Drag torque -s_i k_d O^2 n_i."""
+    out = block(layout, {})
+    for i, (s, n) in enumerate(zip(vehicle.spins, vehicle.axes, strict=True)):
+        out[MX:, layout.index(f"O2_{i + 1}")] = s * n
+    return {"kd": out}
+
+
+def rotor_inertia(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Spin-up reaction and gyroscopic torque -J_r (dH/dt + w x H)."""
+    del vehicle
+    out = block(layout, {})
+    for row, axis in ((MX, "x"), (MY, "y"), (MZ, "z")):
+        for name in (f"dH{axis}", f"wxH_{axis}"):
+            if name in layout:
+                out[row, layout.index(name)] = 1.0
+    return {"Jr": out}
+
+
+def rotor_center(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Rotors displaced together by t: torque t x thrust, parameters k_t t_x, k_t t_y, k_t t_z."""
+    blocks: dict[str, Block] = {}
+    columns = [layout.index(f"O2_{i + 1}") for i in range(len(vehicle.rotors))]
+    for axis, direction in zip("xyz", np.eye(3), strict=True):
+        out = block(layout, {})
+        out[MX:, columns] = -np.cross(direction, vehicle.axes).T
+        blocks[f"kt_rotor_center_{axis}"] = out
+    return blocks
+
+
+def twist(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Rotors tilted about their arms: yaw torque k_t twist sum O^2, parameter k_t times twist."""
+    out = block(layout, {})
+    for i in range(len(vehicle.rotors)):
+        out[MZ, layout.index(f"O2_{i + 1}")] = -1.0
+    return {"kt_twist": out}
+
+
+def rotor_drag(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Yaw torque -c w_z sum O_i (x_i^2 + y_i^2) of rotors that a turn carries through the air."""
+    del vehicle
+    return {"rotor_drag": block(layout, {(MZ, "wzO"): 1.0})}
+
+
+def linear_torque(vehicle: Vehicle, layout: SignalLayout) -> dict[str, Block]:
+    """Drag torque -s_i k_l O_i n_i in proportion to speed, as at low Reynolds numbers."""
+    del vehicle
+    entries = {
+        (row, f"sO_{axis}"): 1.0
+        for row, axis in ((MX, "x"), (MY, "y"), (MZ, "z"))
+        if f"sO_{axis}" in layout
+    }
+    return {"kd_linear": block(layout, entries)}
+
+
+def spin_names(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the components of sum s_i O_i n_i that do not vanish."""
+    return ("sO_z",) if aligned(vehicle) else ("sO_x", "sO_y", "sO_z")
+
+
+def spin_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[np.ndarray, "n k"]:
+    """Return sum s_i O_i n_i, speeds along the axes that the rotors spin about [rad/s]."""
+    axes = vehicle.spins[:, None] * vehicle.axes
+    return flight.rotor_speed[rows] @ (axes[:, 2:] if aligned(vehicle) else axes)
+
+
+SPIN: Final = AddedSignals(name="spin", names=spin_names, of_rotors=spin_columns)
+
+
+def rotor_drag_std(size: Size) -> float:
+    """Return what is known of the rotors' drag before the flight [N s^2/(m rad)]."""
+    return ROTOR_DRAG_STD * size.mass / size.speeds
+
+
+def spread_std(rotor: Rotor) -> float:
+    """Return what is known of a rotor's own share of k_t before the flight."""
+    return ROTOR_SPREAD_STD if rotor.group is None else GROUP_SPREAD_STD
+
+
+def _thrust(rotor: str) -> ParameterInfo:
+    return ParameterInfo(
+        "N s^2/rad^2",
+        1,
+        f"thrust coefficient of {rotor}",
+        title=f"Thrust coefficient of {rotor}",
+        effective_unit="N per squared command",
+    )
+
+
+THRUST: Final = Term(
+    name="thrust",
+    parameters={"kt": replace(_thrust("a rotor"), between_flights="air")},
+    owner="shared",
+    entries=rotor_thrust,
+)
+TORQUE: Final = Term(
+    name="torque",
+    parameters={
+        "kd": ParameterInfo(
+            "N m s^2/rad^2",
+            1,
+            "drag torque coefficient of a rotor",
+            title="Drag torque coefficient of a rotor",
+            effective_unit="N m per squared command",
+            motion="yaw",
+            on_yaw_scale=True,
+            between_flights="air",
+        )
+    },
+    owner="shared",
+    entries=rotor_torque,
+)
+ROTOR_INERTIA: Final = Term(
+    name="rotor_inertia",
+    words="the spin inertia of the rotors (Jr)",
+    when="default",
+    parameters={
+        "Jr": ParameterInfo(
+            "kg m^2",
+            1,
+            "spin inertia of a rotor with its motor bell",
+            title="Spin inertia of a rotor",
+            effective_unit="N m s per command",
+            motion="yaw",
+            on_yaw_scale=True,
+            relevant=lambda s: abs(s.moments[2]) / 1000.0,
+        )
+    },
+    owner="shared",
+    entries=rotor_inertia,
+    dropped=3,
+)
+ROTOR_SPREAD: Final = Term(
+    name="rotor_spread",
+    words="a thrust coefficient of each rotor's own (kt_1, kt_2, ...)",
+    when="default",
+    parameters={f"kt_{i}": _thrust(f"rotor {i}") for i in range(1, MOST_ROTORS + 1)},
+    owner="rotor",
+    dropped=4,
+)
+ROTOR_CENTER: Final = Term(
+    name="rotor_center",
+    parameters={
+        f"rotor_center_{axis}": ParameterInfo(
+            "m",
+            0,
+            "centre of the rotors from the origin",
+            title=f"Rotor centre from the IMU, {words}",
+            motion="place",
+            relevant=lambda s: s.arm / 50.0,
+            step=lambda s: s.arm,
+        )
+        for axis, words in (("x", "forward"), ("y", "to the left"))
+    },
+    owner="configuration",
+    entries=rotor_center,
+    moves=tuple(Move(f"kt_rotor_center_{a}", f"rotor_center_{a}", "kt") for a in "xy"),
+    needs="unknown origin",
+)
+TWIST: Final = Term(
+    name="twist",
+    words="a yaw torque in proportion to thrust, of motors tilted about their arms",
+    when="default",
+    parameters={
+        "twist": ParameterInfo(
+            "m",
+            0,
+            "yaw torque over thrust: mean tilt about the arms, times arm",
+            title="Yaw torque over thrust (motors tilted about their arms)",
+            relevant=lambda s: s.arm / 50.0,  # a degree
+            prior=lambda s: TWIST_STD * s.arm,
+            step=lambda s: s.arm,
+        )
+    },
+    owner="configuration",
+    entries=twist,
+    moves=(Move("kt_twist", "twist", "kt"),),
+    dropped=2,
+    replayed=lambda values, vehicle: {
+        "torque": (values["kt"] * values["twist"])[:, None, None] * np.array([0.0, 0.0, 1.0])
+    },
+)
+ROTOR_DRAG: Final = Term(
+    name="rotor_drag",
+    words="a yaw torque of rotors that move sideways through the air in a turn",
+    when="default",
+    parameters={
+        "rotor_drag": ParameterInfo(
+            "N s^2/(m rad)",
+            1,
+            "in-plane drag of a rotor over its speeds",
+            title="In-plane drag of a rotor over its two speeds",
+            effective_unit="N s/m per command",
+            motion="yaw",
+            on_yaw_scale=True,
+            relevant=rotor_drag_std,
+            prior=rotor_drag_std,
+            step=rotor_drag_std,
+        )
+    },
+    owner="shared",
+    entries=rotor_drag,
+    dropped=1,
+    replayed=lambda values, vehicle: {
+        "damping": values["rotor_drag"][:, None] * vehicle.squared_arms
+    },
+)
+LINEAR_DRAG_TORQUE: Final = Term(
+    name="linear_drag_torque",
+    words="a drag torque of the rotors in proportion to their speed",
+    when="declared",
+    parameters={
+        "kd_linear": ParameterInfo(
+            "N m s/rad",
+            1,
+            "drag torque of a rotor over its speed",
+            title="Drag torque of a rotor over its speed",
+            effective_unit="N m per command",
+            motion="yaw",
+            on_yaw_scale=True,
+            # A tenth of a usual drag torque in hover.
+            relevant=lambda s: 0.01 * s.mass * GRAVITY * s.arm / s.speeds,
+            prior=lambda s: LINEAR_TORQUE_STD * s.mass * GRAVITY * s.arm / s.speeds,
+        )
+    },
+    owner="shared",
+    entries=linear_torque,
+    signals=(SPIN,),
+    significance=Significance(parameters=("kd_linear",), least=lambda s: s.trace_torque / s.speeds),
+    replayed=lambda values, vehicle: {
+        "speed_torque": -values["kd_linear"][:, None, None] * vehicle.spins[:, None] * vehicle.axes
+    },
+)

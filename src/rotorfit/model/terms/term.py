@@ -1,0 +1,203 @@
+"""One effect of the model as a record: what the fit, its intervals and its results need of it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.model.signals import AddedSignals, SignalLayout
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.airborne import GRAVITY
+
+Block = Float[np.ndarray, "6 z"]
+"""A_p: the entries of one parameter, rows Fx Fy Fz Mx My Mz, on the signals z."""
+Entries = Callable[[Vehicle, SignalLayout], dict[str, Block]]
+FX, FY, FZ, MX, MY, MZ = range(6)
+
+Motion = Literal["roll", "pitch", "yaw", "force", "place", "height", "air"]
+"""Which motion shows a number (`results/verdicts.py` has what to fly for it)."""
+LEAST_SHARE: Final = 1e-3
+"""Of the weight, that a term must make, at 1 m/s or at the end of an arm: flights without noise
+show what is of no account."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Size:
+    """How large a vehicle is, by which sizes and priors of its parameters are measured.
+
+    Attributes
+    ----------
+    mass, arm
+        [kg], [m]
+    speeds
+        Of all rotors together, about as in hover [rad/s].
+    moments
+        Ixx, Iyy, Izz about the centre of mass [kg m^2].
+    """
+
+    mass: float
+    arm: float
+    speeds: float = np.nan
+    moments: tuple[float, float, float] = (np.nan, np.nan, np.nan)
+
+    @property
+    def trace_force(self) -> float:
+        """Force below which a term is of no account [N]."""
+        return LEAST_SHARE * self.mass * GRAVITY
+
+    @property
+    def trace_torque(self) -> float:
+        """Torque below which a term is of no account [N m]."""
+        return self.trace_force * self.arm
+
+
+Rule = Callable[[Size], float]
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterInfo:
+    """What a number of a result is.
+
+    Attributes
+    ----------
+    mass_power
+        For mass = "unknown", where numbers are per kilogram.
+    effective_unit
+        Where the command, 0 to 1, stands for the rotor speed; None: as ever.
+    motion
+        Which motion shows it.
+    on_yaw_scale
+        Whether it is known only as well as the scale of the yaw equation.
+    relevant
+        Size below which its relative error does not matter; None: its own size alone counts.
+    prior
+        Deviation about zero before the flight.
+    step
+        Size over which nothing bends, where its value does not tell (for the plan's bound).
+    between_flights
+        What differs between flights of one configuration: it moves with the battery, or it is in
+        proportion to the density of the air.
+    velocity_axis
+        Axis of the velocity that it multiplies.
+    """
+
+    unit: str
+    mass_power: int
+    meaning: str
+    _: KW_ONLY
+    title: str
+    effective_unit: str | None = None
+    motion: Motion = "force"
+    on_yaw_scale: bool = False
+    relevant: Rule | None = None
+    prior: Rule | None = None
+    step: Rule | None = None
+    between_flights: Literal["moves", "air"] | None = None
+    velocity_axis: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """An entry of theta that a parameter moves, times another parameter where one is named."""
+
+    entry: str
+    parameter: str
+    times: str | None = None
+    factor: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Significance:
+    """When a term that the likelihood asks for is more than a trace, in some configuration.
+
+    Attributes
+    ----------
+    parameters
+        Of which one must exceed `least`.
+    least
+        Its least size.
+    brakes
+        Whether it must surely be above zero: the air brakes, it does not drive.
+    """
+
+    parameters: tuple[str, ...]
+    least: Rule
+    brakes: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """One effect of the model.
+
+    Attributes
+    ----------
+    name, words
+        In the experiment file; "the model includes ..." in results.
+    parameters
+        By name, as results have them.
+    owner
+        Who has a value of its own for each parameter.
+    entries
+        Function for A_p of its entries of theta; None where those of other terms serve.
+    moves
+        Entries that its parameters move; empty: each parameter is its own entry.
+    when
+        It is in the model always, by default, if the likelihood asks for it, or if declared.
+    needs
+        Of the flights or the vehicle.
+    signals
+        That no other layout has.
+    significance
+        Of a term by likelihood (for a declared one: by which it may be judged).
+    dropped
+        Its turn to be left out where a fit does not settle: what flights tell least first.
+    one_sided
+        Whether it is left out where its parameter is surely below zero.
+    reported
+        Whether its parameters are numbers of a result.
+    of_sensor
+        Of a sensor, not of the vehicle: nobody flies for it, no wrench has it.
+    replayed
+        From draws of its parameters to what they add to fields of
+        `validation.replay_vehicle.ReplayVehicle`.
+    """
+
+    name: str
+    parameters: Mapping[str, ParameterInfo]
+    owner: Literal["shared", "rotor", "configuration"]
+    words: str = ""
+    entries: Entries | None = None
+    moves: tuple[Move, ...] = ()
+    when: Literal["always", "default", "likelihood", "declared"] = "always"
+    needs: Literal["velocity", "climb", "unknown origin"] | None = None
+    signals: tuple[AddedSignals, ...] = ()
+    significance: Significance | None = None
+    dropped: int | None = None
+    one_sided: bool = False
+    reported: bool = True
+    of_sensor: bool = False
+    replayed: Callable[[Mapping[str, np.ndarray], Vehicle], dict[str, np.ndarray]] | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its parameters."""
+        return tuple(self.parameters)
+
+    @property
+    def every_move(self) -> tuple[Move, ...]:
+        """Entries of theta that its parameters move."""
+        return self.moves or tuple(Move(name, name) for name in self.parameters)
+
+    def stands_in(self, layout: SignalLayout) -> bool:
+        """Return whether its signals are among those of a layout."""
+        return all(signals in layout.added for signals in self.signals)
+
+
+def block(layout: SignalLayout, entries: Mapping[tuple[int, str], float]) -> Block:
+    """Return A_p from its entries by row and signal."""
+    out = np.zeros((6, len(layout)))
+    for (row, name), value in entries.items():
+        out[row, layout.index(name)] = value
+    return out
