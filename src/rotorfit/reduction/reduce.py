@@ -94,7 +94,8 @@ def time_factors(
             time_block_factors(Z, block_rows=block_rows)
             for Z in _filtered_chunks(flight, vehicle, segment, (lowpass, block_rows * step))
         ]
-        parts.append(_as_one_segment(blocks))
+        joined = stack_factors(blocks)
+        parts.append(replace(joined, segment=np.zeros_like(joined.segment)))
     return _stacked(parts)
 
 
@@ -131,16 +132,11 @@ def _filtered_chunks(
         margin = lowpass.memory_rows(flight.sample_rate)
         first, last = max(start - margin, segment.start), min(stop + margin, segment.stop)
         Z = signal_matrix(flight, vehicle, first, last, velocity=velocity)
-        smooth = _zero_phase(Z, lowpass.sos(flight.sample_rate))
+        sos = lowpass.sos(flight.sample_rate)
+        # Forward and backward; the ends are continued by point reflection.
+        padding = min(3 * (2 * len(sos) + 1), len(Z) - 1)
+        smooth: Float[np.ndarray, "n z"] = signal.sosfiltfilt(sos, Z, axis=0, padlen=padding)
         yield smooth[start - first : stop - first : lowpass.step(flight.sample_rate)]
-
-
-def _zero_phase(
-    Z: Float[np.ndarray, "n z"], sos: Float[np.ndarray, "s 6"]
-) -> Float[np.ndarray, "n z"]:
-    """Filter every column forward and backward; the ends are continued by point reflection."""
-    padding = min(3 * (2 * len(sos) + 1), len(Z) - 1)
-    return signal.sosfiltfilt(sos, Z, axis=0, padlen=padding)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -334,7 +330,7 @@ def _banded(
     resolution: float,
 ) -> Factors:
     """Reduce the lines of one stretch, so far apart [Hz], to band factors."""
-    stacked = [_line_rows(lines, first, last) for first, last in bands]
+    stacked = [line_rows(lines, first, last) for first, last in bands]
     return Factors(
         R=triangular_factors(stacked),
         rows=np.array([len(rows) for rows in stacked], dtype=np.int64),
@@ -358,9 +354,7 @@ def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
     return replace(factors, R=factors.R[:, :z, :z], slopes=rows)
 
 
-def _line_rows(
-    lines: Complex[np.ndarray, "l z"], first: int, last: int
-) -> Float[np.ndarray, "m z"]:
+def line_rows(lines: Complex[np.ndarray, "l z"], first: int, last: int) -> Float[np.ndarray, "m z"]:
     """Stack real and imaginary parts of lines as rows that carry the same noise.
 
     The mean is real, and its one row would have the variance of two.
@@ -388,12 +382,6 @@ def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tup
     if bands and marks[-1] > start:
         bands[-1] = (bands[-1][0], marks[-1])
     return mean + bands if bands else []
-
-
-def _as_one_segment(blocks: Sequence[Factors]) -> Factors:
-    """Assign all blocks of a segment the number 0."""
-    joined = stack_factors(blocks)
-    return replace(joined, segment=np.zeros_like(joined.segment))
 
 
 def _stacked(parts: Sequence[Factors]) -> Factors:
