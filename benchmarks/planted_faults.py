@@ -76,7 +76,7 @@ ROOMS: Final[dict[str, Room]] = {
             "log_likelihood=<<-0.5 * state.cost>>,",
             "return -np.inf if state is None else <<-0.5 * state.cost>>",
             "return <<before + behind>>",
-            "covariance=<<_at_least(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal)>>,",
+            "covariance=<<raised_to(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal)>>,",
             "values=<<rest.scores.sum(axis=0) @ inverse_rest>>,",
             "np.maximum(<<np.diagonal(floor) / variance>>, 1.0)",
         ),
@@ -188,8 +188,8 @@ ROOMS: Final[dict[str, Room]] = {
     "estimation/damped_steps.py": Room(
         tests=("tests/estimation/test_damped_steps.py",),
         scaled=(
-            "asked = Vt @ (<<score / lengths>>)",
-            "predicted_gain=float(moved @ (<<2.0 * asked / s>> - moved)),",
+            "projected = Vt @ (<<score / lengths>>)",
+            "predicted_gain=float(moved @ (<<2.0 * projected / s>> - moved)),",
             "ratio = min(<<won / max(predicted_gain, float(np.finfo(float).tiny))>>, 1.0)",
             "path[-3] + <<2.0 * leap * first>>",
         ),
@@ -615,7 +615,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "reduction/reduce.py": Room(
-        tests=("tests/model/test_rotor_noise.py",),
+        tests=("tests/reduction/test_rotor_noise.py",),
         scaled=(
             "half = <<0.5>> * flight.rotor_speed_std**2",
             "= <<4.0 * square * half * average>>",

@@ -144,7 +144,7 @@ def in_parts_and_apart(seed, *, noise):
 
 
 @pytest.mark.parametrize("noise", [False, True])
-def test_parts_of_one_configuration_are_as_configurations_of_their_own(noise):
+def test_parts_of_a_configuration_are_as_configurations(noise):
     """But for what few rows borrow, and the floor: here no block has few, and none is exact."""
     together, apart = in_parts_and_apart(3, noise=noise)
     phi = np.array([0.2, -0.4, 0.7, 0.1])
@@ -329,7 +329,7 @@ def test_known_noise_of_a_regressor_does_not_pull_the_slope():
     assert np.mean(slopes[True]) == pytest.approx(3.0, abs=4 * np.std(slopes[True]) / 20**0.5)
 
 
-def test_covariance_with_known_noise_is_the_scatter_of_the_estimate():
+def test_covariance_with_known_noise_is_the_estimates_scatter():
     rng = np.random.default_rng(8)
     errors, claimed = [], []
     for _ in range(100):

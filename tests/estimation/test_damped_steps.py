@@ -6,7 +6,7 @@ import pytest
 from rotorfit.estimation.damped_steps import damped_step, extrapolated, reduced_damping
 
 
-def test_adamped_step_solves_the_equations_with_a_score_of_its_own():
+def test_a_damped_step_solves_the_equations_with_a_given_score():
     rng = np.random.default_rng(5)
     A, b, extra = rng.normal(size=(30, 3)), rng.normal(size=30), 5.0 * rng.normal(size=3)
     taken = damped_step(A, A.T @ b + extra, 0.0)
@@ -17,7 +17,7 @@ def test_adamped_step_solves_the_equations_with_a_score_of_its_own():
     np.testing.assert_allclose(std, np.sqrt(np.diag(np.linalg.inv(A.T @ A))), rtol=1e-9)
 
 
-def test_damping_falls_to_a_third_where_all_that_was_foretold_is_won():
+def test_damping_falls_to_a_third_at_the_predicted_gain():
     assert reduced_damping(3.0, 5.0, 5.0) == pytest.approx(1.0)
     assert reduced_damping(3.0, 50.0, 5.0) == pytest.approx(1.0)
     assert reduced_damping(3.0, 2.5, 5.0) == pytest.approx(3.0)
@@ -25,7 +25,7 @@ def test_damping_falls_to_a_third_where_all_that_was_foretold_is_won():
     assert reduced_damping(1e-9, 5.0, 5.0) == 1e-9
 
 
-def test_steps_that_shrink_by_one_share_are_followed_to_their_end():
+def test_steps_that_shrink_by_one_ratio_are_followed_to_the_end():
     """A geometric series from 7 by steps of 2 and 1.8: 7 + 2 / (1 - 0.9)."""
     path = [np.array([7.0]), np.array([9.0]), np.array([10.8])]
     assert extrapolated(path, np.ones(1)) == pytest.approx([27.0])

@@ -44,7 +44,7 @@ def tied(problem, share=SHARE, *, std=np.inf):
     return replace(problem, error_correlation=(tie,), error_correlation_std=(std,))
 
 
-def test_values_and_deviations_are_those_of_generalised_least_squares():
+def test_values_and_deviations_are_generalised_least_squares():
     rows, problem = two_lines(1)
     fit = banded(tied(problem), np.zeros(2))
     X = np.zeros((2, ROWS, 2))
@@ -75,7 +75,7 @@ def test_what_is_shared_no_longer_hides_the_rest(share):
 
 @pytest.mark.parametrize("std", [np.inf, 0.01])
 @pytest.mark.parametrize("heard", [0.0, 2.0])
-def test_a_share_that_is_estimated_leaves_open_what_a_parameter_more_does(heard, std):
+def test_an_estimated_share_widens_as_one_parameter_more_does(heard, std):
     rows, problem = two_lines(2, heard=heard)
     fit = banded(tied(problem, std=std), np.zeros(2))
     a, b = fit.estimate.values

@@ -222,7 +222,7 @@ def test_merged_factors_are_one_block_of_all_rows():
     np.testing.assert_array_equal(one.total, F.total)
 
 
-def test_good_blocks_are_factored_by_cholesky_and_singular_ones_by_householder(monkeypatch):
+def test_only_singular_blocks_are_factored_by_householder(monkeypatch):
     seen = []
     householder = module._householder
     monkeypatch.setattr(module, "_householder", lambda b: (seen.append(len(b)), householder(b))[1])

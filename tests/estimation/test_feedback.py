@@ -80,7 +80,7 @@ def slope_of(function, phi):
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000))
-def test_scores_of_the_answers_are_the_derivative_of_what_they_gain(seed):
+def test_scores_of_the_responses_are_the_derivative_of_the_gain(seed):
     """By what scales the inputs and by what moves them, in that order of the names."""
     problem = two_axes(seed)
     phi = 0.1 * np.random.default_rng(seed + 1).normal(size=5)
@@ -99,7 +99,7 @@ def test_scores_of_the_answers_are_the_derivative_of_what_they_gain(seed):
 
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), share=st.sampled_from([0.0, 0.7, -2.0]))
-def test_all_scores_together_are_the_derivative_of_the_likelihood(seed, share):
+def test_all_scores_sum_to_the_derivative_of_the_likelihood(seed, share):
     """Of moved signals, their answers, what is known beforehand, errors that come together."""
     problem = replace(two_axes(seed), error_correlation=(np.array([[0.0, 0.0], [share, 0.0]]),))
     phi = 0.1 * np.random.default_rng(seed + 1).normal(size=5)
@@ -199,7 +199,7 @@ def test_without_a_controller_the_term_would_pull_the_other_way():
 
 @pytest.mark.parametrize("gain", [0.6, 0.9])
 @pytest.mark.parametrize("off", [-0.1, 0.1])
-def test_a_share_that_is_wrong_moves_the_estimate_by_that_much_of_the_answers_shift(gain, off):
+def test_a_wrong_share_moves_the_estimate_by_the_stated_shift(gain, off):
     """By a tenth of the shift of all, beside the truth of many flights: to first order in 1 / rho.
 
     rho is 16. At 4 the curvature of the term itself matters: with a gain of 0.9 an estimate moves
@@ -277,7 +277,7 @@ def late_estimates(share, *, assumed, doubt=1.0):
 TRUE = np.array([0.5, 0.0])
 
 
-def test_a_controller_that_lags_pulls_at_inertia_and_lateness_and_both_are_taken_out():
+def test_a_lagging_controllers_bias_of_inertia_and_delay_goes():
     mean, error, _, _ = late_estimates(LAGGING, assumed=np.zeros(4))
     assert (mean - TRUE > 15.0 * error).all()
     mean, error, _, _ = late_estimates(LAGGING, assumed=np.abs(LAGGING))
@@ -288,7 +288,7 @@ def test_a_controller_that_lags_pulls_at_inertia_and_lateness_and_both_are_taken
 
 
 @pytest.mark.parametrize("off", [0.1 * LAGGING, -0.1 * LAGGING, 0.1j * np.ones(4)])
-def test_an_answer_that_is_wrong_moves_inertia_and_lateness_by_the_answers_shift(off):
+def test_a_wrong_response_moves_inertia_and_delay_as_stated(off):
     mean, error, shift, _ = late_estimates(LAGGING, assumed=LAGGING + off, doubt=off)
     assert (np.abs(mean - shift - TRUE) < 3.0 * error).all()
     assert (np.abs(shift) > 4.0 * error).any()

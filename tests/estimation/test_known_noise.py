@@ -135,7 +135,7 @@ def test_the_log_likelihood_is_that_of_the_normal_distribution():
     assert fit.log_likelihood == pytest.approx(log_likelihood(problem, fit.estimate.values))
 
 
-def test_exact_flights_have_a_billionth_of_the_signal_for_a_variance():
+def test_exact_flights_have_a_billionth_of_signal_as_variance():
     """y = 2 x exactly: with v at 1e-9 of y's mean square, -1/2 (n log v + squares / v - n)."""
     x = np.random.default_rng(1).normal(size=(3, 400))
     y = 2.0 * x
@@ -167,7 +167,7 @@ def noisy_share(share):
 @pytest.mark.parametrize(
     ("share", "factor"), [(0.5, 2.0), (0.69, 1 / 0.31), (0.71, 10.0), (0.9, 10.0)]
 )
-def test_a_deviation_widens_with_the_share_of_noise_and_is_tenfold_beyond_70_percent(share, factor):
+def test_a_deviation_widens_with_noise_tenfold_beyond_70_percent(share, factor):
     fit, plain = noisy_share(share)
     assert float(fit.estimate.std[0]) == pytest.approx(factor * plain, rel=1e-6)
 
@@ -177,7 +177,7 @@ def test_where_most_is_noise_nothing_moves_from_its_start():
     assert fit.estimate.values[0] == 1.9
 
 
-def test_what_noise_adds_to_the_errors_is_its_variance_times_the_squared_slope():
+def test_noise_adds_its_variance_times_the_squared_slope():
     y, x = points()
     problem = slope_problem(y, x, noise=0.25)
     found = known_noise_variance(problem, 0, np.array([[[1.0, -3.0]]]))
@@ -216,7 +216,7 @@ def test_half_the_slope_of_the_squares_is_the_corrected_score():
     assert -0.5 * (ends[1] - ends[0]) / 2e-5 == pytest.approx(score[0], rel=1e-6)
 
 
-def test_blocks_of_nearly_all_known_noise_do_not_stop_the_iteration():
+def test_blocks_of_nearly_only_noise_do_not_stop_the_iteration():
     y, x = points(error=0.1)
     fit = banded(slope_problem(y, x, noise=0.04), np.array([1.5]))
     slope = float(fit.estimate.values[0])

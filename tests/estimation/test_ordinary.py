@@ -118,7 +118,7 @@ def test_block_scores_add_up_to_the_gradient_and_the_information():
     )
 
 
-def test_block_covariance_covers_coloured_errors_and_the_plain_one_does_not():
+def test_only_block_covariance_covers_coloured_errors():
     rng = np.random.default_rng(20)
     truth = np.array([2.0, -1.0])
     hits = np.zeros((2, 2))

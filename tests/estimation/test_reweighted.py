@@ -108,7 +108,7 @@ def mean_squares(rows, power, segment=(0, 0, 0)):
     return borrowed_mean_square(np.array(power)[:, None], factors)[:, 0].tolist()
 
 
-def test_bands_of_fewer_than_28_rows_borrow_half_of_their_neighbours():
+def test_bands_under_28_rows_borrow_half_of_their_neighbours():
     full = [90.0 / 30, 10.0 / 28, 160.0 / 40]
     assert mean_squares([30, 28, 40], [90.0, 10.0, 160.0]) == pytest.approx(full)
     few = mean_squares([30, 27, 40], [90.0, 10.0, 160.0])

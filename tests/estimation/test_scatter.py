@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.errors import EstimationError
-from rotorfit.estimation.banded import BandedProblem, _at_least, banded, shift_without
+from rotorfit.estimation.banded import BandedProblem, banded, raised_to, shift_without
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
@@ -19,7 +19,7 @@ def test_of_a_mean_it_is_the_textbooks_covariance_of_the_mean(offset):
     np.testing.assert_allclose(scatter_covariance(pulls), np.cov(x.T) / 9, rtol=1e-12)
 
 
-def test_it_is_the_variance_over_all_estimates_with_one_block_left_out():
+def test_it_is_the_variance_over_leave_one_block_out_estimates():
     """Of a slope through the origin, to first order: (b - 1) / b times the sum of squares."""
     rng = np.random.default_rng(1)
     x, y = rng.normal(size=(2, 200, 50))
@@ -76,7 +76,7 @@ def levels(means, *, rows=50, spread=0.2, seed=2):
     return banded(problem, np.array([middle + 0.01]))
 
 
-def test_a_part_left_out_moves_the_mean_to_that_of_the_rest_with_its_scatter():
+def test_the_shift_without_a_part_is_that_of_the_mean():
     """Means 0.1, -0.1, 0.05, -0.05 stay, 0.14, 0.02, -0.1, -0.06 go; all weigh the same.
 
     A block that stays has 1/4 - 1/8 more of a say than before, one that goes 1/8 less.
@@ -88,12 +88,12 @@ def test_a_part_left_out_moves_the_mean_to_that_of_the_rest_with_its_scatter():
     assert shift.std[0] == pytest.approx(np.sqrt(scatter), rel=0.01)
 
 
-def test_the_shift_scatters_at_least_as_the_noise_of_the_blocks_makes_it():
+def test_the_shift_scatters_no_less_than_the_blocks_noise():
     """All means alike: 0.2^2 / 200 of the rest less 0.2^2 / 400 of all."""
     shift = shift_without(levels([0.01, -0.01] * 4), np.arange(8) >= 4)
     assert shift.std[0] == pytest.approx(0.2 * np.sqrt(1 / 200 - 1 / 400), rel=1e-3)
 
 
 def test_a_covariance_is_stretched_to_the_variances_of_its_floor():
-    found = _at_least(np.array([[4.0, 1.0], [1.0, 1.0]]), np.diag([1.0, 9.0]))
+    found = raised_to(np.array([[4.0, 1.0], [1.0, 1.0]]), np.diag([1.0, 9.0]))
     np.testing.assert_allclose(found, [[4.0, 3.0], [3.0, 9.0]])

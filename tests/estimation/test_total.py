@@ -156,7 +156,7 @@ def mixed(seed=0, n=400):
     return A, A.sum(axis=1) + 0.002 * rng.normal(size=n)
 
 
-def test_essential_parameters_go_in_the_order_of_their_relative_sigma():
+def test_essential_parameters_go_by_relative_sigma():
     A, y = mixed()
     problem = plain_problem(A, y, names=["a", "c", "b", "d"])
     kept = essential_total(problem, r_sigma=30.0)
@@ -202,7 +202,7 @@ def test_weights_and_elimination_are_the_dense_loop(seed, r_sigma):
     np.testing.assert_allclose(got.problem.weights[0], weights, rtol=1e-8)
 
 
-def test_weights_come_from_one_pass_and_keep_the_configurations_factor():
+def test_weights_come_from_one_pass_and_keep_the_factor():
     Z, tensor, known = wrench(2)
     problem = wrench_problem(Z, tensor, known, weights=[2.0, 2.0, 2.0])
     rows = dense_rows(Z, tensor, known, np.ones(3))
@@ -252,7 +252,7 @@ def test_an_exact_flight_keeps_its_weights():
     np.testing.assert_array_equal(component_weights(problem, zero), problem.weights)
 
 
-def test_no_solution_where_the_flattest_direction_misses_the_known_column():
+def test_no_solution_if_the_flattest_direction_misses_the_known():
     problem = plain_problem(np.array([[0.1], [0.0], [0.0]]), [0.0, 1.0, 0.0])
     with pytest.raises(EstimationError, match="total least squares has no solution here"):
         total(problem)
@@ -275,7 +275,7 @@ def test_a_parameter_that_nothing_moves_is_named():
         total(plain_problem(A, y, names=["a", "c", "b", "d"]))
 
 
-def test_total_least_squares_depends_on_units_and_ordinary_does_not():
+def test_only_total_least_squares_depends_on_units():
     A, y = mixed(1)
     to_mm = np.array([1.0, 1e3, 1.0, 1.0])
     SI, mm = total(plain_problem(A, y)), total(plain_problem(A / to_mm, y))

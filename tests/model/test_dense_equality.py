@@ -6,12 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import newton_euler as ne
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import newton_euler as ne
 from rotorfit.estimation.estimate import LinearProblem
 from rotorfit.estimation.least_squares import ordinary, total, weighted_total
 from rotorfit.estimation.parameter_map import parameter_map

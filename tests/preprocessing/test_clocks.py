@@ -60,7 +60,7 @@ def test_a_drifting_clock_keeps_its_own_time():
     assert result.time[-1] == pytest.approx(time[-1], abs=0.002)
 
 
-def test_single_lost_samples_are_bridged_and_recorded_ones_taken_as_they_are():
+def test_single_lost_samples_are_bridged_others_stay():
     time = np.arange(2000) / 500
     kept = np.ones(2000, dtype=bool)
     kept[50::97] = False
@@ -81,7 +81,7 @@ def test_a_gap_in_one_channel_is_cut_and_named():
     assert result.gaps == ((pytest.approx(0.998), pytest.approx(1.502), "accel"),)
 
 
-def test_a_jump_of_the_clock_is_a_gap_and_the_time_of_the_log_is_kept():
+def test_a_jump_of_the_clock_is_a_gap_and_keeps_the_logs_time():
     time = np.arange(1000) / 500
     time[400:] += 1e6
     result = uniform({"gyro": channel(time, wave(time))})
@@ -101,7 +101,7 @@ def test_samples_that_are_no_numbers_are_a_gap(damage):
     assert np.abs(result.values["gyro"]).max() <= 1
 
 
-def test_clocks_of_two_rates_and_two_spans_meet_where_all_have_data():
+def test_clocks_of_two_rates_and_spans_meet_in_their_overlap():
     fast, slow = np.arange(1000) / 500, 0.2 + np.arange(100) / 100
     result = uniform({"gyro": channel(fast, wave(fast)), "rotor_speed": channel(slow, wave(slow))})
     rows = used(result)
@@ -111,7 +111,7 @@ def test_clocks_of_two_rates_and_two_spans_meet_where_all_have_data():
     assert result.values["rotor_speed"][rows] == pytest.approx(wave(result.time[rows]), abs=2e-3)
 
 
-def test_an_optional_channel_cuts_nothing_and_is_nan_where_it_is_not():
+def test_an_optional_channel_cuts_nothing_and_is_nan_in_gaps():
     fast, slow = np.arange(1000) / 500, 0.5 + np.arange(3, 13) / 10
     result = uniform(
         {"gyro": channel(fast, wave(fast)), "velocity": channel(slow, wave(slow))},
@@ -166,7 +166,7 @@ def test_repeated_times_are_dropped_once():
     assert np.array_equal(usable.values[:, 0], np.arange(0.0, 200.0, 2))
 
 
-def test_single_precision_becomes_double_and_the_channel_given_stays_as_it_was():
+def test_single_precision_becomes_double_in_a_copy():
     values = np.arange(100, dtype=np.float32)[:, None]
     given_channel = channel(np.arange(100) / 100, values)
     assert usable_samples(given_channel, "gyro").values.dtype == np.float64

@@ -54,7 +54,7 @@ def slow_noise(rng, n, rate, columns, *, top=TOP):
 
 
 @pytest.mark.parametrize(("rate", "step"), [(480.0, 2), (504.3, 2), (1000.0, 4), (8000.0, 33)])
-def test_the_filter_is_flat_where_it_is_used_and_lets_nothing_fold_back(rate, step):
+def test_the_filter_is_flat_where_used_and_nothing_folds_back(rate, step):
     weights = low_pass(rate, step, TOP)
     assert len(weights) % 2 == 1
     f, gain = signal.freqz(weights, worN=8192, fs=rate)
@@ -70,7 +70,7 @@ def test_a_slow_log_stays_as_it_is(rate):
 
 
 @pytest.mark.parametrize(("rate", "kept"), [(499.9, 249.95), (800.0, 800 / 3), (1000.0, 250.0)])
-def test_slow_signals_are_what_they_were_at_the_times_that_are_kept(rate, kept):
+def test_slow_signals_are_unchanged_at_the_kept_times(rate, kept):
     n = 6000
     at = np.arange(n)[:, None] / rate
     prepared = flight(rate, 100.0 + np.sin(2.0 * np.pi * np.arange(1.0, 29.0, 4.0) * at))
@@ -98,7 +98,7 @@ def test_slow_signals_are_what_they_were_at_the_times_that_are_kept(rate, kept):
      MotorResponse(), MotorResponse(delay=0.003), MotorResponse(lag=0.03, lag_down=0.05)],
     ids=str,
 )  # fmt: skip
-def test_rotors_follow_means_of_commands_as_they_follow_every_command(rng, rate, response):
+def test_rotors_follow_means_of_commands_as_every_command(rng, rate, response):
     n = int(8.0 * rate)
     held = 1000.0 + 100.0 * slow_noise(rng, n, rate, 4)
     _follows_as_recorded(flight(rate, np.column_stack([np.zeros((n, 3)), held])), response)
@@ -167,7 +167,7 @@ def test_nothing_beside_a_segment_comes_into_it(rng):
             assert np.array_equal(one, two), name
 
 
-def test_the_segments_are_where_they_were_whatever_gaps_are_between():
+def test_the_segments_are_where_they_were_between_any_gaps():
     prepared = with_gaps(np.ones((4000, 7)))
     phases = (Segment(start=51, stop=777), Segment(start=777, stop=1501), *GAPS[1:])
     found = decimated(replace(prepared, phases=phases), MEASURED, top=TOP)
@@ -197,7 +197,7 @@ def test_the_lag_begins_anew_after_a_gap_however_short(lost):
         assert found.rotor_speed[segment.start : segment.stop] == pytest.approx(speed, rel=1e-9)
 
 
-def test_a_velocity_that_is_missing_elsewhere_is_not_missing_in_flight():
+def test_a_velocity_missing_elsewhere_is_not_missing_in_flight():
     prepared = with_gaps(np.ones((4000, 7)))
     velocity = np.full((4000, 3), np.nan)
     for s in GAPS:

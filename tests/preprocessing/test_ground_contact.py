@@ -59,7 +59,7 @@ def test_a_gyros_noise_is_no_motion():
 
 
 @pytest.mark.parametrize(("thrust", "found"), [(0.2, [(0, 800)]), (0.5, [])])
-def test_a_window_of_nothing_but_the_ground_is_seen_by_the_flight_beside_it(thrust, found):
+def test_a_window_of_ground_alone_is_seen_by_the_rest_of_the_log(thrust, found):
     """By what the rotors lift in the rest of the log; idling, they are all the window has."""
     log = motion(thrust=thrust)
     assert ground_contact(log, [(0, 800)], stretches=log.stretches) == found

@@ -125,7 +125,7 @@ def test_spline_derivatives_of_a_sine(frequency, limit):
     assert np.abs(second[INNER, 0] / w**2 + np.sin(w * TIME[INNER])).max() < limit
 
 
-def test_second_difference_is_numerovs_average_of_the_second_derivative():
+def test_second_difference_is_numerovs_average_of_acceleration():
     """The rule of the docstring: [1 -2 1] / h^2 against [1 10 1] / 12, to the fourth order."""
     errors = []
     for h in (0.02, 0.01):

@@ -20,7 +20,7 @@ def test_the_lag_is_the_exact_recursion_of_a_held_command():
         speed = held[row] + (speed - held[row]) * np.exp(-0.005 / 0.04)
 
 
-def test_the_lag_answers_a_step_as_the_differential_equation_does():
+def test_the_lags_step_response_is_the_differential_equations():
     t = np.arange(200) / 500
     held = np.where(t < 0.1, 100.0, 600.0)[:, None]
     expected = np.where(t < 0.1, 100.0, 600.0 - 500.0 * np.exp(-(t - 0.1) / 0.03))
@@ -33,7 +33,7 @@ def test_without_lag_the_command_is_the_speed(lag):
     assert first_order_lag(held, 200.0, lag) is held
 
 
-def test_rising_and_falling_lags_are_the_recursion_that_looks_at_each_sample():
+def test_rising_and_falling_lags_are_the_plain_recursion():
     held = np.abs(np.cumsum(np.random.default_rng(1).normal(0, 20, (600, 3)), axis=0) + 500)
     lagged = two_way_lag(held, 200.0, up=0.03, down=0.08)
     speed = held[0].copy()

@@ -24,7 +24,7 @@ def test_motion_and_noise_are_left_alone():
 
 
 @pytest.mark.parametrize("size", [0.03, 0.07, 0.5])
-def test_a_jump_of_one_frame_is_put_on_the_cubic_of_its_neighbours(size):
+def test_a_jump_of_one_frame_is_put_on_its_neighbours_cubic(size):
     values, at = lively(), [50, 333, 1200, 1206, 1990]
     jumped = values.copy()
     jumped[at, 1] += size

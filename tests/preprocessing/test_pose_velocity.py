@@ -48,7 +48,7 @@ def test_attitude_may_have_instants_of_its_own():
     assert_true(velocity_of_pose(log_of(attitude_time=6.9 + np.arange(5100) / 250.0)))
 
 
-def test_over_a_short_loss_of_frames_it_is_a_straight_line_and_over_a_long_one_nothing():
+def test_only_a_short_loss_of_frames_is_interpolated():
     keep = np.ones(2000, dtype=bool)
     keep[800:803] = keep[1200:1260] = False
     found = velocity_of_pose(log_of(keep=keep))
@@ -58,7 +58,7 @@ def test_over_a_short_loss_of_frames_it_is_a_straight_line_and_over_a_long_one_n
     assert_true(found, within=0.03)
 
 
-def test_without_attitude_there_is_none_and_without_a_clock_it_is_refused():
+def test_no_velocity_without_attitude_refused_without_a_clock():
     assert velocity_of_pose(flight_log(position=log_of().channels["position"])) is None
     late = TIME + 0.006 * np.random.default_rng(0).random(2000)
     with pytest.raises(FlightError, match="irregular times"):

@@ -61,7 +61,7 @@ def hover():
 
 
 @pytest.mark.parametrize("layout", ["paper", "hexa-x", "octo"])
-def test_a_flight_without_noise_equals_its_samples_with_central_differences(layout):
+def test_a_noiseless_flight_is_its_samples_and_differences(layout):
     vehicle = paper_vehicle("B") if layout == "paper" else layout_vehicle(layout)
     flight = simulate_flight(*vehicle, Scenario(seconds=6.0), seed=1)
     rotors = flight.rotor_speed.shape[1]
@@ -119,7 +119,7 @@ def test_a_law_with_a_voltage_factor_follows_the_battery():
     assert result.motor_channel == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_law_that_does_not_reach_the_commands_of_the_flight_is_doubted():
+def test_a_law_that_does_not_reach_the_commands_is_warned_of():
     log = motion_log(hover_thrust(10), name="command")
     low, high = np.percentile(log.channels["command"].values, [1, 99]).tolist()
     table = SpeedLaw(curve=TableLaw((low / 4, (low + high) / 2), (100.0, 500.0)))
@@ -137,7 +137,7 @@ def test_without_a_law_the_command_stands_for_the_speed():
     assert result.data.rotor_speed_std == 0
 
 
-def test_the_resolution_of_rotor_speed_is_handed_on_only_where_it_is_used(hover):
+def test_rotor_speed_resolution_is_passed_on_only_where_used(hover):
     measured = replace(hover.channels["rotor_speed"], resolution=6.0)
     command = channel(measured.time, measured.values / 1000)
     log = with_channel(hover, rotor_speed=measured, command=command)
@@ -598,7 +598,7 @@ def test_a_torn_log_is_refused_by_its_gaps():
     assert "rows are missing all over the log" in message
 
 
-def test_a_lag_that_acts_on_thrust_follows_the_square_of_the_speed():
+def test_a_lag_on_thrust_follows_the_square_of_the_speed():
     """PX4's SIH: u moves on by dt / tau of its distance, and thrust goes with u."""
     flight = simulate_flight(*layout_vehicle("quad-x"), Scenario(seconds=6.0), seed=1)
     log = to_flight_log(flight, channels=("gyro", "accel", "command"))

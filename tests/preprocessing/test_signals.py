@@ -97,7 +97,7 @@ def test_the_central_difference_of_a_parabola_is_exact():
 
 
 @pytest.mark.parametrize("n", [2, 5, 40, 4000])
-def test_smoothing_keeps_a_constant_and_halves_the_power_at_its_cutoff(n):
+def test_smoothing_keeps_constants_and_halves_power_at_cutoff(n):
     assert smooth(np.full((n, 2), 3.0), 500.0, 8.0) == pytest.approx(3.0)
     if n == 4000:
         x = np.sin(2 * np.pi * 8 * np.arange(n) / 500)[:, None]

@@ -74,7 +74,7 @@ def test_a_square_root_law_begins_and_ends_at_its_commands():
     assert speed == pytest.approx([0.0, 0.0, middle, 10.0, 10.0])
 
 
-def test_the_ends_of_the_square_root_law_are_square_root_and_line():
+def test_square_root_law_ends_are_square_root_and_line():
     assert speed_from_command(COMMANDS, SpeedLaw(curve=SquareRootLaw(900.0, 1.0))) == pytest.approx(
         900 * COMMANDS
     )

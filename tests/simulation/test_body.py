@@ -92,7 +92,7 @@ def test_parallel_axis_another_origin_flies_the_same_path():
     np.testing.assert_allclose(com_position(moved, other), com_position(B, one), atol=1e-10)
 
 
-def test_hover_is_an_equilibrium_with_the_centre_of_mass_off_the_origin():
+def test_hover_is_an_equilibrium_with_an_offset_centre_of_mass():
     x, y, _ = B.first_moments
     hover = Wrench((0.0, 0.0, B.mass * GRAVITY), (y * GRAVITY, -x * GRAVITY, 0.0))
     rest = (0.0, 0.0, 0.0, 1.0, *(0.0,) * 9)

@@ -171,7 +171,7 @@ def test_hands_off_a_balanced_vehicle_hangs_still():
     np.testing.assert_allclose(flight.rotor_speed, hover, rtol=1e-12)
 
 
-def test_hands_off_the_autopilot_holds_an_unbalanced_disturbed_vehicle():
+def test_the_autopilot_alone_holds_an_unbalanced_vehicle():
     truth, vehicle = paper_vehicle("B")
     truth = replace(
         truth,
@@ -225,7 +225,7 @@ def test_every_layout_stays_in_the_hall_and_moves(layout):
     assert np.all(rms(flight.angular_velocity) > [0.5, 0.3, 0.15])
 
 
-def test_the_same_seed_gives_the_same_flight_and_another_seed_another():
+def test_a_seed_determines_the_flight():
     scenario = Scenario(seconds=6.0, sensors=Sensors(gyro_std=0.02, accel_std=0.4))
     one, same, other = (
         simulate_flight(*paper_vehicle("A"), scenario, seed=seed) for seed in (1, 1, 2)

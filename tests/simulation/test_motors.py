@@ -40,7 +40,7 @@ def test_slope_is_the_derivative_of_the_lagged_speed():
     np.testing.assert_allclose(slopes.mean(axis=0), (around[1] - around[0]) / h, rtol=1e-6)
 
 
-def test_a_motor_without_lag_is_at_its_command_and_does_not_accelerate():
+def test_a_motor_without_lag_is_at_its_command_at_once():
     truth, vehicle = paper_vehicle("A")
     truth = replace(truth, motor_lag=0.0)
     rotors = rotors_of(truth, vehicle)

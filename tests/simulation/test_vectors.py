@@ -33,7 +33,7 @@ def test_euler_angles_turn_roll_first_and_yaw_last(euler):
 
 
 @given(angles, angles, st.sampled_from([1.0, -1.0]))
-def test_rotation_between_goes_the_shorter_way_in_the_axes_of_the_start(one, other, sign):
+def test_rotation_between_goes_the_shorter_way_in_start_axes(one, other, sign):
     start, end = quaternion_from_euler(*one), quaternion_from_euler(*other)
     flipped = (sign * end[0], sign * end[1], sign * end[2], sign * end[3])
     found = np.array(rotation_vector_between(start, flipped))

@@ -403,7 +403,7 @@ def shift_without(fit: BandedEstimate, blocks: Bool[np.ndarray, " b"]) -> Shift:
     formal = inverse_rest - inverse
     return Shift(
         values=rest.scores.sum(axis=0) @ inverse_rest,
-        covariance=_at_least(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal),
+        covariance=raised_to(_scatter(influence[blocks]) + _scatter(influence[~blocks]), formal),
     )
 
 
@@ -426,7 +426,7 @@ def _inverse(
     return (vectors / values) @ vectors.T / np.outer(scale, scale)
 
 
-def _at_least(
+def raised_to(
     covariance: Float[np.ndarray, "q q"], floor: Float[np.ndarray, "q q"]
 ) -> Float[np.ndarray, "q q"]:
     """Scale a covariance up where its variances are under those of the floor."""

@@ -207,21 +207,14 @@ def predicted(
         timing_of(layout, x),
         two_way=layout.two_way,
     )
-    own = _scaling(layout, recording.speed_rotor, recording.speed_flight)
+    factors = [_contrast(recording.speed_rotor, layout.rotors)]
+    if not layout.voltage:
+        factors.append(_contrast(recording.speed_flight, layout.flights))
+    scaling = np.concatenate(factors, axis=1)
     curved = layout.factors.start - 1
     # What multiplies all commands of a stretch multiplies its speeds.
-    columns = [speed[:, None], slopes[:, :curved], speed[:, None] * own, slopes[:, curved:]]
+    columns = [speed[:, None], slopes[:, :curved], speed[:, None] * scaling, slopes[:, curved:]]
     return speed, np.concatenate(columns, axis=1)
-
-
-def _scaling(
-    layout: Layout, rotor: Int[np.ndarray, " n"], flight: Int[np.ndarray, " n"]
-) -> Float[np.ndarray, "n c"]:
-    """Build the columns of the rotors' factors, and of the flights' where there is no voltage."""
-    columns = [_contrast(rotor, layout.rotors)]
-    if not layout.voltage:
-        columns.append(_contrast(flight, layout.flights))
-    return np.concatenate(columns, axis=1)
 
 
 def _contrast(member: Int[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n c"]:

@@ -100,7 +100,9 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
     found: list[tuple[int, int]] = []
     for start, stop in motion.stretches:
         if stop - start >= shortest:
-            runs = _airborne_runs(motion, c * thrust[start:stop], start)
+            features = _features(motion, c * thrust[start:stop], start)
+            explained = true_runs(_bridged(features.excess, motion.sample_rate))
+            runs = [_without_ground(features, run, motion.sample_rate) for run in explained]
             found += [(start + a, start + b) for a, b in runs if b - a >= shortest]
     if not found:
         raise FlightError(
@@ -110,15 +112,6 @@ def airborne_rows(motion: Motion) -> list[tuple[int, int]]:
         )
     _refuse_grounded(motion, thrust, found)
     return found
-
-
-def _airborne_runs(
-    motion: Motion, thrust: Float[np.ndarray, " m"], start: int
-) -> list[tuple[int, int]]:
-    """Find start and stop of the airborne parts of a stretch, counted from its beginning."""
-    features = _features(motion, thrust, start)
-    runs = true_runs(_bridged(features.excess, motion.sample_rate))
-    return [_without_ground(features, run, motion.sample_rate) for run in runs]
 
 
 def fast_rows(motion: Motion, thrust: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

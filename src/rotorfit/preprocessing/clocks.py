@@ -124,7 +124,11 @@ def uniform_channels(
         valid &= covered
         gaps += [(float(t[i]), float(t[i + 1]), name) for i in late]
     if not valid.any():
-        raise FlightError(_no_overlap(spans))
+        listed = ", ".join(f"{name} {a:.3f} to {b:.3f} s" for name, (a, b) in spans.items())
+        raise FlightError(
+            f"the channels never overlap in time ({listed}): their clocks do not belong together; "
+            "export the log again with one clock for all channels"
+        )
     return UniformChannels(
         sample_rate=sample_rate,
         time=time,
@@ -132,15 +136,6 @@ def uniform_channels(
         stretches=_split_at_jumps(valid, time, 1.5 / sample_rate),
         rates={name: 1.0 / step for name, step in steps.items()},
         gaps=tuple(sorted(gaps)),
-    )
-
-
-def _no_overlap(spans: Mapping[str, tuple[float, float]]) -> str:
-    """Return the message for channels that were never recorded at one time."""
-    listed = ", ".join(f"{name} {a:.3f} to {b:.3f} s" for name, (a, b) in spans.items())
-    return (
-        f"the channels never overlap in time ({listed}): their clocks do not belong together; "
-        "export the log again with one clock for all channels"
     )
 
 

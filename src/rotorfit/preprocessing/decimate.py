@@ -99,7 +99,12 @@ def decimated(prepared: PreparedFlight, motors: MotorModel, *, top: float) -> Pr
     fewer = dataclasses.replace(
         data,
         sample_rate=rate,
-        time=_times(data, thinned.within),
+        time=np.concatenate(
+            [
+                data.time[s.start] + (np.array(s.kept) - s.start) / data.sample_rate
+                for s in thinned.within
+            ]
+        ),
         specific_force=thinned(data.specific_force),
         angular_velocity=gyro,
         angular_acceleration=central_difference(gyro, rate),
@@ -132,13 +137,6 @@ def _thinning(data: FlightData, step: int, top: float) -> Thinning:
         borders=[row for s in data.segments for row in (s.start - 1, s.stop + 1)],
     )
     return Thinning(within=within, weights=weights, before=len(weights) // 2)
-
-
-def _times(data: FlightData, within: Sequence[Stretch]) -> Float[np.ndarray, " m"]:
-    """Compute the times of the kept rows [s], on the clocks of their stretches."""
-    return np.concatenate(
-        [data.time[s.start] + (np.array(s.kept) - s.start) / data.sample_rate for s in within]
-    )
 
 
 def _placed(parts: Sequence[Segment], within: Sequence[Stretch]) -> tuple[Segment, ...]:

@@ -208,18 +208,14 @@ def refuse_absurd_sensors(log: FlightLog, uniform: UniformChannels) -> None:
             )
     turns = np.abs(uniform.values["gyro"]).max(axis=1)
     fastest = float(np.percentile(turns, 99.8))
-    if fastest > FASTEST_TURN and not _is_one_blow(turns, uniform):
+    fast = np.flatnonzero(turns > FASTEST_TURN)
+    # All within a moment it is a blow, as in a crash.
+    if fastest > FASTEST_TURN and uniform.time[fast[-1]] - uniform.time[fast[0]] >= LONGEST_BLOW:
         remedy = UNIT_OF_GYRO if log.takes_columns else AS_A_TABLE
         raise FlightError(
             f"the gyro reads up to {fastest:.0f} rad/s, faster than any multirotor turns (below "
             f"{FASTEST_TURN:.0f} was expected); it looks like deg/s: {remedy}"
         )
-
-
-def _is_one_blow(turns: Float[np.ndarray, " n"], uniform: UniformChannels) -> bool:
-    """Return whether turns too fast to fly are all within a moment, as in a crash."""
-    fast = np.flatnonzero(turns > FASTEST_TURN)
-    return float(uniform.time[fast[-1]] - uniform.time[fast[0]]) < LONGEST_BLOW
 
 
 def refuse_blows(uniform: UniformChannels, flights: list[tuple[int, int]]) -> None:
@@ -319,14 +315,17 @@ def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:
 
 
 def frozen_channel_warnings(
-    still: tuple[FrozenChannel, ...], time: Float[np.ndarray, " n"], *, measured: bool
+    frozen: tuple[FrozenChannel, ...], time: Float[np.ndarray, " n"], *, measured: bool
 ) -> tuple[str, ...]:
     """Warn of each motor channel that freezes for a moment; raise where one does for long."""
-    if any(rotor.share > MOST_FROZEN for rotor in still):
-        worst = max(still, key=lambda rotor: rotor.share)
+    if any(rotor.share > MOST_FROZEN for rotor in frozen):
+        worst = max(frozen, key=lambda rotor: rotor.share)
         raise FlightError(_frozen_message(worst, time, measured=measured))
-    said = [rotor for rotor in still if rotor.share >= LEAST_FROZEN]
-    return tuple(_frozen_message(rotor, time, measured=measured) for rotor in said)
+    return tuple(
+        _frozen_message(rotor, time, measured=measured)
+        for rotor in frozen
+        if rotor.share >= LEAST_FROZEN
+    )
 
 
 def _frozen_message(rotor: FrozenChannel, time: Float[np.ndarray, " n"], *, measured: bool) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.logs.flight_log import Channel, FlightLog
@@ -210,20 +210,18 @@ def prepared_from(
         standing = ground_contact(motion, flights, stretches=uniform.stretches)
         flights = aloft(motion, flights, standing)
     measured = motors.speed == "measured"
-    found = frozen_channels(
-        uniform.values["motor"],
-        flights,
-        uniform.sample_rate,
-        measured=measured,
-        step=recorded.speed_step,
-    )
     refuse_torn_log(uniform, flights)
     refuse_blows(uniform, flights)
-    still = frozen_channel_warnings(found, uniform.time, measured=measured)
-    bias = _gyro_bias(
-        uniform, rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
-    )
-    del motion
+    motor, step = uniform.values["motor"], recorded.speed_step
+    found = frozen_channels(motor, flights, uniform.sample_rate, measured=measured, step=step)
+    frozen = frozen_channel_warnings(found, uniform.time, measured=measured)
+    rest = rest_rows(dataclasses.replace(motion, stretches=uniform.stretches), flights)
+    bias = None
+    if rest.sum() >= 0.5 * uniform.sample_rate:
+        x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
+        bias = (x, y, z)
+    del motion, rest
+    speed_std = max(step / 12.0**0.5, white_noise_std(speed, flights)) if measured else 0.0
     data = dataclasses.replace(
         with_motors(
             dataclasses.replace(_differentiated(uniform, speed, bias), lag_on=motors.lag_on),
@@ -231,7 +229,7 @@ def prepared_from(
             motors.response,
         ),
         segments=_inner_segments(flights if measured else _settled(flights, uniform), uniform),
-        rotor_speed_std=_rotor_speed_std(recorded.speed_step, motors, speed, flights),
+        rotor_speed_std=speed_std,
     )
     data = dataclasses.replace(data, climb=climb_velocity(data))
     return PreparedFlight(
@@ -246,8 +244,8 @@ def prepared_from(
         warnings=(
             *ground_warnings(uniform.time, standing),
             *imu_warnings(data, uniform, bias),
-            *still,
-            *_law_warnings(data, uniform, motors),
+            *frozen,
+            *(() if motors.law is None else law_warnings(motors.law, motor[data.used_rows])),
         ),
     )
 
@@ -268,10 +266,7 @@ def _turned(
 def _uniform(
     log: FlightLog, rotor_count: int, motors: MotorModel
 ) -> tuple[UniformChannels, dict[str, int]]:
-    """Despike and resample the needed channels; count the replaced samples of each.
-
-    And how many samples of each channel were replaced.
-    """
+    """Despike and resample the needed channels; count the replaced samples of each."""
     motor_name = "rotor_speed" if motors.speed == "measured" else "command"
     refuse_missing_channels(log, motor_name, rotor_count)
     names = {"gyro": "gyro", "accel": "accel", "motor": motor_name}
@@ -311,28 +306,6 @@ def _reference(log: FlightLog) -> Channel | None:
         return usable_samples(log.channels["reference"], "reference")
     except FlightError:
         return None
-
-
-def _law_warnings(
-    data: FlightData, uniform: UniformChannels, motors: MotorModel
-) -> tuple[str, ...]:
-    """Warn where the commands in flight leave the motors' law."""
-    if motors.law is None:
-        return ()
-    rows = data.used_rows
-    return law_warnings(motors.law, uniform.values["motor"][rows])
-
-
-def _rotor_speed_std(
-    step: float,
-    motors: MotorModel,
-    speed: Float[np.ndarray, "n N"],
-    flights: list[tuple[int, int]],
-) -> float:
-    """Estimate the noise of measured rotor speed from resolution and spectrum."""
-    if motors.speed == "commanded":
-        return 0.0
-    return max(step / 12.0**0.5, white_noise_std(speed, flights))
 
 
 def _differentiated(
@@ -419,16 +392,6 @@ def window_rows(
     return first, stop
 
 
-def _gyro_bias(
-    uniform: UniformChannels, rest: Bool[np.ndarray, " n"]
-) -> tuple[float, float, float] | None:
-    """Average the rates at rest, where at least half a second of rest was found."""
-    if rest.sum() < 0.5 * uniform.sample_rate:
-        return None
-    x, y, z = uniform.values["gyro"][rest].mean(axis=0).tolist()
-    return x, y, z
-
-
 def _settled(flights: list[tuple[int, int]], uniform: UniformChannels) -> list[tuple[int, int]]:
     """Drop the beginnings of flights that depend on unlogged commands, if anything is left."""
     begins = np.array([start for start, _ in uniform.stretches])
@@ -443,8 +406,7 @@ def _inner_segments(
     flights: list[tuple[int, int]], uniform: UniformChannels
 ) -> tuple[Segment, ...]:
     """Drop the end samples that a central difference cannot serve."""
-    starts = {start for start, _ in uniform.stretches}
-    stops = {stop for _, stop in uniform.stretches}
+    starts, stops = ({run[end] for run in uniform.stretches} for end in (0, 1))
     return tuple(Segment(start=a + (a in starts), stop=b - (b in stops)) for a, b in flights)
 
 

@@ -45,19 +45,15 @@ def experiment_files(
     plan: ExperimentPlan, *, progress: Callable[[str], None] | None = None
 ) -> dict[str, str]:
     """Fly an experiment, and return its files by their names; `progress` gets a few words."""
-    tell = progress or _silent
     files: dict[str, str] = {}
     flights = planned_flights(plan)
     for number, flight in enumerate(flights, start=1):
-        tell(f"simulating flight {number} of {len(flights)}, {flight.file}")
+        if progress is not None:
+            progress(f"simulating flight {number} of {len(flights)}, {flight.file}")
         files[flight.file] = table_text(plan, fly(plan, flight))
     files[EXPERIMENT_FILE] = experiment_text(plan)
     files[TRUTH_FILE] = json.dumps(true_values(plan), indent=1) + "\n"
     return files
-
-
-def _silent(words: str) -> None:
-    del words
 
 
 def table_text(plan: ExperimentPlan, flight: SimulatedFlight) -> str:
@@ -74,7 +70,10 @@ def table_text(plan: ExperimentPlan, flight: SimulatedFlight) -> str:
     columns |= _named("command", _logged_command(plan, flight))
     if plan.measures_speed:
         columns["battery"] = battery_volts(flight)
-    return _text(columns)
+    text = StringIO()
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(text, table, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
+    return text.getvalue().replace("nan", "")
 
 
 def _logged_command(plan: ExperimentPlan, flight: SimulatedFlight) -> Float[np.ndarray, "n N"]:
@@ -88,14 +87,6 @@ def _logged_command(plan: ExperimentPlan, flight: SimulatedFlight) -> Float[np.n
 
 def _named(channel: str, values: Float[np.ndarray, "n k"]) -> Columns:
     return dict(zip(column_names(channel, values.shape[1]), values.T, strict=True))
-
-
-def _text(columns: Columns) -> str:
-    """Write columns as CSV."""
-    text = StringIO()
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(text, table, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")
-    return text.getvalue().replace("nan", "")
 
 
 def experiment_text(plan: ExperimentPlan) -> str:

@@ -31,6 +31,7 @@ from jaxtyping import Float
 from rotorfit.errors import ExperimentError
 from rotorfit.simulation.flight import Scenario, simulate_flight
 from rotorfit.simulation.scenarios import (
+    Layout,
     SimulatedVehicle,
     layout_vehicle,
     paper_vehicle,
@@ -235,12 +236,8 @@ def _paper() -> tuple[FlownConfiguration, ...]:
     )
 
 
-def _single() -> tuple[FlownConfiguration, ...]:
-    return (FlownConfiguration(name="A", simulated=layout_vehicle("quad-x"), sensors=PERFECT),)
-
-
-def _hexa() -> tuple[FlownConfiguration, ...]:
-    return (FlownConfiguration(name="A", simulated=layout_vehicle("hexa-x"), sensors=PERFECT),)
+def _alone(layout: Layout) -> tuple[FlownConfiguration, ...]:
+    return (FlownConfiguration(name="A", simulated=layout_vehicle(layout), sensors=PERFECT),)
 
 
 def _payload_pair() -> tuple[FlownConfiguration, ...]:
@@ -259,7 +256,7 @@ def _payload_pair() -> tuple[FlownConfiguration, ...]:
 
 _VEHICLES: Final[dict[ScenarioName, Callable[[], tuple[FlownConfiguration, ...]]]] = {
     "paper": _paper,
-    "single": _single,
-    "hexa": _hexa,
+    "single": lambda: _alone("quad-x"),
+    "hexa": lambda: _alone("hexa-x"),
     "payload-pair": _payload_pair,
 }

@@ -273,7 +273,8 @@ def _moment(
     slopes = speed_slopes(rotors, speeds[None], commands[machine.stretches[0].samples_ago])[0]
     (wrench,) = wrenches(rotors, speeds[None], slopes[None], np.zeros((1, 6)))
     if grounded:
-        a, dw = _standing(state), (0.0, 0.0, 0.0)
+        x, y, z = rotation((state[3], state[4], state[5], state[6]))[2]
+        a, dw = (GRAVITY * x, GRAVITY * y, GRAVITY * z), (0.0, 0.0, 0.0)
         external = _reaction(body, wrench, a)
     else:
         fx, fy, fz, tx, ty, tz = disturbance.tolist()
@@ -313,13 +314,6 @@ def _sum(one: Wrench, other: Wrench) -> Wrench:
     (a, b, c), (d, e, f) = one.force, other.force
     (u, v, w), (x, y, z) = one.torque, other.torque
     return Wrench((a + d, b + e, c + f), (u + x, v + y, w + z), one.spin, one.yaw_damping)
-
-
-@no_type_check
-def _standing(state: State) -> Vector:
-    """Compute the specific force of a body at rest: gravity upwards, in body axes."""
-    x, y, z = rotation((state[3], state[4], state[5], state[6]))[2]
-    return (GRAVITY * x, GRAVITY * y, GRAVITY * z)
 
 
 @no_type_check

@@ -111,7 +111,12 @@ class _Rates:
 
 def align(recording: FlightLog, gyro: Channel) -> Alignment:
     """Align a pose recording with a gyro in time and axes; raise where their rates disagree."""
-    cutoff, step = _resolution(recording, gyro)
+    slowest = min(
+        1.0 / float(np.median(np.diff(usable_samples(channel, name).time)))
+        for channel, name in ((recording.channels["attitude"], "attitude"), (gyro, "gyro"))
+    )
+    cutoff = min(CUTOFF, 0.25 * slowest)
+    step = 1.0 / (STEPS_PER_CUTOFF * cutoff)
     body, marker = _gyro_rates(gyro, cutoff, step), _pose_rates(recording, cutoff, step)
     for rates, what in ((body, "gyro"), (marker, "motion capture")):
         turns = float(np.sqrt((rates.values[rates.known] ** 2).sum(axis=1).mean()))
@@ -122,16 +127,6 @@ def align(recording: FlightLog, gyro: Channel) -> Alignment:
             )
     start = _best_start(body, marker)
     return _refined(body, marker, start, cutoff=cutoff)
-
-
-def _resolution(recording: FlightLog, gyro: Channel) -> tuple[float, float]:
-    """Choose cut-off [Hz] and step of the common grid [s]."""
-    slowest = min(
-        1.0 / float(np.median(np.diff(usable_samples(channel, name).time)))
-        for channel, name in ((recording.channels["attitude"], "attitude"), (gyro, "gyro"))
-    )
-    cutoff = min(CUTOFF, 0.25 * slowest)
-    return cutoff, 1.0 / (STEPS_PER_CUTOFF * cutoff)
 
 
 def _gyro_rates(gyro: Channel, cutoff: float, step: float) -> _Rates:

@@ -38,7 +38,10 @@ def without_spikes(
     clean, mended = values, np.zeros(len(values), dtype=bool)
     if len(values) < SCALE_WIDTH:
         return clean, mended
-    inner = _has_neighbours(time)
+    steps = np.diff(time)
+    near = steps < REGULAR * float(np.median(steps))
+    inner = np.zeros(len(time), dtype=bool)
+    inner[REACH:-REACH] = near[:-3] & near[1:-2] & near[2:-1] & near[3:]
     for _ in range(MOST_PASSES):
         off, limit = _off_and_limit(clean, inner)
         peaks = np.flatnonzero((off > limit) & (off >= ndimage.maximum_filter1d(off, 5)))
@@ -50,15 +53,6 @@ def without_spikes(
             clean[i] = CUBIC @ clean[i - REACH : i + REACH + 1]
         mended[returned] = True
     return clean, mended
-
-
-def _has_neighbours(time: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Mark frames with all neighbours that the cubic needs, none of them lost between."""
-    steps = np.diff(time)
-    near = steps < REGULAR * float(np.median(steps))
-    inner = np.zeros(len(time), dtype=bool)
-    inner[REACH:-REACH] = near[:-3] & near[1:-2] & near[2:-1] & near[3:]
-    return inner
 
 
 def _off_and_limit(
@@ -173,20 +167,13 @@ def tracked(log: FlightLog) -> Tracked:
             "not tracked; check the rigid body in the motion-capture software"
         )
     time = restamped(time[fresh])
-    values, mended = _mended(time, values[fresh])
+    positions, one = without_spikes(time, values[fresh, :3])
+    quaternions, other = without_spikes(time, continuous_quaternions(values[fresh, 3:]))
+    values, mended = np.concatenate([positions, quaternions], axis=1), one | other
     good = ~_jumps(time, values)
     source = f"{log.channels['position'].source}; {log.channels['attitude'].source}"
     pose = Channel(time=time[good], values=values[good], source=source)
     return Tracked(pose=pose, mended=int(mended[good].sum()))
-
-
-def _mended(
-    time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n 7"]
-) -> tuple[Float[np.ndarray, "n 7"], Bool[np.ndarray, " n"]]:
-    """Mend single frames that jump in place or attitude, and count them."""
-    place, one = without_spikes(time, values[:, :3])
-    attitude, other = without_spikes(time, continuous_quaternions(values[:, 3:]))
-    return np.concatenate([place, attitude], axis=1), one | other
 
 
 def _jumps(
@@ -227,11 +214,16 @@ def camera_clock(time: Float[np.ndarray, " n"]) -> CameraClock:
             f"of {len(time)} frames never {FEWEST_SAMPLES} follow each other without loss; record "
             "with more cameras or markers"
         )
-    period = _mean_period(time, runs)
+    # One slope of time over frame number for all runs (least squares).
+    centred = [np.arange(b - a) - 0.5 * (b - a - 1) for a, b in runs]
+    above = below = 0.0
+    for n, (a, b) in zip(centred, runs, strict=True):
+        above += float(n @ time[a:b])
+        below += float(n @ n)
+    period = above / below
     regular = np.array(time, dtype=float)
-    for a, b in runs:
-        centred = np.arange(b - a) - 0.5 * (b - a - 1)
-        regular[a:b] = time[a:b].mean() + period * centred
+    for n, (a, b) in zip(centred, runs, strict=True):
+        regular[a:b] = time[a:b].mean() + period * n
     error = np.concatenate([(time[a:b] - regular[a:b]) / period for a, b in runs])
     jitter = float(np.sqrt((error @ error) / len(error)))
     autocorrelation = float(error[1:] @ error[:-1]) / max(
@@ -278,16 +270,6 @@ def _lost(time: Float[np.ndarray, " n"], period: float) -> Float[np.ndarray, " m
         after = np.median(time[i + 1 : stop] - period * np.arange(stop - i - 1))
         lost[i] = max(round(float(after - before) / period), 0)
     return lost
-
-
-def _mean_period(time: Float[np.ndarray, " n"], runs: list[tuple[int, int]]) -> float:
-    """Fit the slope of time over frame number, common to all runs (least squares)."""
-    above = below = 0.0
-    for a, b in runs:
-        centred = np.arange(b - a) - 0.5 * (b - a - 1)
-        above += float(centred @ time[a:b])
-        below += float(centred @ centred)
-    return above / below
 
 
 def _irregular(steps: Float[np.ndarray, " n"]) -> str:

@@ -3,11 +3,10 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
-from rotorfit.logs.flight_log import Channel, FlightLog
+from rotorfit.logs.flight_log import FlightLog
 from rotorfit.preprocessing.mocap.align import Alignment, align
 
 NOTED_FIT = 0.95
@@ -29,41 +28,40 @@ def with_poses(log: FlightLog, recording: FlightLog) -> FlightLog:
         raise FlightError(
             f"motion capture {recording.path.name} with {log.path.name}: {error}"
         ) from error
-    moved = {name: _moved(recording.channels[name], found) for name in ("position", "attitude")}
-    attitude = moved["attitude"]
-    turned = _turned(attitude.values, found.rotation_marker_to_body)
-    moved["attitude"] = dataclasses.replace(attitude, values=turned)
+    moved = {
+        name: dataclasses.replace(
+            channel,
+            time=found.log_time(np.asarray(channel.time, dtype=float)),
+            source=f"{channel.source}; aligned by the rates",
+        )
+        for name, channel in recording.channels.items()
+        if name in ("position", "attitude")
+    }
+    attitude = moved["attitude"].values
+    good = np.isfinite(attitude).all(axis=1)
+    turned = np.full(attitude.shape, np.nan)
+    world = Rotation.from_quat(np.roll(attitude[good], -1, axis=1))
+    body = world * Rotation.from_matrix(found.rotation_marker_to_body).inv()
+    turned[good] = np.roll(body.as_quat(), 1, axis=1)
+    moved["attitude"] = dataclasses.replace(moved["attitude"], values=turned)
+    warnings = [*log.warnings, *recording.warnings]
+    if found.correlation < NOTED_FIT:
+        warnings.append(
+            f"the rates of motion capture and gyro agree to a correlation of "
+            f"{found.correlation:.2f} only ({NOTED_FIT:g} is usual): markers that shake, lost "
+            "frames, or a slow gyro log"
+        )
     return dataclasses.replace(
         log,
-        channels={**log.channels, **moved},
+        channels={**log.channels, "position": moved["position"], "attitude": moved["attitude"]},
         metadata={
             **log.metadata,
             "motion capture": str(recording.path.name),
             "motion capture sha256": recording.sha256,
         },
         notes=(*log.notes, *recording.notes, _note(recording, found)),
-        warnings=(*log.warnings, *recording.warnings, *_warnings(found)),
+        warnings=tuple(warnings),
     )
-
-
-def _moved(channel: Channel, found: Alignment) -> Channel:
-    return dataclasses.replace(
-        channel,
-        time=found.log_time(np.asarray(channel.time, dtype=float)),
-        source=f"{channel.source}; aligned by the rates",
-    )
-
-
-def _turned(
-    attitude_wxyz: Float[np.ndarray, "n 4"], rotation: Float[np.ndarray, "3 3"]
-) -> Float[np.ndarray, "n 4"]:
-    """Turn attitudes of the tracked body to the log's body axes; NaN stays."""
-    good = np.isfinite(attitude_wxyz).all(axis=1)
-    turned = np.full(attitude_wxyz.shape, np.nan)
-    world = Rotation.from_quat(np.roll(attitude_wxyz[good], -1, axis=1))
-    body = world * Rotation.from_matrix(rotation).inv()
-    turned[good] = np.roll(body.as_quat(), 1, axis=1)
-    return turned
 
 
 def _note(recording: FlightLog, found: Alignment) -> str:
@@ -76,13 +74,4 @@ def _note(recording: FlightLog, found: Alignment) -> str:
         f"roll {roll:.1f}, pitch {pitch:.1f}, yaw {yaw:.1f} degrees (std "
         f"{np.degrees(found.rotation_std):.1f}), found by the rates (correlation "
         f"{found.correlation:.3f})."
-    )
-
-
-def _warnings(found: Alignment) -> tuple[str, ...]:
-    if found.correlation >= NOTED_FIT:
-        return ()
-    return (
-        f"the rates of motion capture and gyro agree to a correlation of {found.correlation:.2f} "
-        f"only ({NOTED_FIT:g} is usual): markers that shake, lost frames, or a slow gyro log",
     )

@@ -146,7 +146,9 @@ def prepare_mocap(
     _refuse_wrong_attitude(motion, pose)
     flights, standing = _flown(motion, motors, window)
     data = dataclasses.replace(data, segments=flights)
-    still = _still(data, frames, measured=measured)
+    airborne = [(s.start, s.stop) for s in flights]
+    frozen = frozen_channels(frames.motors, airborne, frames.rate, measured=measured)
+    frozen_warnings = frozen_channel_warnings(frozen, data.time, measured=measured)
     return PreparedFlight(
         data=data,
         phases=phases_of(data),
@@ -158,20 +160,11 @@ def prepare_mocap(
         motor_rate=frames.motor_rate,
         cuts=_cuts(data, frames, window, standing),
         warnings=(
-            *_mended_warnings(seen),
-            *ground_warnings(data.time, standing),
-            *_warnings(data, frames, clock),
-            *still,
+            *_warnings(data, frames, clock, seen=seen, standing=standing),
+            *frozen_warnings,
             *_law_warnings(log, motors, data),
         ),
     )
-
-
-def _still(data: FlightData, frames: _Frames, *, measured: bool) -> tuple[str, ...]:
-    """Return the doubts about motor channels that stand still in flight."""
-    flown = [(s.start, s.stop) for s in data.segments]
-    found = frozen_channels(frames.motors, flown, frames.rate, measured=measured)
-    return frozen_channel_warnings(found, data.time, measured=measured)
 
 
 def _flown(
@@ -217,9 +210,19 @@ def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
         if b - a >= shortest
     ]
     if not runs:
-        raise FlightError(_no_runs(pose, clock, motors, shortest / clock.rate))
+        raise FlightError(
+            f"motion capture ({pose.time[0]:.3f} to {pose.time[-1]:.3f} s) and motors "
+            f"({motors.time[0]:.3f} to {motors.time[-1]:.3f} s) never run together for "
+            f"{shortest / clock.rate:.1f} s without a lost frame (there are {len(clock.runs)} runs "
+            "of frames); use one clock for both, and more cameras or markers"
+        )
     q = continuous_quaternions(pose.values[:, 3:])
-    parts = [_moving(pose.values[a:b, :3], q[a:b], rate=clock.rate, cutoff=cutoff) for a, b in runs]
+    parts: list[BodyMotion] = []
+    for a, b in runs:
+        rows = np.concatenate([pose.values[a:b, :3], q[a:b]], axis=1)
+        smooth_pose = low_pass(rows, clock.rate, cutoff)
+        attitude = continuous_quaternions(smooth_pose[:, 3:])
+        parts.append(motion_from_quaternions(smooth_pose[:, :3], attitude, clock.rate))
     stops = np.cumsum([b - a for a, b in runs]).tolist()
     return _Frames(
         rate=clock.rate,
@@ -232,18 +235,6 @@ def _frames(pose: Channel, clock: CameraClock, motors: Channel) -> _Frames:
         motor_std=white_noise_std(own.values["motor"], own.stretches),
         gaps=_gaps(clock, runs, has_motors),
     )
-
-
-def _moving(
-    position: Float[np.ndarray, "n 3"],
-    attitude_wxyz: Float[np.ndarray, "n 4"],
-    *,
-    rate: float,
-    cutoff: float,
-) -> BodyMotion:
-    """Low-pass and differentiate the pose of one run."""
-    pose = low_pass(np.concatenate([position, attitude_wxyz], axis=1), rate, cutoff)
-    return motion_from_quaternions(pose[:, :3], continuous_quaternions(pose[:, 3:]), rate)
 
 
 def _joined(parts: list[BodyMotion]) -> BodyMotion:
@@ -275,16 +266,6 @@ def _on_frames(
         values[inside] = spline_at(smooth_speed, (clock.time[inside] - own.time[a]) * rate)[0]
         there |= inside
     return values, there
-
-
-def _no_runs(pose: Channel, clock: CameraClock, motors: Channel, shortest: float) -> str:
-    """Return the message for a recording without a usable run."""
-    return (
-        f"motion capture ({pose.time[0]:.3f} to {pose.time[-1]:.3f} s) and motors "
-        f"({motors.time[0]:.3f} to {motors.time[-1]:.3f} s) never run together for {shortest:.1f} s"
-        f" without a lost frame (there are {len(clock.runs)} runs of frames); use one clock for "
-        "both, and more cameras or markers"
-    )
 
 
 def _gaps(
@@ -399,9 +380,23 @@ def _cuts(
     return tuple(sorted([*cuts, *ground, *frames.gaps], key=lambda cut: cut.start))
 
 
-def _warnings(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[str, ...]:
-    """Warn of irregular frame times, slow cameras or motors, and unusual flight."""
+def _warnings(
+    data: FlightData,
+    frames: _Frames,
+    clock: CameraClock,
+    *,
+    seen: Tracked,
+    standing: list[tuple[int, int]],
+) -> tuple[str, ...]:
+    """Warn of mended or irregular frames, ground, slow cameras or motors, and unusual flight."""
     warnings: list[str] = []
+    if seen.mended > LEAST_MENDED * len(seen.pose.time):
+        warnings.append(
+            f"{seen.mended} of {len(seen.pose.time)} frames of the motion capture jumped and "
+            "returned, and were put back on the line of their neighbours; see that no marker is "
+            "confused"
+        )
+    warnings += ground_warnings(data.time, standing)
     if clock.jitter > NOTED_JITTER:
         warnings.append(
             f"the frames' times scatter by {1e3 * clock.jitter / clock.rate:.1f} ms about a "
@@ -420,21 +415,11 @@ def _warnings(data: FlightData, frames: _Frames, clock: CameraClock) -> tuple[st
     return (*warnings, *flight_warnings(data))
 
 
-def _mended_warnings(seen: Tracked) -> tuple[str, ...]:
-    """Warn of mended frames where they are more than chance makes."""
-    if seen.mended <= LEAST_MENDED * len(seen.pose.time):
-        return ()
-    return (
-        f"{seen.mended} of {len(seen.pose.time)} frames of the motion capture jumped and returned, "
-        "and were put back on the line of their neighbours; see that no marker is confused",
-    )
-
-
 def _law_warnings(log: FlightLog, motors: MotorModel, data: FlightData) -> tuple[str, ...]:
     """Warn where the commands in flight leave the motors' law."""
     if motors.law is None:
         return ()
     command = usable_samples(log.channels["command"], "command")
     first, last = data.time[data.segments[0].start], data.time[data.segments[-1].stop - 1]
-    flown = (command.time >= first) & (command.time <= last)
-    return law_warnings(motors.law, command.values[flown])
+    used = (command.time >= first) & (command.time <= last)
+    return law_warnings(motors.law, command.values[used])

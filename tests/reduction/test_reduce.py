@@ -4,13 +4,13 @@ import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
 
-import newton_euler as ne
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+import newton_euler as ne
 from rotorfit.errors import EstimationError, FlightError
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import signal_matrix
@@ -128,7 +128,7 @@ def test_a_segment_is_filtered_without_its_surroundings():
 
 
 @pytest.mark.parametrize("order", [2, 4])
-def test_forward_and_backward_pass_together_lose_3_db_at_the_cutoff(order):
+def test_both_passes_together_lose_3_db_at_the_cutoff(order):
     lowpass = LowPass(cutoff=3.0, order=order)
     _, gain = signal.sosfreqz(lowpass.sos(200.0), worN=[3.0], fs=200.0)
     assert np.abs(gain[0]) ** 2 == pytest.approx(2**-0.5, rel=1e-3)

@@ -11,7 +11,7 @@ import made_fit
 from rotorfit.model.signals import signal_layout, signal_matrix
 from rotorfit.model.vehicle import Rotor
 from rotorfit.preprocessing.flight_data import Segment
-from rotorfit.reduction.reduce import BandPlan, _line_rows, band_factors
+from rotorfit.reduction.reduce import BandPlan, band_factors, line_rows
 
 EDGES = (1.0, 5.0, 15.0, 30.0, 45.0)
 STD, SPEED, RATE = 3.0, 400.0, 100.0
@@ -81,7 +81,7 @@ def test_exact_rotor_speeds_have_no_noise():
 def test_all_rows_of_white_noise_have_one_variance_the_mean_too():
     """A line has it in two rows, half in each; the mean is one row, of half of it."""
     white = np.random.default_rng(0).normal(size=(64, 20_000)) / 8.0
-    rows = _line_rows(np.fft.rfft(white, axis=0), 0, 6)
+    rows = line_rows(np.fft.rfft(white, axis=0), 0, 6)
     assert rows.shape == (11, 20_000)
     np.testing.assert_allclose((rows**2).mean(axis=1), 0.5, rtol=0.06)
-    assert _line_rows(np.fft.rfft(white, axis=0), 3, 6).shape == (6, 20_000)
+    assert line_rows(np.fft.rfft(white, axis=0), 3, 6).shape == (6, 20_000)
