@@ -336,7 +336,7 @@ def _banded(
     resolution: float,
 ) -> Factors:
     """Reduce the lines of one stretch, so far apart [Hz], to band factors."""
-    stacked = [_line_rows(lines, first, last) for first, last in bands]
+    stacked = [line_rows(lines, first, last) for first, last in bands]
     return Factors(
         R=triangular_factors(stacked),
         rows=np.array([len(rows) for rows in stacked], dtype=np.int64),
@@ -360,7 +360,7 @@ def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
     return replace(factors, R=factors.R[:, :z, :z], slopes=rows)
 
 
-def _line_rows(
+def line_rows(
     lines: Complex[np.ndarray, "l z"], first: int, last: int
 ) -> Float[np.ndarray, "m z"]:
     """Stack real and imaginary parts of lines as rows that carry the same noise.
