@@ -3,30 +3,29 @@
 import csv
 import html
 import io
+import os
 import re
 import shlex
 import shutil
+import signal
 import sys
+import threading
 
 import pytest
 
 from rotorfit.cli import fleet as command
+from rotorfit.cli.fleet import FleetRequest
 from rotorfit.cli.main import main
-from rotorfit.fleet.run import Workers, claim
+from rotorfit.fleet.run import claim
 from rotorfit.fleet.tables import csv_bytes
 
 
 @pytest.fixture
 def run(monkeypatch, capsys):
-    """Run the command in this process, without any other."""
-
-    def alone(count, scheduler, time_limit):
-        return Workers(count=0, time_limit=time_limit)
-
-    monkeypatch.setattr(command, "Workers", alone)
+    """Run the command line, one process at work."""
 
     def called(*arguments):
-        monkeypatch.setattr(sys, "argv", ["rotorfit", "fleet", *map(str, arguments)])
+        monkeypatch.setattr(sys, "argv", ["rotorfit", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
             main()
         printed = capsys.readouterr()
@@ -45,14 +44,30 @@ def out(small_fleet, tmp_path):
 
 
 def declared(small_fleet):
-    return "--airframe", small_fleet.defaults.airframe, "--mass", small_fleet.defaults.mass
+    defaults = small_fleet.defaults
+    return "--airframe", defaults.airframe, "--mass", defaults.mass, "--workers", 1
 
 
-def test_tables_and_page_of_a_fleet(run, out, small_fleet):
-    code, said, _ = run(small_fleet.folder, *declared(small_fleet), "-o", out)
-    assert code == 0
-    assert "4 flights identified, of 2 vehicles" in said
-    assert f"3 logs not identified: why, and what to do, is in {out / 'failures.csv'}" in said
+def write_fleet(small_fleet, out, *, as_json=False):
+    """Run the command without the command line, in this process alone."""
+    defaults = small_fleet.defaults
+    request = FleetRequest(
+        source=small_fleet.folder,
+        output=out,
+        airframe=defaults.airframe,
+        mass=str(defaults.mass),
+        workers=0,
+        time_limit=600.0,
+        as_json=as_json,
+    )
+    command.run(request)
+
+
+def test_tables_and_page_of_a_fleet(out, small_fleet, capsys):
+    write_fleet(small_fleet, out)
+    printed = capsys.readouterr().out
+    assert "4 flights identified, of 2 vehicles" in printed
+    assert f"3 logs not identified: why, and what to do, is in {out / 'failures.csv'}" in printed
     parquet = pytest.importorskip("pyarrow.parquet")
     flights = parquet.read_table(out / "flights.parquet").to_pylist()
     assert [f["file"] for f in flights] == [r.file for r in small_fleet.fleet.records]
@@ -65,37 +80,30 @@ def test_tables_and_page_of_a_fleet(run, out, small_fleet):
     own = [r.value("kt") for r in small_fleet.fleet.records[:2]]
     assert min(own) < vehicles[0]["kt_joint"] < max(own)
     failures = list(csv.DictReader(io.StringIO((out / "failures.csv").read_text("utf-8"))))
-    assert [f["log"] for f in failures] == [f.file for f in small_fleet.fleet.failures]
+    assert [f["log"] for f in failures] == [f.file for f in small_fleet.fleet.refused]
     page = (out / "fleet.html").read_text("utf-8")
     assert "rotorfit identify one/flight1.csv --mass 1.285 --airframe airframe.toml" in page
 
 
-def test_the_command_of_a_flight_makes_its_report_and_the_next_run_links_it(
-    run, out, small_fleet, monkeypatch, capsys
-):
-    asked = (small_fleet.folder, *declared(small_fleet), "-o", out)
-    run(*asked)
+def test_the_command_of_a_flight_makes_a_report_that_is_linked(run, out, small_fleet, monkeypatch):
+    write_fleet(small_fleet, out)
     page = html.unescape((out / "fleet.html").read_text("utf-8"))
     (line,) = re.findall(r"rotorfit identify one/flight2\.csv [^<]*", page)
     monkeypatch.chdir(small_fleet.folder)
-    monkeypatch.setattr(sys, "argv", shlex.split(line))
-    with pytest.raises(SystemExit) as ended:
-        main()
-    capsys.readouterr()
-    assert not ended.value.code
+    code, _, _ = run(*shlex.split(line)[1:])
+    assert code == 0
     (report,) = (out / "reports").iterdir()
     assert "flight2.csv" in report.read_text("utf-8")
     assert 'href="reports/' not in page
-    run(*asked)
+    write_fleet(small_fleet, out)
     again = (out / "fleet.html").read_text("utf-8")
     assert again.count(f'<a href="reports/{report.name}">open</a>') == again.count('href="rep') == 1
 
 
-def test_without_pyarrow_the_tables_are_csv(run, out, small_fleet, monkeypatch):
-    monkeypatch.setattr("rotorfit.fleet.tables.find_spec", lambda name: None)
-    code, _, err = run(small_fleet.folder, *declared(small_fleet), "-o", out, "--json")
-    assert code == 0
-    assert "tables are CSV: pip install 'rotorfit[parquet]'" in err
+def test_without_pyarrow_the_tables_are_csv(out, small_fleet, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    write_fleet(small_fleet, out, as_json=True)
+    assert "tables are CSV: pip install 'rotorfit[parquet]'" in capsys.readouterr().err
     rows = list(csv.DictReader(io.StringIO((out / "flights.csv").read_text("utf-8"))))
     assert float(rows[0]["kt"]) == small_fleet.fleet.records[0].value("kt")
 
@@ -104,19 +112,26 @@ def test_a_fleet_without_a_single_flight_says_why(run, tmp_path, small_fleet):
     logs = tmp_path / "logs"
     logs.mkdir()
     (logs / "a.bfl").write_bytes(b"")
-    code, _, err = run(logs, *declared(small_fleet), "-o", tmp_path / "out")
+    code, _, err = run("fleet", logs, *declared(small_fleet), "-o", tmp_path / "out")
     assert code == 1
     assert "none of 1 logs could be used" in err
     assert "is empty (0 bytes)" in err
     assert (tmp_path / "out" / "failures.csv").exists()
 
 
-def test_stopped_it_says_how_to_go_on(run, out, small_fleet, monkeypatch):
-    def stopped(logs, cache, workers, *, tell):
-        raise KeyboardInterrupt
+def test_stopped_it_says_how_to_go_on(run, tmp_path, small_fleet):
+    """Ctrl-C comes when the first log is opened: a pipe into which nobody writes."""
+    names = ["a-pipe.csv", *(f"b{i}.csv" for i in range(6))]
+    os.mkfifo(tmp_path / names[0])
+    (tmp_path / "logs.csv").write_text("\n".join(["file", *names]), encoding="utf-8")
 
-    monkeypatch.setattr(command, "read_fleet", stopped)
-    code, _, err = run(small_fleet.folder, *declared(small_fleet), "-o", out)
+    def interrupt():
+        with (tmp_path / names[0]).open("wb"):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    arguments = (*declared(small_fleet), "-o", tmp_path / "out")
+    code, _, err = run("fleet", tmp_path / "logs.csv", *arguments)
     assert code == 130
     assert "0 of 7 logs are done and kept" in err
     assert "the same command goes on from there" in err
@@ -131,7 +146,7 @@ def test_stopped_it_says_how_to_go_on(run, out, small_fleet, monkeypatch):
     ],
 )
 def test_wrong_options_are_refused(run, tmp_path, small_fleet, arguments, code, words):
-    ended, _, err = run(small_fleet.folder, *arguments, "-o", tmp_path / "out")
+    ended, _, err = run("fleet", small_fleet.folder, *arguments, "-o", tmp_path / "out")
     assert (ended, words in " ".join(err.split())) == (code, True)
     assert not (tmp_path / "out").exists()
 

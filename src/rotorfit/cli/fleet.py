@@ -1,6 +1,5 @@
 """rotorfit fleet: parse, call, print."""
 
-import dataclasses
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -12,22 +11,22 @@ import typer
 from rotorfit.cli.progress import paced, steps
 from rotorfit.cli.terminal import say, show
 from rotorfit.errors import LogError
-from rotorfit.fleet.entries import make_folder
-from rotorfit.fleet.findings import Finding, findings
+from rotorfit.fleet.findings import VehicleFinding, findings
 from rotorfit.fleet.listing import Defaults, ListedLog, listed_logs, mass_of
+from rotorfit.fleet.records import RefusedLog, make_folder
 from rotorfit.fleet.run import (
     FAILURES,
     REPORTS,
     Fleet,
     FleetType,
-    Told,
+    Progress,
     Workers,
     claim,
     cores,
-    failures_file,
     fleet_files,
     links_to,
     read_fleet,
+    refusals_file,
     types_of,
 )
 from rotorfit.fleet.statistics import ALARM
@@ -55,20 +54,21 @@ class FleetRequest:
 
 def run(request: FleetRequest) -> None:
     """Identify every log, say what the fleet says, and write it."""
-    logs = listed_logs(request.source, _defaults(request), apart=request.output)
+    logs = listed_logs(request.source, _defaults(request), excluded=request.output)
     claim(request.output, request.source, force=request.force)
     workers = Workers(
-        count=min(request.workers or cores(), len(logs)),
+        count=min(cores() if request.workers is None else request.workers, len(logs)),
         scheduler=request.scheduler,
         time_limit=request.time_limit,
     )
     cache = request.output / CACHE
     fleet = _identified(logs, cache, workers)
     if not fleet.records:
-        _write(request.output, {FAILURES: failures_file(fleet)})
+        _write(request.output, {FAILURES: refusals_file(fleet)})
+        first = fleet.refused[0]
         raise LogError(
             f"none of {len(logs)} logs could be used: {request.output / FAILURES} says why of each "
-            f"and what to do; the first: {fleet.failures[0].file}: {fleet.failures[0].reason}"
+            f"and what to do; the first: {first.file}: {first.refusal.sentence}"
         )
     with steps() as tell:
         tell("comparing the flights")
@@ -107,16 +107,16 @@ def _defaults(request: FleetRequest) -> Defaults:
 
 def _identified(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet:
     """Identify every log that is not kept; stopped, say how to go on."""
-    last = Told(done=0, total=len(logs), fresh=0)
+    last = Progress(done=0, total=len(logs), fresh=0)
     try:
         with paced("identifying") as show_pace:
 
-            def tell(told: Told) -> None:
+            def show_progress(progress: Progress) -> None:
                 nonlocal last
-                last = told
-                show_pace(told.done, told.total)
+                last = progress
+                show_pace(progress.done, progress.total)
 
-            return read_fleet(logs, cache, workers, tell=tell)
+            return read_fleet(logs, cache, workers, progress=show_progress)
     except KeyboardInterrupt:
         say(
             f"rotorfit: {last.done} of {last.total} logs are done and kept in {cache}; the same "
@@ -147,13 +147,13 @@ def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
     return "\n".join([*lines, "", f"({chance}; {tests} series of flights were looked at.)"])
 
 
-def _sentence(one: FleetType, finding: Finding) -> str:
+def _sentence(one: FleetType, finding: VehicleFinding) -> str:
     vehicle = one.statistics.vehicles[finding.vehicle]
-    return f"{vehicle}: {finding.sentence} What to do: {finding.advice}."
+    return f"{vehicle}: {finding.sentence} What to do: {finding.next_step}."
 
 
 def _left_out(fleet: Fleet, folder: Path) -> list[str]:
-    count = len(fleet.failures)
+    count = len(fleet.refused)
     if not count:
         return []
     trim = sum(bool(record.refused) for record in fleet.records)
@@ -171,23 +171,33 @@ def _plain(
         "types": {one.name: list(one.statistics.vehicles) for one in types},
         "flights": len(fleet.records),
         "identified": sum(not record.refused for record in fleet.records),
-        "failures": [dataclasses.asdict(failure) for failure in fleet.failures],
+        "failures": [_plain_refusal(log) for log in fleet.refused],
         "findings": [_plain_finding(one, finding) for one in types for finding in _findings(one)],
         "files": list(files),
     }
 
 
-def _findings(one: FleetType) -> list[Finding]:
+def _findings(one: FleetType) -> list[VehicleFinding]:
     return findings(one.statistics, one.fleet.records)
 
 
-def _plain_finding(one: FleetType, finding: Finding) -> dict[str, object]:
+def _plain_refusal(log: RefusedLog) -> dict[str, object]:
+    return {
+        "file": log.file,
+        "log_number": log.log_number,
+        "vehicle": "",
+        "reason": log.refusal.sentence,
+        "what_to_do": log.refusal.next_step,
+    }
+
+
+def _plain_finding(one: FleetType, finding: VehicleFinding) -> dict[str, object]:
     records = one.fleet.records
     return {
         "type": one.name,
         "vehicle": one.statistics.vehicles[finding.vehicle],
-        "sort": finding.sort,
+        "sort": finding.kind,
         "sentence": finding.sentence,
-        "advice": finding.advice,
+        "advice": finding.next_step,
         "flight": None if finding.record is None else records[finding.record].file,
     }

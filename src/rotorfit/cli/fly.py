@@ -21,12 +21,10 @@ from rotorfit.logs.files import write_whole
 from rotorfit.results.command_units import is_per_command
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import load_sound
-from rotorfit.validation.fly_outcome import IDENTIFIED, FlyOutcome
-from rotorfit.validation.model_flight import MANOEUVRES, ModelFlight
-from rotorfit.validation.replay import WINDOW
-from rotorfit.validation.replay_flights import Timed, replay_flights
+from rotorfit.validation.fly_outcome import IDENTIFIED, MANOEUVRES, FlyOutcome, ModelFlight
+from rotorfit.validation.replay import WINDOW, Timed, replay_flights
 from rotorfit.validation.replay_vehicle import replay_vehicle
-from rotorfit.validation.validate import found_response
+from rotorfit.validation.validate import fitted_response
 
 DRAWS = 40
 BENCH = "bench"
@@ -163,7 +161,7 @@ def _side(
     fixed = {n.name: n.value for n in model.numbers if n.origin in ("assumed", "from-ratio")}
     fixed = {n: v for n, v in fixed.items() if not n.startswith("motor_") and n != "max_speed"}
     vehicle = replay_vehicle(result, owner, assumed={**_body(assumed), **fixed}, draws=draws)
-    return _Side(model=model, timed=Timed(vehicle=vehicle, response=found_response(result)))
+    return _Side(model=model, timed=Timed(vehicle=vehicle, response=fitted_response(result)))
 
 
 def _body(assumed: Mapping[str, float]) -> dict[str, float]:
