@@ -31,15 +31,13 @@ from pathlib import Path
 
 from rotorfit.dataset.dataset import load_flight
 from rotorfit.errors import RotorfitWarning
-from rotorfit.fleet.entries import read_entry
+from rotorfit.fleet.executors import Workspace, process_log
 from rotorfit.fleet.joined import joined
-from rotorfit.fleet.kept_factors import fitted_factors
 from rotorfit.fleet.listing import Defaults, FlightTask, listed_logs
-from rotorfit.fleet.one_flight import entry_of, experiment_of
-from rotorfit.fleet.records import flight_columns, numbers_of
+from rotorfit.fleet.one_flight import entry_of, experiment_of, fitted_factors
+from rotorfit.fleet.records import read_entry
 from rotorfit.fleet.run import PAGE, Workers, fleet_files, read_fleet, types_of
-from rotorfit.fleet.tables import ROWS, table_file
-from rotorfit.fleet.work import Desk, worked
+from rotorfit.fleet.tables import ROWS, flight_columns, numbers_of, table_file
 from rotorfit.simulation import Scenario, paper_vehicle, simulate_flight, variant
 from rotorfit.simulation.views import write_flight_table
 
@@ -77,7 +75,7 @@ def pace(tasks: list[FlightTask]) -> tuple[float, float]:
     with tempfile.TemporaryDirectory() as folder:
         start = time.process_time()
         for task in tasks:
-            worked(task, Desk(cache=Path(folder)))
+            process_log(task, Workspace(cache=Path(folder)))
         whole = time.process_time() - start
     return read / len(tasks), whole / len(tasks)
 
@@ -132,9 +130,9 @@ def digest(logs, cache: Path, workers: Workers) -> str:
 
 
 def fingerprint(files: dict[str, bytes]) -> str:
-    told = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
-    assert PAGE in told
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
+    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    assert PAGE in hashes
+    return hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def killed_worker(logs, cache: Path, workers: Workers) -> str:
@@ -203,7 +201,9 @@ def main() -> None:
         )
         print(f"the whole over reading {whole / read:.1f}")
         alone = digest(logs, folder / "alone", Workers(count=0))
-        keys = [kept.key for kept in read_fleet(logs, folder / "alone", Workers(count=0)).kept]
+        keys = [
+            flight.key for flight in read_fleet(logs, folder / "alone", Workers(count=0)).cached
+        ]
         sizes = [path.stat().st_size for path in (folder / "alone").glob("*/*.npz")]
         print(f"kept of a flight    {sum(sizes) / len(sizes) / 1000:.0f} kB")
         for count in sorted({100, 1000, given.most}):

@@ -214,7 +214,7 @@ def said(statistics: FleetStatistics) -> Counter[tuple[int, str, str]]:
         for place, vehicle in enumerate(number.vehicles):
             if number.changes[place]:
                 out[vehicle, number.name, "change"] += 1
-            if number.apart[place]:
+            if number.outlying[place]:
                 out[vehicle, number.name, "apart"] += 1
     return out
 
@@ -235,9 +235,9 @@ def level_scores(number: NumberStatistics, levels: Numbers, scores: Mapping[str,
     keep = [i for i, v in enumerate(number.vehicles) if v not in planted]
     true = levels[number.name][[number.vehicles[i] for i in keep], 0]
     for kind in ("own", "shrunk"):
-        lone = kind == "own" or number.apart[keep]
-        error = np.where(lone, number.own[keep], number.shrunk[keep]) - true
-        std = np.where(lone, number.own_std[keep], number.shrunk_std[keep])
+        lone = kind == "own" or number.outlying[keep]
+        error = np.where(lone, number.level[keep], number.shrunk[keep]) - true
+        std = np.where(lone, number.level_std[keep], number.shrunk_std[keep])
         scores[kind].setdefault(number.name, []).extend(error.tolist())
         scores[f"{kind} held"].setdefault(number.name, []).extend(np.abs(error) <= 1.96 * std)
 

@@ -45,7 +45,7 @@ from rotorfit.simulation.controller import Gains
 from rotorfit.simulation.experiment_files import simulate
 from rotorfit.simulation.experiments import FULL_SPEED, plan_experiment
 from rotorfit.simulation.truth import Truth
-from rotorfit.validation.model_flight import BEFORE, STEPS, is_lost
+from rotorfit.validation.fly_outcome import BEFORE, STEPS, is_lost
 
 SHARE = 0.2
 COM_SHARE = 0.02

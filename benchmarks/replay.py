@@ -29,14 +29,15 @@ from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.replay import (
     HOLD,
     Replay,
+    Timed,
     band_growth,
     error_growth,
     force_errors,
     growth_time,
+    replay_flights,
 )
-from rotorfit.validation.replay_flights import Timed, replay_flights
 from rotorfit.validation.replay_vehicle import ReplayVehicle, replay_vehicle
-from rotorfit.validation.validate import found_response
+from rotorfit.validation.validate import fitted_response
 
 AIRFRAME = Path(__file__).parents[1] / "examples" / "cinerat.toml"
 MASS = 0.428
@@ -79,7 +80,7 @@ def candidates(result: IdentificationResult, draws: int = 40) -> dict[str, Repla
 
 def replayed(result: IdentificationResult, log: Path) -> list[Replay]:
     """Replay a log with all candidates."""
-    response = found_response(result)
+    response = fitted_response(result)
     timed = {n: Timed(vehicle=v, response=response) for n, v in candidates(result).items()}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RotorfitWarning)

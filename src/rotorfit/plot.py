@@ -18,10 +18,9 @@ from rotorfit.report.number_words import unit_words
 from rotorfit.report.wrenches import COMPONENT, series_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
 from rotorfit.validation.fly_outcome import AXES, IDENTIFIED
-from rotorfit.validation.replay import HOLD, Replay
-from rotorfit.validation.replay_flights import Timed, replay_flights
+from rotorfit.validation.replay import HOLD, Replay, Timed, replay_flights
 from rotorfit.validation.replay_vehicle import replay_vehicle
-from rotorfit.validation.validate import found_response
+from rotorfit.validation.validate import fitted_response
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
 
 Axes = Any
@@ -141,7 +140,7 @@ def replay(
         Three to draw on; made if None.
     """
     owner = owner_of(result, configuration)
-    timed = Timed(vehicle=replay_vehicle(result, owner), response=found_response(result))
+    timed = Timed(vehicle=replay_vehicle(result, owner), response=fitted_response(result))
     others = () if flight is None else (Path(flight),)
     replays = replay_flights(result, owner, {IDENTIFIED: timed}, others=others)
     return replay_axes(replays[0], seconds=seconds, axes=axes)

@@ -25,7 +25,7 @@ from rotorfit.simulation import (
 )
 from rotorfit.simulation.experiment_files import experiment_files
 from rotorfit.simulation.experiments import plan_experiment
-from rotorfit.validation.validate import found_response, validate_file
+from rotorfit.validation.validate import fitted_response, validate_file
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +166,7 @@ def test_hovers_that_do_not_settle_tell_nothing_either(tmp_path, seed):
 
 
 def test_a_hover_is_validated_at_the_usual_lag(of_the_hover):
-    assert found_response(of_the_hover) == MotorResponse(lag=LAG_PRIOR[0])
+    assert fitted_response(of_the_hover) == MotorResponse(lag=LAG_PRIOR[0])
 
 
 def test_how_long_a_command_held_is_in_the_intervals(tmp_path):

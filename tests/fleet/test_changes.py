@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rotorfit.fleet.population.changes import (
+from rotorfit.fleet.changes import (
     chance_of_largest,
     find_changes,
     overstated,

@@ -62,7 +62,7 @@ def test_tables_and_page_of_a_fleet(run, out, small_fleet):
     own = [r.value("kt") for r in small_fleet.fleet.records[:2]]
     assert min(own) < vehicles[0]["kt_joint"] < max(own)
     failures = list(csv.DictReader(io.StringIO((out / "failures.csv").read_text("utf-8"))))
-    assert [f["log"] for f in failures] == [f.file for f in small_fleet.fleet.failures]
+    assert [f["log"] for f in failures] == [f.file for f in small_fleet.fleet.refused]
     page = (out / "fleet.html").read_text("utf-8")
     assert "rotorfit identify one/flight1.csv --mass 1.285 --airframe airframe.toml" in page
 
@@ -108,7 +108,7 @@ def test_a_fleet_without_a_single_flight_says_why(run, tmp_path, small_fleet):
 
 
 def test_stopped_it_says_how_to_go_on(run, out, small_fleet, monkeypatch):
-    def stopped(logs, cache, workers, *, tell):
+    def stopped(logs, cache, workers, *, progress):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("rotorfit.fleet.run.read_fleet", stopped)

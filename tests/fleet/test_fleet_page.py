@@ -3,26 +3,25 @@
 import re
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
-from fleet_material import a_fleet, planted_fleet
+from fleet_material import DAY, KT, START, STD, a_fleet, a_record, planted_fleet
 
-from rotorfit.fleet.page import Links, fleet_html, report_command
-from rotorfit.fleet.records import FlightFailure
+from rotorfit.fleet.page import MOST_ROWS, Links, fleet_html, report_command
+from rotorfit.fleet.records import KT_WEIGHT, RefusedLog, refusal
 from rotorfit.fleet.statistics import fleet_statistics
 
 
 @pytest.fixture(scope="module")
 def html() -> str:
     records, statistics = planted_fleet()
-    failures = [
-        FlightFailure(file=f"/logs/x{i}.ulg", reason="cut <off>", what_to_do="copy it again")
-        for i in range(3)
-    ]
+    why = refusal("not-identified", "cut <off>", "copy it again")
+    refused = [RefusedLog(file=f"/logs/x{i}.ulg", refusal=why) for i in range(3)]
     links = Links(
         report=lambda record: "reports/V01-log1.html" if record is records[0] else "",
         command=report_command,
     )
-    return fleet_html(statistics, records, failures, name="Line <3>", links=links)
+    return fleet_html(statistics, records, refused, name="Line <3>", links=links)
 
 
 class Tags(HTMLParser):
@@ -68,7 +67,7 @@ def test_findings_come_first_with_what_to_check(html):
     assert "the chance that any change is said at all would be 5 %" in first
 
 
-def test_every_flight_has_its_report_or_the_command_for_it(html):
+def test_every_flight_has_its_report_or_its_command(html):
     assert '<a href="reports/V01-log1.html">open</a>' in html
     assert html.count("rotorfit identify V") == 95
     assert "rotorfit identify V02/log5.ulg --mass 1.4 --airframe airframe.toml" in html
@@ -88,14 +87,17 @@ def test_a_quiet_fleet_says_so():
     )
 
 
-def test_more_flights_are_put_together(monkeypatch):
-    """So many points a drawing at most, and not every flight listed."""
-    monkeypatch.setattr("rotorfit.fleet.page.MOST_ROWS", 12)
-    monkeypatch.setattr("rotorfit.fleet.drawings.MOST_POINTS", 10)
-    records = [a_fleet(vehicles=3, flights=n, seed=4) for n in (14, 56)]
-    few, many = (fleet_html(fleet_statistics(r), r) for r in records)
+def test_many_flights_are_averaged_in_drawings_and_not_listed():
+    rng = np.random.default_rng(4)
+    records = [
+        a_record({KT_WEIGHT: KT + STD[KT_WEIGHT] * x}, file=f"log{i}.ulg", started=START + DAY * i)
+        for i, x in enumerate(rng.standard_normal(2 * (MOST_ROWS + 1)))
+    ]
+    few, many = (
+        fleet_html(fleet_statistics(part), part) for part in (records[: MOST_ROWS + 1], records)
+    )
     assert len(many) < 1.3 * len(few)
-    assert "168 more flights are in the file of flights" in many
+    assert f"{len(records)} more flights are in the file of flights" in many
 
 
 def test_no_flight_at_all():

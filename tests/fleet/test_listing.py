@@ -9,7 +9,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.fleet.listing import Defaults, listed_logs
 
 
-def test_a_folder_gives_every_log_in_it_and_nothing_else(small_fleet):
+def test_a_folder_gives_every_log_in_it_and_no_more(small_fleet):
     assert [log.name for log in small_fleet.logs] == [
         *("one/flight1.csv", "one/flight2.csv"),
         *("two/empty.bfl", "two/flight1.csv", "two/flight2.csv", "two/flight9.csv"),
@@ -17,8 +17,10 @@ def test_a_folder_gives_every_log_in_it_and_nothing_else(small_fleet):
     ]
 
 
-def test_the_outputs_of_the_fleet_are_none_of_its_logs(small_fleet):
-    logs = listed_logs(small_fleet.folder, small_fleet.defaults, apart=small_fleet.folder / "two")
+def test_the_outputs_of_the_fleet_are_not_listed(small_fleet):
+    logs = listed_logs(
+        small_fleet.folder, small_fleet.defaults, excluded=small_fleet.folder / "two"
+    )
     assert [log.name for log in logs] == ["one/flight1.csv", "one/flight2.csv"]
 
 

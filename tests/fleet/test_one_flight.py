@@ -8,11 +8,9 @@ import pytest
 
 from rotorfit.errors import FlightWarning
 from rotorfit.experiment.experiment import named_flight
-from rotorfit.fleet.entries import read_entry
 from rotorfit.fleet.joined import joined
-from rotorfit.fleet.kept_factors import fitted_factors
-from rotorfit.fleet.one_flight import experiment_of, failure_of
-from rotorfit.fleet.records import KT_WEIGHT, TRIM
+from rotorfit.fleet.one_flight import experiment_of, fitted_factors, refusal_of
+from rotorfit.fleet.records import KT_WEIGHT, TRIM, read_entry
 from rotorfit.identification.identify import identify_flights
 
 
@@ -27,7 +25,7 @@ def alone(small_fleet):
     return quietly(experiment_of(small_fleet.logs[0].task)).result
 
 
-def test_every_number_is_that_of_identify_to_the_last_digit(small_fleet, alone):
+def test_every_number_is_that_of_identify(small_fleet, alone):
     record = small_fleet.fleet.records[0]
     for number in (*alone.parameters, *alone.derived):
         value, std = (np.nan if v is None else v for v in (number.value, number.std))
@@ -51,7 +49,7 @@ def test_the_covariance_is_that_of_the_result(small_fleet, alone):
     assert record.covariance[kt, hover] / (std[kt] * std[hover]) == pytest.approx(-1.0, abs=1e-6)
 
 
-def test_the_motors_alone_tell_the_centre_of_mass_in_calm_flight(small_fleet):
+def test_motors_alone_show_the_centre_of_mass_in_calm_flight(small_fleet):
     for record in small_fleet.fleet.records:
         assert abs(record.value("thrust_center_x") - record.value("com_x")) < 2e-3
         assert record.value("hover_motor") == pytest.approx(record.value("hover_speed"), rel=0.05)
@@ -63,9 +61,9 @@ def test_the_motors_alone_tell_the_centre_of_mass_in_calm_flight(small_fleet):
 def two(small_fleet):
     """Return the flights of a vehicle identified together, and what loads each by itself."""
     own = [i for i, r in enumerate(small_fleet.fleet.records) if r.vehicle == "one"]
-    kept = [small_fleet.fleet.kept[i] for i in own]
-    experiment = experiment_of(kept[0].task)
-    flights = tuple(named_flight(Path(one.task.file)) for one in kept)
+    cached = [small_fleet.fleet.cached[i] for i in own]
+    experiment = experiment_of(cached[0].task)
+    flights = tuple(named_flight(Path(one.task.file)) for one in cached)
     configuration = experiment.configuration[0].model_copy(update={"flights": flights})
     whole = quietly(experiment.model_copy(update={"configuration": (configuration,)}))
 
@@ -74,7 +72,7 @@ def two(small_fleet):
             read_entry(small_fleet.cache, key, factors=True).factors, experiment
         )
 
-    return whole, [loads(one.key) for one in kept]
+    return whole, [loads(one.key) for one in cached]
 
 
 JOINED = ("kt", "kd", "Ixx_com", "Iyy_com", "com_x", "com_y", "hover_speed")
@@ -92,7 +90,7 @@ def steps(together, whole):
     return np.array(found).T
 
 
-def test_flights_joined_from_their_factors_are_those_identified_together(two):
+def test_joined_flights_are_those_identified_together(two):
     """Timing, what counts, and the terms are settled flight by flight: that is the difference."""
     whole, loads = two
     away, std = steps(joined(loads), whole)
@@ -113,5 +111,5 @@ def test_flights_joined_from_their_factors_are_those_identified_together(two):
     ],
 )
 def test_a_refusal_says_what_was_met_and_what_to_do(message, reason, advice):
-    failure = failure_of(message)
-    assert (failure.reason, failure.what_to_do) == (reason, advice)
+    found = refusal_of(message)
+    assert (found.sentence, found.next_step) == (reason, advice)

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize, stats
 
 from rotorfit.errors import EstimationError
-from rotorfit.fleet.population.random_effects import (
+from rotorfit.fleet.random_effects import (
     LEAST_GROUPS,
     RandomEffects,
     Repeated,
@@ -100,7 +100,7 @@ def test_balanced_groups_give_the_analysis_of_variance():
     assert np.exp(2 * found) == pytest.approx([inside, (across - inside) / 5], rel=1e-4)
 
 
-def test_one_repeat_each_and_known_variances_are_a_meta_analysis():
+def test_one_repeat_each_is_a_meta_analysis():
     """The mean by the weights of DerSimonian and Laird, their variance between groups given."""
     rng = np.random.default_rng(7)
     v = rng.uniform(0.5, 2.0, 12)
@@ -110,7 +110,7 @@ def test_one_repeat_each_and_known_variances_are_a_meta_analysis():
     assert np.isnan(found.within[0])  # nobody flew twice
     w = 1 / (v + found.between[0] ** 2)
     assert found.mean[0] == pytest.approx(w @ y / w.sum(), abs=0.05)
-    assert found.own[:, 0] == pytest.approx(y)
+    assert found.level[:, 0] == pytest.approx(y)
     assert np.all(np.abs(found.shrunk[:, 0] - found.mean[0]) < np.abs(y - found.mean[0]))
 
 
@@ -132,18 +132,18 @@ def test_a_repeat_that_tells_one_ratio_only():
     noise = 1e3 * rng.standard_normal((g * n, 1)) + 0.1 * rng.standard_normal((g * n, 2))
     found = random_effects(repeated(level[group] + noise, np.tile(blind, (g * n, 1, 1)), group))
     ratio = np.array([1.0, -1.0])
-    std = np.sqrt(ratio @ found.own_covariance @ ratio)
+    std = np.sqrt(ratio @ found.level_covariance @ ratio)
     assert np.all(std < 0.15)
-    assert np.all(np.abs((found.own - level) @ ratio) < 4 * std)
-    assert np.all(np.sqrt(found.own_covariance[:, 0, 0]) > 100.0)
+    assert np.all(np.abs((found.level - level) @ ratio) < 4 * std)
+    assert np.all(np.sqrt(found.level_covariance[:, 0, 0]) > 100.0)
 
 
-def test_a_number_that_a_group_does_not_tell_is_the_mean_of_the_others():
+def test_an_unknown_level_is_the_mean_of_the_others():
     data, _ = drawn(np.random.default_rng(4), groups=7, repeats=3)
     values = data.values.copy()
     values[data.group == 2] = np.nan
     found = random_effects(repeated(values, data.covariance, data.group))
-    assert np.isnan(found.own[2, 0])
+    assert np.isnan(found.level[2, 0])
     assert found.shrunk[2, 0] == pytest.approx(found.mean[0])
     assert found.shrunk_covariance[2, 0, 0] > found.between[0] ** 2
 
@@ -153,7 +153,7 @@ def test_few_groups_are_not_drawn_to_a_mean():
     found = random_effects(data)
     assert np.isnan(found.between[0])
     assert np.isnan(found.shrunk).all()
-    assert np.isfinite(found.own).all()
+    assert np.isfinite(found.level).all()
 
 
 def test_a_number_that_nobody_tells_is_refused():
@@ -169,7 +169,7 @@ def test_a_column_of_changes_leaves_the_level_before_them():
         data.values + 50.0 * step[:, None], data.covariance, data.group, step[:, None, None]
     )
     found = random_effects(moved)
-    assert np.abs(found.own[:, 0] - level) == pytest.approx(0.0, abs=0.2)
+    assert np.abs(found.level[:, 0] - level) == pytest.approx(0.0, abs=0.2)
     assert found.within[0] < 0.2
 
 
@@ -181,7 +181,7 @@ def fleets() -> list[tuple[RandomEffects, np.ndarray]]:
     return [(random_effects(data), level) for data, level in drawings]
 
 
-@pytest.mark.parametrize("kind", ["own", "shrunk"])
+@pytest.mark.parametrize("kind", ["level", "shrunk"])
 def test_intervals_hold_the_truth_as_often_as_stated(fleets, kind):
     misses = [
         (getattr(f, kind)[:, 0] - level) / np.sqrt(getattr(f, f"{kind}_covariance")[:, 0, 0])
@@ -191,8 +191,8 @@ def test_intervals_hold_the_truth_as_often_as_stated(fleets, kind):
     assert 0.93 <= inside <= 0.98
 
 
-def test_drawn_towards_the_mean_they_are_nearer_to_the_truth(fleets):
+def test_shrunk_levels_are_nearer_to_the_truth(fleets):
     def rms(kind: str) -> float:
         return float(np.sqrt(np.mean([(getattr(f, kind)[:, 0] - x) ** 2 for f, x in fleets])))
 
-    assert rms("shrunk") < 0.7 * rms("own")
+    assert rms("shrunk") < 0.7 * rms("level")

@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import re
 import shutil
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -11,13 +12,14 @@ from pathlib import Path
 
 import pytest
 
+sys.path.append(str(Path(__file__).parents[1] / "logs"))
+from blackbox_encoder import record_random
+
 from rotorfit.errors import ExperimentError, OutputError
-from rotorfit.fleet import run, work
-from rotorfit.fleet.entries import path_of, read_entry, write_entry
-from rotorfit.fleet.executors import by_processes
+from rotorfit.fleet.executors import Workspace, by_processes, process_log
 from rotorfit.fleet.listing import Defaults, FlightTask, listed_logs
-from rotorfit.fleet.run import Workers, claim, failures_file, fleet_files, read_fleet, types_of
-from rotorfit.fleet.work import Desk, worked
+from rotorfit.fleet.records import path_of, read_entry, write_entry
+from rotorfit.fleet.run import Workers, claim, fleet_files, read_fleet, refusals_file, types_of
 
 
 def files(fleet, cache):
@@ -32,16 +34,16 @@ def test_every_log_has_a_row_or_a_reason(small_fleet):
         ("two/flight1.csv", "two", "A"),
         ("two/flight2.csv", "two", "A"),
     ]
-    told = {f.file: (f.reason, f.what_to_do) for f in fleet.failures}
-    assert set(told) == {"two/empty.bfl", "two/flight9.csv", "two/notes.csv"}
-    assert "is empty (0 bytes)" in told["two/empty.bfl"][0]
-    assert told["two/flight9.csv"][0].startswith("has the same content as one/flight1.csv")
-    assert all(advice for _, advice in told.values())
+    found = {r.file: (r.refusal.sentence, r.refusal.next_step) for r in fleet.refused}
+    assert set(found) == {"two/empty.bfl", "two/flight9.csv", "two/notes.csv"}
+    assert "is empty (0 bytes)" in found["two/empty.bfl"][0]
+    assert found["two/flight9.csv"][0].startswith("has the same content as one/flight1.csv")
+    assert all(advice for _, advice in found.values())
 
 
 def test_what_is_kept_is_not_worked_on_again(small_fleet):
     told = []
-    again = read_fleet(small_fleet.logs, small_fleet.cache, Workers(count=0), tell=told.append)
+    again = read_fleet(small_fleet.logs, small_fleet.cache, Workers(count=0), progress=told.append)
     assert (told[-1].done, told[-1].total) == (7, 7)
     # An empty file is looked at every time: there is nothing to know it by.
     assert told[-1].fresh == 1
@@ -51,20 +53,20 @@ def test_what_is_kept_is_not_worked_on_again(small_fleet):
 def test_an_entry_that_was_spoilt_is_made_anew(small_fleet, tmp_path):
     cache = tmp_path / "cache"
     shutil.copytree(small_fleet.cache, cache)
-    kept = small_fleet.fleet.kept[0]
-    path = path_of(cache, kept.key)
+    flight = small_fleet.fleet.cached[0]
+    path = path_of(cache, flight.key)
     whole = path.read_bytes()
     for spoilt in (whole[: len(whole) // 2], b"", whole[:60] + b"\0" * 200 + whole[260:]):
         path.write_bytes(spoilt)
-        assert read_entry(cache, kept.key) is None
-    assert worked(kept.task, Desk(cache=cache)).fresh
-    assert read_entry(cache, kept.key).record.values.tobytes() == (
+        assert read_entry(cache, flight.key) is None
+    assert process_log(flight.task, Workspace(cache=cache)).fresh
+    assert read_entry(cache, flight.key).record.values.tobytes() == (
         small_fleet.fleet.records[0].values.tobytes()
     )
 
 
 def test_an_entry_comes_back_as_it_was(small_fleet, tmp_path):
-    entry = read_entry(small_fleet.cache, small_fleet.fleet.kept[0].key, factors=True)
+    entry = read_entry(small_fleet.cache, small_fleet.fleet.cached[0].key, factors=True)
     write_entry(tmp_path, "ab", entry)
     again = read_entry(tmp_path, "ab", factors=True)
     assert set(again.factors) == set(entry.factors)
@@ -74,15 +76,13 @@ def test_an_entry_comes_back_as_it_was(small_fleet, tmp_path):
 
 
 def test_other_options_are_another_entry(small_fleet):
-    task = small_fleet.fleet.kept[0].task
+    task = small_fleet.fleet.cached[0].task
     heavier = FlightTask(file=task.file, airframe=task.airframe, mass=task.mass * 1.01)
-    keys = [worked(t, Desk(cache=small_fleet.cache)).key for t in (task, heavier)]
+    keys = [process_log(t, Workspace(cache=small_fleet.cache)).key for t in (task, heavier)]
     assert keys[0] != keys[1]
 
 
-def test_processes_give_the_same_bytes_with_a_worker_killed_and_the_run_broken_off(
-    small_fleet, tmp_path
-):
+def test_interrupted_processes_give_the_same_bytes(small_fleet, tmp_path):
     """Stopped after the first answer; then gone on, and a worker killed in the middle of it.
 
     Meanwhile the second log is a pipe: whoever reads it waits, however fast it works.
@@ -103,13 +103,13 @@ def test_processes_give_the_same_bytes_with_a_worker_killed_and_the_run_broken_o
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        read_fleet(logs, cache, Workers(count=1), tell=stop)
+        read_fleet(logs, cache, Workers(count=1), progress=stop)
     while multiprocessing.active_children():  # one has ended once the pool's own thread says so
         time.sleep(0.01)
     assert len(list(cache.glob("*/*.npz"))) == 1
 
     killed, done = [], threading.Event()
-    mark = work._mark(logs[1].task, Desk(cache=cache))
+    mark = Workspace(cache=cache).mark_of(logs[1].task)
     mark.unlink(missing_ok=True)  # whoever was broken off may have left it
 
     def kill_one():
@@ -123,12 +123,12 @@ def test_processes_give_the_same_bytes_with_a_worker_killed_and_the_run_broken_o
     killer = threading.Thread(target=kill_one)
     killer.start()
     told = []
-    fleet = read_fleet(logs, cache, Workers(count=1), tell=told.append)
+    fleet = read_fleet(logs, cache, Workers(count=1), progress=told.append)
     done.set()
     killer.join()
     assert killed
     assert [t.fresh for t in told] == [0, 1]
-    assert not fleet.failures
+    assert not fleet.refused
     expected = read_fleet(logs, small_fleet.cache, Workers(count=0))
     assert files(fleet, cache) == files(expected, small_fleet.cache)
 
@@ -137,50 +137,48 @@ def test_a_log_that_hangs_costs_that_log(small_fleet, tmp_path):
     """A pipe that nobody writes into is a log that never ends."""
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
-    desk = Desk(cache=tmp_path / "cache", time_limit=2.0)
-    desk.running.mkdir(parents=True)
-    good = small_fleet.fleet.kept[0].task
+    space = Workspace(cache=tmp_path / "cache", time_limit=2.0)
+    space.running.mkdir(parents=True)
+    good = small_fleet.fleet.cached[0].task
     hanging = FlightTask(file=str(pipe), airframe=good.airframe, mass=good.mass)
-    shutil.copytree(small_fleet.cache, desk.cache, dirs_exist_ok=True)
-    answers = {a.task: a for a in by_processes([hanging, good], desk, workers=1)}
-    assert answers[good].key == small_fleet.fleet.kept[0].key
-    failure = answers[hanging].failure
-    assert failure.reason == "stopped after 2 s, the time limit of a log"
-    assert "--time-limit" in failure.what_to_do
-    assert not list(desk.running.iterdir())
+    shutil.copytree(small_fleet.cache, space.cache, dirs_exist_ok=True)
+    outcomes = {o.task: o for o in by_processes([hanging, good], space, workers=1)}
+    assert outcomes[good].key == small_fleet.fleet.cached[0].key
+    refusal = outcomes[hanging].refusal
+    assert refusal.sentence == "stopped after 2 s, the time limit of a log"
+    assert "--time-limit" in refusal.next_step
+    assert not list(space.running.iterdir())
 
 
-def test_a_log_that_ends_its_process_twice_is_left_out(small_fleet, tmp_path):
-    desk = Desk(cache=tmp_path, time_limit=60.0)
-    desk.running.mkdir()
-    task = small_fleet.fleet.kept[0].task
-    work._mark(task, desk).write_text("began\nbegan\n", encoding="utf-8")
-    answer = worked(task, desk)
-    assert answer.failure.reason == "the process that worked on it died, 2 times"
-    assert "--workers" in answer.failure.what_to_do
+def test_a_log_that_ends_its_process_twice_is_refused(small_fleet, tmp_path):
+    space = Workspace(cache=tmp_path, time_limit=60.0)
+    space.running.mkdir()
+    task = small_fleet.fleet.cached[0].task
+    space.mark_of(task).write_text("began\nbegan\n", encoding="utf-8")
+    refusal = process_log(task, space).refusal
+    assert refusal.sentence == "the process that worked on it died, 2 times"
+    assert "--workers" in refusal.next_step
 
 
-def test_a_file_of_several_logs_is_a_row_each(tmp_path, monkeypatch):
-    seen = []
-
-    def answer(task, desk):
-        seen.append(task.log_number)
-        if task.log_number is None:
-            return work.Answer(task=task, numbers=(1, 2, 3))
-        return work.Answer(task=task, failure=work.failure_of(f"log {task.log_number}: no"))
-
-    monkeypatch.setattr(run, "worked", answer)
-    monkeypatch.setattr(run, "_refuse_airframes", lambda logs: None)
-    table = tmp_path / "t.csv"
-    table.write_text("file\nflight.bfl\n", encoding="utf-8")
-    logs = listed_logs(table, Defaults(mass=1.0, airframe=tmp_path / "a.toml"))
-    fleet = read_fleet(logs, tmp_path / "cache", Workers(count=0))
-    assert seen == [None, 1, 2, 3]
-    assert [f.log_number for f in fleet.failures] == [1, 2, 3]
-    assert failures_file(fleet).decode().splitlines()[1] == "flight.bfl,1,,log 1,no"
+def test_a_file_of_several_logs_is_a_row_each(small_fleet, tmp_path):
+    recorders = [record_random(seed, 20) for seed in (1, 2, 3)]
+    for recorder in recorders:
+        recorder.end()
+    (tmp_path / "flight.bfl").write_bytes(b"".join(recorder.data for recorder in recorders))
+    steps = []
+    fleet = read_fleet(
+        listed_logs(tmp_path, small_fleet.defaults),
+        tmp_path / "cache",
+        Workers(count=0),
+        progress=steps.append,
+    )
+    assert [(step.done, step.total) for step in steps] == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    assert [log.log_number for log in fleet.refused] == [1, 2, 3]
+    rows = refusals_file(fleet).decode().splitlines()[1:]
+    assert [row.split(",")[:3] for row in rows] == [["flight.bfl", n, ""] for n in "123"]
 
 
-def test_a_wrong_airframe_is_refused_before_any_log_is_read(small_fleet, tmp_path):
+def test_a_wrong_airframe_is_refused_before_reading_logs(small_fleet, tmp_path):
     logs = listed_logs(small_fleet.folder, Defaults(mass=1.0, airframe=tmp_path / "nowhere.toml"))
     with pytest.raises(ExperimentError, match=re.escape("nowhere.toml")):
         read_fleet(logs, tmp_path / "cache", Workers(count=0))

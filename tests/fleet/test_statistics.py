@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fleet_material import KT, LEVEL, STD, a_fleet, a_record, planted_fleet
 
-from rotorfit.fleet.compared import REFERENCE_DENSITY, in_order, tables
+from rotorfit.fleet.compared import REFERENCE_DENSITY, in_order, number_tables
 from rotorfit.fleet.findings import findings
 from rotorfit.fleet.records import KT_WEIGHT
 from rotorfit.fleet.statistics import fleet_statistics
@@ -26,22 +26,22 @@ def test_a_quiet_fleet_is_quiet():
 def test_planted_changes_are_found_and_dated(planted):
     records, statistics = planted
     found = findings(statistics, records)
-    said = [(statistics.vehicles[f.vehicle], f.sort, f.numbers[0].number.name) for f in found]
-    assert said == [
+    seen = [(statistics.vehicles[f.vehicle], f.kind, f.numbers[0]) for f in found]
+    assert seen == [
         ("V02", "change", "kt_2"),
         ("V05", "change", "com_x"),
-        ("V07", "apart", said[2][2]),
+        ("V07", "apart", seen[2][2]),
     ]
     worn, shifted, other = found
     assert worn.sentence.startswith("Thrust coefficient of rotor 2 falls by 1.")
     assert "since flight 5 of 12 (log5.ulg, 10 February 2026)" in worn.sentence
-    assert worn.advice.startswith("check or replace propeller 2")
+    assert worn.next_step.startswith("check or replace propeller 2")
     assert shifted.sentence.startswith("Centre of mass moved ")
     assert " mm forward (" in shifted.sentence
     assert "with flight 8 of 12" in shifted.sentence
-    assert shifted.advice == "check where battery and payload sit"
-    assert {s.number.name for s in other.numbers} == {KT_WEIGHT, "kt_1", "kt_2", "kd"}
-    assert "another propeller?" in other.advice
+    assert shifted.next_step == "check where battery and payload sit"
+    assert set(other.numbers) == {KT_WEIGHT, "kt_1", "kt_2", "kd"}
+    assert "another propeller?" in other.next_step
 
 
 def test_sizes_hold_what_was_planted(planted):
@@ -54,18 +54,18 @@ def test_sizes_hold_what_was_planted(planted):
     assert shifted.low <= 5e-3 <= shifted.high
 
 
-def test_levels_are_before_a_change_and_now_is_after_it(planted):
+def test_levels_are_before_a_change_and_now_after_it(planted):
     _, statistics = planted
     number = statistics.number("com_x")
-    assert number.own[4] == pytest.approx(LEVEL["com_x"], abs=1.2e-3)
-    assert number.now[4] - number.own[4] == pytest.approx(5e-3, abs=5e-4)
-    assert number.now[3] == number.own[3]
+    assert number.level[4] == pytest.approx(LEVEL["com_x"], abs=1.2e-3)
+    assert number.now[4] - number.level[4] == pytest.approx(5e-3, abs=5e-4)
+    assert number.now[3] == number.level[3]
 
 
-def test_one_apart_is_not_part_of_the_type(planted):
+def test_an_outlier_is_not_part_of_the_type(planted):
     _, statistics = planted
     number = statistics.number("kd")
-    assert np.flatnonzero(number.apart).tolist() == [6]
+    assert np.flatnonzero(number.outlying).tolist() == [6]
     assert np.isnan(number.shrunk[6])
     assert number.mean == pytest.approx(LEVEL["kd"], rel=0.012)
 
@@ -74,7 +74,7 @@ def test_order_of_records_does_not_matter(planted):
     records, statistics = planted
     mixed = [records[i] for i in np.random.default_rng(3).permutation(len(records))]
     again = fleet_statistics(mixed)
-    assert again.number("kd").own == pytest.approx(statistics.number("kd").own, rel=1e-6)
+    assert again.number("kd").level == pytest.approx(statistics.number("kd").level, rel=1e-6)
     assert again.number("com_x").changes[4][0].first == 7
 
 
@@ -116,30 +116,33 @@ def test_weather_that_is_in_it_is_said():
 
     records = a_fleet(drop)
     (found,) = findings(fleet_statistics(records), records)
-    assert "weather and height are in it" in found.advice
+    assert "weather and height are in it" in found.next_step
 
 
-def test_what_a_flight_was_told_or_does_not_tell_is_not_compared():
+def test_given_and_unknown_numbers_are_not_compared():
     verdicts = {"kd": "given", "kt_1": "not-identified", "kt_2": "ratio-only"}
     records = [a_record(LEVEL, file=f"{i}.ulg", verdicts=verdicts) for i in range(3)]
-    assert {name for table in tables(records) for name in table.names} == {KT_WEIGHT, "com_x"}
+    assert {name for table in number_tables(records) for name in table.names} == {
+        KT_WEIGHT,
+        "com_x",
+    }
 
 
-def test_ratios_are_compared_where_their_parts_are_not_told():
+def test_ratios_are_compared_where_their_parts_are_unknown():
     ratio = {"kd_over_kt": 0.015, "kt": KT, "kd": 6e-8}
     std = STD | {"kd_over_kt": 1e-4, "kt": 1e-8}
     verdicts = {"kd": "ratio-only", "kt": "ratio-only"}
     parts = [a_record(ratio, file=f"{i}.ulg", std=std) for i in range(3)]
-    apart = [a_record(ratio, file=f"{i}.ulg", std=std, verdicts=verdicts) for i in range(3)]
-    assert "kd_over_kt" not in {t.names[0] for t in tables(parts)}
-    assert {t.names[0] for t in tables(apart)} == {"kd_over_kt"}
+    ratios = [a_record(ratio, file=f"{i}.ulg", std=std, verdicts=verdicts) for i in range(3)]
+    assert "kd_over_kt" not in {t.names[0] for t in number_tables(parts)}
+    assert {t.names[0] for t in number_tables(ratios)} == {"kd_over_kt"}
 
 
-def test_bodies_are_compared_within_a_configuration_and_rotors_across():
+def test_bodies_are_compared_within_a_configuration():
     records = [
         a_record(LEVEL, file=f"{c}{i}.ulg", configuration=c) for c in ("A", "B") for i in range(2)
     ]
-    keys = {(t.names[0], t.configuration): len(t.rows) for t in tables(records)}
+    keys = {(t.names[0], t.configuration): len(t.rows) for t in number_tables(records)}
     assert keys["com_x", "A"] == keys["com_x", "B"] == 2
     assert keys[KT_WEIGHT, None] == 4
 
@@ -159,14 +162,14 @@ def loaded_fleet(offset):
 def test_what_a_load_does_to_each_vehicle_is_said():
     records = loaded_fleet(4e-3)
     found = findings(fleet_statistics(records), records)
-    assert [(f.sort, f.vehicle) for f in found] == [("loading", 1), ("loading", 2), ("loading", 3)]
+    assert [(f.kind, f.vehicle) for f in found] == [("loading", 1), ("loading", 2), ("loading", 3)]
     assert re.fullmatch(
         r"Loaded as camera, against bare: centre of mass [34]\.\d mm forward \(3\.\d to 4\.\d\)\.",
         found[0].sentence,
     )
-    said = fleet_statistics(records).loadings[0]
-    assert said.low < 4e-3 < said.high
-    assert said.high - said.low < 1.2e-3
+    loading = fleet_statistics(records).loadings[0]
+    assert loading.low < 4e-3 < loading.high
+    assert loading.high - loading.low < 1.2e-3
 
 
 def test_a_load_that_does_nothing_is_not_said():
@@ -179,7 +182,7 @@ def test_one_vehicle_of_a_few_flights():
     statistics = fleet_statistics(records)
     number = statistics.number("kd")
     assert findings(statistics, records) == []
-    assert np.isfinite(number.own).all()
+    assert np.isfinite(number.level).all()
     assert np.isnan(number.shrunk).all()
 
 
@@ -196,10 +199,10 @@ def test_one_strange_flight_is_named_alone():
     (found,) = findings(fleet_statistics(records), records)
     assert "mm forward" in found.sentence
     assert "in flight 8 of 12 (log8.ulg, 16 February 2026) alone" in found.sentence
-    assert "another payload" in found.advice
+    assert "another payload" in found.next_step
 
 
-def test_means_over_a_flight_count_by_the_scatter_that_is_seen():
+def test_means_over_a_flight_count_by_their_scatter():
     """k_t by the weight states ten times the deviation that it has: 1.5 % of wear is seen."""
 
     def worn(vehicle, flight, values):
@@ -217,5 +220,5 @@ def test_means_over_a_flight_count_by_the_scatter_that_is_seen():
     ]
     number = fleet_statistics(shy).number(KT_WEIGHT)
     (change,) = number.changes[3]
-    assert change.low < -0.015 / 11 * number.own[3] < change.high
+    assert change.low < -0.015 / 11 * number.level[3] < change.high
     assert not any(c for v, c in enumerate(number.changes) if v != 3)

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rotorfit.inspection.pictures import filters_of, log_pictures
+from rotorfit.inspection.pictures import COLUMNS, filters_of, log_pictures, time_picture
 from rotorfit.inspection.recording import channel_report
 from rotorfit.inspection.spectra import rotor_bands, spectrum
-from rotorfit.inspection.time_picture import COLUMNS, time_picture
 from rotorfit.logs.flight_log import Channel, FlightLog
 
 ROTOR = 187.0

@@ -6,9 +6,8 @@ import pytest
 import flown
 import made_fit
 from rotorfit.diagnostics.kt_from_weight import kt_from_weight
-from rotorfit.inspection.guessed_rotors import guessed_vehicles
-from rotorfit.inspection.motor_lateness import motor_lateness
-from rotorfit.inspection.prospects import PROSPECT, _weighed, prospects
+from rotorfit.inspection.prospects import PROSPECT, guessed_vehicles, kt_by_weight, prospects
+from rotorfit.inspection.recording import motor_lateness
 from rotorfit.logs import read_log
 from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.prepare import prepare
@@ -86,7 +85,7 @@ def test_the_weight_is_as_sure_as_in_an_estimate(seconds):
     hover = made_fit.prepared(seconds=seconds)
     flown_so = made_fit.dataset(hover, mass=1.0)
     estimated = kt_from_weight(flown_so.configurations, flown_so.vehicle)
-    foreseen_so = _weighed(hover.data, flown_so.vehicle)
+    foreseen_so = kt_by_weight(hover.data, flown_so.vehicle)
     assert foreseen_so.kt == pytest.approx(estimated.kt)
     assert foreseen_so.std == pytest.approx(estimated.std)
     assert estimated.std / estimated.kt == pytest.approx(np.hypot(1.5 / seconds / 9.80665, 0.02))

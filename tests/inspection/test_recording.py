@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from hand_made_logs import channel, hover_thrust, motion_log
-from rotorfit.inspection.motor_lateness import motor_lateness
 from rotorfit.inspection.recording import (
     channel_report,
     lacks,
+    motor_lateness,
     new_share,
     share_at_limit,
     vibration,
@@ -35,7 +35,7 @@ def test_straight_lines_between_samples_are_unmasked(factor):
 
 
 @pytest.mark.parametrize("factor", [2.3, 3.24, 7.7])
-def test_straight_lines_are_unmasked_whatever_the_ratio_of_the_rates(factor):
+def test_straight_lines_are_unmasked_at_any_ratio_of_rates(factor):
     slow = np.arange(len(NOISE))
     fast = np.arange(0, len(NOISE) - 1, 1 / factor)
     drawn = np.column_stack([np.interp(fast, slow, column) for column in NOISE.T])
@@ -43,7 +43,7 @@ def test_straight_lines_are_unmasked_whatever_the_ratio_of_the_rates(factor):
     assert new_share(written) == pytest.approx(1 / factor, rel=0.15)
 
 
-def test_a_line_within_motion_of_its_own_is_not_taken_for_lines_throughout():
+def test_a_single_line_within_motion_is_not_taken_for_more():
     ramped = np.concatenate([NOISE, NOISE[-1] + np.linspace(0.0, 9.0, 900)[:, None] * [1, 2, 3]])
     assert new_share(ramped) == 1.0
 

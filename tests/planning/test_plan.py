@@ -140,7 +140,7 @@ def estimate(flight, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("manoeuvre", ["turns", "sticks"])
-def test_whole_identifications_scatter_and_claim_what_was_predicted(manoeuvre, tmp_path):
+def test_identifications_scatter_and_claim_as_predicted(manoeuvre, tmp_path):
     """Gusts, sensors, unequal rotors and biases as assumed, 16 flights through files.
 
     Scatter 0.6 to 1.7 of the bound (16 flights know it to 18 %), intervals 0.7 to 1.5 of the
@@ -183,7 +183,7 @@ def gusty_flight(planned, manoeuvre, seconds, rng, seed):
 # In which order schedules stand (75 s, as measured with other code for the paper's vehicle A)
 
 
-def test_turns_while_rolling_are_best_and_single_axes_hopeless_for_kd():
+def test_turns_while_rolling_are_best_for_kd_single_axes_worst():
     kd = 5.12e-8
     sticks = kd_of((("sticks",), 75.0)) / kd
     turns = kd_of((("turns",), 75.0)) / kd
@@ -195,7 +195,7 @@ def test_turns_while_rolling_are_best_and_single_axes_hopeless_for_kd():
         assert turns < 0.7 * kd_of(((other,), 75.0)) / kd
 
 
-def test_a_known_payload_sharpens_kd_most_where_the_flight_does_not():
+def test_a_payload_sharpens_kd_most_where_the_flight_does_not():
     both = [(("sticks", "A"), 75.0), (("sticks", "B"), 75.0)]
     assert kd_of(*both) < 0.65 * kd_of((("sticks",), 75.0))
     axes = [((axis, c), 25.0) for axis in ("roll", "pitch", "yaw") for c in ("A", "B")]
@@ -209,7 +209,7 @@ def test_quick_wiggles_sharpen_roll_and_pitch_inertia_and_height():
         assert wiggles.half_width[wiggles.index(name)] < sticks.half_width[sticks.index(name)]
 
 
-def test_an_imu_off_the_origin_costs_nothing_where_its_place_is_known():
+def test_an_imu_off_the_origin_at_a_known_place_costs_nothing():
     vehicle = replace(PAPER, imu_position=(0.02, -0.01, 0.03))
     offset = problem(rough=rough_vehicle(vehicle, mass=MASS, known=KNOWN))
     data = fly_once(offset, "turns", "A")
@@ -305,7 +305,7 @@ def after_rolling(tmp_path_factory):
     return flown.identified(tmp_path_factory.mktemp("after"), [flight])
 
 
-def test_after_a_flight_it_says_what_is_missing_and_what_fixes_it(after_rolling, usual_plan):
+def test_after_a_flight_missing_numbers_and_remedies_are_named(after_rolling, usual_plan):
     planned = plan(request(after=after_rolling, payload=0.0))
     missing = {m.name: m for m in planned.missing}
     assert {"kd", "Iyy_com", "Izz_com"} <= missing.keys()

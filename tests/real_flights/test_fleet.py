@@ -60,7 +60,7 @@ def test_flights_with_added_weights_stand_out(
     defaults = Defaults(mass=0.03, airframe=airframe, vehicle_of=CRAZYPAD)
     logs = listed_logs(flight_data_dir / "crazypad", defaults)
     fleet = read_fleet(logs, tmp_path / "cache", Workers(count=0))
-    assert len(fleet.records) == len(fleet.failures) == 11
+    assert len(fleet.records) == len(fleet.refused) == 11
     assert all(record.refused for record in fleet.records)
     found = findings(fleet_statistics(fleet.records), fleet.records)
     place = {
@@ -99,7 +99,7 @@ def test_every_log_of_a_mixed_fleet_has_a_row_or_a_reason(flight_data_dir, tmp_p
     assert [r.file.rsplit("/", 1)[1] for r in identified] == ["LOG00340.BFL"]
     assert identified[0].started is not None
     assert identified[0].value("kt") == pytest.approx(2.69e-7, rel=0.05)
-    reasons = {f.file.rsplit("/", 1)[1]: f.reason for f in fleet.failures}
+    reasons = {f.file.rsplit("/", 1)[1]: f.refusal.sentence for f in fleet.refused}
     assert len(reasons) == len(MIXED) - 1
     assert "motor data come at 10 Hz" in reasons["quadrotor_local.ulg"]
     assert "the motors never turn" in reasons["sample_appended_multiple.ulg"]

@@ -14,7 +14,7 @@ from rotorfit.report.text import result_text
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.sound_result import load_sound
 from rotorfit.simulation import write_flight_table
-from rotorfit.validation.validate import found_response
+from rotorfit.validation.validate import fitted_response
 
 BOTH = ("gyro", "accel", "rotor_speed", "command")
 
@@ -52,7 +52,7 @@ def test_lag_and_full_speed_are_those_of_the_simulated_motors(result, flight):
 
 
 def test_the_lag_of_the_commands_is_not_applied_to_measured_speeds(result):
-    response = found_response(result)
+    response = fitted_response(result)
     assert response.lag == 0.0
     assert response.delay == pytest.approx(result.parameter("motor_delay").value)
 

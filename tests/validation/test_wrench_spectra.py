@@ -37,11 +37,11 @@ def test_coherence_and_ratio_are_those_of_the_noise(cut):
         assert found.ratio[name].mean() == pytest.approx(2.0, rel=0.05)
 
 
-def test_unrelated_signals_stay_below_chance_nineteen_times_of_twenty():
+def test_95_percent_of_unrelated_signals_are_below_random_level():
     found = wrench_spectra([compared(noise=1e6)])
     assert found is not None
     all_of_them = np.concatenate([found.coherence[name] for name in SHOWN])
-    assert 0.88 <= (all_of_them < found.by_chance).mean() <= 0.99
+    assert 0.88 <= (all_of_them < found.random_level).mean() <= 0.99
 
 
 def test_flights_count_together_and_short_ones_not_at_all():

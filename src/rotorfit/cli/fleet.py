@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -17,9 +16,10 @@ from rotorfit.cli.terminal import print_result, print_status
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:
-    from rotorfit.fleet.findings import Finding
+    from rotorfit.fleet.findings import VehicleFinding
     from rotorfit.fleet.listing import ListedLog
-    from rotorfit.fleet.run import Fleet, FleetType, Told, Workers
+    from rotorfit.fleet.records import RefusedLog
+    from rotorfit.fleet.run import Fleet, FleetType, Progress, Workers
 
 Source = Annotated[
     Path,
@@ -97,25 +97,25 @@ def fleet(
     interruption, call it again: it continues.
     """
     from rotorfit.fleet.listing import Defaults, listed_logs, mass_of
-    from rotorfit.fleet.run import FAILURES, Workers, claim, cores, failures_file
+    from rotorfit.fleet.run import FAILURES, Workers, claim, cores, refusals_file
 
     defaults = Defaults(
         vehicle_of=_compiled(vehicle_of),
         mass=None if mass is None else mass_of(mass, "--mass"),
         airframe=airframe,
     )
-    logs = listed_logs(source, defaults, apart=output)
+    logs = listed_logs(source, defaults, excluded=output)
     claim(output, source, force=force)
     count = min(workers or cores(), len(logs))
     executor = Workers(count=count, scheduler=scheduler, time_limit=time_limit)
     cache = output / "cache"
     identified = _identify(logs, cache, executor)
     if not identified.records:
-        _write(output, {FAILURES: failures_file(identified)})
+        _write(output, {FAILURES: refusals_file(identified)})
         raise LogError(
             f"none of {len(logs)} logs could be used: {output / FAILURES} says why of each "
             "and what to do; the first: "
-            f"{identified.failures[0].file}: {identified.failures[0].reason}"
+            f"{identified.refused[0].file}: {identified.refused[0].refusal.sentence}"
         )
     _compare_and_write(identified, source, output, cache, executor, as_json=as_json)
 
@@ -133,18 +133,18 @@ def _compiled(pattern: str | None) -> re.Pattern[str] | None:
 
 def _identify(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet:
     """Identify every log that is not in the cache; stopped, print how to go on."""
-    from rotorfit.fleet.run import Told, read_fleet
+    from rotorfit.fleet.run import Progress, read_fleet
 
-    last = Told(done=0, total=len(logs), fresh=0)
+    last = Progress(done=0, total=len(logs), fresh=0)
     try:
         with paced("identifying") as report_progress:
 
-            def report(state: Told) -> None:
+            def report(state: Progress) -> None:
                 nonlocal last
                 last = state
                 report_progress(state.done, state.total)
 
-            return read_fleet(logs, cache, workers, tell=report)
+            return read_fleet(logs, cache, workers, progress=report)
     except KeyboardInterrupt:
         print_status(
             f"rotorfit: {last.done} of {last.total} logs are done and kept in {cache}; the same "
@@ -156,7 +156,7 @@ def _identify(logs: Sequence[ListedLog], cache: Path, workers: Workers) -> Fleet
 def _compare_and_write(
     fleet: Fleet, source: Path, output: Path, cache: Path, workers: Workers, *, as_json: bool
 ) -> None:
-    from rotorfit.fleet.entries import make_folder
+    from rotorfit.fleet.records import make_folder
     from rotorfit.fleet.run import REPORTS, fleet_files, links_to, types_of
     from rotorfit.fleet.tables import has_parquet
 
@@ -196,7 +196,7 @@ def _text(fleet: Fleet, types: Sequence[FleetType], folder: Path) -> str:
         findings = _findings(one)
         lines += ["", *([f"Type {one.name}:"] if len(types) > 1 else [])]
         lines += [
-            f"{one.statistics.vehicles[f.vehicle]}: {f.sentence} What to do: {f.advice}."
+            f"{one.statistics.vehicles[f.vehicle]}: {f.sentence} What to do: {f.next_step}."
             for f in findings
         ]
         if not findings:
@@ -213,7 +213,7 @@ def _identified_count(fleet: Fleet) -> int:
 def _failures_line(fleet: Fleet, folder: Path) -> list[str]:
     from rotorfit.fleet.run import FAILURES
 
-    count = len(fleet.failures)
+    count = len(fleet.refused)
     if not count:
         return []
     trim = sum(bool(record.refused) for record in fleet.records)
@@ -231,25 +231,35 @@ def _plain(
         "types": {one.name: list(one.statistics.vehicles) for one in types},
         "flights": len(fleet.records),
         "identified": _identified_count(fleet),
-        "failures": [dataclasses.asdict(failure) for failure in fleet.failures],
+        "failures": [_plain_refusal(log) for log in fleet.refused],
         "findings": [_plain_finding(one, finding) for one in types for finding in _findings(one)],
         "files": list(files),
     }
 
 
-def _findings(one: FleetType) -> list[Finding]:
+def _findings(one: FleetType) -> list[VehicleFinding]:
     from rotorfit.fleet.findings import findings
 
     return findings(one.statistics, one.fleet.records)
 
 
-def _plain_finding(one: FleetType, finding: Finding) -> dict[str, object]:
+def _plain_refusal(log: RefusedLog) -> dict[str, object]:
+    return {
+        "file": log.file,
+        "log_number": log.log_number,
+        "vehicle": "",
+        "reason": log.refusal.sentence,
+        "what_to_do": log.refusal.next_step,
+    }
+
+
+def _plain_finding(one: FleetType, finding: VehicleFinding) -> dict[str, object]:
     records = one.fleet.records
     return {
         "type": one.name,
         "vehicle": one.statistics.vehicles[finding.vehicle],
-        "sort": finding.sort,
+        "sort": finding.kind,
         "sentence": finding.sentence,
-        "advice": finding.advice,
+        "advice": finding.next_step,
         "flight": None if finding.record is None else records[finding.record].file,
     }

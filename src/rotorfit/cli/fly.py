@@ -25,9 +25,8 @@ from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
 if TYPE_CHECKING:
     from rotorfit.export.vehicle import VehicleModel
     from rotorfit.results.result import IdentificationResult
-    from rotorfit.validation.fly_outcome import FlyOutcome
-    from rotorfit.validation.model_flight import ModelFlight
-    from rotorfit.validation.replay_flights import Timed
+    from rotorfit.validation.fly_outcome import FlyOutcome, ModelFlight
+    from rotorfit.validation.replay import Timed
 
 DRAWS = 40
 BENCH = "bench"
@@ -173,8 +172,7 @@ def _outcome(
     """Replay the flights with every side, and fly the model in MuJoCo where it is installed."""
     from rotorfit.export.mujoco_flight import has_mujoco
     from rotorfit.validation.fly_outcome import IDENTIFIED, FlyOutcome
-    from rotorfit.validation.replay import WINDOW
-    from rotorfit.validation.replay_flights import replay_flights
+    from rotorfit.validation.replay import WINDOW, replay_flights
 
     identified = sides[IDENTIFIED]
     with warnings.catch_warnings(), steps() as report_progress:
@@ -209,8 +207,7 @@ def _manoeuvres(
 ) -> tuple[dict[str, tuple[ModelFlight, ...]], list[str]]:
     """Fly the identified model by autopilots tuned to each side; note the numbers supplied."""
     from rotorfit.export.mujoco_flight import fly_manoeuvre, flyable
-    from rotorfit.validation.fly_outcome import IDENTIFIED
-    from rotorfit.validation.model_flight import MANOEUVRES
+    from rotorfit.validation.fly_outcome import IDENTIFIED, MANOEUVRES
 
     model, notes = flyable(sides[IDENTIFIED].model)
     flown = {
@@ -228,9 +225,9 @@ def _side(
     """Collect a set of parameters, refused as an export would be."""
     from rotorfit.export.targets import BODY, ROTORS
     from rotorfit.export.vehicle_model import vehicle_model
-    from rotorfit.validation.replay_flights import Timed
+    from rotorfit.validation.replay import Timed
     from rotorfit.validation.replay_vehicle import replay_vehicle
-    from rotorfit.validation.validate import found_response
+    from rotorfit.validation.validate import fitted_response
 
     _refuse_units(result, assumed)
     model = vehicle_model(
@@ -244,7 +241,7 @@ def _side(
     derived = {n.name: n.value for n in model.numbers if n.origin in ("assumed", "from-ratio")}
     fixed = {**_without_motors(assumed), **_without_motors(derived)}
     vehicle = replay_vehicle(result, owner, assumed=fixed, draws=draws)
-    return _Side(model=model, timed=Timed(vehicle=vehicle, response=found_response(result)))
+    return _Side(model=model, timed=Timed(vehicle=vehicle, response=fitted_response(result)))
 
 
 def _without_motors(numbers: Mapping[str, float]) -> dict[str, float]:

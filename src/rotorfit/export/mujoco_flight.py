@@ -20,7 +20,7 @@ from rotorfit.simulation.controller import Autopilot, Gains, Memory, autopilot_o
 from rotorfit.simulation.motors import allocation
 from rotorfit.simulation.pilot import Reference
 from rotorfit.simulation.truth import Truth, tensor_elements
-from rotorfit.validation.model_flight import BEFORE, STEP, Manoeuvre, ModelFlight
+from rotorfit.validation.fly_outcome import BEFORE, STEP, Manoeuvre, ModelFlight
 
 STEPS_PER_COMMAND: Final = 2
 """Of the 2 ms that the file has: 250 commands a second."""

@@ -1,4 +1,4 @@
-"""Which numbers of a fleet's flights are held against one another, and what belongs to them."""
+"""Which numbers of a fleet's flights are compared, and what belongs to them."""
 
 import re
 from collections.abc import Sequence
@@ -17,10 +17,10 @@ Weather = Literal["taken out", "in it", "none"]
 REFERENCE_DENSITY: Final = 1.225
 """At which numbers that go with the density of the air are compared [kg/m^3]."""
 WITH_DENSITY: Final = 0.9
-"""Share of the flights that must tell the density for it to be taken out."""
+"""Share of the flights that must log the density for it to be taken out."""
 ROTORS: Final = tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))
 THRUST: Final = (KT_WEIGHT, "kt", "hover_speed")
-"""Three names of one thing; the first that half of the flights tell is compared."""
+"""Three names of one quantity; the first that half of the flights have is compared."""
 PROPULSION: Final = (*ROTORS, "kd", "Jr", "motor_lag")
 BODY: Final = (
     *("com_x", "com_y", "com_z", *TRIM[:2], "Ixx_com", "Iyy_com", "Izz_com"),
@@ -33,39 +33,37 @@ RATIOS: Final = {
     "Iyy_over_kt": ("Iyy_com", "kt"),
     "Izz_over_kt": ("Izz_com", "kt"),
 }
-"""Compared where their parts are not told each by itself."""
+"""Compared where their parts are not known each by itself."""
 TOGETHER: Final = ("kd", "Jr", "Izz_com")
-"""All of the yaw equation: what a flight tells of one depends on the others, and says so in its
-covariance; they are judged in one likelihood where a fleet has one configuration."""
+"""All of the yaw equation, with correlated errors: judged in one likelihood where a fleet has one
+configuration."""
 DENSITY_POWER: Final = {
     **dict.fromkeys(("kt", KT_WEIGHT, *ROTORS, "kd", "kd_over_Izz"), 1.0),
     "hover_speed": -0.5,
     **dict.fromkeys(("Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt"), -1.0),
 }
-"""With which the number goes with the density of the air."""
-BY_SCATTER: Final = (KT_WEIGHT, *TRIM[:2])
-"""Means over a flight. Gusts and manoeuvres move parts of it more than they move the mean: where
-flights of one vehicle scatter less than they state, what is seen counts."""
+"""Power of the density of the air with which a number goes."""
+MEANS_OVER_FLIGHT: Final = (KT_WEIGHT, *TRIM[:2])
+"""Gusts and manoeuvres move parts of a flight more than they move its mean: where flights of one
+vehicle scatter less than they state, their scatter counts."""
 IN_METRES: Final = ("com_x", "com_y", "com_z", *TRIM[:2])
-"""Lengths that may be zero: changes are said in millimetres, those of others in percent."""
+"""Lengths that may be zero: their changes are given in millimetres, others in percent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class NumberTable:
     """Some numbers of some flights, in order of vehicle and time.
 
     Attributes
     ----------
-    names
-        Of the numbers.
     configuration
         In which they were flown; None where it does not matter.
     rows
-        Which records, by their index.
+        Indices of the records.
     values, covariance
-        SI, NaN where a flight does not tell a number.
+        SI, NaN where a flight does not have a number.
     weather
-        Of each number: what became of the density of the air.
+        Of each number: whether the density of the air is taken out.
     """
 
     names: tuple[str, ...]
@@ -77,10 +75,10 @@ class Table:
 
 
 def in_order(records: Sequence[FlightRecord]) -> list[int]:
-    """Return the records' indices, vehicle by vehicle, each in order of time.
+    """Sort the records' indices by vehicle, then by time.
 
-    By the time that the logs tell; where one of a vehicle does not, by the names of the files,
-    numbers in them counted as numbers.
+    By the logged time; where one log of a vehicle has none, by the names of the files, numbers in
+    them counted as numbers.
     """
     dated = {r.vehicle for r in records} - {r.vehicle for r in records if r.started is None}
 
@@ -92,16 +90,16 @@ def in_order(records: Sequence[FlightRecord]) -> list[int]:
     return sorted(range(len(records)), key=key)
 
 
-def tables(records: Sequence[FlightRecord]) -> list[Table]:
-    """Return every number that is compared, with the flights that tell it."""
+def number_tables(records: Sequence[FlightRecord]) -> list[NumberTable]:
+    """Tabulate every number that is compared, with the flights that have it."""
     ordered = in_order(records)
     configurations = sorted({r.configuration for r in records})
     single = configurations[0] if len(configurations) == 1 else None
-    told = {name: _told(records, name) for name in (*THRUST, *PROPULSION, *BODY, *RATIOS)}
-    half = 0.5 * max(max(told.values(), default=0), 1)
-    thrust = next((name for name in THRUST if told[name] >= half), "kt")
-    ratios = [n for n, parts in RATIOS.items() if min(told[p] for p in parts) < 0.5 * told[n]]
-    together = TOGETHER if single is not None and all(told[n] for n in TOGETHER) else ()
+    count = {name: _count(records, name) for name in (*THRUST, *PROPULSION, *BODY, *RATIOS)}
+    half = 0.5 * max(max(count.values(), default=0), 1)
+    thrust = next((name for name in THRUST if count[name] >= half), "kt")
+    ratios = [n for n, parts in RATIOS.items() if min(count[p] for p in parts) < 0.5 * count[n]]
+    together = TOGETHER if single is not None and all(count[n] for n in TOGETHER) else ()
     plain = [name for name in (thrust, *PROPULSION, "kd_over_kt") if name not in together]
     plain = [name for name in plain if name not in RATIOS or name in ratios]
     out = [_table(records, ordered, (name,), None) for name in plain]
@@ -110,9 +108,9 @@ def tables(records: Sequence[FlightRecord]) -> list[Table]:
     body = [name for name in BODY if name not in together]
     body += [name for name in ratios if name != "kd_over_kt"]
     for configuration in configurations:
-        own = [i for i in ordered if records[i].configuration == configuration]
+        rows = [i for i in ordered if records[i].configuration == configuration]
         label = None if single is not None else configuration
-        out += [_table(records, own, (name,), label) for name in body]
+        out += [_table(records, rows, (name,), label) for name in body]
     return [table for table in out if len(table.rows) > 1]
 
 
@@ -129,8 +127,8 @@ def _table(
     ordered: Sequence[int],
     names: tuple[str, ...],
     configuration: str | None,
-) -> Table:
-    """Return some numbers of those flights that tell one of them."""
+) -> NumberTable:
+    """Tabulate some numbers of the flights that have at least one of them."""
     weighed = any(records[i].mass is not None for i in ordered)
     kept = [i for i in ordered if records[i].mass is not None or not weighed]
     weather: list[Weather] = [_weather(records, kept, name) for name in names]
@@ -144,13 +142,13 @@ def _table(
     covariance = np.array([_covariance(records[i], names) for i in kept])
     covariance = covariance.reshape(len(kept), len(names), len(names))
     covariance = covariance * factor[:, :, None] * factor[:, None, :]
-    there = np.isfinite(values).any(axis=1)
-    return Table(
+    present = np.isfinite(values).any(axis=1)
+    return NumberTable(
         names=names,
         configuration=configuration,
-        rows=tuple(kept[i] for i in np.flatnonzero(there)),
-        values=values[there],
-        covariance=covariance[there],
+        rows=tuple(kept[i] for i in np.flatnonzero(present)),
+        values=values[present],
+        covariance=covariance[present],
         weather=tuple(weather),
     )
 
@@ -158,23 +156,23 @@ def _table(
 def _weather(records: Sequence[FlightRecord], rows: Sequence[int], name: str) -> Weather:
     if name not in DENSITY_POWER:
         return "none"
-    has = [records[i].air_density is not None for i in rows if _told([records[i]], name)]
+    has = [records[i].air_density is not None for i in rows if _count([records[i]], name)]
     return "taken out" if has and np.mean(has) >= WITH_DENSITY else "in it"
 
 
-def _told(records: Sequence[FlightRecord], name: str) -> int:
-    """Return how many records tell a number."""
+def _count(records: Sequence[FlightRecord], name: str) -> int:
+    """Count the records that have a number."""
     return sum(bool(np.isfinite(_value(record, name))) for record in records)
 
 
 def _value(record: FlightRecord, name: str) -> float:
-    """Return a number that this flight estimated; NaN where it was given, or is not told."""
-    told = record.verdict(name) not in ("given", "removed", "not-identified", "ratio-only")
-    return record.value(name) if told and np.isfinite(record.deviation(name)) else np.nan
+    """Return a number that this flight estimated; NaN where it was given, or is not known."""
+    estimated = record.verdict(name) not in ("given", "removed", "not-identified", "ratio-only")
+    return record.value(name) if estimated and np.isfinite(record.deviation(name)) else np.nan
 
 
 def _covariance(record: FlightRecord, names: tuple[str, ...]) -> Float[np.ndarray, "p p"]:
-    """Return the covariance of some numbers; by their deviations alone where that is all."""
+    """Return the covariance of some numbers; without correlations where the record has none."""
     if all(name in record.compared for name in names):
         at = [record.compared.index(name) for name in names]
         return record.covariance[np.ix_(at, at)]
@@ -183,6 +181,6 @@ def _covariance(record: FlightRecord, names: tuple[str, ...]) -> Float[np.ndarra
 
 
 def _natural(file: str) -> tuple[tuple[int, int, str], ...]:
-    """Return a key by which ``log9`` comes before ``log10``."""
+    """Split a name so that ``log9`` sorts before ``log10``."""
     parts = re.findall(r"\d+|\D+", file)
     return tuple((0, int(p), "") if p.isascii() and p.isdigit() else (1, 0, p) for p in parts)

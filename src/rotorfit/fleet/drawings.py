@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.fleet.changes import NORMAL_95
 from rotorfit.fleet.compared import IN_METRES
-from rotorfit.fleet.population.changes import NORMAL_95
 from rotorfit.fleet.statistics import NumberStatistics
 from rotorfit.report.svg import decimal, drawing, label, tag, text, tick_label, ticks
 
@@ -23,15 +23,7 @@ ROOM: Final = 0.06
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
-    """What a drawing measures by: percent of the type's mean, or millimetres from it.
-
-    Attributes
-    ----------
-    zero, per_unit, unit
-        The value at 0, how much a unit is, its name.
-    low, high
-        The ends, in units.
-    """
+    """The scale of a drawing: percent of the type's mean, or millimetres from it; ends in units."""
 
     zero: float
     per_unit: float
@@ -40,13 +32,13 @@ class Scale:
     high: float
 
     def of(self, values: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*k"]:
-        """Return values in units."""
+        """Convert values to units."""
         return (values - self.zero) / self.per_unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Points:
-    """Estimates over a vehicle's flights, put together where there are many."""
+    """Estimates over a vehicle's flights, averaged where there are many."""
 
     flight: Float[np.ndarray, " n"]
     value: Float[np.ndarray, " n"]
@@ -65,11 +57,11 @@ class _Plot:
     scale: Scale
 
     def x(self, flight: float) -> float:
-        """Return the place of a flight, from 1."""
+        """Return the abscissa of a flight, from 1."""
         return self.left + self.width * (flight - 0.5) / max(self.flights, 1)
 
     def y(self, units: float) -> float:
-        """Return the place of a value in units; never outside by more than a little."""
+        """Return the ordinate of a value in units; never outside by more than a little."""
         share = (units - self.scale.low) / (self.scale.high - self.scale.low)
         return self.top + self.height * (1.0 - min(max(share, -0.02), 1.02))
 
@@ -90,31 +82,29 @@ def scale_of(number: NumberStatistics, places: Sequence[int] | None = None) -> S
 
 
 def small_svg(number: NumberStatistics, place: int, scale: Scale, name: str) -> str:
-    """Return a number over a vehicle's flights, small, to stand beside those of the others."""
+    """Draw a number over a vehicle's flights, small, as one of many."""
     plot = _Plot(
         left=2.0, top=2.0, width=196.0, height=66.0, flights=_flights(number, place), scale=scale
     )
     changed = " changed" if number.changes[place] else ""
-    kind = f"series small{changed}{' apart' if number.apart[place] else ''}"
-    words = f"{number.name} of {name} over its flights"
+    kind = f"series small{changed}{' apart' if number.outlying[place] else ''}"
+    title = f"{number.name} of {name} over its flights"
     frame = tag(
         "rect", {"class": "frame", "x": 2, "y": 2, "width": plot.width, "height": plot.height}
     )
     inside = [_type_band(number, plot), frame, *_series(number, place, plot)]
-    return drawing(200.0, 70.0, {"class": kind, "role": "img", "aria-label": words}, *inside)
+    return drawing(200.0, 70.0, {"class": kind, "role": "img", "aria-label": title}, *inside)
+
+
+def mark_class(number: NumberStatistics, place: int) -> str:
+    """Return how a vehicle is marked: an outlier, changed, or like the others."""
+    return "apart" if number.outlying[place] else "changed" if number.changes[place] else "like"
 
 
 def large_svg(number: NumberStatistics, place: int, name: str, dates: Sequence[str]) -> str:
-    """Return a number over a vehicle's flights with its axes.
+    """Draw a number over a vehicle's flights with its axes.
 
-    Parameters
-    ----------
-    number, place
-        Which, and of which of its vehicles.
-    name
-        Of the vehicle.
-    dates
-        Of its first and last flight; empty where they are not told.
+    `dates` are those of its first and last flight; empty where they are not known.
     """
     scale = scale_of(number, [place])
     low, high = min(scale.low, 0.0), max(scale.high, 0.0)
@@ -126,7 +116,7 @@ def large_svg(number: NumberStatistics, place: int, name: str, dates: Sequence[s
         flights=_flights(number, place),
         scale=Scale(zero=scale.zero, per_unit=scale.per_unit, unit=scale.unit, low=low, high=high),
     )
-    words = f"{number.name} of {name} over its flights, {scale.unit} from the type's mean"
+    title = f"{number.name} of {name} over its flights, {scale.unit} from the type's mean"
     inside = [
         _type_band(number, plot),
         *_grid(plot),
@@ -134,12 +124,12 @@ def large_svg(number: NumberStatistics, place: int, name: str, dates: Sequence[s
         *_series(number, place, plot),
         *_flight_axis(plot, dates),
     ]
-    attributes = {"class": "series large", "role": "img", "aria-label": words}
+    attributes = {"class": "series large", "role": "img", "aria-label": title}
     return drawing(400.0, 196.0, attributes, *inside)
 
 
 def strip_svg(number: NumberStatistics, names: Sequence[str]) -> str:
-    """Return where the vehicles are about the type's mean: dots, or bars where there are many."""
+    """Draw where the vehicles are about the type's mean: dots, or bars where there are many."""
     low, high = _strip_ends(number)
     width, middle = 360.0, 20.0
 
@@ -154,10 +144,10 @@ def strip_svg(number: NumberStatistics, names: Sequence[str]) -> str:
     known = np.flatnonzero(np.isfinite(number.now))
     if len(known) > MOST_DOTS:
         inside += _bars(number.now[known], low, high, width)
-        known = np.array([i for i in known if number.apart[i] or number.changes[i]], dtype=int)
+        known = np.array([i for i in known.tolist() if mark_class(number, i) != "like"], dtype=int)
     for place in known.tolist():
         value, half = float(number.now[place]), NORMAL_95 * float(number.now_std[place])
-        kind = "apart" if number.apart[place] else "changed" if number.changes[place] else "like"
+        kind = mark_class(number, place)
         if kind != "like":
             ends = f"M{decimal(x(value - half))} {middle}H{decimal(x(value + half))}"
             inside.append(tag("path", {"class": f"interval {kind}", "d": ends}))
@@ -166,20 +156,20 @@ def strip_svg(number: NumberStatistics, names: Sequence[str]) -> str:
     for end, value in (("", low), (" right", high)):
         place = {"class": f"tick{end}", "x": 8 if not end else width - 8, "y": 47}
         inside.append(label(_from_mean(number, value), place))
-    words = f"{number.name} of each vehicle about the type's mean"
-    return drawing(width, 50.0, {"class": "strip", "role": "img", "aria-label": words}, *inside)
+    title = f"{number.name} of each vehicle about the type's mean"
+    return drawing(width, 50.0, {"class": "strip", "role": "img", "aria-label": title}, *inside)
 
 
 def _from_mean(number: NumberStatistics, value: float) -> str:
-    """Return how far a value is from the type's mean, short."""
+    """Format how far a value is from the type's mean."""
     scale = 1e3 if number.name in IN_METRES else 100.0 / (abs(number.mean) or 1.0)
     unit = "mm" if number.name in IN_METRES else "%"
     return f"{scale * (value - number.mean):+.2g} {unit}".replace("-", "\u2212")
 
 
 def _strip_ends(number: NumberStatistics) -> tuple[float, float]:
-    told = np.isfinite(number.now)
-    now, half = number.now[told], NORMAL_95 * number.now_std[told]
+    known = np.isfinite(number.now)
+    now, half = number.now[known], NORMAL_95 * number.now_std[known]
     reach = 2.4 * number.between if np.isfinite(number.between) else 0.0
     low = float(min([*(now - half), number.mean - reach]))
     high = float(max([*(now + half), number.mean + reach]))
@@ -187,7 +177,7 @@ def _strip_ends(number: NumberStatistics) -> tuple[float, float]:
 
 
 def _bars(values: Float[np.ndarray, " v"], low: float, high: float, width: float) -> list[str]:
-    """Return how many vehicles are where."""
+    """Draw a histogram of the vehicles."""
     counts, _ = np.histogram(np.clip(values, low, high), bins=BARS, range=(low, high))
     step = (width - 16.0) / BARS
     out: list[str] = []
@@ -204,7 +194,7 @@ def _flights(number: NumberStatistics, place: int) -> int:
 
 
 def _points(number: NumberStatistics, place: int) -> _Points:
-    """Return a vehicle's estimates, neighbours put together by their weights where many."""
+    """Return a vehicle's estimates, neighbours averaged by their weights where there are many."""
     mine = number.vehicle_of_row == place
     scatter = number.within if np.isfinite(number.within) else 0.0
     y, v = number.values[mine], number.std[mine] ** 2 + scatter**2
@@ -222,7 +212,7 @@ def _points(number: NumberStatistics, place: int) -> _Points:
 
 
 def _series(number: NumberStatistics, place: int, plot: _Plot) -> list[str]:
-    """Return estimates with their intervals, and the level with its changes."""
+    """Draw estimates with their intervals, and the level with its changes."""
     points = _points(number, place)
     y = plot.scale.of(points.value)
     half = NORMAL_95 * points.std / plot.scale.per_unit
@@ -246,16 +236,16 @@ def _series(number: NumberStatistics, place: int, plot: _Plot) -> list[str]:
 
 
 def _level(number: NumberStatistics, place: int) -> Float[np.ndarray, " n"]:
-    """Return what a vehicle's flights scatter about, changes included."""
+    """Return the level about which a vehicle's flights scatter, changes included."""
     n = _flights(number, place)
-    level = np.full(n, number.own[place])
+    level = np.full(n, number.level[place])
     for change in number.changes[place]:
         level += change.size * change.shape
     return level
 
 
 def _line(plot: _Plot, level: Float[np.ndarray, " n"]) -> str:
-    """Return a path through the level at each flight, without points that say nothing new."""
+    """Draw a path through the level at each flight, without points on straight lines."""
     units = plot.scale.of(level)
     bend = np.abs(np.diff(units, 2)) > 1e-9
     kept = np.flatnonzero(np.concatenate([[True], bend, [True]]))
@@ -264,7 +254,7 @@ def _line(plot: _Plot, level: Float[np.ndarray, " n"]) -> str:
 
 
 def _type_band(number: NumberStatistics, plot: _Plot) -> str:
-    """Return where 95 % of all vehicles are, and the type's mean."""
+    """Draw where 95 % of all vehicles are, and the type's mean."""
     zero = decimal(plot.y(0.0))
     mean = tag("path", {"class": "mean", "d": f"M{decimal(plot.left)} {zero}h{plot.width:g}"})
     if not np.isfinite(number.between):
@@ -276,7 +266,7 @@ def _type_band(number: NumberStatistics, plot: _Plot) -> str:
 
 
 def _grid(plot: _Plot) -> list[str]:
-    """Return the scale's numbers and their lines."""
+    """Draw the scale's numbers and their lines."""
     marks = ticks(plot.scale.low, plot.scale.high, 5)
     step = marks[1] - marks[0] if len(marks) > 1 else 1.0
     out: list[str] = []
@@ -284,13 +274,13 @@ def _grid(plot: _Plot) -> list[str]:
         y = plot.y(mark)
         line = f"M{decimal(plot.left)} {decimal(y)}h{plot.width:g}"
         out.append(tag("path", {"class": "grid", "d": line}))
-        words = f"{tick_label(mark, step)} {plot.scale.unit}"
-        out.append(label(words, {"class": "tick right", "x": plot.left - 5, "y": y + 4}))
+        tick = f"{tick_label(mark, step)} {plot.scale.unit}"
+        out.append(label(tick, {"class": "tick right", "x": plot.left - 5, "y": y + 4}))
     return out
 
 
 def _flight_axis(plot: _Plot, dates: Sequence[str]) -> list[str]:
-    """Return numbers of flights below a drawing, and the first and last day."""
+    """Draw numbers of flights below a drawing, and the first and last day."""
     bottom = plot.top + plot.height
     out: list[str] = []
     for mark in ticks(1.0, float(max(plot.flights, 2)), 5):

@@ -1,4 +1,4 @@
-"""What changed in a fleet and who stands apart, in sentences: what was met, and what to check.
+"""What changed in a fleet and which vehicles are outliers: findings with what to check.
 
 Changes that one cause explains are one finding: a propeller that wears is seen in its own thrust
 coefficient, in that of all rotors, and in where their thrust acts.
@@ -7,25 +7,30 @@ coefficient, in that of all rotors, and in where their thrust acts.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
+from rotorfit.findings import Evidence, Finding
+from rotorfit.fleet.changes import NORMAL_95, Change
 from rotorfit.fleet.compared import IN_METRES, ROTORS, THRUST
-from rotorfit.fleet.population.changes import NORMAL_95, Change
 from rotorfit.fleet.records import KT_WEIGHT, TRIM, FlightRecord
 from rotorfit.fleet.statistics import FleetStatistics, LoadingDifference, NumberStatistics
 from rotorfit.logs.files import file_name
 from rotorfit.report.number_words import TITLES, title_of
 
-Sort = Literal["change", "apart", "loading"]
-
+CHANGE: Final = "change"
+OUTLIER: Final = "apart"
+LOADING: Final = "loading"
+"""Kinds of findings: a change over time, a vehicle unlike the others, the effect of a loading."""
+RANKS: Final = (ROTORS, ("com_x", "com_y"), TRIM[:2], THRUST)
+"""Numbers by how well they name a cause, the best first."""
 SLACK: Final = 3
 """Flights by which the beginnings of two changes of one cause may differ: not all numbers are
 equally sharp."""
 MOST_NAMED: Final = 4
 """Numbers named in one sentence; the others are counted."""
-WORDS: Final = {
+PHRASES: Final = {
     KT_WEIGHT: "thrust coefficient of all rotors",
     "kt": "thrust coefficient of all rotors",
     "kd": "drag torque coefficient",
@@ -34,14 +39,14 @@ WORDS: Final = {
     TRIM[0]: "centre of thrust, forward",
     TRIM[1]: "centre of thrust, to the left",
 }
-AHEAD: Final = {
+DIRECTIONS: Final = {
     "com_x": ("forward", "back"),
     TRIM[0]: ("forward", "back"),
     "com_y": ("to the left", "to the right"),
     TRIM[1]: ("to the left", "to the right"),
     "com_z": ("up", "down"),
 }
-BATTERY: Final = "check where battery and payload sit"
+CHECK_BALANCE: Final = "check where battery and payload sit"
 WEATHER: Final = (
     "weather and height are in it, as not every log tells the density of the air: see whether "
     "other vehicles changed on the same day"
@@ -49,195 +54,186 @@ WEATHER: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
-    """One number of a finding: which, where among its vehicles, and its change, if it is one."""
-
-    number: NumberStatistics
-    place: int
-    change: Change | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """One thing to look at.
+class VehicleFinding(Finding):
+    """A finding about one vehicle of a fleet.
 
     Attributes
     ----------
-    sort, vehicle
-        A change over time, a vehicle unlike the others, or what a loading does to a vehicle; the
-        index of the vehicle.
-    sentence, advice
-        What was met; what to check.
-    numbers
-        In which it was seen, the one that names the cause first.
+    vehicle
+        Index into the fleet's vehicles.
     record
         The first flight concerned, by the index of its record; None: all of them.
     """
 
-    sort: Sort
     vehicle: int
-    sentence: str
-    advice: str
-    numbers: tuple[Said, ...]
     record: int | None = None
 
 
-def findings(statistics: FleetStatistics, records: Sequence[FlightRecord]) -> list[Finding]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    """A change of one number of a vehicle, and the vehicle's place in its statistics."""
+
+    number: NumberStatistics
+    place: int
+    change: Change
+
+    @property
+    def rows(self) -> list[int]:
+        return self.number.rows_of(self.place).tolist()
+
+
+def findings(statistics: FleetStatistics, records: Sequence[FlightRecord]) -> list[VehicleFinding]:
     """Return everything to look at, vehicle by vehicle."""
-    out: list[Finding] = []
+    out: list[VehicleFinding] = []
     for vehicle in range(len(statistics.vehicles)):
         out += _changes(statistics, vehicle, records)
-        unlike = _unlike(statistics, vehicle)
-        out += [unlike] if unlike is not None else []
+        out += _outlier(statistics, vehicle)
         out += _loadings(statistics, vehicle)
     return out
 
 
-def number_words(name: str) -> str:
+def lead_number(statistics: FleetStatistics, finding: Finding) -> NumberStatistics:
+    """Return the number that names the cause of a finding."""
+    name, _, configuration = finding.numbers[0].partition("@")
+    found = statistics.number(name, configuration or None)
+    assert found is not None
+    return found
+
+
+def number_phrase(name: str) -> str:
     """Return a number's name within a sentence."""
-    if name in WORDS:
-        return WORDS[name]
+    if name in PHRASES:
+        return PHRASES[name]
     title = title_of(name) if name not in TITLES else TITLES[name]
     return title[0].lower() + title[1:]
 
 
-def flight_words(records: Sequence[FlightRecord], own: Sequence[int], record: int) -> str:
-    """Return which flight of a vehicle: its number, its day where the log tells it, its file.
-
-    Parameters
-    ----------
-    records
-        Of the fleet.
-    own
-        The vehicle's records in order of time.
-    record
-        The one that is meant.
-    """
-    it = records[record]
-    day = "" if it.started is None else f", {day_words(it.started)}"
-    return f"flight {list(own).index(record) + 1} of {len(own)} ({file_name(it.file)}{day})"
-
-
-def day_words(seconds: float) -> str:
-    """Return a day in words."""
+def day_text(seconds: float) -> str:
+    """Format seconds since 1970 (UTC) as a day."""
     moment = datetime.fromtimestamp(seconds, UTC)
     return f"{moment.day} {moment:%B %Y}"
 
 
-def size_words(name: str, size: float, low: float, high: float, reference: float) -> str:
-    """Return how much larger a number is, with its interval: percent, or millimetres and where."""
-    if name in IN_METRES:
+def flights_of(statistics: FleetStatistics, vehicle: int) -> list[int]:
+    """Return a vehicle's records with any number, in order of time."""
+    found: dict[int, None] = {}
+    for number in sorted(statistics.numbers, key=lambda n: -len(n.rows)):
+        if vehicle in number.vehicles:
+            found |= dict.fromkeys(number.rows_of(number.vehicles.index(vehicle)).tolist())
+    return list(found)
+
+
+def _flight_phrase(records: Sequence[FlightRecord], flights: Sequence[int], record: int) -> str:
+    """Name a flight of a vehicle: its number among the vehicle's, its file, its day if logged."""
+    it = records[record]
+    day = "" if it.started is None else f", {day_text(it.started)}"
+    return f"flight {flights.index(record) + 1} of {len(flights)} ({file_name(it.file)}{day})"
+
+
+def _size_phrase(name: str, size: float, low: float, high: float, reference: float) -> str:
+    """Format a difference with its interval: percent, or millimetres and the direction."""
+    metres = name in IN_METRES
+    unit = 1e3 if metres else 100.0 / abs(reference)
+    if metres:
         places = 1 if max(abs(low), abs(high)) >= 1e-3 else 2
-        ends = (
-            sorted((abs(1e3 * low), abs(1e3 * high))) if low * high > 0 else (1e3 * low, 1e3 * high)
-        )
-        way = AHEAD[name][0 if size >= 0 else 1]
-        return (
-            f"{abs(1e3 * size):.{places}f} mm {way} ({ends[0]:.{places}f} to {ends[1]:.{places}f})"
-        )
-    unit = 100.0 / abs(reference)
+        text = f"mm {DIRECTIONS[name][0 if size >= 0 else 1]}"
+    else:
+        places = 0 if abs(unit * size) >= 9.5 else 1 if abs(unit * size) >= 0.3 else 2
+        text = "%"
     ends = (
         sorted((abs(unit * low), abs(unit * high))) if low * high > 0 else (unit * low, unit * high)
     )
-    places = 0 if abs(unit * size) >= 9.5 else 1 if abs(unit * size) >= 0.3 else 2
-    return f"{abs(unit * size):.{places}f} % ({ends[0]:.{places}f} to {ends[1]:.{places}f})"
+    return f"{abs(unit * size):.{places}f} {text} ({ends[0]:.{places}f} to {ends[1]:.{places}f})"
+
+
+def _difference_phrase(name: str, size: float, low: float, high: float, reference: float) -> str:
+    """Format a difference of a number from another level, with the number's name."""
+    sizes = _size_phrase(name, size, low, high, reference)
+    if name in IN_METRES:
+        return f"{number_phrase(name).split(',')[0]} {sizes}"
+    return f"{number_phrase(name)} {'smaller' if size < 0 else 'larger'} by {sizes}"
+
+
+def _full_name(number: NumberStatistics) -> str:
+    return f"{number.name}@{number.configuration}" if number.configuration else number.name
 
 
 def _changes(
     statistics: FleetStatistics, vehicle: int, records: Sequence[FlightRecord]
-) -> list[Finding]:
+) -> list[VehicleFinding]:
     """Return what changed in a vehicle: each cause once."""
     seen = [
-        Said(number=number, place=place, change=change)
+        _Seen(number=number, place=place, change=change)
         for number in statistics.numbers
         if vehicle in number.vehicles
         for place in [number.vehicles.index(vehicle)]
         for change in number.changes[place]
     ]
-    own = own_records(statistics, vehicle)
-    seen.sort(key=lambda s: (_rank(s.number.name), _chance(s)))
-    out: list[Finding] = []
+    flights = flights_of(statistics, vehicle)
+    seen.sort(key=lambda s: (*[s.number.name not in names for names in RANKS], s.change.p))
+    causes: list[list[_Seen]] = []
     while seen:
-        lead = seen[0]
-        mine = [s for s in seen if s is lead or _same_cause(lead, s, own)]
-        seen = [s for s in seen if all(s is not one for one in mine)]
-        out.append(_changed(mine, vehicle, own, records))
-    return sorted(out, key=lambda finding: _chance(finding.numbers[0]))
+        causes.append([s for s in seen if s is seen[0] or _same_cause(seen[0], s, flights)])
+        seen = [s for s in seen if all(s is not one for one in causes[-1])]
+    causes.sort(key=lambda cause: cause[0].change.p)
+    return [_change(cause, vehicle, flights, records) for cause in causes]
 
 
-def _chance(said: Said) -> float:
-    return said.change.p if said.change is not None else 1.0
-
-
-def own_records(statistics: FleetStatistics, vehicle: int) -> list[int]:
-    """Return a vehicle's records that tell anything, in order of time."""
-    found: dict[int, None] = {}
-    for number in sorted(statistics.numbers, key=lambda n: -len(n.rows)):
-        if vehicle in number.vehicles:
-            rows = number.rows_of(number.vehicles.index(vehicle)).tolist()
-            if not found:
-                found = dict.fromkeys(rows)
-            found |= dict.fromkeys(rows)
-    return list(found)
-
-
-def _rank(name: str) -> int:
-    """Return how well a number names a cause: 0 best."""
-    ranks = (ROTORS, ("com_x", "com_y"), TRIM[:2], THRUST)
-    return next((i for i, names in enumerate(ranks) if name in names), len(ranks))
-
-
-def _same_cause(lead: Said, other: Said, own: Sequence[int]) -> bool:
-    """Whether what another number shows is explained by what a first one does."""
-    a, b = lead.change, other.change
-    assert a is not None
-    assert b is not None
-    if lead.number is other.number:
+def _same_cause(lead: _Seen, second: _Seen, flights: Sequence[int]) -> bool:
+    """Return whether one cause explains a change of another number as well."""
+    if lead.number is second.number:
         return True
-    if other.number.name in ROTORS or (a.kind == "once") != (b.kind == "once"):
+    if second.number.name in ROTORS or (lead.change.kind == "once") != (
+        second.change.kind == "once"
+    ):
         return False
-    first = [[own.index(i) for i in _ends(s)] for s in (lead, other)]
-    return first[0][0] - SLACK <= first[1][1] and first[1][0] - SLACK <= first[0][1]
+    (a, b), (c, d) = (
+        (flights.index(s.rows[s.change.earliest]), flights.index(s.rows[s.change.latest]))
+        for s in (lead, second)
+    )
+    return a - SLACK <= d and c - SLACK <= b
 
 
-def _ends(said: Said) -> tuple[int, int]:
-    """Return the records between which a change began."""
-    change, rows = said.change, said.number.rows_of(said.place)
-    assert change is not None
-    return int(rows[change.earliest]), int(rows[change.latest])
-
-
-def _changed(
-    seen: Sequence[Said], vehicle: int, own: Sequence[int], records: Sequence[FlightRecord]
-) -> Finding:
-    """Return one cause in words."""
+def _change(
+    seen: Sequence[_Seen], vehicle: int, flights: Sequence[int], records: Sequence[FlightRecord]
+) -> VehicleFinding:
+    """Return the finding of one cause, by the number that names it best and the others."""
     lead = seen[0]
-    assert lead.change is not None
-    record = int(lead.number.rows_of(lead.place)[lead.change.first])
-    others = list(dict.fromkeys(s.number.name for s in seen[1:]) - {lead.number.name: None}.keys())
-    also = f" Also: {_listed([number_words(name) for name in others])}." if others else ""
-    return Finding(
-        sort="change",
+    record = lead.rows[lead.change.first]
+    others = dict.fromkeys(s.number.name for s in seen if s.number.name != lead.number.name)
+    also = f" Also: {_listed([number_phrase(name) for name in others])}." if others else ""
+    return VehicleFinding(
+        kind=CHANGE,
+        severity="note",
         vehicle=vehicle,
-        sentence=f"{change_words(lead, own, records)}.{also}",
-        advice=_advice(lead),
-        numbers=tuple(seen),
         record=record,
+        sentence=f"{_change_phrase(lead, flights, records)}.{also}",
+        next_step=_change_advice(lead),
+        numbers=tuple(dict.fromkeys(_full_name(s.number) for s in seen)),
+        flights=(records[record].file,),
+        evidence=tuple(
+            Evidence(
+                name=_full_name(s.number),
+                value=s.change.size,
+                interval=(s.change.low, s.change.high),
+            )
+            for s in seen
+        ),
     )
 
 
-def change_words(said: Said, own: Sequence[int], records: Sequence[FlightRecord]) -> str:
-    """Return what happened to a number, and when."""
-    change, number = said.change, said.number
-    assert change is not None
-    rows = number.rows_of(said.place)
-    subject = _subject(number.name)
-    level = number.own[said.place]
-    size = size_words(number.name, change.size, change.low, change.high, level)
-    when = flight_words(records, own, int(rows[change.first]))
-    ends = [list(own).index(int(rows[i])) + 1 for i in (change.earliest, change.latest)]
-    between = "" if ends[0] == ends[1] else f", at the earliest {ends[0]}, at the latest {ends[1]}"
+def _change_phrase(seen: _Seen, flights: Sequence[int], records: Sequence[FlightRecord]) -> str:
+    """Say what happened to a number, and when."""
+    change, number, rows = seen.change, seen.number, seen.rows
+    subject = number_phrase(number.name)
     moves = number.name in IN_METRES
+    subject = subject.split(",")[0] if moves else subject  # a direction follows
+    subject = subject[0].upper() + subject[1:]
+    level = float(number.level[seen.place])
+    size = _size_phrase(number.name, change.size, change.low, change.high, level)
+    when = _flight_phrase(records, flights, rows[change.first])
+    first, last = (flights.index(rows[i]) + 1 for i in (change.earliest, change.latest))
+    between = "" if first == last else f", at the earliest {first}, at the latest {last}"
     fell = change.size < 0.0
     if change.kind == "once":
         how = f"was {size}" if moves else f"was {size} {'lower' if fell else 'higher'}"
@@ -245,23 +241,15 @@ def change_words(said: Said, own: Sequence[int], records: Sequence[FlightRecord]
     if change.kind == "step":
         how = f"moved {size}" if moves else f"{'fell' if fell else 'rose'} by {size}"
         return f"{subject} {how} with {when}{between}"
-    total = size_words(number.name, change.total, change.total, change.total, level).split(" (")[0]
+    total = _size_phrase(number.name, change.total, change.total, change.total, level)
     how = f"moves {size}" if moves else f"{'falls' if fell else 'rises'} by {size}"
-    return f"{subject} {how} a flight since {when}{between}: {total} by now"
+    return f"{subject} {how} a flight since {when}{between}: {total.split(' (')[0]} by now"
 
 
-def _subject(name: str) -> str:
-    """Return a number's name at the beginning of a sentence; without a direction, which follows."""
-    words = number_words(name).split(",")[0] if name in IN_METRES else number_words(name)
-    return words[0].upper() + words[1:]
-
-
-def _advice(said: Said) -> str:
-    """Return what to check where a number changed."""
-    name, change = said.number.name, said.change
-    assert change is not None
-    weather = f" ({WEATHER})" if said.number.weather == "in it" else ""
-    if change.kind == "once":
+def _change_advice(seen: _Seen) -> str:
+    name = seen.number.name
+    weather = f" ({WEATHER})" if seen.number.weather == "in it" else ""
+    if seen.change.kind == "once":
         return (
             "see how it was loaded and flown on that flight, and the doubts in its own report: "
             "another payload or battery?" + weather
@@ -271,12 +259,13 @@ def _advice(said: Said) -> str:
         return f"check or replace propeller {i}; if it is sound, check motor {i} and its bearing"
     if name in THRUST:
         return "check all propellers, and that the vehicle still weighs what was given" + weather
-    return _what_to_check(name) + weather
+    return _advice(name) + weather
 
 
-def _what_to_check(name: str) -> str:
+def _advice(name: str) -> str:
+    """Return what to check where a number is unusual."""
     if name in IN_METRES:
-        return BATTERY
+        return CHECK_BALANCE
     if name.endswith("_com"):
         return "check what is mounted, and where: battery, payload, arms"
     if name == "motor_lag":
@@ -284,44 +273,50 @@ def _what_to_check(name: str) -> str:
     return "check propellers and motors: shape, damage, dirt"
 
 
-def _unlike(statistics: FleetStatistics, vehicle: int) -> Finding | None:
-    """Return in what a vehicle stands apart from the others; None where it does not."""
+def _outlier(statistics: FleetStatistics, vehicle: int) -> list[VehicleFinding]:
+    """Return in what a vehicle differs from the others; nothing where it is no outlier."""
     seen = [
-        Said(number=number, place=place)
+        (number, place)
         for number in statistics.numbers
         if vehicle in number.vehicles
         for place in [number.vehicles.index(vehicle)]
-        if number.apart[place]
+        if number.outlying[place]
     ]
     if not seen:
-        return None
-    seen.sort(key=lambda s: s.number.p[s.place])
-    names = [s.number.name for s in seen]
-    shown = [_difference_words(s) for s in seen[:MOST_NAMED]]
+        return []
+    seen.sort(key=lambda one: one[0].p[one[1]])
+    evidence = [_outlier_evidence(number, place) for number, place in seen]
+    shown = [
+        _difference_phrase(number.name, e.value, *(e.interval or (e.value, e.value)), number.mean)
+        for (number, _), e in zip(seen[:MOST_NAMED], evidence, strict=False)
+    ]
     more = len(seen) - len(shown)
     also = f"; {more} more number{'s' if more > 1 else ''}" if more else ""
-    return Finding(
-        sort="apart",
-        vehicle=vehicle,
-        sentence=f"Unlike the other vehicles: {'; '.join(shown)}{also}.",
-        advice=_difference_advice(names),
-        numbers=tuple(seen),
-    )
+    return [
+        VehicleFinding(
+            kind=OUTLIER,
+            severity="note",
+            vehicle=vehicle,
+            sentence=f"Unlike the other vehicles: {'; '.join(shown)}{also}.",
+            next_step=_outlier_advice([number.name for number, _ in seen]),
+            numbers=tuple(e.name for e in evidence),
+            evidence=tuple(evidence),
+        )
+    ]
 
 
-def _difference_words(said: Said) -> str:
-    number, place = said.number, said.place
+def _outlier_evidence(number: NumberStatistics, place: int) -> Evidence:
+    """Return the difference from the other vehicles' mean, with its interval.
+
+    The spread between vehicles decides whether one is an outlier; it does not blur by how much.
+    """
     size, std = float(number.difference[place]), float(number.difference_std[place])
-    # The spread between vehicles decides whether it stands apart; how far, it does not blur.
-    half = NORMAL_95 * float(np.hypot(number.own_std[place], number.mean_std))
+    half = NORMAL_95 * float(np.hypot(number.level_std[place], number.mean_std))
     half = half if np.isfinite(half) else NORMAL_95 * std
-    words = size_words(number.name, size, size - half, size + half, number.mean)
-    if number.name in IN_METRES:
-        return f"{_subject(number.name)[0].lower()}{_subject(number.name)[1:]} {words}"
-    return f"{number_words(number.name)} {'smaller' if size < 0 else 'larger'} by {words}"
+    return Evidence(name=_full_name(number), value=size, interval=(size - half, size + half))
 
 
-def _difference_advice(names: Sequence[str]) -> str:
+def _outlier_advice(names: Sequence[str]) -> str:
     """Return what to check of a vehicle that differs in these numbers."""
     rotors = [name for name in names if name in ROTORS]
     if len(rotors) == 1 and not set(names) & {"kd", "Jr"}:
@@ -332,46 +327,42 @@ def _difference_advice(names: Sequence[str]) -> str:
             "another propeller? Compare its propellers (size, pitch, make) and motors with those "
             "of the other vehicles, and weigh it"
         )
-    return _what_to_check(names[0])
+    return _advice(names[0])
 
 
-def _loadings(statistics: FleetStatistics, vehicle: int) -> list[Finding]:
+def _loadings(statistics: FleetStatistics, vehicle: int) -> list[VehicleFinding]:
     """Return in what each loading of a vehicle differs from its most flown one."""
-    mine = [d for d in statistics.loadings if d.vehicle == vehicle]
-    mine.sort(key=lambda d: d.p)
-    return [
-        _loaded([d for d in mine if d.number.configuration == configuration])
-        for configuration in dict.fromkeys(d.number.configuration for d in mine)
+    groups: dict[str | None, list[LoadingDifference]] = {}
+    for d in sorted(statistics.loadings, key=lambda d: d.p):
+        if d.vehicle == vehicle:
+            groups.setdefault(d.number.configuration, []).append(d)
+    return [_loading(seen) for seen in groups.values()]
+
+
+def _loading(seen: Sequence[LoadingDifference]) -> VehicleFinding:
+    """Return the effect of one loading."""
+    configuration, reference = seen[0].number.configuration, seen[0].reference
+    phrases = [
+        _difference_phrase(d.number.name, d.difference, d.low, d.high, d.reference_level)
+        for d in seen
     ]
-
-
-def _loaded(seen: Sequence[LoadingDifference]) -> Finding:
-    """Return what one loading does, in words."""
-    configuration, against = seen[0].number.configuration, seen[0].against
-    return Finding(
-        sort="loading",
+    return VehicleFinding(
+        kind=LOADING,
+        severity="note",
         vehicle=seen[0].vehicle,
-        sentence=f"Loaded as {configuration}, against {against}: "
-        f"{_listed([_loading_words(d) for d in seen])}.",
-        advice=f"nothing, if {configuration} carries what explains it; else check the load, and "
+        sentence=f"Loaded as {configuration}, against {reference}: {_listed(phrases)}.",
+        next_step=f"nothing, if {configuration} carries what explains it; else check the load, and "
         "which flights are listed under which configuration",
-        numbers=tuple(
-            Said(number=d.number, place=d.number.vehicles.index(d.vehicle)) for d in seen
+        numbers=tuple(_full_name(d.number) for d in seen),
+        evidence=tuple(
+            Evidence(name=_full_name(d.number), value=d.difference, interval=(d.low, d.high))
+            for d in seen
         ),
     )
 
 
-def _loading_words(d: LoadingDifference) -> str:
-    name = d.number.name
-    words = size_words(name, d.difference, d.low, d.high, d.reference)
-    subject = number_words(name)
-    if name in IN_METRES:
-        return f"{subject.split(',')[0]} {words}"
-    return f"{subject} {'smaller' if d.difference < 0 else 'larger'} by {words}"
-
-
-def _listed(words: Sequence[str]) -> str:
-    """Return words as a list, the last ones counted."""
-    shown = list(words[:MOST_NAMED])
-    more = len(words) - len(shown)
+def _listed(phrases: Sequence[str]) -> str:
+    """Join phrases, the last ones counted."""
+    shown = list(phrases[:MOST_NAMED])
+    more = len(phrases) - len(shown)
     return "; ".join([*shown, f"{more} more"] if more else shown)

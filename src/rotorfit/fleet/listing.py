@@ -18,15 +18,18 @@ from rotorfit.logs.read import format_of
 Mass = float | Literal["unknown"]
 COLUMNS: Final = ("file", "vehicle", "configuration", "mass", "airframe", "log")
 """Of a table of logs; all but the first may be left out."""
+EXPECTED: Final = (
+    f"expected a CSV with the columns {', '.join(COLUMNS)} (all but file may be left out)"
+)
 SUFFIXES: Final = frozenset(suffix for form in FORMATS for suffix in form.suffixes)
-"""Of files that are logs by their names, so that one that cannot be read is said."""
+"""Of files that are logs by their names, so that one that cannot be read is reported."""
 BAG: Final = "metadata.yaml"
 """In a folder that is one recording of ROS 2."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightTask:
-    """One log to identify: all that its numbers hang on, but for the bytes of the files.
+    """One log to identify: all that its numbers depend on, but for the bytes of the files.
 
     `log_number` is None where the file may hold several.
     """
@@ -39,19 +42,7 @@ class FlightTask:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListedLog:
-    """A log of a fleet, and what is said of it.
-
-    Attributes
-    ----------
-    name
-        As the tables and the page call it.
-    task
-        What is to be done.
-    vehicle
-        Whose it is; None: the log tells, or its folder.
-    configuration
-        How the vehicle was loaded.
-    """
+    """A log of a fleet, `name` as in tables and page; `vehicle` None: by the log, or its folder."""
 
     name: str
     task: FlightTask
@@ -61,7 +52,7 @@ class ListedLog:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Defaults:
-    """What holds for every log that no table says it of."""
+    """What holds for every log for which no table gives it."""
 
     mass: Mass | None = None
     airframe: Path | None = None
@@ -69,31 +60,19 @@ class Defaults:
 
 
 def listed_logs(
-    source: Path, defaults: Defaults, *, apart: Path | None = None
+    source: Path, defaults: Defaults, *, excluded: Path | None = None
 ) -> tuple[ListedLog, ...]:
-    """Return the logs of a folder and all folders in it, or those that a table lists.
+    """List the logs of a folder and its subfolders but for one, or of a table (CSV, `COLUMNS`).
 
-    Parameters
-    ----------
-    source
-        A folder, or a CSV with a column ``file`` and any of `COLUMNS`; paths in it count from its
-        folder.
-    defaults
-        For what the table does not say.
-    apart
-        A folder that is not looked into.
-
-    Raises
-    ------
-    ExperimentError
-        If there is no log, the table is none, or nobody says mass or airframe.
+    Paths in a table count from its folder. Raises `ExperimentError` where there is no log, the
+    table is none, or mass or airframe are missing.
     """
     if not source.exists():
         raise ExperimentError(
             f"{source}: no such file or folder: name a folder with logs, or a table of them (CSV)"
         )
     rows = (
-        [{"file": str(path)} for path in _logs_in(source, apart)]
+        [{"file": str(path)} for path in _logs_in(source, excluded)]
         if source.is_dir()
         else _rows_of(source)
     )
@@ -108,13 +87,14 @@ def listed_logs(
     return tuple(logs)
 
 
-def _logs_in(folder: Path, apart: Path | None) -> Iterator[Path]:
+def _logs_in(folder: Path, excluded: Path | None) -> Iterator[Path]:
     """Yield every log under a folder; a folder that is a bag counts as one."""
     for path in sorted(folder.iterdir()):
-        if path.name.startswith(".") or (apart is not None and path.absolute() == apart.absolute()):
+        hidden = path.name.startswith(".")
+        if hidden or (excluded is not None and path.absolute() == excluded.absolute()):
             continue
         if path.is_dir() and not (path / BAG).exists():
-            yield from () if path.is_symlink() else _logs_in(path, apart)
+            yield from () if path.is_symlink() else _logs_in(path, excluded)
         elif not (path.is_file() or path.is_dir()):
             continue  # a pipe would be waited for
         elif path.suffix.lower() in SUFFIXES or ((f := format_of(path)) and f.certain):
@@ -128,23 +108,19 @@ def _rows_of(table: Path) -> list[dict[str, str]]:
         rows = list(csv.DictReader(StringIO(text)))
         names = [str(name) for name in csv.DictReader(StringIO(text)).fieldnames or []]
     except (LogError, UnicodeDecodeError, csv.Error) as error:
-        raise ExperimentError(f"{table}: no table of logs ({error}): {_expected()}") from error
+        raise ExperimentError(f"{table}: no table of logs ({error}): {EXPECTED}") from error
     unknown = [name for name in names if name not in COLUMNS]
     if "file" not in names or unknown:
         met = f"column {unknown[0]!r}" if unknown else "no column file"
-        raise ExperimentError(f"{table}: {met}; {_expected()}")
+        raise ExperimentError(f"{table}: {met}; {EXPECTED}")
     for number, row in enumerate(rows, start=2):
         if not (row["file"] or "").strip() or None in row:
             raise ExperimentError(f"{table}, line {number}: no file named, or too many cells")
     return [{key: (value or "").strip() for key, value in row.items()} for row in rows]
 
 
-def _expected() -> str:
-    return f"expected a CSV with the columns {', '.join(COLUMNS)} (all but file may be left out)"
-
-
 def _listed(row: Mapping[str, str], base: Path, defaults: Defaults) -> ListedLog:
-    """Return one log, what its row does not say filled in."""
+    """Return one log, its row completed by the defaults."""
     path = base / row["file"] if base not in Path(row["file"]).parents else Path(row["file"])
     name = path.relative_to(base).as_posix() if path.is_relative_to(base) else str(path)
     vehicle, configuration = _by_pattern(name, defaults.vehicle_of)
@@ -163,7 +139,7 @@ def _listed(row: Mapping[str, str], base: Path, defaults: Defaults) -> ListedLog
 
 
 def _by_pattern(name: str, pattern: re.Pattern[str] | None) -> tuple[str | None, str | None]:
-    """Return vehicle and configuration that a path tells by the pattern."""
+    """Extract vehicle and configuration from a path by the pattern."""
     if pattern is None:
         return None, None
     found = pattern.search(name)
@@ -177,9 +153,9 @@ def _by_pattern(name: str, pattern: re.Pattern[str] | None) -> tuple[str | None,
     return named.get("vehicle", first), named.get("configuration")
 
 
-def _airframe(said: str, base: Path, defaults: Defaults) -> Path:
-    if said:
-        return base / said
+def _airframe(cell: str, base: Path, defaults: Defaults) -> Path:
+    if cell:
+        return base / cell
     if defaults.airframe is None:
         raise ExperimentError(
             "nobody says where the rotors are: give --airframe FILE (rotorfit airframe LOG writes "
@@ -188,39 +164,35 @@ def _airframe(said: str, base: Path, defaults: Defaults) -> Path:
     return defaults.airframe
 
 
-def _mass(said: str, name: str, defaults: Defaults) -> Mass:
-    if not said:
+def _mass(cell: str, name: str, defaults: Defaults) -> Mass:
+    if not cell:
         if defaults.mass is None:
             raise ExperimentError(
                 f"{name}: nobody says its mass: give --mass KG, a table with a column mass, or "
                 "--mass unknown (all numbers are per kilogram then)"
             )
         return defaults.mass
-    return mass_of(said, f"the mass of {name}")
+    return mass_of(cell, f"the mass of {name}")
 
 
-def mass_of(said: str, what: str) -> Mass:
-    """Return a mass as it was written: kilograms or ``unknown``.
-
-    Raises
-    ------
-    ExperimentError
-        If it is neither.
-    """
-    if said == "unknown":
+def mass_of(text: str, subject: str) -> Mass:
+    """Read a mass: kilograms or ``unknown``; raises `ExperimentError` where it is neither."""
+    if text == "unknown":
         return "unknown"
     try:
-        mass = float(said)
+        mass = float(text)
     except ValueError:
         mass = float("nan")
     if not (isfinite(mass) and mass > 0):
-        raise ExperimentError(f'{what} is {said!r}; expected kilograms such as 0.428, or "unknown"')
+        raise ExperimentError(
+            f'{subject} is {text!r}; expected kilograms such as 0.428, or "unknown"'
+        )
     return mass
 
 
-def _log_number(said: str, name: str) -> int | None:
-    if not said:
+def _log_number(cell: str, name: str) -> int | None:
+    if not cell:
         return None
-    if not said.isdecimal() or int(said) < 1:
-        raise ExperimentError(f"{name}: log is {said!r}; expected a number from 1")
-    return int(said)
+    if not cell.isdecimal() or int(cell) < 1:
+        raise ExperimentError(f"{name}: log is {cell!r}; expected a number from 1")
+    return int(cell)

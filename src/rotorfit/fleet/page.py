@@ -9,24 +9,27 @@ from typing import Final
 
 import numpy as np
 
+from rotorfit.fleet.changes import NORMAL_95
 from rotorfit.fleet.compared import IN_METRES, THRUST, unit_of
-from rotorfit.fleet.drawings import large_svg, scale_of, small_svg, strip_svg
+from rotorfit.fleet.drawings import large_svg, mark_class, scale_of, small_svg, strip_svg
 from rotorfit.fleet.findings import (
-    Finding,
-    day_words,
+    VehicleFinding,
+    day_text,
     findings,
-    number_words,
-    own_records,
+    flights_of,
+    lead_number,
+    number_phrase,
 )
-from rotorfit.fleet.population.changes import NORMAL_95
-from rotorfit.fleet.population.random_effects import LEAST_GROUPS
-from rotorfit.fleet.records import FlightFailure, FlightRecord
+from rotorfit.fleet.random_effects import LEAST_GROUPS
+from rotorfit.fleet.records import FlightRecord, RefusedLog
 from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics
 from rotorfit.formatting.digits import number_of
 from rotorfit.logs.files import file_name
 from rotorfit.report.number_words import unit_words
 from rotorfit.report.pages import render_page
 
+Rendered = dict[str, object]
+"""Part of the page, by the names of its template."""
 MOST_FINDINGS: Final = 60
 MOST_SMALL: Final = 600
 """Small drawings on one page."""
@@ -37,27 +40,19 @@ MOST_ROWS: Final = 1000
 MOST_REASONS: Final = 30
 TABLE_NUMBERS: Final = 5
 SHOWN: Final = (*THRUST, "com_x", "com_y", "thrust_center_x", "thrust_center_y", "kd", "motor_lag")
-"""Numbers that are drawn where nothing is to be said of others."""
+"""Numbers that are drawn where there are no findings about others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Links:
-    """How the reader gets to a flight's own report.
-
-    Attributes
-    ----------
-    report
-        Returns the address of the report of a record, from the fleet's page; "" where none is.
-    command
-        Returns the command that makes it.
-    """
+    """The address of a flight's own report from the fleet's page ("": none), and its command."""
 
     report: Callable[[FlightRecord], str]
     command: Callable[[FlightRecord], str]
 
 
 def report_name(record: FlightRecord) -> str:
-    """Return the name of the page of a flight: one for each flight of a fleet."""
+    """Return the file name of the report of a flight, distinct for each flight of a fleet."""
     stem = Path(file_name(record.file)).stem
     number = f"-{record.log_number}" if record.log_number > 1 else ""
     return f"{stem}{number}-{record.sha256[:8]}.html"
@@ -66,23 +61,15 @@ def report_name(record: FlightRecord) -> str:
 def report_command(
     record: FlightRecord, *, folder: str = ".", airframe: str = "airframe.toml"
 ) -> str:
-    """Return the command that identifies one flight again, with a page of its own.
+    """Return the command that identifies one flight again, with a report of its own.
 
-    Parameters
-    ----------
-    record
-        Of the flight.
-    folder
-        Of the page, seen from that of the logs.
-    airframe
-        File of its airframe.
+    `folder` is that of the reports, seen from the folder of the logs.
     """
     mass = "unknown" if record.mass is None else str(record.mass)
     number = ["--log", str(record.log_number)] if record.log_number > 1 else []
-    words = ["rotorfit", "identify", record.file, *number, "--mass", mass, "--airframe", airframe]
-    return shlex.join(
-        [*words, "--report", (PurePosixPath(folder) / report_name(record)).as_posix()]
-    )
+    report = (PurePosixPath(folder) / report_name(record)).as_posix()
+    options = [*number, "--mass", mass, "--airframe", airframe, "--report", report]
+    return shlex.join(["rotorfit", "identify", record.file, *options])
 
 
 NO_LINKS: Final = Links(report=lambda record: "", command=report_command)
@@ -91,24 +78,12 @@ NO_LINKS: Final = Links(report=lambda record: "", command=report_command)
 def fleet_html(
     statistics: FleetStatistics,
     records: Sequence[FlightRecord],
-    failures: Sequence[FlightFailure] = (),
+    refused: Sequence[RefusedLog] = (),
     *,
     name: str = "Fleet",
     links: Links = NO_LINKS,
 ) -> str:
-    """Return a fleet as one self-contained page.
-
-    Parameters
-    ----------
-    statistics
-        By `fleet_statistics`.
-    records, failures
-        Flights, and logs without a row.
-    name
-        Of the fleet.
-    links
-        To the flights' own reports.
-    """
+    """Render a fleet as one self-contained page."""
     found = findings(statistics, records)
     return render_page(
         "fleet",
@@ -117,7 +92,7 @@ def fleet_html(
         name=name,
         statistics=statistics,
         records=records,
-        failures=failures,
+        refused=refused,
         found=[_finding(f, statistics, records) for f in found[:MOST_FINDINGS]],
         more_found=max(len(found) - MOST_FINDINGS, 0),
         type_rows=[_type_row(n, statistics.vehicles) for n in statistics.numbers],
@@ -126,83 +101,54 @@ def fleet_html(
         sections=_sections(statistics, found),
         table=_table(statistics, records, found),
         flights=_flight_lists(statistics, records, found, links),
-        reasons=_reasons(failures),
+        reasons=_reasons(refused),
         most_rows=MOST_ROWS,
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Shown:
-    """A finding as the page has it."""
-
-    vehicle: str
-    sort: str
-    sentence: str
-    advice: str
-    drawing: str
-    caption: str
-
-
 def _finding(
-    finding: Finding, statistics: FleetStatistics, records: Sequence[FlightRecord]
-) -> _Shown:
-    lead = finding.numbers[0]
+    finding: VehicleFinding, statistics: FleetStatistics, records: Sequence[FlightRecord]
+) -> Rendered:
+    """Return a finding with its drawing, as the page has it."""
+    number = lead_number(statistics, finding)
+    place = number.vehicles.index(finding.vehicle)
     name = statistics.vehicles[finding.vehicle]
-    rows: list[int] = lead.number.rows_of(lead.place).tolist()
-    days = (records[rows[0]].started, records[rows[-1]].started)
-    return _Shown(
-        vehicle=name,
-        sort=finding.sort,
-        sentence=finding.sentence,
-        advice=finding.advice,
-        drawing=large_svg(
-            lead.number,
-            lead.place,
-            name,
-            tuple("" if day is None else day_words(day) for day in days),
-        ),
-        caption=_title(lead.number),
-    )
+    rows: list[int] = number.rows_of(place).tolist()
+    days = [records[i].started for i in (rows[0], rows[-1])]
+    dates = ["" if day is None else day_text(day) for day in days]
+    return {
+        "vehicle": name,
+        "finding": finding,
+        "drawing": large_svg(number, place, name, dates),
+        "caption": _title(number),
+    }
 
 
 def _title(number: NumberStatistics) -> str:
-    words = number_words(number.name)
+    phrase = number_phrase(number.name)
     of = f", {number.configuration}" if number.configuration else ""
-    return f"{words[0].upper()}{words[1:]}{of}"
+    return f"{phrase[0].upper()}{phrase[1:]}{of}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _TypeRow:
-    """One number of the type."""
-
-    title: str
-    name: str
-    mean: str
-    unit: str
-    between: str
-    within: str
-    vehicles: int
-    strip: str
-
-
-def _type_row(number: NumberStatistics, names: Sequence[str]) -> _TypeRow:
+def _type_row(number: NumberStatistics, names: Sequence[str]) -> Rendered:
+    """Return one number of the type, as the page has it."""
     half = NORMAL_95 * number.mean_std
     mean = number_of(number.mean, (number.mean - half, number.mean + half))
-    told = np.isfinite(number.between)
-    return _TypeRow(
-        title=_title(number),
-        name=number.name,
-        mean=str(mean) if told and mean is not None else "–",
-        unit=unit_words(unit_of(number.name)),
-        between=_spread(number.between, number),
-        within=_spread(number.within, number),
-        vehicles=len(number.vehicles),
-        strip=strip_svg(number, names),
-    )
+    estimated = np.isfinite(number.between)
+    return {
+        "title": _title(number),
+        "name": number.name,
+        "mean": str(mean) if estimated and mean is not None else "–",
+        "unit": unit_words(unit_of(number.name)),
+        "between": _spread(number.between, number),
+        "within": _spread(number.within, number),
+        "vehicles": len(number.vehicles),
+        "strip": strip_svg(number, names),
+    }
 
 
 def _spread(std: float, number: NumberStatistics) -> str:
-    """Return a standard deviation in percent of the mean, or in millimetres."""
+    """Format a standard deviation in percent of the mean, or in millimetres."""
     if not np.isfinite(std):
         return "–"
     if number.name in IN_METRES:
@@ -210,24 +156,12 @@ def _spread(std: float, number: NumberStatistics) -> str:
     return f"{100.0 * std / abs(number.mean):.2g} %"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Section:
-    """Small drawings of one number, one a vehicle."""
-
-    title: str
-    name: str
-    unit: str
-    low: str
-    high: str
-    drawings: tuple[tuple[str, str, str], ...]
-    left_out: int
-
-
-def _sections(statistics: FleetStatistics, found: Sequence[Finding]) -> list[_Section]:
-    """Return the numbers that are drawn vehicle by vehicle: those with findings first."""
-    said = Counter((s.number.name, s.number.configuration) for f in found for s in f.numbers[:1])
+def _sections(statistics: FleetStatistics, found: Sequence[VehicleFinding]) -> list[Rendered]:
+    """Select the numbers that are drawn vehicle by vehicle, those with findings first."""
+    leads = [lead_number(statistics, finding) for finding in found]
+    counts = Counter((number.name, number.configuration) for number in leads)
     by_name = {(n.name, n.configuration): n for n in statistics.numbers}
-    keys = [key for key, _ in said.most_common()]
+    keys = [key for key, _ in counts.most_common()]
     keys += [key for name in SHOWN for key in by_name if key[0] == name and key not in keys]
     chosen = [by_name[key] for key in keys[:MOST_NUMBERS]]
     first = list(dict.fromkeys(f.vehicle for f in found))
@@ -236,27 +170,25 @@ def _sections(statistics: FleetStatistics, found: Sequence[Finding]) -> list[_Se
 
 def _section(
     number: NumberStatistics, names: Sequence[str], first: Sequence[int], most: int
-) -> _Section:
+) -> Rendered:
+    """Return small drawings of one number, one a vehicle."""
     scale = scale_of(number)
     order = sorted(number.vehicles, key=lambda v: (v not in first, v))[:most]
     order.sort()
     places = [number.vehicles.index(v) for v in order]
-    return _Section(
-        title=_title(number),
-        name=number.name,
-        unit=scale.unit,
-        low=f"{scale.low:+.3g}".replace("-", "−"),
-        high=f"{scale.high:+.3g}",
-        drawings=tuple(
-            (
-                names[number.vehicles[place]],
-                small_svg(number, place, scale, names[number.vehicles[place]]),
-                "apart" if number.apart[place] else "changed" if number.changes[place] else "like",
-            )
+    return {
+        "title": _title(number),
+        "name": number.name,
+        "unit": scale.unit,
+        "low": f"{scale.low:+.3g}".replace("-", "−"),
+        "high": f"{scale.high:+.3g}",
+        "drawings": [
+            (name, small_svg(number, place, scale, name), mark_class(number, place))
             for place in places
-        ),
-        left_out=len(number.vehicles) - len(places),
-    )
+            for name in [names[number.vehicles[place]]]
+        ],
+        "left_out": len(number.vehicles) - len(places),
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -268,115 +200,92 @@ class _Cell:
     hint: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Table:
-    """The table of vehicles."""
-
-    heads: tuple[tuple[str, str], ...]
-    rows: tuple[tuple[_Cell, ...], ...]
-    left_out: int
-
-
 def _table(
-    statistics: FleetStatistics, records: Sequence[FlightRecord], found: Sequence[Finding]
-) -> _Table:
+    statistics: FleetStatistics, records: Sequence[FlightRecord], found: Sequence[VehicleFinding]
+) -> Rendered:
     """Return each vehicle's flights, main numbers as they are now, and findings."""
     counts = Counter(record.vehicle for record in records)
-    said = Counter(finding.vehicle for finding in found)
+    seen = Counter(finding.vehicle for finding in found)
     numbers = [n for n in statistics.numbers if n.name in SHOWN][:TABLE_NUMBERS]
-    order = sorted(range(len(statistics.vehicles)), key=lambda v: (-said[v], v))[:MOST_ROWS]
+    order = sorted(range(len(statistics.vehicles)), key=lambda v: (-seen[v], v))[:MOST_ROWS]
     rows = [
         (
             _Cell(text=statistics.vehicles[v], key=statistics.vehicles[v]),
             _Cell(text=str(counts[statistics.vehicles[v]]), key=counts[statistics.vehicles[v]]),
-            _Cell(text=str(said[v]) if said[v] else "", key=said[v]),
+            _Cell(text=str(seen[v]) if seen[v] else "", key=seen[v]),
             *(_number_cell(number, v) for number in numbers),
         )
         for v in order
     ]
     heads = [(_title(n), f"{n.name} [{unit_words(unit_of(n.name))}]") for n in numbers]
-    return _Table(
-        heads=(("Vehicle", ""), ("Flights", ""), ("To look at", ""), *heads),
-        rows=tuple(rows),
-        left_out=len(statistics.vehicles) - len(rows),
-    )
+    return {
+        "heads": [("Vehicle", ""), ("Flights", ""), ("To look at", ""), *heads],
+        "rows": rows,
+        "left_out": len(statistics.vehicles) - len(rows),
+    }
 
 
 def _number_cell(number: NumberStatistics, vehicle: int) -> _Cell:
-    """Return a vehicle's number by its own flights, and drawn towards the type beside it."""
+    """Return a vehicle's number by its own flights, with the one drawn towards the type as hint."""
     if vehicle not in number.vehicles:
         return _Cell(text="–", key=float("-inf"))
     place = number.vehicles.index(vehicle)
-    own = _interval_words(float(number.now[place]), float(number.now_std[place]))
-    drawn = _interval_words(float(number.shrunk[place]), float(number.shrunk_std[place]))
+    now = _interval_text(float(number.now[place]), float(number.now_std[place]))
+    drawn = _interval_text(float(number.shrunk[place]), float(number.shrunk_std[place]))
     hint = f"with what the type tells: {drawn}" if drawn != "–" else ""
     if number.changes[place]:
         hint = "after its change, by its own flights"
     key = float(number.now[place])
-    return _Cell(text=own, key=key if np.isfinite(key) else float("-inf"), hint=hint)
+    return _Cell(text=now, key=key if np.isfinite(key) else float("-inf"), hint=hint)
 
 
-def _interval_words(value: float, std: float) -> str:
+def _interval_text(value: float, std: float) -> str:
     shown = number_of(value, (value - NORMAL_95 * std, value + NORMAL_95 * std))
     return "–" if shown is None else str(shown)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _FlightRow:
-    """A flight in the list of its vehicle."""
-
-    number: int
-    file: str
-    day: str
-    seconds: str
-    doubts: int
-    link: str
-    command: str
-    marked: bool
 
 
 def _flight_lists(
     statistics: FleetStatistics,
     records: Sequence[FlightRecord],
-    found: Sequence[Finding],
+    found: Sequence[VehicleFinding],
     links: Links,
-) -> tuple[list[tuple[str, list[_FlightRow]]], int]:
-    """Return the flights of each vehicle, those with findings first, and how many are left out."""
+) -> tuple[list[tuple[str, list[Rendered]]], int]:
+    """List the flights of each vehicle, those with findings first; count those left out."""
     concerned = {finding.record for finding in found}
     order = list(dict.fromkeys([f.vehicle for f in found] + list(range(len(statistics.vehicles)))))
-    out: list[tuple[str, list[_FlightRow]]] = []
+    out: list[tuple[str, list[Rendered]]] = []
     total = 0
     for v in order:
-        own = own_records(statistics, v)
-        if total + len(own) > MOST_ROWS:
+        flights = flights_of(statistics, v)
+        if total + len(flights) > MOST_ROWS:
             break
-        total += len(own)
+        total += len(flights)
         rows = [
-            _flight_row(records[i], k, i in concerned, links) for k, i in enumerate(own, start=1)
+            _flight_row(records[i], k, i in concerned, links)
+            for k, i in enumerate(flights, start=1)
         ]
         out.append((statistics.vehicles[v], rows))
     return out, len(records) - total
 
 
-def _flight_row(record: FlightRecord, number: int, marked: bool, links: Links) -> _FlightRow:
-    return _FlightRow(
-        number=number,
-        file=file_name(record.file),
-        day="" if record.started is None else day_words(record.started),
-        seconds=f"{record.seconds_used:.0f}",
-        doubts=len(record.warnings),
-        link=links.report(record),
-        command=links.command(record),
-        marked=marked,
-    )
+def _flight_row(record: FlightRecord, number: int, marked: bool, links: Links) -> Rendered:
+    return {
+        "number": number,
+        "file": file_name(record.file),
+        "day": "" if record.started is None else day_text(record.started),
+        "seconds": f"{record.seconds_used:.0f}",
+        "doubts": len(record.warnings),
+        "link": links.report(record),
+        "command": links.command(record),
+        "marked": marked,
+    }
 
 
-def _reasons(failures: Sequence[FlightFailure]) -> list[tuple[str, str, int, str]]:
-    """Return why logs have no row: reason, what to do, how many, one of them."""
-    groups: dict[tuple[str, str], list[FlightFailure]] = {}
-    for failure in failures:
-        groups.setdefault((failure.reason, failure.what_to_do), []).append(failure)
+def _reasons(refused: Sequence[RefusedLog]) -> list[tuple[str, str, int, str]]:
+    """Group refusals: sentence, next step, how many logs, one of them."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for log in refused:
+        key = (log.refusal.sentence, log.refusal.next_step or "")
+        groups.setdefault(key, []).append(log.file)
     ranked = sorted(groups.items(), key=lambda item: -len(item[1]))[:MOST_REASONS]
-    return [
-        (reason, advice, len(these), file_name(these[0].file)) for (reason, advice), these in ranked
-    ]
+    return [(*key, len(files), file_name(files[0])) for key, files in ranked]

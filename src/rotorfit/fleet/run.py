@@ -1,38 +1,52 @@
 """A fleet, top to bottom: logs to entries, entries to rows, rows to files."""
 
-import dataclasses
 import json
 import os
 import shutil
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
 from rotorfit.errors import OutputError
-from rotorfit.fleet.entries import Entry, make_folder, read_entry
-from rotorfit.fleet.executors import by_cluster, by_processes, mapped
+from rotorfit.fleet.executors import (
+    TaskOutcome,
+    Workspace,
+    by_cluster,
+    by_processes,
+    mapped,
+    process_log,
+)
+from rotorfit.fleet.joined import CachedFlight, join_tasks, joined_vehicle
 from rotorfit.fleet.listing import FlightTask, ListedLog
 from rotorfit.fleet.one_flight import experiment_of
 from rotorfit.fleet.page import NO_LINKS, Links, fleet_html, report_command, report_name
 from rotorfit.fleet.records import (
-    Columns,
-    FlightFailure,
+    Entry,
     FlightRecord,
-    failure_columns,
-    flight_columns,
-    numbers_of,
+    RefusedLog,
+    make_folder,
+    read_entry,
+    refusal,
 )
 from rotorfit.fleet.statistics import ALARM, FleetStatistics, fleet_statistics
-from rotorfit.fleet.tables import ROWS, csv_bytes, stacked, table_file
-from rotorfit.fleet.vehicle_table import Kept, join_tasks, joined_vehicle, vehicle_columns
-from rotorfit.fleet.work import Desk, TaskOutcome, worked
+from rotorfit.fleet.tables import (
+    ROWS,
+    Columns,
+    csv_bytes,
+    flight_columns,
+    numbers_of,
+    refusal_columns,
+    stacked,
+    table_file,
+    vehicle_columns,
+)
 from rotorfit.logs.files import write_whole
 
 OWNER: Final = "fleet.json"
-"""By which a folder is known as one of a fleet: whose logs it is of."""
+"""Marks a folder as that of a fleet, and names the source of its logs."""
 FAILURES: Final = "failures.csv"
 PAGE: Final = "fleet.html"
 REPORTS: Final = "reports"
@@ -43,16 +57,10 @@ TIME_LIMIT: Final = 600.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workers:
-    """Who works.
+    """Who works, with a time limit for a log [s].
 
-    Attributes
-    ----------
-    count
-        Processes of this machine; 0: this process alone, which no time limit can end.
-    scheduler
-        Address of a Dask cluster in their place.
-    time_limit
-        Of a log [s].
+    `count` processes of this machine (0: this process alone, which no time limit can end), or the
+    Dask cluster of a scheduler's address.
     """
 
     count: int = 1
@@ -61,7 +69,7 @@ class Workers:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class Progress:
     """How far the work is: `done` of `total` logs, `fresh` of them worked on now."""
 
     done: int
@@ -75,28 +83,20 @@ class Fleet:
 
     Attributes
     ----------
-    records
-        Flights with a row.
-    failures
-        Logs that were not identified; some have a row of what their motors tell.
-    kept
-        Of each record: where its factors are.
-    airframes
-        Of each failure: the airframe file of its log.
+    records, cached
+        Flights with a row, and where the factors of each are.
+    refused
+        Logs that were not identified; some have a row of what their motors show.
     """
 
     records: tuple[FlightRecord, ...]
-    failures: tuple[FlightFailure, ...]
-    kept: tuple[Kept, ...]
-    airframes: tuple[str, ...]
+    cached: tuple[CachedFlight, ...]
+    refused: tuple[RefusedLog, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetType:
-    """The flights of all vehicles of one type, which is one airframe file, and what they say.
-
-    Vehicles of different types have nothing to be compared by.
-    """
+    """The flights of all vehicles of one type, which is one airframe file, and their statistics."""
 
     name: str
     fleet: Fleet
@@ -104,7 +104,7 @@ class FleetType:
 
 
 def cores() -> int:
-    """Return how many processors this process may use."""
+    """Count the processors that this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
 
@@ -112,23 +112,20 @@ def cores() -> int:
 def claim(out: Path, source: Path, *, force: bool) -> None:
     """Make a folder that of a fleet, or find it so.
 
-    Raises
-    ------
-    OutputError
-        If it holds something else, or the fleet of another source, and `force` is false.
+    Raises `OutputError` where it holds something else, or the fleet of another source.
     """
     owner, mine = out / OWNER, {"source": str(source.absolute())}
     there: list[str] = []
     try:
         there = sorted(path.name for path in out.iterdir()) if out.is_dir() else []
-        told = json.loads(owner.read_text(encoding="utf-8")) if OWNER in there else None
+        found = json.loads(owner.read_text(encoding="utf-8")) if OWNER in there else None
     except (OSError, ValueError):
-        told = None
-    if told == mine:
+        found = None
+    if found == mine:
         return
     if there and not force:
-        what = "the fleet of another source" if told else ", ".join(there[:3])
-        raise OutputError(f"{out} already holds {what}; name another folder, or pass --force")
+        held = "the fleet of another source" if found else ", ".join(there[:3])
+        raise OutputError(f"{out} already holds {held}; name another folder, or pass --force")
     make_folder(out)
     write_whole(owner, json.dumps(mine) + "\n", force=True)
 
@@ -138,70 +135,58 @@ def read_fleet(
     cache: Path,
     workers: Workers,
     *,
-    tell: Callable[[Told], None] = lambda told: None,
+    progress: Callable[[Progress], None] = lambda progress: None,
 ) -> Fleet:
-    """Return what every log came to; those that are in the cache are not worked on again.
+    """Identify every log that is not in the cache, and collect what all came to.
 
-    Parameters
-    ----------
-    logs
-        By `listed_logs`.
-    cache
-        Folder of the entries, made where there is none.
-    workers
-        Who works.
-    tell
-        Told how far the work is.
-
-    Raises
-    ------
-    RotorfitError
-        If an airframe file cannot be used, or nobody can work.
+    Raises `RotorfitError` where an airframe file cannot be used (before any log is read), or nobody
+    can work.
     """
-    _refuse_airframes(logs)
-    desk = Desk(cache=cache, time_limit=workers.time_limit if workers.count else None)
+    for task in {log.task.airframe: log.task for log in logs}.values():
+        experiment_of(task)
+    space = Workspace(cache=cache, time_limit=workers.time_limit if workers.count else None)
     make_folder(cache)
-    shutil.rmtree(desk.running, ignore_errors=True)
-    make_folder(desk.running)
+    shutil.rmtree(space.running, ignore_errors=True)
+    make_folder(space.running)
     found: list[tuple[ListedLog, TaskOutcome]] = []
     new, total, fresh = list(logs), len(logs), 0
     while new:
         by_task, new = {log.task: log for log in new}, list[ListedLog]()
-        with closing(_answers(list(by_task), desk, workers)) as answers:
-            for answer in answers:
-                log = by_task[answer.task]
-                if answer.numbers:
-                    new += [_numbered(log, number) for number in answer.numbers]
-                    total += len(answer.numbers) - 1
+        with closing(_outcomes(list(by_task), space, workers)) as outcomes:
+            for outcome in outcomes:
+                log = by_task[outcome.task]
+                if outcome.numbers:
+                    tasks = (replace(log.task, log_number=number) for number in outcome.numbers)
+                    new += [replace(log, task=task) for task in tasks]
+                    total += len(outcome.numbers) - 1
                 else:
-                    found.append((log, answer))
-                fresh += answer.fresh
-                tell(Told(done=len(found), total=total, fresh=fresh))
-    shutil.rmtree(desk.running, ignore_errors=True)
+                    found.append((log, outcome))
+                fresh += outcome.fresh
+                progress(Progress(done=len(found), total=total, fresh=fresh))
+    shutil.rmtree(space.running, ignore_errors=True)
     found.sort(key=lambda pair: (pair[0].name, pair[0].task.log_number or 0))
     return _rows(found, cache)
 
 
 def types_of(fleet: Fleet) -> tuple[FleetType, ...]:
-    """Return the types of a fleet, and what the flights of each say together.
+    """Split a fleet by airframe, and compare the flights of each type.
 
     The chance of a false change is that of the whole fleet.
     """
-    airframes = sorted({kept.task.airframe for kept in fleet.kept})
+    airframes = sorted({flight.task.airframe for flight in fleet.cached})
+    parts = [_of_airframe(fleet, airframe) for airframe in airframes]
     return tuple(
         FleetType(
             name=name,
-            fleet=own,
-            statistics=fleet_statistics(own.records, alarm=ALARM / len(airframes)),
+            fleet=part,
+            statistics=fleet_statistics(part.records, alarm=ALARM / len(airframes)),
         )
-        for name, own in zip(
-            _type_names(airframes), (_of_airframe(fleet, a) for a in airframes), strict=True
-        )
+        for name, part in zip(_type_names(airframes), parts, strict=True)
     )
 
 
 def _type_names(airframes: Sequence[str]) -> list[str]:
-    """Return a name for each airframe file: its own, with its folder where two have the same."""
+    """Return the stem of each airframe file, with its folder where two have the same."""
     stems = [Path(airframe).stem for airframe in airframes]
     return [
         stem if stems.count(stem) == 1 else f"{Path(airframe).parent.name}-{stem}"
@@ -212,16 +197,13 @@ def _type_names(airframes: Sequence[str]) -> list[str]:
 def _of_airframe(fleet: Fleet, airframe: str) -> Fleet:
     pairs = [
         pair
-        for pair in zip(fleet.records, fleet.kept, strict=True)
+        for pair in zip(fleet.records, fleet.cached, strict=True)
         if pair[1].task.airframe == airframe
     ]
-    failures = zip(fleet.failures, fleet.airframes, strict=True)
-    own = tuple(failure for failure, of in failures if of == airframe)
     return Fleet(
         records=tuple(record for record, _ in pairs),
-        kept=tuple(kept for _, kept in pairs),
-        failures=own,
-        airframes=(airframe,) * len(own),
+        cached=tuple(flight for _, flight in pairs),
+        refused=tuple(log for log in fleet.refused if log.airframe == airframe),
     )
 
 
@@ -234,20 +216,9 @@ def fleet_files(
     name: str,
     links: Callable[[FleetType], Links] = lambda one: NO_LINKS,
 ) -> dict[str, bytes]:
-    """Return tables and pages of a fleet, by the names of their files.
+    """Write tables and pages of a fleet to bytes, by the names of their files.
 
-    Parameters
-    ----------
-    fleet, cache
-        By `read_fleet`.
-    types
-        Of its vehicles; a page each.
-    workers
-        Who fits the flights of each vehicle together.
-    name
-        Of the fleet, for people.
-    links
-        Of each type: how its page leads to the flights' own reports (`links_to`).
+    `links` gives, for each type, how its page leads to the flights' own reports (`links_to`).
     """
     tables = [_vehicles(one, cache, workers) for one in types]
     pages = [
@@ -260,21 +231,20 @@ def fleet_files(
         [
             table_file("flights", _flight_parts(fleet.records)),
             table_file("vehicles", [stacked(tables)]),
-            (FAILURES, failures_file(fleet)),
+            (FAILURES, refusals_file(fleet)),
             *pages,
         ]
     )
 
 
 def _vehicles(one: FleetType, cache: Path, workers: Workers) -> Columns:
-    """Return the table of the vehicles of a type."""
+    """Fit each vehicle's flights together and tabulate the vehicles of a type."""
     records = one.fleet.records
-    tasks = join_tasks(records, one.fleet.kept, cache)
+    tasks = join_tasks(records, one.fleet.cached, cache)
     found = mapped(
         joined_vehicle, list(tasks.values()), workers=workers.count, scheduler=workers.scheduler
     )
-    together = dict(zip(tasks, found, strict=True))
-    columns = vehicle_columns(records, one.statistics, together)
+    columns = vehicle_columns(records, one.statistics, dict(zip(tasks, found, strict=True)))
     return {"airframe": [one.name] * len(columns["vehicle"]), **columns}
 
 
@@ -287,22 +257,15 @@ def _flight_parts(records: Sequence[FlightRecord]) -> Iterator[Columns]:
 
 def _page(one: FleetType, name: str, links: Links) -> bytes:
     fleet = one.fleet
-    html = fleet_html(one.statistics, fleet.records, fleet.failures, name=name, links=links)
+    html = fleet_html(one.statistics, fleet.records, fleet.refused, name=name, links=links)
     return html.encode()
 
 
 def links_to(out: Path, source: Path) -> Callable[[FleetType], Links]:
     """Return how the pages of a fleet lead to its flights' own reports.
 
-    To those that there are in its folder `REPORTS`; of the others the command that makes one
-    there, called where the logs are.
-
-    Parameters
-    ----------
-    out
-        Folder of the fleet.
-    source
-        Folder of the logs, or their table.
+    To those in its folder `REPORTS`; of the others the command that makes one there, called where
+    the logs are.
     """
     base = source if source.is_dir() else source.parent
     folder = Path(os.path.relpath(out / REPORTS, base)).as_posix()
@@ -312,8 +275,8 @@ def links_to(out: Path, source: Path) -> Callable[[FleetType], Links]:
         return quote(f"{REPORTS}/{name}") if (out / REPORTS / name).exists() else ""
 
     def links(one: FleetType) -> Links:
-        pairs = zip(one.fleet.records, one.fleet.kept, strict=True)
-        airframes = {(r.file, r.log_number): Path(kept.task.airframe).name for r, kept in pairs}
+        pairs = zip(one.fleet.records, one.fleet.cached, strict=True)
+        airframes = {(r.file, r.log_number): Path(c.task.airframe).name for r, c in pairs}
         return Links(
             report=report,
             command=lambda record: report_command(
@@ -324,87 +287,61 @@ def links_to(out: Path, source: Path) -> Callable[[FleetType], Links]:
     return links
 
 
-def failures_file(fleet: Fleet) -> bytes:
-    """Return the table of the logs that were not identified."""
-    return csv_bytes([failure_columns(fleet.failures)])
+def refusals_file(fleet: Fleet) -> bytes:
+    """Write the table of the logs that were not identified."""
+    return csv_bytes([refusal_columns(fleet.refused)])
 
 
-def _refuse_airframes(logs: Sequence[ListedLog]) -> None:
-    """Raise where an airframe file cannot be used, before any log is read."""
-    for task in {log.task.airframe: log.task for log in logs}.values():
-        experiment_of(task)
-
-
-def _answers(tasks: Sequence[FlightTask], desk: Desk, workers: Workers) -> Generator[TaskOutcome]:
+def _outcomes(
+    tasks: Sequence[FlightTask], space: Workspace, workers: Workers
+) -> Generator[TaskOutcome]:
     if workers.scheduler is not None:
-        return by_cluster(tasks, desk, scheduler=workers.scheduler)
+        return by_cluster(tasks, space, scheduler=workers.scheduler)
     if workers.count == 0:
-        return (worked(task, desk) for task in tasks)
-    return by_processes(tasks, desk, workers=workers.count)
-
-
-def _numbered(log: ListedLog, number: int) -> ListedLog:
-    """Return one log of a file of several."""
-    return dataclasses.replace(log, task=dataclasses.replace(log.task, log_number=number))
+        return (process_log(task, space) for task in tasks)
+    return by_processes(tasks, space, workers=workers.count)
 
 
 def _rows(found: Iterable[tuple[ListedLog, TaskOutcome]], cache: Path) -> Fleet:
-    """Return the rows of the logs; one whose content was there before has none."""
+    """Collect the rows of the logs; a log with the content of an earlier one has none."""
     records: list[FlightRecord] = []
-    failures: list[FlightFailure] = []
-    kept: list[Kept] = []
-    airframes: list[str] = []
-    before: dict[tuple[str, int], str] = {}
-    for log, answer in found:
-        entry = _entry(answer, cache)
-        record, failure = entry.record, entry.failure
+    cached: list[CachedFlight] = []
+    refused: list[RefusedLog] = []
+    first_names: dict[tuple[str, int], str] = {}
+    for log, outcome in found:
+        entry = _entry(outcome, cache)
+        record, why = entry.record, entry.refusal
         if record is not None:
-            first = before.setdefault((record.sha256, record.log_number), log.name)
+            first = first_names.setdefault((record.sha256, record.log_number), log.name)
             if first != log.name:
-                record, failure = None, _copy_of(first)
-        if failure is not None:
-            number = log.task.log_number or 1
-            failures.append(dataclasses.replace(failure, file=log.name, log_number=number))
-            airframes.append(log.task.airframe)
+                reason = f"has the same content as {first}: it would count twice"
+                record, why = None, refusal("copy", reason, "nothing, or remove one of them")
+        if why is not None:
+            refused.append(
+                RefusedLog(
+                    file=log.name,
+                    log_number=log.task.log_number or 1,
+                    airframe=log.task.airframe,
+                    refusal=replace(why, flights=(log.name,)),
+                )
+            )
         if record is not None:
             records.append(
-                dataclasses.replace(
+                replace(
                     record,
                     file=log.name,
-                    vehicle=_vehicle(log, entry),
+                    # As listed, by the log, or by its folder.
+                    vehicle=log.vehicle or entry.hardware or Path(log.task.file).parent.name,
                     configuration=log.configuration,
                     checks={},  # they stay in the cache: of many flights they would fill the memory
                 )
             )
-            kept.append(Kept(key=answer.key or "", task=log.task))
-    return Fleet(
-        records=tuple(records),
-        failures=tuple(failures),
-        kept=tuple(kept),
-        airframes=tuple(airframes),
-    )
+            cached.append(CachedFlight(key=outcome.key or "", task=log.task))
+    return Fleet(records=tuple(records), cached=tuple(cached), refused=tuple(refused))
 
 
-def _entry(answer: TaskOutcome, cache: Path) -> Entry:
-    if answer.key is None:
-        return Entry(record=None, failure=answer.failure)
-    entry = read_entry(cache, answer.key)
-    if entry is None:
-        spoilt = FlightFailure(
-            file="", reason="what was kept of it was spoilt meanwhile", what_to_do="run again"
-        )
-        return Entry(record=None, failure=spoilt)
-    return entry
-
-
-def _copy_of(first: str) -> FlightFailure:
-    return FlightFailure(
-        file="",
-        reason=f"has the same content as {first}: it would count twice",
-        what_to_do="nothing, or remove one of them",
-    )
-
-
-def _vehicle(log: ListedLog, entry: Entry) -> str:
-    """Return whose flight it is: as said, by the log, or by its folder."""
-    return log.vehicle or entry.hardware or Path(log.task.file).parent.name
+def _entry(outcome: TaskOutcome, cache: Path) -> Entry:
+    if outcome.key is None:
+        return Entry(record=None, refusal=outcome.refusal)
+    damaged = refusal("cache", "what was kept of it was spoilt meanwhile", "run again")
+    return read_entry(cache, outcome.key) or Entry(record=None, refusal=damaged)

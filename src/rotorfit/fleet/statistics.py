@@ -1,7 +1,7 @@
-"""What a fleet's flights say together: the type, each vehicle, what changed, what stands apart.
+"""What a fleet's flights say together: the type, each vehicle, changes, outliers.
 
 Number by number: every flight's estimate with its own covariance, vehicles about the type's mean,
-flights about their vehicle (`population/`). Nothing here looks into a log.
+flights about their vehicle. Nothing here looks into a log.
 """
 
 from collections import Counter
@@ -12,55 +12,47 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.fleet.compared import BY_SCATTER, Table, Weather, tables
-from rotorfit.fleet.population.changes import (
-    LEAST_SERIES,
-    Change,
-    find_changes,
-    overstated,
-    robust_scatter,
-)
-from rotorfit.fleet.population.contrasts import contrasts
-from rotorfit.fleet.population.outlying import apart, discovered
-from rotorfit.fleet.population.random_effects import RandomEffects, Repeated, random_effects
+from rotorfit.fleet.changes import LEAST_SERIES, Change, find_changes, overstated, robust_scatter
+from rotorfit.fleet.compared import MEANS_OVER_FLIGHT, NumberTable, Weather, number_tables
+from rotorfit.fleet.group_differences import contrasts, discoveries, outlier_test
+from rotorfit.fleet.random_effects import RandomEffects, Repeated, random_effects
 from rotorfit.fleet.records import FlightRecord
 
 ALARM: Final = 0.05
 """Chance of one false change or more in the whole fleet."""
-RATE: Final = 0.05
-"""Expected share of false ones among the vehicles said to stand apart."""
+FALSE_DISCOVERY_RATE: Final = 0.05
+"""Expected share of false ones among the vehicles said to be outliers."""
 ROUNDS: Final = 3
-"""Of finding changes and of the scatter that is left of them."""
+"""Of finding changes and of the scatter that they leave."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NumberStatistics:
-    """One number of the type, of each vehicle, and of each flight. SI; NaN where not told.
+    """One number of the type, of each vehicle, and of each flight. SI; NaN where not known.
 
     Attributes
     ----------
     name, configuration, weather
-        As in `Table`.
+        As in `NumberTable`.
     rows, vehicle_of_row, values, std
-        Flights that tell it, by the index of their record; place in `vehicles`; what they tell.
+        Flights that have it, by the index of their record; place in `vehicles`; estimates.
     vehicles
         Indices into the fleet's vehicles.
     mean, mean_std
         Of the type.
     between, within
-        Standard deviations between vehicles, and between flights of one beyond what each says.
-    own, own_std
+        Standard deviations between vehicles, and between flights of one beyond what each states.
+    level, level_std
         By each vehicle's own flights only, before any change.
     shrunk, shrunk_std
-        By these and by the type: sharper as far as its own flights leave it open; NaN for
-        vehicles that stand apart.
+        By these and by the type; NaN for outliers.
     now, now_std
-        After the changes, by its own flights.
+        After the changes, by the vehicle's own flights.
     changes
         Of each vehicle, the clearest first; places count the vehicle's rows.
-    difference, difference_std, p, apart
-        From the mean of the other vehicles, its chance among like ones, and whether it stands
-        apart.
+    difference, difference_std, p, outlying
+        From the mean of the other vehicles, its chance among like ones, and whether the vehicle is
+        an outlier.
     """
 
     name: str
@@ -75,8 +67,8 @@ class NumberStatistics:
     mean_std: float
     between: float
     within: float
-    own: Float[np.ndarray, " g"]
-    own_std: Float[np.ndarray, " g"]
+    level: Float[np.ndarray, " g"]
+    level_std: Float[np.ndarray, " g"]
     shrunk: Float[np.ndarray, " g"]
     shrunk_std: Float[np.ndarray, " g"]
     now: Float[np.ndarray, " g"]
@@ -85,7 +77,7 @@ class NumberStatistics:
     difference: Float[np.ndarray, " g"]
     difference_std: Float[np.ndarray, " g"]
     p: Float[np.ndarray, " g"]
-    apart: Bool[np.ndarray, " g"]
+    outlying: Bool[np.ndarray, " g"]
 
     def rows_of(self, place: int) -> Int[np.ndarray, " k"]:
         """Return the records of one of its vehicles, in order of time."""
@@ -94,7 +86,7 @@ class NumberStatistics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadingDifference:
-    """What one number of a vehicle says of two ways in which it was loaded.
+    """By how much one number of a vehicle differs between two of its loadings.
 
     Attributes
     ----------
@@ -102,18 +94,17 @@ class LoadingDifference:
         As the vehicle was loaded; `number.configuration` says how.
     vehicle
         Index into the fleet's vehicles.
-    against
-        The loading that it is held against: of the vehicle's own the one most flown in the fleet.
-    reference
-        The number's level there.
+    reference, reference_level
+        The loading of comparison, of the vehicle's loadings the one most flown in the fleet, and
+        the number's level there.
     difference, low, high, p
         From that level, its 95 % interval, and its chance if both were alike.
     """
 
     number: NumberStatistics
     vehicle: int
-    against: str
-    reference: float
+    reference: str
+    reference_level: float
     difference: float
     low: float
     high: float
@@ -128,13 +119,10 @@ class FleetStatistics:
     ----------
     vehicles
         Their names.
-    numbers
-        Each number that is compared.
     loadings
-        Where vehicles were flown in several configurations: what differs between them.
+        Differences between the configurations of a vehicle.
     alarm, rate
-        Chance of a false change in the whole fleet; expected share of false ones among the
-        vehicles said to stand apart.
+        Chance of a false change in the whole fleet; expected share of false outliers.
     tests
         In how many series of flights a change was looked for.
     """
@@ -148,15 +136,15 @@ class FleetStatistics:
 
     def number(self, name: str, configuration: str | None = None) -> NumberStatistics | None:
         """Return the statistics of a number; None where it is not compared."""
-        same = (n for n in self.numbers if (n.name, n.configuration) == (name, configuration))
-        return next(same, None)
+        found = (n for n in self.numbers if (n.name, n.configuration) == (name, configuration))
+        return next(found, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fitted:
     """A table with its vehicles, what changed in them, and their levels."""
 
-    table: Table
+    table: NumberTable
     vehicles: tuple[int, ...]
     data: Repeated
     effects: RandomEffects
@@ -164,31 +152,25 @@ class _Fitted:
 
 
 def fleet_statistics(
-    records: Sequence[FlightRecord], *, alarm: float = ALARM, rate: float = RATE
+    records: Sequence[FlightRecord], *, alarm: float = ALARM, rate: float = FALSE_DISCOVERY_RATE
 ) -> FleetStatistics:
-    """Return what the flights of a fleet say together.
+    """Compare the flights of a fleet, in any order.
 
-    Parameters
-    ----------
-    records
-        One a flight, in any order.
-    alarm
-        Chance that anything is said to have changed, anywhere, if nothing did.
-    rate
-        Expected share of vehicles that do not differ among those said to stand apart.
+    `alarm` is the chance that anything is said to have changed, anywhere, if nothing did; `rate`
+    the expected share of vehicles that do not differ among the outliers.
     """
     vehicles = tuple(sorted({record.vehicle for record in records}))
     of_vehicle = {name: i for i, name in enumerate(vehicles)}
     whose = np.array([of_vehicle[r.vehicle] for r in records], dtype=int)
-    found = tables(records)
+    found = number_tables(records)
     tests = sum(_series(table, whose) for table in found)
     fits = [_fitted(table, whose, alarm / max(tests, 1)) for table in found]
     numbers = [n for fit in fits for n in _numbers(fit)]
-    numbers = _without_those_apart(fits, _judged(numbers, len(vehicles), rate))
+    numbers = _without_outliers(fits, _judged(numbers, len(vehicles), rate))
     return FleetStatistics(
         vehicles=vehicles,
         numbers=tuple(numbers),
-        loadings=tuple(_loadings(numbers, _most_flown(records), len(vehicles), rate)),
+        loadings=tuple(_loadings(numbers, records, rate)),
         alarm=alarm,
         rate=rate,
         tests=tests,
@@ -198,25 +180,25 @@ def fleet_statistics(
 def _judged(
     numbers: Sequence[NumberStatistics], vehicles: int, rate: float
 ) -> list[NumberStatistics]:
-    """Return the numbers with what stands apart, each vehicle judged as a whole first."""
+    """Mark the outliers, each vehicle judged as a whole first."""
     p = np.full((vehicles, len(numbers)), np.nan)
     for k, number in enumerate(numbers):
         p[list(number.vehicles), k] = number.p
-    flags = discovered(p, rate)
-    return [replace(n, apart=flags[list(n.vehicles), k]) for k, n in enumerate(numbers)]
+    flags = discoveries(p, rate)
+    return [replace(n, outlying=flags[list(n.vehicles), k]) for k, n in enumerate(numbers)]
 
 
-def _series(table: Table, whose: Int[np.ndarray, " r"]) -> int:
-    """Return in how many series of a table a change can be looked for."""
-    told = np.isfinite(table.values)
+def _series(table: NumberTable, whose: Int[np.ndarray, " r"]) -> int:
+    """Count the series of a table in which a change can be looked for."""
+    known = np.isfinite(table.values)
     owner = whose[list(table.rows)]
     return sum(
-        int((np.bincount(owner, told[:, k]) >= LEAST_SERIES).sum()) for k in range(told.shape[1])
+        int((np.bincount(owner, known[:, k]) >= LEAST_SERIES).sum()) for k in range(known.shape[1])
     )
 
 
-def _fitted(table: Table, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted:
-    """Return changes and levels of a table: found in turn, until they agree."""
+def _fitted(table: NumberTable, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted:
+    """Find changes and levels of a table in turn, until they agree."""
     vehicles, group = np.unique(whose[list(table.rows)], return_inverse=True)
     n, p = table.values.shape
     data = Repeated(
@@ -224,7 +206,12 @@ def _fitted(table: Table, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted
     )
     data, measured = _as_seen(data, table.names)
     variance = np.einsum("nkk->nk", data.covariance)
-    scatter = np.array([_robust(data, variance, k) for k in range(p)])
+    scatter = np.array(
+        [
+            robust_scatter(data.values[at, k], variance[at, k], data.group[at])
+            for k, at in enumerate(data.known.T)
+        ]
+    )
     freedom = np.full(p, 0.4 * max(n - len(vehicles), 1))
     changes, effects = _changes(data, variance, scatter, freedom, alarm, measured), None
     for _ in range(ROUNDS):
@@ -247,17 +234,12 @@ def _fitted(table: Table, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted
 
 
 def _as_seen(data: Repeated, names: tuple[str, ...]) -> tuple[Repeated, bool]:
-    """Return means over flights with the scatter that is seen, where it is less than stated."""
-    if names[0] not in BY_SCATTER:
+    """Scale the covariance of means over flights to their scatter, where that is less."""
+    if names[0] not in MEANS_OVER_FLIGHT:
         return data, False
-    variance, told = data.covariance[:, 0, 0], data.told[:, 0]
-    share = overstated(data.values[told, 0], variance[told], data.group[told])
+    variance, known = data.covariance[:, 0, 0], data.known[:, 0]
+    share = overstated(data.values[known, 0], variance[known], data.group[known])
     return replace(data, covariance=share * data.covariance), share < 1.0
-
-
-def _robust(data: Repeated, variance: Float[np.ndarray, "n p"], k: int) -> float:
-    told = data.told[:, k]
-    return robust_scatter(data.values[told, k], variance[told, k], data.group[told])
 
 
 def _changes(
@@ -268,16 +250,16 @@ def _changes(
     alarm: float,
     measured: bool,
 ) -> tuple[tuple[tuple[Change, ...], ...], ...]:
-    """Return the changes of each number in each group."""
+    """Find the changes of each number in each group."""
     out: list[tuple[tuple[Change, ...], ...]] = []
     for k in range(variance.shape[1]):
-        told = data.told[:, k]
+        known = data.known[:, k]
         total = variance[:, k] + scatter[k]
         total = np.maximum(total, np.finfo(float).eps * np.nanmax(data.values[:, k] ** 2))
-        # Only the scatter is estimated; what each flight says of itself is known.
-        share = 1.0 if measured or not told.any() else float(np.median(scatter[k] / total[told]))
+        # Only the scatter is estimated; what each flight states is known.
+        share = 1.0 if measured or not known.any() else float(np.median(scatter[k] / total[known]))
         left = float(freedom[k] / share**2) if share > 0 else np.inf
-        rows = [np.flatnonzero(told & (data.group == g)) for g in range(data.groups)]
+        rows = [np.flatnonzero(known & (data.group == g)) for g in range(data.groups)]
         out.append(
             tuple(
                 find_changes(data.values[at, k], total[at], alarm=alarm, freedom=left)
@@ -288,7 +270,7 @@ def _changes(
 
 
 def _places(changes: tuple[tuple[tuple[Change, ...], ...], ...]) -> list[tuple[object, ...]]:
-    """Return what changed when: the same in two rounds, and the work is done."""
+    """Return kind and moment of each change, by which two rounds are compared."""
     return [
         (k, g, change.kind, change.first)
         for k, number in enumerate(changes)
@@ -300,14 +282,14 @@ def _places(changes: tuple[tuple[tuple[Change, ...], ...], ...]) -> list[tuple[o
 def _columns(
     data: Repeated, changes: tuple[tuple[tuple[Change, ...], ...], ...]
 ) -> Float[np.ndarray, "n p m"]:
-    """Return a column for each change: those of a group one beside the other."""
+    """Return a column for each change; groups share columns."""
     n, p = data.values.shape
     counts = [sum(len(number[g]) for number in changes) for g in range(data.groups)]
     out = np.zeros((n, p, max(counts, default=0)))
     for g in range(data.groups):
         column = 0
         for k, number in enumerate(changes):
-            at = np.flatnonzero(data.told[:, k] & (data.group == g))
+            at = np.flatnonzero(data.known[:, k] & (data.group == g))
             for change in number[g]:
                 out[at, k, column] = change.shape
                 column += 1
@@ -315,39 +297,39 @@ def _columns(
 
 
 def _numbers(fit: _Fitted) -> list[NumberStatistics]:
-    """Return each number of a table, before anything stands apart."""
+    """Return each number of a table, before outliers are marked."""
     table, data, effects = fit.table, fit.data, fit.effects
     out: list[NumberStatistics] = []
     for k, name in enumerate(table.names):
-        told = data.told[:, k]
-        own, own_std = effects.own[:, k], _std(effects.own_covariance, k)
-        judged = apart(own, own_std**2)
+        known = data.known[:, k]
+        level, level_std = effects.level[:, k], _std(effects.level_covariance, k)
+        test = outlier_test(level, level_std**2)
         now, now_std = _now(fit, k)
         out.append(
             NumberStatistics(
                 name=name,
                 configuration=table.configuration,
                 weather=table.weather[k],
-                rows=np.array(table.rows)[told],
-                vehicle_of_row=data.group[told],
-                values=data.values[told, k],
-                std=np.sqrt(data.covariance[told, k, k]),
+                rows=np.array(table.rows)[known],
+                vehicle_of_row=data.group[known],
+                values=data.values[known, k],
+                std=np.sqrt(data.covariance[known, k, k]),
                 vehicles=fit.vehicles,
                 mean=float(effects.mean[k]),
                 mean_std=float(np.sqrt(effects.mean_covariance[k, k])),
                 between=float(effects.between[k]),
                 within=float(effects.within[k]),
-                own=own,
-                own_std=own_std,
+                level=level,
+                level_std=level_std,
                 shrunk=effects.shrunk[:, k],
                 shrunk_std=_std(effects.shrunk_covariance, k),
                 now=now,
                 now_std=now_std,
                 changes=fit.changes[k],
-                difference=judged.difference,
-                difference_std=judged.std,
-                p=judged.p,
-                apart=np.zeros(len(own), dtype=bool),
+                difference=test.difference,
+                difference_std=test.std,
+                p=test.p,
+                outlying=np.zeros(len(level), dtype=bool),
             )
         )
     return out
@@ -358,14 +340,14 @@ def _std(covariance: Float[np.ndarray, "g p p"], k: int) -> Float[np.ndarray, " 
 
 
 def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
-    """Return each vehicle's number after its changes, by its own flights."""
+    """Estimate each vehicle's number after its changes, by its own flights."""
     effects, data = fit.effects, fit.data
-    value, std = effects.own[:, k].copy(), _std(effects.own_covariance, k)
+    value, std = effects.level[:, k].copy(), _std(effects.level_covariance, k)
     within = effects.within[k] if np.isfinite(effects.within[k]) else 0.0
     for g, changes in enumerate(fit.changes[k]):
         if not any(change.shape[-1] for change in changes):
             continue
-        at = np.flatnonzero(data.told[:, k] & (data.group == g))
+        at = np.flatnonzero(data.known[:, k] & (data.group == g))
         X: Float[np.ndarray, "n m"] = np.column_stack(
             [np.ones(len(at)), *(change.shape for change in changes)]
         )
@@ -376,77 +358,67 @@ def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarra
     return value, std
 
 
-def _without_those_apart(
+def _without_outliers(
     fits: Sequence[_Fitted], numbers: Sequence[NumberStatistics]
 ) -> list[NumberStatistics]:
-    """Return the numbers with the type as those tell it that do not stand apart."""
+    """Estimate the type again without the outliers."""
     out: list[NumberStatistics] = []
     waiting = list(numbers)
     for fit in fits:
         mine, waiting = waiting[: len(fit.table.names)], waiting[len(fit.table.names) :]
-        if not any(n.apart.any() for n in mine):
+        if not any(n.outlying.any() for n in mine):
             out += mine
             continue
         values = fit.data.values.copy()
         for k, number in enumerate(mine):
-            values[number.apart[fit.data.group], k] = np.nan
-        left = random_effects(replace(fit.data, values=values))
-        out += [_of_the_others(number, left, k) for k, number in enumerate(mine)]
+            values[number.outlying[fit.data.group], k] = np.nan
+        effects = random_effects(replace(fit.data, values=values))
+        out += [_with_type(number, effects, k) for k, number in enumerate(mine)]
     return out
 
 
-def _of_the_others(number: NumberStatistics, left: RandomEffects, k: int) -> NumberStatistics:
+def _with_type(number: NumberStatistics, effects: RandomEffects, k: int) -> NumberStatistics:
     return replace(
         number,
-        mean=float(left.mean[k]),
-        mean_std=float(np.sqrt(left.mean_covariance[k, k])),
-        between=float(left.between[k]),
-        within=float(left.within[k]),
-        shrunk=np.where(number.apart, np.nan, left.shrunk[:, k]),
-        shrunk_std=np.where(number.apart, np.nan, _std(left.shrunk_covariance, k)),
+        mean=float(effects.mean[k]),
+        mean_std=float(np.sqrt(effects.mean_covariance[k, k])),
+        between=float(effects.between[k]),
+        within=float(effects.within[k]),
+        shrunk=np.where(number.outlying, np.nan, effects.shrunk[:, k]),
+        shrunk_std=np.where(number.outlying, np.nan, _std(effects.shrunk_covariance, k)),
     )
 
 
-def _most_flown(records: Sequence[FlightRecord]) -> list[str]:
-    """Return the configurations of a fleet, the one with most flights first."""
-    counts = Counter(record.configuration for record in records)
-    return sorted(counts, key=lambda name: (-counts[name], name))
-
-
 def _loadings(
-    numbers: Sequence[NumberStatistics], ordered: Sequence[str], vehicles: int, rate: float
+    numbers: Sequence[NumberStatistics], records: Sequence[FlightRecord], rate: float
 ) -> list[LoadingDifference]:
-    """Return what differs between the loadings of a vehicle, each loading judged as a whole."""
+    """Find differences between the loadings of a vehicle, each loading judged as a whole."""
+    counts = Counter(record.configuration for record in records)
+    ordered = sorted(counts, key=lambda name: (-counts[name], name))
     names = list(dict.fromkeys(n.name for n in numbers if n.configuration is not None))
     found = [
         _loading_differences([n for n in numbers if n.name == name and n.configuration], ordered)
         for name in names
     ]
-    keys = list(dict.fromkeys((d.vehicle, d.number.configuration) for own in found for d in own))
-    p = np.full((len(keys), len(names)), np.nan)
-    for k, own in enumerate(found):
-        for d in own:
-            p[keys.index((d.vehicle, d.number.configuration)), k] = d.p
-    said = discovered(p, rate)
-    return [
-        d
-        for k, own in enumerate(found)
-        for d in own
-        if said[keys.index((d.vehicle, d.number.configuration)), k]
+    tested = [
+        (d, (d.vehicle, d.number.configuration), k)
+        for k, differences in enumerate(found)
+        for d in differences
     ]
+    row = {key: i for i, key in enumerate(dict.fromkeys(key for _, key, _ in tested))}
+    p = np.full((len(row), len(names)), np.nan)
+    for d, key, k in tested:
+        p[row[key], k] = d.p
+    discovered = discoveries(p, rate)
+    return [d for d, key, k in tested if discovered[row[key], k]]
 
 
 def _loading_differences(
     numbers: Sequence[NumberStatistics], ordered: Sequence[str]
 ) -> list[LoadingDifference]:
-    """Return how far each vehicle's number is from that of its most flown loading.
+    """Compare a number in each loading of a vehicle with its level in the most flown one.
 
-    Parameters
-    ----------
-    numbers
-        One number, in every configuration.
-    ordered
-        Configurations, the most flown first.
+    `ordered` holds the configurations, the most flown first.
     """
     by_loading = {n.configuration: n for n in numbers}
     loadings = [by_loading[name] for name in ordered if name in by_loading]
@@ -468,8 +440,8 @@ def _loading_differences(
         LoadingDifference(
             number=n,
             vehicle=v,
-            against=first[v].configuration or "",
-            reference=float(first[v].own[first[v].vehicles.index(v)]),
+            reference=first[v].configuration or "",
+            reference_level=float(first[v].level[first[v].vehicles.index(v)]),
             difference=float(found.difference[i]),
             low=float(found.low[i]),
             high=float(found.high[i]),

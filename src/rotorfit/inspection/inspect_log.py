@@ -1,23 +1,31 @@
-"""Everything that one log can show: channels, airborne part, motors, gravity, prospects."""
+"""Everything that one log can show: channels, airborne part, motors, gravity, prospects.
+
+What the doctor objects to is a list of findings, each by one of `CHECKS`.
+"""
 
 import warnings
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Final
 
 from rotorfit.dataset.checks.gravity import GravitySeen, gravity_doubts, gravity_seen
 from rotorfit.dataset.checks.plausible_units import gyro_in_degrees
 from rotorfit.errors import EstimationError, FlightError, LogError
 from rotorfit.experiment.experiment import FlightEntry, single_flight_experiment
+from rotorfit.findings import Evidence, Finding, doubt, note, sentences
 from rotorfit.identification.identify import identify
 from rotorfit.inspection.frequency_sweep import Sweep, frequency_sweeps
-from rotorfit.inspection.motor_lateness import LATEST, SEARCHED, motor_lateness
 from rotorfit.inspection.pictures import LogPictures, log_pictures
 from rotorfit.inspection.prospects import Prospects, prospects
 from rotorfit.inspection.recording import (
+    LATEST,
+    SEARCHED,
     ChannelReport,
     Vibration,
     channel_report,
     lacks,
+    motor_lateness,
     vibration,
 )
 from rotorfit.inspection.settings import settings_for
@@ -29,18 +37,24 @@ from rotorfit.preprocessing.motors.motor_model import MotorModel, MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry, telemetry
 from rotorfit.preprocessing.prepare import PreparedFlight, prepare
 from rotorfit.reduction.motor_timing import LAG_PRIOR
+from rotorfit.results.result import IdentificationResult
 
-GUESSED_ARM = 0.15
+GUESSED_ARM: Final = 0.15
 """Only a scale for telling flight from ground, where no airframe is given [m]."""
-NEEDED = ("gyro", "accel")
-WITH_AIRFRAME = (
+NEEDED: Final = ("gyro", "accel")
+WITH_AIRFRAME: Final = (
     "give --airframe FILE to check motor order, spins and arm, and to get a verdict for each number"
 )
+READER_NOTE: Final = "reader-note"
+NO_AIRFRAME: Final = "no-airframe"
+VERDICT: Final = "verdict"
+PLACED: Final = (READER_NOTE, NO_AIRFRAME, VERDICT)
+"""Kinds of notes that have their own place in a report; all other findings are trouble."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogReport:
-    """What inspect says of one log; seconds are since its first sample."""
+    """What inspect finds in one log; seconds are since its first sample."""
 
     file: str
     format: str
@@ -54,13 +68,10 @@ class LogReport:
     telemetry: Telemetry | None = None
     gravity: GravitySeen | None = None
     prospects: Prospects | None = None
-    verdicts: tuple[str, ...] = ()
-    not_judged: tuple[str, ...] = ()
     filters: tuple[str, ...] = ()
-    trouble: tuple[str, ...] = ()
     settings: tuple[Setting, ...] = ()
-    notes: tuple[str, ...] = ()
     metadata: dict[str, str] = field(default_factory=dict[str, str])
+    findings: tuple[Finding, ...] = ()
     pictures: LogPictures | None = None
 
     @property
@@ -68,26 +79,69 @@ class LogReport:
         """Whether any channel has samples left."""
         return any(channel.samples > 1 for channel in self.channels)
 
+    @property
+    def trouble(self) -> tuple[str, ...]:
+        """What to know before the log is used, each sentence once."""
+        return tuple(
+            dict.fromkeys(sentences(one for one in self.findings if one.kind not in PLACED))
+        )
+
+    @property
+    def verdicts(self) -> tuple[str, ...]:
+        """What an identification with the given airframe says of the numbers."""
+        return self._notes(VERDICT)
+
+    @property
+    def not_judged(self) -> tuple[str, ...]:
+        """What could be checked with more options."""
+        return self._notes(NO_AIRFRAME)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the log's reader says."""
+        return self._notes(READER_NOTE)
+
+    def _notes(self, kind: str) -> tuple[str, ...]:
+        return sentences(one for one in self.findings if one.kind == kind)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Look:
+    """What the checks look at: a log, what was made of it, and why something was not."""
+
+    log: FlightLog
+    airframe: Path | None
+    prepared: PreparedFlight | None
+    unprepared: str | None
+    unforeseen: str | None
+    telemetry: Telemetry | None
+    gravity: GravitySeen | None
+    result: IdentificationResult | None
+    unidentified: str | None
+
 
 def inspect_log(
     log: FlightLog, *, airframe: Path | None = None, entry: FlightEntry | None = None
 ) -> LogReport:
-    """Return what a log holds and lacks, which part of it is flight, and what that can show."""
+    """Find what a log holds and lacks, which part of it is flight, and what that can show."""
     channels = {
         name: channel_report(name, log.channels[name]) for name in CHANNELS if name in log.channels
     }
-    prepared, trouble = _flight(log)
-    trouble = [*log.warnings, *_missing(log, usable=prepared is not None), *trouble]
+    prepared, unprepared = _flight(log)
     late = None if prepared is None else motor_lateness(prepared.data)
     foreseen, unforeseen = _foreseen(log, prepared, late)
-    trouble += unforeseen
-    speeds = telemetry(log)
-    trouble += [] if speeds is None else speeds.doubts
-    verdicts, refused = _with_airframe(log, airframe, entry)
-    gravity = None if prepared is None else gravity_seen(prepared.data)
-    if gravity is not None:
-        # With an airframe the identification has looked at the flight itself.
-        trouble += gravity_doubts(replace(gravity, in_flight=None) if verdicts else gravity)
+    result, unidentified = _identified(log, airframe, entry)
+    look = _Look(
+        log=log,
+        airframe=airframe,
+        prepared=prepared,
+        unprepared=unprepared,
+        unforeseen=unforeseen,
+        telemetry=telemetry(log),
+        gravity=None if prepared is None else gravity_seen(prepared.data),
+        result=result,
+        unidentified=unidentified,
+    )
     pictures = log_pictures(log, prepared, channels)
     filters = _low_passes(log, pictures)
     accel = [f.low for f in filters if f.channel == "accel"]
@@ -98,89 +152,209 @@ def inspect_log(
         log=f"{log.log_number} of {log.logs_in_file}",
         seconds=log.seconds,
         channels=tuple(channels.values()),
-        airborne=_airborne(prepared),
+        airborne=() if prepared is None else _airborne(prepared),
         vibration=() if prepared is None else vibration(prepared.data),
-        sweeps=_sweeps(prepared),
+        sweeps=() if prepared is None else _sweeps(prepared),
         motor_lateness=late,
-        telemetry=speeds,
-        gravity=gravity,
+        telemetry=look.telemetry,
+        gravity=look.gravity,
         prospects=foreseen,
-        verdicts=verdicts,
-        not_judged=(WITH_AIRFRAME,) if prepared is not None and airframe is None else (),
         filters=tuple(f.words for f in filters),
-        trouble=tuple(dict.fromkeys([*trouble, *refused])),
         settings=settings_for(log.format, lacking, log.metadata),
-        notes=log.notes,
         metadata=dict(log.metadata),
+        findings=tuple(finding for check in CHECKS for finding in check(look)),
         pictures=pictures,
     )
 
 
-def _flight(log: FlightLog) -> tuple[PreparedFlight | None, list[str]]:
-    """Return the flight in a log that can be prepared, and what troubles it."""
+def _flight(log: FlightLog) -> tuple[PreparedFlight | None, str | None]:
+    """Prepare the flight of a log with motors and IMU, or say why that fails."""
     motors = {"rotor_speed", "command"} & log.channels.keys()
     if not motors or not all(name in log.channels for name in NEEDED):
-        return None, []
+        return None, None
     try:
-        prepared = _prepared(log)
-        degrees = gyro_in_degrees(prepared.data, takes_columns=log.takes_columns)
+        return _prepared(log), None
     except (LogError, FlightError) as error:
-        return None, [str(error)]
-    return prepared, [*prepared.warnings, *filter(None, [degrees])]
+        return None, str(error)
+
+
+def _prepared(log: FlightLog) -> PreparedFlight:
+    """Prepare a log with whatever motors it has; commands by the law that the log states."""
+    measured = "rotor_speed" in log.channels
+    motors = log.channels["rotor_speed" if measured else "command"]
+    if measured:
+        model = MotorModel(speed="measured")
+    elif log.motors is None:
+        model = MotorModel(speed="commanded")
+    else:
+        model = MotorModel(speed="commanded", law=log.motors.law, lag_on=log.motors.lag_on)
+    return prepare(log, rotor_count=motors.values.shape[1], arm=GUESSED_ARM, motors=model)
 
 
 def _foreseen(
     log: FlightLog, prepared: PreparedFlight | None, late: float | None
-) -> tuple[Prospects | None, list[str]]:
-    """Return what a flight can show, and why that cannot be said."""
+) -> tuple[Prospects | None, str | None]:
+    """Predict what a flight can show, or say why that fails."""
     if prepared is None:
-        return None, []
+        return None, None
     commanded = "rotor_speed" not in log.channels
     try:
-        return prospects(prepared, _response(log, late), commanded=commanded), []
+        return prospects(prepared, _response(log, late), commanded=commanded), None
     except (FlightError, EstimationError) as error:
-        return None, [str(error)]
+        return None, str(error)
 
 
-def _with_airframe(
+def _identified(
     log: FlightLog, airframe: Path | None, entry: FlightEntry | None
-) -> tuple[tuple[str, ...], list[str]]:
-    """Return the verdicts of an identification with an airframe, and why there are none."""
+) -> tuple[IdentificationResult | None, str | None]:
+    """Identify a log with an airframe, per kilogram, or say why that fails."""
     if airframe is None:
-        return (), []
-
+        return None, None
     number = log.log_number if log.logs_in_file > 1 else None
     experiment = single_flight_experiment(
         log.path, mass="unknown", airframe=airframe, log_number=number
     )
     if entry is not None:
         [configuration] = experiment.configuration
-        flown = configuration.model_copy(update={"flights": (entry,)})
-        experiment = experiment.model_copy(update={"configuration": (flown,)})
+        configuration = configuration.model_copy(update={"flights": (entry,)})
+        experiment = experiment.model_copy(update={"configuration": (configuration,)})
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            result = identify(experiment)
+            return identify(experiment), None
     except (LogError, FlightError) as error:
-        return (), [str(error)]
-    by_verdict: dict[str, list[str]] = {}
-    for parameter in result.parameters:
-        by_verdict.setdefault(parameter.verdict, []).append(parameter.name)
-    words = tuple(
-        f"with {airframe.name}: {verdict}: {', '.join(names)}"
-        for verdict, names in by_verdict.items()
+        return None, str(error)
+
+
+def _reader_findings(look: _Look) -> Iterator[Finding]:
+    yield from (doubt("reader-warning", sentence) for sentence in look.log.warnings)
+    yield from (note(READER_NOTE, sentence) for sentence in look.log.notes)
+
+
+def _missing_channels(look: _Look) -> Iterator[Finding]:
+    """Yield what the log lacks for an identification, and what to do where it is usable at all."""
+    present = look.log.channels.keys()
+    if present and present <= {"position", "attitude", "velocity"}:
+        yield _refusal("pose-alone", _pose_alone(look.log))
+        return
+    has_motors = bool({"rotor_speed", "command"} & present)
+    loss = (
+        'identify with source = "mocap" if position and attitude are those of motion capture'
+        if {"position", "attitude"} <= present and has_motors
+        else "nothing can be identified from this log"
     )
-    return words, list(result.warnings)
+    for name, quantity in (("gyro", "rotation rates"), ("accel", "specific force")):
+        if name not in present:
+            yield _refusal("missing-channel", f"no {name} channel ({quantity}): {loss}")
+    if not has_motors:
+        yield _refusal("missing-motors", "no motor data: log ESC telemetry or motor outputs")
+    elif "rotor_speed" not in present:
+        yield doubt(
+            "commands-alone",
+            "no measured rotor speed, only commands: "
+            + (
+                'identify with speed = "commanded"; better, log measured rotor speed'
+                if look.prepared is not None
+                else "log measured rotor speed"
+            ),
+        )
+
+
+def _pose_alone(log: FlightLog) -> str:
+    """Say what a file of motion capture lacks, and what it is good for."""
+    lack = "this file has only the pose, no motors"
+    try:
+        camera_clock(log.channels["position"].time)
+    except (FlightError, KeyError) as error:
+        return f"{lack}; it cannot be used as a recording beside a log either: {error}"
+    use = 'name it beside the log of the autopilot (flights = [{ file = "LOG", mocap = '
+    return f'{lack}: {use}"THIS FILE" }}])'
+
+
+def _preparation(look: _Look) -> Iterator[Finding]:
+    if look.unprepared is not None:
+        yield _refusal("preparation", look.unprepared)
+    if look.prepared is None:
+        return
+    yield from (doubt("preparation", sentence) for sentence in look.prepared.warnings)
+    degrees = gyro_in_degrees(look.prepared.data, takes_columns=look.log.takes_columns)
+    if degrees is not None:
+        yield doubt("gyro-in-degrees", degrees)
+
+
+def _prediction(look: _Look) -> Iterator[Finding]:
+    if look.unforeseen is not None:
+        yield doubt("prospects", look.unforeseen)
+
+
+def _telemetry(look: _Look) -> Iterator[Finding]:
+    seen = look.telemetry
+    if seen is not None:
+        late = seen.lateness
+        evidence = () if late is None else (Evidence(name="telemetry_lateness", value=late),)
+        yield from (doubt("telemetry", sentence, evidence=evidence) for sentence in seen.doubts)
+
+
+def _gravity(look: _Look) -> Iterator[Finding]:
+    if look.gravity is None:
+        return
+    # With an airframe the identification has looked at the flight itself.
+    identified = look.result is not None and bool(look.result.parameters)
+    seen = replace(look.gravity, in_flight=None) if identified else look.gravity
+    measured = {"gravity_at_rest": seen.at_rest, "gravity_in_flight": seen.in_flight}
+    evidence = tuple(Evidence(name=n, value=v) for n, v in measured.items() if v is not None)
+    yield from (doubt("gravity", sentence, evidence=evidence) for sentence in gravity_doubts(seen))
+
+
+def _identification(look: _Look) -> Iterator[Finding]:
+    if look.unidentified is not None:
+        yield _refusal("identification", look.unidentified)
+    if look.result is not None:
+        yield from look.result.findings
+
+
+def _verdicts(look: _Look) -> Iterator[Finding]:
+    """Yield one note for each verdict, with the numbers that have it."""
+    by_verdict: dict[str, list[str]] = {}
+    for parameter in () if look.result is None else look.result.parameters:
+        by_verdict.setdefault(parameter.verdict, []).append(parameter.name)
+    file = "" if look.airframe is None else look.airframe.name
+    for verdict, names in by_verdict.items():
+        sentence = f"with {file}: {verdict}: {', '.join(names)}"
+        yield note(VERDICT, sentence, numbers=tuple(names))
+
+
+def _missing_airframe(look: _Look) -> Iterator[Finding]:
+    if look.prepared is not None and look.airframe is None:
+        yield note(NO_AIRFRAME, WITH_AIRFRAME)
+
+
+def _refusal(kind: str, sentence: str) -> Finding:
+    return Finding(kind=kind, severity="refusal", sentence=sentence)
+
+
+CHECKS: Final[tuple[Callable[[_Look], Iterable[Finding]], ...]] = (
+    _reader_findings,
+    _missing_channels,
+    _preparation,
+    _prediction,
+    _telemetry,
+    _gravity,
+    _identification,
+    _verdicts,
+    _missing_airframe,
+)
+"""The doctor's checks, in the order of a report."""
 
 
 def _response(log: FlightLog, late: float | None) -> MotorResponse | None:
-    """Return when the motors do what their data say: commands are followed with a lag."""
+    """Return the motors' timing of the forecast: commands are followed with a lag."""
     if late is None:
         return None
     if "rotor_speed" in log.channels:
         return MotorResponse(delay=late)
     if -SEARCHED <= late <= 0.0:
-        return None  # no motor answers before its command: an autopilot answers, nobody steers
+        return None  # no motor responds before its command: an autopilot does, nobody steers
     # No motor is so slow: the clocks are apart, and that is not to be taken for a lag.
     lag = min(max(late, 0.0), LAG_PRIOR[0] if late > LATEST else LATEST)
     return MotorResponse(lag=lag, delay=late - lag)
@@ -194,77 +368,15 @@ def _low_passes(log: FlightLog, pictures: LogPictures) -> list[Filter]:
     return [f for f in pictures.filters if f.kind == "low-pass" and f.passed]
 
 
-def _missing(log: FlightLog, *, usable: bool) -> list[str]:
-    """Return what the log lacks for an identification, and what to do where it is usable at all."""
-    if set(log.channels) and set(log.channels) <= {"position", "attitude", "velocity"}:
-        return [_of_a_pose_alone(log)]
-    posed = {"position", "attitude"} <= log.channels.keys()
-    loss = (
-        'identify with source = "mocap" if position and attitude are those of motion capture'
-        if posed and {"rotor_speed", "command"} & log.channels.keys()
-        else "nothing can be identified from this log"
-    )
-    words = [
-        f"no {name} channel ({what}): {loss}"
-        for name, what in (("gyro", "rotation rates"), ("accel", "specific force"))
-        if name not in log.channels
-    ]
-    if "rotor_speed" not in log.channels:
-        if "command" in log.channels:
-            words.append(
-                'no measured rotor speed, only commands: identify with speed = "commanded"; '
-                "better, log measured rotor speed"
-                if usable
-                else "no measured rotor speed, only commands: log measured rotor speed"
-            )
-        else:
-            words.append("no motor data: log ESC telemetry or motor outputs")
-    return words
-
-
-def _of_a_pose_alone(log: FlightLog) -> str:
-    """Return what a file of motion capture lacks, and what it is good for."""
-    words = "this file has only the pose, no motors"
-    try:
-        camera_clock(log.channels["position"].time)
-    except (FlightError, KeyError) as error:
-        return f"{words}; it cannot be used as a recording beside a log either: {error}"
-    beside = 'name it beside the log of the autopilot (flights = [{ file = "LOG", mocap = '
-    return f'{words}: {beside}"THIS FILE" }}])'
-
-
-def _prepared(log: FlightLog) -> PreparedFlight:
-    """Return the log prepared with whatever motors it has."""
-    measured = "rotor_speed" in log.channels
-    motors = log.channels["rotor_speed" if measured else "command"]
-    return prepare(
-        log,
-        rotor_count=motors.values.shape[1],
-        arm=GUESSED_ARM,
-        motors=MotorModel(speed="measured") if measured else _commanded(log),
-    )
-
-
-def _commanded(log: FlightLog) -> MotorModel:
-    """Return commanded motors, by the law that the log's own parameters tell."""
-    if log.motors is None:
-        return MotorModel(speed="commanded")
-    return MotorModel(speed="commanded", law=log.motors.law, lag_on=log.motors.lag_on)
-
-
-def _airborne(prepared: PreparedFlight | None) -> tuple[tuple[float, float], ...]:
-    if prepared is None:
-        return ()
+def _airborne(prepared: PreparedFlight) -> tuple[tuple[float, float], ...]:
     t = prepared.data.time
     return tuple(
         (float(t[s.start] - t[0]), float(t[s.stop - 1] - t[0])) for s in prepared.data.segments
     )
 
 
-def _sweeps(prepared: PreparedFlight | None) -> tuple[Sweep, ...]:
-    """Return the frequency sweeps in flight, in seconds since the first sample."""
-    if prepared is None:
-        return ()
+def _sweeps(prepared: PreparedFlight) -> tuple[Sweep, ...]:
+    """Find the frequency sweeps in flight, in seconds since the first sample."""
     data = prepared.data
     time = data.time - data.time[0]
     return tuple(

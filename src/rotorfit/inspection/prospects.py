@@ -1,29 +1,35 @@
-"""What one log can show, cheaply: kt, what each axis was moved, and whose motor order it has."""
+"""What one log can show, cheaply: kt, excitation of each axis, and whose motor order it has.
 
-from collections.abc import Iterator
+Without a known layout, places and spins of the rotors are guessed from the flight itself: for a
+look at a flight before its airframe is known, not for an estimate.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Final, Literal
 
 import numpy as np
-from scipy import stats
+import scipy.linalg
+from jaxtyping import Float
+from scipy import signal, stats
 
-from rotorfit.dataset.checks.declared_rotors import Response, response
+from rotorfit.dataset.checks.declared_rotors import response
 from rotorfit.dataset.weight_balance import held_up, turning
 from rotorfit.diagnostics.kt_from_weight import INFLOW_STD, WeighedThrust
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance
 from rotorfit.fit.rows.row_fits import RowFits, angular_log_likelihood, fit_rows
-from rotorfit.inspection.guessed_rotors import guessed_vehicles
-from rotorfit.inspection.motor_lateness import LOOK
+from rotorfit.inspection.recording import LOW_PASS
 from rotorfit.model.layouts import layout_rotors
 from rotorfit.model.regressor import Regressor, regressor
 from rotorfit.model.vehicle import Rotor, Vehicle
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.prepare import PreparedFlight
-from rotorfit.preprocessing.signals import smooth
-from rotorfit.reduction.frequency_bands import EDGES, STRETCH, retimed, slow_bands
+from rotorfit.preprocessing.signals import smooth, whole_samples
+from rotorfit.reduction.frequency_bands import EDGES, PILOT_BAND, STRETCH, retimed, slow_bands
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.reduction.reduce import BandPlan, band_factors
 from rotorfit.results.result import Verdict
@@ -32,7 +38,6 @@ from rotorfit.results.verdicts import judge
 Axis = Literal["roll", "pitch", "yaw"]
 Prospect = Literal["well", "roughly", "not"]
 Convention = Literal["px4", "betaflight", "crazyflie", "paper"]
-
 AXES: Final[tuple[Axis, ...]] = ("roll", "pitch", "yaw")
 CONVENTIONS: Final[tuple[Convention, ...]] = ("px4", "betaflight", "crazyflie", "paper")
 LAYOUTS: Final = {
@@ -47,10 +52,20 @@ PROSPECT: Final[dict[Verdict, Prospect]] = {
 }
 LAGS: Final = (0.01, 0.02, 0.035, 0.05, 0.065, 0.08, 0.1, 0.13)
 """Of commanded motors, tried one by one [s]."""
-CLEAR: Final = 0.4
+LEAST_ORDER_FIT: Final = 0.4
 """Share of roll and pitch that a motor order must explain before it is named."""
 LEAST_YAW: Final = 0.1
 """Share of yaw that the spins must explain before they are believed."""
+SPREAD: Final = 0.15
+"""Deviation of the rotors' places on each axis; any will do [m]."""
+MOST_TRIED: Final = 12
+"""Rotors up to which every pattern of spins is tried; above, they alternate."""
+LEAST_SPIN_FIT: Final = 0.3
+"""Share of what the best spins explain of yaw from which others might be the true ones."""
+MOST_SPINS: Final = 6
+LEAST_MOVED: Final = 0.02
+"""Motion of the rotors against each other, over the strongest, below which it is noise: six rotors
+are moved in four ways only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,11 +77,10 @@ class Excitation:
     turning
         Deviation of the angular acceleration below 15 Hz [rad/s^2].
     rho
-        Power of the angular acceleration that the rotors explain over the rest, where a pilot
-        flies: what limits an estimate, and seen as that sees it.
+        Power of the angular acceleration that the rotors explain over the rest, in the pilot's
+        band, as in an estimate.
     width
-        Half of the 95 % interval to be expected, over the value: of Ixx, Iyy, kd / Izz. None where
-        nothing bounds it.
+        Expected half of the 95 % interval of Ixx, Iyy, kd / Izz, over the value; None: unbounded.
     """
 
     axis: Axis
@@ -89,12 +103,11 @@ class Thrust:
     change
         Deviation of the thrust over its mean.
     from_changes, from_weight
-        kt per kilogram by changes of thrust and by the weight; None where no stretch is long enough
-        for the weight.
+        kt per kilogram by changes of thrust and by the weight; None without a long stretch.
     agree
-        Whether the two are one number within what an estimate allows them.
+        Whether the two agree within what an estimate allows.
     width
-        Half of the 95 % interval to be expected, over the value; None where nothing bounds it.
+        Expected half of the 95 % interval, over the value; None: unbounded.
     followed
         Whether the vehicle turns with the motor data at all: else commands may be no rotor speeds.
     """
@@ -115,19 +128,7 @@ class Thrust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prospects:
-    """What a flight can show.
-
-    Attributes
-    ----------
-    excitation
-        Of roll, pitch and yaw.
-    thrust
-        Of all rotors together.
-    commanded
-        Whether commands stand for the rotor speeds.
-    motors
-        The layout and order whose motors explain the motion, in words; None where none does.
-    """
+    """What a flight can show; `motors` names the layout and order that explain the motion."""
 
     excitation: tuple[Excitation, ...]
     thrust: Thrust
@@ -144,33 +145,19 @@ def _prospect(width: float | None, *, axis: str, excitation: float | None = None
 def prospects(
     prepared: PreparedFlight, motors: MotorResponse | None = None, *, commanded: bool = False
 ) -> Prospects:
-    """Return what a prepared flight can show, whatever its airframe.
+    """Predict what a prepared flight can show, whatever its airframe.
 
-    By the rows of an estimate, with the rotors of a usual layout where one is borne out, else with
-    rotors as the flight itself places them: excitation is then the estimate's own.
-
-    Parameters
-    ----------
-    prepared
-        The flight.
-    motors
-        How late the motors do what their data say; None leaves the flight as it was prepared.
-    commanded
-        Whether its rotor speeds are commands, whose lag is looked for, then.
-
-    Raises
-    ------
-    FlightError
-        If the flight is too short.
-    EstimationError
-        If it does not move its rotors at all.
+    By the rows of an estimate, with the rotors of a usual layout where the flight confirms one,
+    else with rotors as the flight itself places them. `motors` is their timing (None: as prepared);
+    the lag of commands is searched. Raises `FlightError` where the flight is too short,
+    `EstimationError` where it does not move its rotors.
     """
     if commanded and motors is None:
         motors = MotorResponse(lag=LAG_PRIOR[0])
     timed = replace(prepared, data=retimed(prepared, motors))
     stand_in = _stand_in(timed.data.rotor_speed.shape[1])
     known = likely_motors(_factors(timed, stand_in), stand_in)
-    vehicle = _guessed(timed) if known is None else known[0]
+    vehicle = known[0] if known is not None else _likeliest(timed, guessed_vehicles(timed.data))
     model = regressor(vehicle)
     if commanded and motors is not None:
         best = _best_lag(prepared, vehicle, model, motors)
@@ -196,9 +183,8 @@ def prospects(
     )
 
 
-def _guessed(prepared: PreparedFlight) -> Vehicle:
-    """Return the rotors that explain the turns best, where no usual layout does."""
-    likely = guessed_vehicles(prepared.data)
+def _likeliest(prepared: PreparedFlight, likely: Sequence[Vehicle]) -> Vehicle:
+    """Select the rotors that explain the turns best."""
     if len(likely) == 1:
         return likely[0]
     return max(likely, key=lambda vehicle: _likelihood(prepared, vehicle, regressor(vehicle)))
@@ -207,7 +193,7 @@ def _guessed(prepared: PreparedFlight) -> Vehicle:
 def _best_lag(
     prepared: PreparedFlight, vehicle: Vehicle, model: Regressor, motors: MotorResponse
 ) -> MotorResponse:
-    """Return the lag with which commands explain the turns best, where a pilot flies."""
+    """Find the lag with which commands explain the turns best in the pilot's band."""
     return max(
         (replace(motors, lag=lag) for lag in LAGS),
         key=lambda at: _likelihood(replace(prepared, data=retimed(prepared, at)), vehicle, model),
@@ -215,23 +201,23 @@ def _best_lag(
 
 
 def _likelihood(prepared: PreparedFlight, vehicle: Vehicle, model: Regressor) -> float:
-    """Return the log-likelihood of the turns, where a pilot flies."""
+    """Return the log-likelihood of the turns in the pilot's band."""
     factors = _factors(prepared, vehicle)
     return angular_log_likelihood(factors, model, mass=1.0, counted=slow_bands(factors))
 
 
 def _thrust(data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool) -> Thrust:
-    """Return what changes of thrust and the weight say of kt."""
-    rows = data.used_rows
+    """Estimate kt from changes of thrust and from the weight."""
+    squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
     kt, random = _with_width(fits, "force.kt")
-    weighed = _weighed(data, vehicle)
+    weighed = kt_by_weight(data, vehicle)
     agree = weighed is None or not weighed.contradicts(kt, random / 1.96)
     width = _relative(random, kt)
     if weighed is not None and not agree:
         # An estimate then takes the weight's, and its interval holds both.
         width = _relative(abs(kt - weighed.kt) + random, weighed.kt)
     return Thrust(
-        change=_thrust_change(data, rows),
+        change=float(squares.std() / squares.mean()) if len(squares) else 0.0,
         from_changes=kt,
         from_weight=None if weighed is None else weighed.kt,
         agree=agree,
@@ -240,8 +226,8 @@ def _thrust(data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool
     )
 
 
-def _weighed(data: FlightData, vehicle: Vehicle) -> WeighedThrust | None:
-    """Return the kt per kilogram that carries the weight; None where no stretch is long enough."""
+def kt_by_weight(data: FlightData, vehicle: Vehicle) -> WeighedThrust | None:
+    """Estimate the kt per kilogram that carries the weight; None without a long stretch."""
     held = held_up(turning(data), data.rotor_speed**2 @ vehicle.axes)
     if held is None or held.ratio <= 0:
         return None
@@ -250,15 +236,15 @@ def _weighed(data: FlightData, vehicle: Vehicle) -> WeighedThrust | None:
 
 
 def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
-    """Return the half-width to be expected of the number of an axis, over its value."""
+    """Predict the half-width of the number of an axis, over its value."""
     name = {"roll": "Ixx", "pitch": "Iyy", "yaw": "kd_over_Izz"}[axis]
-    pull = attenuation_allowance(name, 1.0, fits.excitation[axis], answered=True)
+    bias = attenuation_allowance(name, 1.0, fits.excitation[axis], answered=True)
     value, random = _with_width(fits, "yaw.kd" if axis == "yaw" else f"{axis}.kt")
     if axis == "yaw":
-        return _finite(float(np.hypot(_relative(random, value), pull)))
+        return _finite(float(np.hypot(_relative(random, value), bias)))
     if thrust.width is None:
         return None
-    return _finite(float(np.hypot(np.hypot(_relative(random, value), pull), thrust.width)))
+    return _finite(float(np.hypot(np.hypot(_relative(random, value), bias), thrust.width)))
 
 
 def _with_width(fits: RowFits, name: str) -> tuple[float, float]:
@@ -282,30 +268,23 @@ def _finite(width: float) -> float | None:
 
 
 def likely_motors(factors: Factors, made_for: Vehicle) -> tuple[Vehicle, str] | None:
-    """Return the known layout and motor order that the flight bears out, and its words.
+    """Select the known layout and motor order that the flight confirms, and name it.
 
-    Parameters
-    ----------
-    factors, made_for
-        Of the flight, and the rotors whose spins are in its signals.
+    The spins of `made_for` are in the signals of `factors`.
     """
     tried = [
-        (response(factors, other, made_for=made_for), other, words)
-        for other, words in _known(len(made_for.rotors))
+        (response(factors, vehicle, made_for=made_for), vehicle, name)
+        for vehicle, name in _usual_vehicles(len(made_for.rotors))
     ]
-    found = [one for one in tried if _bears_out(one[0])]
+    found = [one for one in tried if min(one[0].roll, one[0].pitch) > LEAST_ORDER_FIT]
     if not found:
         return None
-    best, vehicle, words = max(found, key=lambda one: one[0].score)
-    return vehicle, words if best.yaw > LEAST_YAW else f"{words} (spins unsure: yaw hardly moves)"
+    best, vehicle, name = max(found, key=lambda one: one[0].score)
+    return vehicle, name if best.yaw > LEAST_YAW else f"{name} (spins unsure: yaw hardly moves)"
 
 
-def _bears_out(found: Response) -> bool:
-    return found.roll > CLEAR and found.pitch > CLEAR
-
-
-def _known(rotor_count: int) -> Iterator[tuple[Vehicle, str]]:
-    """Yield vehicles of the common layouts and orders, propellers in and out."""
+def _usual_vehicles(rotor_count: int) -> Iterator[tuple[Vehicle, str]]:
+    """Yield vehicles of the usual layouts and orders with their names, propellers in and out."""
     for layout in LAYOUTS.get(rotor_count, ()):
         for order in CONVENTIONS:
             try:
@@ -319,7 +298,7 @@ def _known(rotor_count: int) -> Iterator[tuple[Vehicle, str]]:
 
 
 def _stand_in(rotor_count: int) -> Vehicle:
-    """Return rotors on a circle: only their number counts where places are free."""
+    """Return rotors on a circle, where only their number counts."""
     angles = 2.0 * np.pi * np.arange(rotor_count) / rotor_count
     return Vehicle(
         rotors=tuple(
@@ -342,12 +321,105 @@ def _factors(prepared: PreparedFlight, vehicle: Vehicle) -> Factors:
 def _turning(data: FlightData) -> list[float]:
     """Return the deviation of each angular acceleration below 15 Hz [rad/s^2]."""
     parts = [
-        smooth(data.angular_acceleration[s.start : s.stop], data.sample_rate, LOOK)
+        smooth(data.angular_acceleration[s.start : s.stop], data.sample_rate, LOW_PASS)
         for s in data.segments
     ]
     return [float(x) for x in np.concatenate(parts).std(axis=0)]
 
 
-def _thrust_change(data: FlightData, rows: np.ndarray) -> float:
-    squares = (data.rotor_speed[rows] ** 2).sum(axis=1)
-    return float(squares.std() / squares.mean()) if len(rows) else 0.0
+def guessed_vehicles(data: FlightData) -> list[Vehicle]:
+    """Guess the places and spins of rotors from the response of a flight, up to a scale.
+
+    All axes are upright. One or a few vehicles that differ by their spins, the likeliest first.
+    Roll and pitch respond to each rotor's squared speed by its place, yaw by its spin; the scale is
+    unknown, and excitation does not depend on it. Rotor speeds are those at the time of the motion.
+    """
+    turn, squares, slopes = _slow_signals(data)
+    roll, pitch = _centred(_solved(squares, turn[:, 0])), _centred(_solved(squares, turn[:, 1]))
+    places = [(float(-p), float(r), 0.0) for r, p in zip(roll, pitch, strict=True)]
+    return [
+        Vehicle(
+            rotors=tuple(
+                Rotor(position=place, spin="ccw" if spin > 0 else "cw")
+                for place, spin in zip(places, spins, strict=True)
+            )
+        )
+        for spins in _spins(turn[:, 2], squares, slopes)
+    ]
+
+
+def _slow_signals(
+    data: FlightData,
+) -> tuple[Float[np.ndarray, "z 3"], Float[np.ndarray, "z N"], Float[np.ndarray, "z N"]]:
+    """Return turn, squared speeds and their slopes as a factor, in the pilot's band."""
+    low, high = PILOT_BAND
+    sos = signal.butter(
+        2, (low, min(high, 0.45 * data.sample_rate)), "bandpass", fs=data.sample_rate, output="sos"
+    )
+    count = data.rotor_speed.shape[1]
+    wide = 3 + 2 * count
+    factor = np.zeros((0, wide))
+    for s in data.segments:
+        if len(s) < whole_samples(data.sample_rate / low):
+            continue
+        rows = slice(s.start, s.stop)
+        columns = np.column_stack(
+            [
+                data.angular_acceleration[rows],
+                data.rotor_speed[rows] ** 2,
+                data.rotor_acceleration[rows],
+            ]
+        )
+        slow = signal.sosfiltfilt(sos, columns, axis=0)
+        factor = np.linalg.qr(np.concatenate([factor, slow]), mode="r")
+    # Never fewer rows than columns, so that a flight without a long stretch is no special case.
+    factor = np.concatenate([factor, np.zeros((wide, wide))])
+    return factor[:, :3], factor[:, 3 : 3 + count], factor[:, 3 + count :]
+
+
+def _solved(
+    columns: Float[np.ndarray, "z k"], target: Float[np.ndarray, " z"]
+) -> Float[np.ndarray, " k"]:
+    solved: Float[np.ndarray, " k"] = scipy.linalg.pinv(columns, rtol=LEAST_MOVED) @ target
+    return solved
+
+
+def _centred(response: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+    """Scale the response of an axis to each rotor to places along the other axis [m]."""
+    places = response - response.mean()
+    size = float(np.sqrt((places**2).mean()))
+    # Where nothing responds, any place is as good as another, but for all at one.
+    return np.linspace(-SPREAD, SPREAD, len(response)) if size == 0.0 else SPREAD * places / size
+
+
+def _spins(
+    turn: Float[np.ndarray, " z"],
+    squares: Float[np.ndarray, "z N"],
+    slopes: Float[np.ndarray, "z N"],
+) -> list[Float[np.ndarray, " N"]]:
+    """Find the spins, +1 for ccw, whose drag and spin-up explain yaw, the best first."""
+    count = squares.shape[1]
+    tried: list[tuple[float, Float[np.ndarray, " N"]]] = []
+    for pattern in _patterns(count):
+        columns = np.column_stack([squares @ pattern, slopes @ pattern])
+        lengths = np.linalg.norm(columns, axis=0)
+        columns = columns / np.where(lengths > 0, lengths, 1.0)
+        weights = _solved(columns, turn)
+        # Drag and spin-up both turn the body against the rotor.
+        spins = -pattern if weights.sum() > 0 else pattern
+        tried.append((float(turn @ columns @ weights), spins))
+    best = max(explained for explained, _ in tried)
+    likely = [one for one in tried if one[0] >= LEAST_SPIN_FIT * best]
+    likely.sort(key=lambda one: -one[0])
+    return [spins for _, spins in likely[:MOST_SPINS]]
+
+
+def _patterns(count: int) -> Iterator[Float[np.ndarray, " N"]]:
+    """Yield the patterns of as many ccw as cw (or one more), each once but for its sign."""
+    if count > MOST_TRIED:
+        yield np.array([(-1.0) ** i for i in range(count)])
+        return
+    for ccw in combinations(range(1, count), (count + 1) // 2 - 1):
+        pattern = -np.ones(count)
+        pattern[[0, *ccw]] = 1.0
+        yield pattern

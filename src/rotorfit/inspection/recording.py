@@ -1,30 +1,40 @@
-"""What is to be said of a log as it was recorded: true rates, clocks, limits, vibration."""
+"""How a log was recorded: true rates, clocks, limits, vibration, lateness of the motor data."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Bool, Float
 from scipy import signal
 
+from rotorfit.fit.timing.timing_search import DELAYS_TRIED
 from rotorfit.logs.firmware import Lack
 from rotorfit.logs.flight_log import CHANNELS, Channel
 from rotorfit.preprocessing.clocks import GAP_STEPS, LARGEST_VALUE
 from rotorfit.preprocessing.flight_data import FlightData
-from rotorfit.preprocessing.signals import LEAST_LIMIT, share_at_limit, true_runs
+from rotorfit.preprocessing.signals import (
+    LEAST_LIMIT,
+    central_difference,
+    share_at_limit,
+    smooth,
+    true_runs,
+    whole_samples,
+)
 
 FAST_ENOUGH: Final = 150.0
 """Below this the fast motion that inertia shows in is lost [Hz]."""
-FEWEST: Final = 50
+FEWEST_TO_JUDGE: Final = 50
+"""Samples, or intervals between new ones, below which no share of new samples is estimated."""
 LONGEST_REPEAT: Final = 100
 EVEN: Final = 0.35
 """Variance of the intervals between new samples, over that of chance, below which they are even."""
 LEAST_REPEATED: Final = 0.8
 FEW_REPEATS: Final = 0.03
-"""Share of repeated samples that is not worth words."""
-MOST_BY_CHANCE: Final = 0.1
-"""Of repeated samples, that chance may explain where all are to count as repeats."""
+"""Share of repeated samples that is not reported."""
+MOST_RANDOM: Final = 0.1
+"""Share of repeated samples that chance may explain where all are to count as repeats."""
 LEAST_STRAIGHT: Final = 0.1
 """Share of samples that lie on the line through their neighbours, below which none is drawn."""
 LONGEST_BEND: Final = 20
@@ -33,6 +43,18 @@ LOWEST_CUTOFF: Final = 40.0
 """A low-pass below this takes away what inertia shows in, or makes sensors differ [Hz]."""
 BANDS: Final = ((10.0, 50.0), (50.0, 150.0), (150.0, 500.0))
 """In which vibration is given [Hz]."""
+LATEST: Final = 0.1
+SEARCHED: Final = DELAYS_TRIED["imu"][1]
+"""How far an estimate looks for the delay of measured speeds, and of motor data that come late
+[s]."""
+FARTHEST: Final = 0.5
+"""End of the search where nothing shows within `LATEST` [s]."""
+STRIDE: Final = 0.004
+"""Of that search [s]."""
+LOW_PASS: Final = 15.0
+"""Low-pass for comparing motors and gyro [Hz]."""
+LEAST_EXPLAINED: Final = 0.3
+"""Share of the angular acceleration that motors must explain for their delay to be known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,16 +63,15 @@ class ChannelReport:
 
     Attributes
     ----------
-    rate
-        Of the recorded samples, counted over the time outside of gaps [Hz].
-    true_rate
-        Of the samples that bring something new [Hz]: repeats and straight lines are left out.
+    rate, true_rate
+        Of the recorded samples outside of gaps, and of new ones: without repeats and samples on
+        straight lines [Hz].
     jitter
         Deviation of the steps from their median, without gaps [s].
     gaps, longest_gap
         Steps over 2.5 median ones, and the longest [s].
     at_limit
-        Share of the samples that a sensor's end cut off, see `share_at_limit`.
+        Share of the samples at the sensor's limit, see `share_at_limit`.
     """
 
     name: str
@@ -78,7 +99,7 @@ class Vibration:
 
 
 def channel_report(name: str, channel: Channel) -> ChannelReport:
-    """Return one channel, measured."""
+    """Measure one channel."""
     finite = np.isfinite(channel.values).all(axis=1) & np.isfinite(channel.time)
     t, x = channel.time[finite], channel.values[finite]
     steps = np.diff(t)
@@ -110,13 +131,13 @@ def channel_report(name: str, channel: Channel) -> ChannelReport:
 
 
 def new_share(values: Float[np.ndarray, "n k"]) -> float:
-    """Return the share of samples that bring something new, while anything changes at all.
+    """Estimate the share of samples that are new, while anything changes at all.
 
     A recorder faster than its source repeats the last sample, or draws a straight line to the
     next. What changes at uneven intervals in steps of the resolution is only coarse; and where a
-    quantity stands still for long (motors off), nothing can be told.
+    quantity stands still for long (motors off), 1.
     """
-    if len(values) < FEWEST or np.abs(values).max() > LARGEST_VALUE:
+    if len(values) < FEWEST_TO_JUDGE or np.abs(values).max() > LARGEST_VALUE:
         return 1.0
     first = np.diff(values, axis=0)
     moves = (first != 0.0).any(axis=1)
@@ -127,7 +148,7 @@ def new_share(values: Float[np.ndarray, "n k"]) -> float:
 
 
 def _share_fine(first: Float[np.ndarray, "n k"], moves: Bool[np.ndarray, " n"]) -> float:
-    """Return the share of samples that change, where chance would hardly repeat any.
+    """Estimate the share of samples that change, where chance would hardly repeat any.
 
     A column of steps of m times its resolution repeats by chance once in about 1 + m samples, and
     all of them together once in the product.
@@ -138,18 +159,18 @@ def _share_fine(first: Float[np.ndarray, "n k"], moves: Bool[np.ndarray, " n"]) 
         [float(np.median(column[column > 0])) if column.any() else 0.0 for column in steps.T]
     )
     alive = np.isfinite(finest)
-    by_chance = float(np.prod(1.0 / (1.0 + usual[alive] / finest[alive])))
+    random_repeats = float(np.prod(1.0 / (1.0 + usual[alive] / finest[alive])))
     intervals = np.diff(np.flatnonzero(moves))
     intervals = intervals[intervals <= LONGEST_REPEAT]
-    if len(intervals) < FEWEST:
+    if len(intervals) < FEWEST_TO_JUDGE:
         return 1.0
     share = 1.0 / float(intervals.mean())
     repeats = 1.0 - share
-    return share if repeats > FEW_REPEATS and by_chance < MOST_BY_CHANCE * repeats else 1.0
+    return share if repeats > FEW_REPEATS and random_repeats < MOST_RANDOM * repeats else 1.0
 
 
 def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"]) -> float:
-    """Return the share of samples at the corners of straight lines, where there are lines.
+    """Estimate the share of samples at the corners of straight lines, where there are lines.
 
     A corner between two samples bends the line at both: a run of bends holds a corner for each two.
     """
@@ -166,7 +187,7 @@ def _share_of_corners(bent: Bool[np.ndarray, " b"], moves: Bool[np.ndarray, " m"
 
 
 def _bent(first: Float[np.ndarray, "n k"], size: Float[np.ndarray, " k"]) -> Bool[np.ndarray, " m"]:
-    """Return where a line through the samples bends; everywhere, where they are too coarse.
+    """Find where a line through the samples bends; everywhere, where they are too coarse.
 
     Samples up to `size` were written with seven to nine digits.
     """
@@ -183,13 +204,13 @@ def _bent(first: Float[np.ndarray, "n k"], size: Float[np.ndarray, " k"]) -> Boo
 
 
 def _share_at_even_intervals(fresh: Bool[np.ndarray, " n"]) -> float:
-    """Return the share of fresh samples where they come evenly, else 1.
+    """Estimate the share of fresh samples where they come evenly, else 1.
 
     By chance the intervals would have the variance (1 - p) / p^2 of a geometric distribution.
     """
     intervals = np.diff(np.flatnonzero(fresh))
     intervals = intervals[intervals <= LONGEST_REPEAT]
-    if len(intervals) < FEWEST:
+    if len(intervals) < FEWEST_TO_JUDGE:
         return 1.0
     p = 1.0 / float(intervals.mean())
     even = float(intervals.var()) < EVEN * (1.0 - p) / p**2
@@ -199,15 +220,7 @@ def _share_at_even_intervals(fresh: Bool[np.ndarray, " n"]) -> float:
 def lacks(
     reports: Mapping[str, ChannelReport], *, accel_cutoff: float | None = None
 ) -> frozenset[Lack]:
-    """Return what a log lacks for an identification.
-
-    Parameters
-    ----------
-    reports
-        Of its channels, by name.
-    accel_cutoff
-        Low-pass of the accelerometer [Hz], where the log names it.
-    """
+    """List what a log lacks for an identification; `accel_cutoff` is the logged low-pass [Hz]."""
     found: set[Lack] = set()
     if accel_cutoff is not None and accel_cutoff < LOWEST_CUTOFF:
         found.add("filtered accel")
@@ -232,7 +245,7 @@ def lacks(
 
 
 def vibration(data: FlightData) -> tuple[Vibration, ...]:
-    """Return the level of vibration in flight, in the bands that the sample rate shows."""
+    """Measure the vibration in flight, in the bands that the sample rate shows."""
     longest = max(data.segments, key=len, default=None)
     rows = min(1024, 0 if longest is None else len(longest))
     if longest is None or rows < 64:
@@ -250,3 +263,52 @@ def vibration(data: FlightData) -> tuple[Vibration, ...]:
         for low, high in BANDS
         if low < 0.9 * nyquist
     )
+
+
+def motor_lateness(data: FlightData) -> float | None:
+    """Estimate how much later than the motors the vehicle turns [s]; None where it does not show.
+
+    The time shift at which the squared motor data explain the angular acceleration best.
+    Negative: the motor data were recorded late. Of commands it holds the motors' lag, too.
+    Only where nothing shows within a tenth of a second it is looked for further away.
+    """
+    near = _lateness_within(data, LATEST)
+    return _lateness_within(data, FARTHEST) if near is None else near
+
+
+def _lateness_within(data: FlightData, seconds: float) -> float | None:
+    """Estimate the lateness, in a search that ends at so many seconds both ways."""
+    longest = max(data.segments, key=len, default=None)
+    reach = whole_samples(seconds * data.sample_rate)
+    if longest is None or len(longest) < 20 * max(reach, 1) or reach < 2:
+        return None
+    rows = slice(longest.start, longest.stop)
+    rates = smooth(data.angular_velocity[rows], data.sample_rate, LOW_PASS)
+    turn = central_difference(rates, data.sample_rate)
+    squares = smooth(data.rotor_speed[rows] ** 2, data.sample_rate, LOW_PASS)
+    stride = max(whole_samples(STRIDE * data.sample_rate), 1)
+    shifts = range(-reach, reach + 1, stride)
+    shares = np.array([_explained(turn, squares, shift, reach) for shift in shifts])
+    best = int(np.argmax(shares))
+    if shares[best] < LEAST_EXPLAINED or best in (0, len(shares) - 1):
+        return None
+    left, top, right = shares[best - 1 : best + 2]
+    bend = left - 2.0 * top + right
+    between = 0.0 if bend == 0.0 else 0.5 * (left - right) / bend
+    return float((shifts[best] + between * stride) / data.sample_rate)
+
+
+def _explained(
+    turn: Float[np.ndarray, "n 3"], squares: Float[np.ndarray, "n N"], shift: int, reach: int
+) -> float:
+    """Return the mean share of roll and pitch acceleration that earlier motor data explain."""
+    n = len(turn)
+    y = turn[reach : n - reach, :2]
+    x = squares[reach - shift : n - reach - shift]
+    y, x = y - y.mean(axis=0), x - x.mean(axis=0)
+    gram = x.T @ x
+    cross = x.T @ y
+    solved: Float[np.ndarray, "N 2"] = scipy.linalg.pinvh(gram, rtol=1e-8) @ cross
+    total: Float[np.ndarray, " 2"] = (y * y).sum(axis=0)
+    explained: Float[np.ndarray, " 2"] = np.einsum("ij,ij->j", cross, solved)
+    return float((explained / np.where(total > 0, total, 1.0)).mean())

@@ -16,7 +16,8 @@ WINDOW_SECONDS: Final = 1.0
 SHORTEST_WINDOW: Final = 128
 LONGEST_WINDOW: Final = 4096
 """Rows."""
-FEWEST_ROWS: Final = 64
+SHORTEST_STRETCH: Final = 64
+"""Rows without a gap, below which there is no spectrum."""
 BLOCK_SECONDS: Final = 2.0
 MOST_BLOCKS: Final = 400
 """Of a flight: peaks are held against the rotor speed block by block."""
@@ -24,15 +25,15 @@ LOWEST_PEAK: Final = 10.0
 """Slower is what pilot and autopilot do [Hz]."""
 LEAST_RISE: Final = 0.4
 """Of a peak over its surroundings, in powers of ten of the power; in short flights it is more."""
-SURE_RISE: Final = 5.0
+LEAST_RISE_STDS: Final = 5.0
 """Standard deviations of an averaged spectrum that a peak must rise."""
 MOST_PEAKS: Final = 4
 HARMONICS: Final = (1, 2, 3, 4)
 FOLDED: Final = (1, 2)
 """Those that shake most, balance and blades: of more, folded down, one fits any peak."""
-FEWEST_BLOCKS: Final = 3
+FEWEST_COMPARED: Final = 3
 NEAR: Final = 0.02
-"""Share of a rotor's frequency within which a peak can be its, where the speed changes."""
+"""Share of a rotor's frequency within which a peak can come from it, where the speed changes."""
 STRONGER: Final = 2.0
 """Power at a peak while a rotor turns so fast, over that while none does."""
 
@@ -95,10 +96,8 @@ class Spectrum:
     ----------
     channel, unit
         As in `CHANNELS`.
-    seconds
-        How much of the flight is in it [s].
-    airborne
-        Whether it is of the airborne part alone.
+    seconds, airborne
+        How much of the flight is in it [s], and whether of the airborne part alone.
     sample_rate
         Of the recorded samples [Hz].
     frequency
@@ -138,7 +137,7 @@ def ordinal(number: int) -> str:
 def rotor_bands(
     rotor_speed: Channel | None, spans: Sequence[tuple[float, float]]
 ) -> tuple[RotorBand, ...]:
-    """Return where the rotors turned within spans of the log's clock; none where not measured."""
+    """Return the bands of the rotors' harmonics within spans of the log's clock, if measured."""
     if rotor_speed is None:
         return ()
     t = rotor_speed.time
@@ -159,34 +158,21 @@ def spectrum(
     rotor_speed: Channel | None,
     new_share: float = 1.0,
 ) -> Spectrum:
-    """Return the spectrum of a sensor, by Welch's method.
+    """Estimate the spectrum of a sensor by Welch's method, within spans of the log's clock.
 
-    Parameters
-    ----------
-    name, channel
-        Which sensor, and its samples as recorded.
-    spans
-        The airborne part on the log's clock [s]; all of it where there is none.
-    rotor_speed
-        Measured, where the log has it.
-    new_share
-        Of the samples, that bring something new.
-
-    Raises
-    ------
-    FlightError
-        If no stretch without a gap is long enough.
+    `new_share` is that of samples that bring something new. Raises `FlightError` where no stretch
+    without a gap is long enough.
     """
     uniform = uniform_channels({name: usable_samples(channel, name)}, clock=name)
     stretches = list(_within(uniform, spans))
     rows = max((b - a for a, b in stretches), default=0)
     window = max(round(WINDOW_SECONDS * uniform.sample_rate), SHORTEST_WINDOW)
     window = min(window, LONGEST_WINDOW, rows)
-    if window < FEWEST_ROWS:
+    if window < SHORTEST_STRETCH:
         where = "airborne stretch" if spans else "stretch"
         raise FlightError(
-            f"no {where} of {name} without a gap holds {FEWEST_ROWS} samples: fly longer, or log "
-            "faster"
+            f"no {where} of {name} without a gap holds {SHORTEST_STRETCH} samples: fly longer, or "
+            "log faster"
         )
     blocks = _blocks(stretches, uniform.sample_rate, window)
     values = uniform.values[name]
@@ -229,7 +215,7 @@ def _within(
 def _blocks(
     stretches: Sequence[tuple[int, int]], sample_rate: float, window: int
 ) -> list[tuple[int, int]]:
-    """Return the stretches in blocks of about two seconds, longer ones in long flights."""
+    """Cut the stretches into blocks of about two seconds, longer ones in long flights."""
     total = sum(b - a for a, b in stretches)
     length = max(round(BLOCK_SECONDS * sample_rate), 2 * window, total // MOST_BLOCKS)
     return [
@@ -258,7 +244,7 @@ def _welch(
 
 
 def _rotor_times(rotor_speed: Channel, times: Sequence[tuple[float, float]]) -> RotorTimes | None:
-    """Return how fast the rotors turned in each block; None where that was not recorded."""
+    """Measure how fast the rotors turned in each block; None where that was not recorded."""
     t, hertz = rotor_speed.time, rotor_speed.values / (2.0 * np.pi)
     count = hertz.shape[1]
     mean, std = np.full((len(times), count), np.nan), np.full((len(times), count), np.nan)
@@ -277,10 +263,10 @@ def _peaks(
     rotors: RotorTimes | None,
     sample_rate: float,
 ) -> tuple[Peak, ...]:
-    """Return the clearest peaks of the mean over all blocks, by frequency."""
+    """Find the clearest peaks of the mean over all blocks, by frequency."""
     mean = power.mean(axis=0)
     level = np.log10(np.maximum(mean, 1e-12 * max(float(mean.max(initial=0.0)), 1e-30)))
-    least = max(LEAST_RISE, SURE_RISE * np.log10(np.e) / np.sqrt(averages))
+    least = max(LEAST_RISE, LEAST_RISE_STDS * np.log10(np.e) / np.sqrt(averages))
     found, about = signal.find_peaks(level, prominence=least)
     kept = [
         (float(rise), int(i))
@@ -303,7 +289,7 @@ def _named(
     step: float,
     sample_rate: float,
 ) -> Peak:
-    """Return a peak with its harmonic, where it stands while a rotor turns so fast, and only then.
+    """Name the harmonic of a peak that stands while a rotor turns so fast, and only then.
 
     A log slower than twice a vibration's frequency folds it down: those are looked for, too.
     """
@@ -347,6 +333,6 @@ def _goes_with(power: Float[np.ndarray, " b"], near: Bool[np.ndarray, " b"], *, 
 
     In a steady hover there are no others; that is enough unless it is to be `sure`.
     """
-    if min(int(near.sum()), int((~near).sum())) >= FEWEST_BLOCKS:
+    if min(int(near.sum()), int((~near).sum())) >= FEWEST_COMPARED:
         return bool(np.median(power[near]) > STRONGER * np.median(power[~near]))
     return not sure and bool(near.mean() > 0.5)

@@ -1,8 +1,8 @@
-"""What an earlier result knows already, and which manoeuvre would fix what it lacks."""
+"""What an earlier result knows already, and which manoeuvre would add what it lacks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,7 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.parameters import COM, INERTIA_COM, NUISANCE
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.planning.bound import BARE, Evidence, Problem, combined, predicted
-from rotorfit.planning.wanted import WANTABLE
+from rotorfit.planning.wanted import IN_MM, WANTABLE
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, Verdict
 from rotorfit.results.verdicts import (
     ADVICE,
@@ -31,11 +31,11 @@ from rotorfit.results.verdicts import (
 from rotorfit.simulation.pilot import Manoeuvre
 
 SAME_PLACE: Final = 1e-3
-"""Rotors nearer than this are the same [m]."""
+"""Rotors nearer than this are equal [m]."""
 SAME_MASS: Final = 0.02
 """Masses of one configuration differ by less than this share."""
 PRACTICE_SECONDS: Final = 20.0
-"""How long a manoeuvre is flown to fix a missing number [s]."""
+"""How long a manoeuvre is flown for a missing number [s]."""
 PRACTICE: Final[tuple[Manoeuvre, ...]] = (
     *("climb", "roll", "pitch", "yaw"),
     *("sticks", "doublets", "wiggles", "turns"),
@@ -54,14 +54,12 @@ class Knowledge:
 
     Attributes
     ----------
-    result, configuration
-        The result, and which of its configurations the plan is for.
+    configuration
+        Of the result, for which the plan is.
     information
         About the plan's free parameters.
     half_widths, values
-        By the names of `WANTABLE`; what the result does not have is left out.
-    by_number
-        Half-widths by the names of predicted numbers, in parts of the value or SI for the CoM.
+        By the names of `WANTABLE`, where the result has them.
     """
 
     result: IdentificationResult
@@ -71,18 +69,13 @@ class Knowledge:
     values: Mapping[str, float]
 
     def narrowed(self, numbers: Numbers) -> Float[np.ndarray, " q"]:
-        """Return half-widths no wider than those that the result has already."""
+        """Limit half-widths to those that the result has already, scaled to the plan's values."""
         half = numbers.half_width.copy()
-        for name, full in WANTABLE.items():
-            if name in self.half_widths:
-                i = numbers.index(full)
-                half[i] = min(half[i], self._scaled(name, float(numbers.values[i])))
+        for name, known in self.half_widths.items():
+            i, value = numbers.index(WANTABLE[name]), self.values[name]
+            scale = 1.0 if name in IN_MM or value == 0 else abs(float(numbers.values[i]) / value)
+            half[i] = min(half[i], known * scale)
         return half
-
-    def _scaled(self, name: str, planned: float) -> float:
-        """Return a half-width for the plan's value of a number."""
-        half, value = self.half_widths[name], self.values[name]
-        return half if name.startswith("com_") or value == 0 else half * abs(planned / value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,13 +87,12 @@ class Missing:
     name, verdict
         As in the result.
     manoeuvre
-        Which of the plan helps it most; None where none makes it better than weak.
-    relative
-        Half of the interval predicted after 20 s of it, over the value (or its scale).
-    predicted
-        The verdict then.
+        Which of the plan helps most; None where none makes it better than weak.
+    relative, predicted
+        Half of the interval predicted after 20 s of it, over the value (or its scale), and the
+        verdict then.
     advice
-        What to do, in the words of the result.
+        What to do, as the result says it.
     """
 
     name: str
@@ -112,42 +104,25 @@ class Missing:
 
 
 def check_same_vehicle(result: IdentificationResult, vehicle: Vehicle) -> None:
-    """Raise where a result is that of other rotors.
-
-    Raises
-    ------
-    ExperimentError
-        If number, places or spins of the rotors differ.
-    """
-    flown = vehicle_of(experiment_of_settings(_settings(result)).airframe)
-    same = len(flown.rotors) == len(vehicle.rotors)
-    if not same:
+    """Raise `ExperimentError` where number, places or spins of a result's rotors differ."""
+    flown = vehicle_of(experiment_of_settings(result.settings).airframe)
+    if len(flown.rotors) != len(vehicle.rotors):
         raise ExperimentError(
             f"the result is of {len(flown.rotors)} rotors, the airframe has "
             f"{len(vehicle.rotors)}: give the airframe file of that vehicle"
         )
-    apart = np.abs(flown.positions - vehicle.positions).max()
-    if apart > SAME_PLACE or (flown.spins != vehicle.spins).any():
+    distance = np.abs(flown.positions - vehicle.positions).max()
+    if distance > SAME_PLACE or (flown.spins != vehicle.spins).any():
         raise ExperimentError(
-            f"the result is of another airframe: a rotor is {1e3 * apart:.0f} mm elsewhere or "
+            f"the result is of another airframe: a rotor is {1e3 * distance:.0f} mm elsewhere or "
             "turns the other way; give the airframe file that it was identified with"
         )
 
 
 def result_mass(result: IdentificationResult, mass: float | None) -> tuple[str, float]:
-    """Return the configuration of a result that a plan is for, and its mass [kg].
+    """Select the configuration of a result by the weighed mass, None: the first; return both [kg].
 
-    Parameters
-    ----------
-    result
-        Of one or several configurations.
-    mass
-        Weighed by the user; None takes the first configuration.
-
-    Raises
-    ------
-    ExperimentError
-        If the result has no such mass.
+    Raises `ExperimentError` where the result has no such mass.
     """
     weighed = {
         p.configuration or "": p.value
@@ -172,17 +147,14 @@ def result_mass(result: IdentificationResult, mass: float | None) -> tuple[str, 
 
 
 def values_of(result: IdentificationResult, vehicle: Vehicle) -> dict[str, float]:
-    """Return the rough values that a result gives, by the names that a plan takes.
+    """Return the rough values of a result, by the names that a plan takes.
 
-    Raises
-    ------
-    ExperimentError
-        If it is the result of another vehicle.
+    Raises `ExperimentError` where the result is of another vehicle.
     """
     check_same_vehicle(result, vehicle)
     configuration, _ = result_mass(result, None)
-    number = {name: _known(result, name, configuration) for name in _ROUGH.values()}
-    values = {name: number[source] for name, source in _ROUGH.items()}
+    entries = {name: _entry(result, source, configuration) for name, source in _ROUGH.items()}
+    values = {name: None if e is None else e.value for name, e in entries.items()}
     speed = result.derived_value("hover_speed", configuration).unit
     if speed != "rad/s":  # of a command without a law: no speed at all
         values |= {"hover_speed": None, "Jr": None}
@@ -196,14 +168,14 @@ _ROUGH: Final = {
 
 
 def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
-    """Return what a result knows, as information about a plan's free parameters."""
+    """Convert a result to information about a plan's free parameters."""
     configuration, _ = result_mass(result, problem.configurations[0].mass)
     halves: dict[str, float] = {}
     values: dict[str, float] = {}
     for name, full in WANTABLE.items():
-        own = _entry(result, full.partition("@")[0], configuration)
-        if own is not None and own.value is not None and own.std is not None:
-            halves[name], values[name] = 1.96 * own.std, own.value
+        entry = _entry(result, full.partition("@")[0], configuration)
+        if entry is not None and entry.value is not None and entry.std is not None:
+            halves[name], values[name] = 1.96 * entry.std, entry.value
     return Knowledge(
         result=result,
         configuration=configuration,
@@ -216,7 +188,7 @@ def knowledge_of(result: IdentificationResult, problem: Problem) -> Knowledge:
 def missing_numbers(
     problem: Problem, pieces: Mapping[tuple[Manoeuvre, str], Evidence], known: Knowledge
 ) -> tuple[Missing, ...]:
-    """Return what a result lacks, and which manoeuvre would help each most."""
+    """List what a result lacks, and which manoeuvre would help each most."""
     trials: dict[Manoeuvre, Numbers] = {
         manoeuvre: predicted(
             problem, combined([(pieces[manoeuvre, BARE], PRACTICE_SECONDS)]), known.information
@@ -242,16 +214,16 @@ class _Number:
 
 
 def _judged(known: Knowledge) -> list[_Number]:
-    """Return the numbers of a result, each with the verdict that its report shows."""
+    """List the numbers of a result, each with the verdict that its report shows."""
     result, owner = known.result, known.configuration
-    kin = {d.name: d for d in result.derived if d.configuration == owner}
-    about = {twin_of(name): kin[name] for name in (*COM, *INERTIA_COM) if name in kin}
+    derived = {d.name: d for d in result.derived if d.configuration == owner}
+    about = {twin_of(name): derived[name] for name in (*COM, *INERTIA_COM) if name in derived}
     found: list[_Number] = []
     for p in result.parameters:
         if p.configuration not in (None, owner):
             continue
         shown = about.get(p.name) if p.configuration else None
-        verdict = p.verdict if shown is None else body_verdict(shown, p, kin)
+        verdict = p.verdict if shown is None else body_verdict(shown, p, derived)
         name = p.name if shown is None else shown.name
         found.append(
             _Number(
@@ -273,11 +245,12 @@ def _missing(number: _Number, problem: Problem, trials: Mapping[Manoeuvre, Numbe
         relative[manoeuvre] = half / max(abs(value), scale)
     manoeuvre = _helpful(number, relative)
     verdict = judge(1.0, relative[manoeuvre], scale=0.0, axis="yaw").verdict
-    own = number.advice
-    if own is not None and own not in FLOWN.values():  # not for want of a manoeuvre
-        chosen, advice = None, own
+    given = number.advice
+    if given is not None and given not in FLOWN.values():  # not for want of a manoeuvre
+        chosen, advice = None, given
     elif verdict == "not-identified":
-        chosen, advice = None, f"{own or FLOWN[manoeuvre]}; that alone is not enough, see the plan"
+        chosen = None
+        advice = f"{given or FLOWN[manoeuvre]}; that alone is not enough, see the plan"
     else:
         chosen, advice = manoeuvre, FLOWN[manoeuvre]
     return Missing(
@@ -291,7 +264,7 @@ def _missing(number: _Number, problem: Problem, trials: Mapping[Manoeuvre, Numbe
 
 
 def _helpful(number: _Number, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
-    """Return what the result advises where that is enough or as good as any, else the best."""
+    """Select what the result advises where that is enough or as good as any, else the best."""
     least = min(relative.values())
     good: list[Manoeuvre] = [m for m, value in relative.items() if value <= AS_GOOD * least]
     advised = ADVISED.get(motion_for(number.name))
@@ -302,7 +275,7 @@ def _helpful(number: _Number, relative: Mapping[Manoeuvre, float]) -> Manoeuvre:
 def _information(
     result: IdentificationResult, configuration: str, problem: Problem
 ) -> Float[np.ndarray, "f f"]:
-    """Return the information of a result: its covariance inverted, and its yaw ratios."""
+    """Convert a result's covariance and its yaw ratios to information."""
     names = problem.mapped.names
     total = np.zeros((len(names), len(names)))
     rows: list[int] = []
@@ -321,7 +294,7 @@ def _information(
 
 
 def _planned_over_found(result: IdentificationResult, name: str, problem: Problem) -> float:
-    """Return a factor from the result's units of what rotors do to the plan's."""
+    """Return the plan's value of a rotor coefficient over the result's."""
     if name not in SHARED:
         return 1.0
     value = result.parameter(name).value
@@ -332,7 +305,7 @@ def _planned_over_found(result: IdentificationResult, name: str, problem: Proble
 def _ratio_information(
     result: IdentificationResult, configuration: str, problem: Problem
 ) -> Float[np.ndarray, "f f"]:
-    """Return what is known of k_d / Izz and J_r / Izz where they are not known apart."""
+    """Return the information of k_d / Izz and J_r / Izz where they are not known separately."""
     names, phi = problem.mapped.names, problem.phi
     total = np.zeros((len(names), len(names)))
     Izz = names.index(f"Izz@{BARE}")
@@ -349,7 +322,7 @@ def _ratio_information(
 
 
 def _inverse(covariance: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
-    """Return the inverse of a covariance whose correlations may be all but singular."""
+    """Invert a covariance whose correlations may be all but singular."""
     s = np.sqrt(np.diagonal(covariance))
     strengths, vectors = np.linalg.eigh(covariance / np.outer(s, s))
     strengths = np.maximum(strengths, 1e-9)
@@ -364,12 +337,3 @@ def _entry(
         if entry.name == name and entry.configuration in (None, configuration):
             return entry
     return None
-
-
-def _known(result: IdentificationResult, name: str, configuration: str) -> float | None:
-    entry = _entry(result, name, configuration)
-    return None if entry is None else entry.value
-
-
-def _settings(result: IdentificationResult) -> Mapping[str, Any]:
-    return result.settings

@@ -3,8 +3,8 @@
 Gusts are those under which the estimators were measured (0.1 N and 6, 6, 1.5 mN m at 3 Hz on a
 quadrotor of 1.285 kg with arms of 0.2 m), in parts of the weight and of weight times arm, so that
 they fit any size. Real flights: a 3-inch quadrotor in a hall 0.13 to 0.33 % of weight times arm in
-roll and pitch, 0.06 to 0.15 % in yaw; a Crazyflie by its commands 2 %, as much as motors that are
-3 % beside their commands.
+roll and pitch, 0.06 to 0.15 % in yaw; a Crazyflie by its commands 2 %, as much as motors that
+deviate by 3 % from their commands.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Assumptions:
     speed_noise
         Of a measured rotor speed at 200 Hz, as a share of the hover speed.
     speed_error
-        Of a commanded rotor speed: what the motor does beside its command, a first-order
+        Of a commanded rotor speed: the motor's deviation from its command, a first-order
         Gauss-Markov process of the gusts' corner, as a share of the hover speed.
     force, torque
         Gusts: each force [weights]; torques about x, y, z [weights times arm].
@@ -73,7 +73,7 @@ def disturbance_std(
 ) -> Float[np.ndarray, " 6"]:
     """Return the deviation of the disturbing force [N] and torque [N m]; body axes.
 
-    With commands the motors' own errors come in, each rotor's apart.
+    With commands the motors' errors come in, independent for each rotor.
     """
     weight = truth.mass * GRAVITY
     gusts = weight * np.array([*[assumed.force] * 3, *(vehicle.arm * np.array(assumed.torque))])

@@ -37,15 +37,6 @@ from rotorfit.planning.bound import (
     planned_problem,
     predicted,
 )
-from rotorfit.planning.candidate import (
-    Candidate,
-    PredictedNumber,
-    ScheduleName,
-    candidate_columns,
-    candidate_rows,
-    flight_words,
-    worst,
-)
 from rotorfit.planning.noise import Assumptions, assumptions_for
 from rotorfit.planning.vehicle import (
     GUESSABLE,
@@ -54,7 +45,17 @@ from rotorfit.planning.vehicle import (
     payload_pair,
     rough_vehicle,
 )
-from rotorfit.planning.wanted import WANTABLE, Wanted
+from rotorfit.planning.wanted import (
+    WANTABLE,
+    Candidate,
+    PredictedNumber,
+    ScheduleName,
+    Wanted,
+    candidate_columns,
+    candidate_rows,
+    candidate_title,
+    worst,
+)
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.verdicts import judge
@@ -62,7 +63,6 @@ from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre
 
 Speed = Literal["measured", "commanded"]
 Progress = Callable[[int, int], None]
-Flights = Mapping[tuple[Manoeuvre, str], FlightData]
 Pieces = Mapping[tuple[Manoeuvre, str], Evidence]
 
 SCHEDULES: Final[Mapping[ScheduleName, Mapping[Manoeuvre, float]]] = {
@@ -143,7 +143,7 @@ class Remedy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan:
-    """The answer: candidates, the one to fly, or what would help where none is good enough.
+    """Candidates, the one to fly, or what would help where none is good enough.
 
     Attributes
     ----------
@@ -213,12 +213,27 @@ class FlightPlan:
         return sheet_html(_sheet(self))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Study:
+    """What a plan is made from: the simulated flights, and what an earlier result knows."""
+
+    request: PlanRequest
+    problem: Problem
+    flights: Mapping[tuple[Manoeuvre, str], FlightData]
+    known: Knowledge | None
+
+    @property
+    def pieces(self) -> Pieces:
+        """Evidence of each flight; computed at each call."""
+        return {key: evidence(self.problem, data, key[1]) for key, data in self.flights.items()}
+
+
 def _sheet(plan: FlightPlan) -> Sheet:
     """Return what a plan shows of itself: what to fly, and what each candidate would give."""
-    answer = "enough is known already" if plan.enough else f"fly {flight_words(plan.chosen)}"
+    outcome = "enough is known already" if plan.enough else f"fly {candidate_title(plan.chosen)}"
     reached = plan.enough or plan.recommended is not None
     return Sheet(
-        heading=f"{plan.request.name}: {answer}"
+        heading=f"{plan.request.name}: {outcome}"
         + ("" if reached else "; it comes closest; no candidate reaches what is wanted"),
         columns=("flight", "enough", *plan.request.wanted.limits),
         rows=candidate_rows(plan.candidates, plan.request.wanted),
@@ -258,10 +273,30 @@ def plan(request: PlanRequest, *, progress: Progress | None = None) -> FlightPla
         commanded=request.speed == "commanded",
         timed=request.timed,
     )
-    flights = _flown(problem, (BARE, LOADED) if each > 0 else (BARE,), progress)
-    known = None if request.after is None else knowledge_of(request.after, problem)
-    used = pair if each > 0 else ()
-    return _answer(request, rough, (problem, flights, known), pair=used, assumed=assumed)
+    configurations = (BARE, LOADED) if each > 0 else (BARE,)
+    study = _Study(
+        request=request,
+        problem=problem,
+        flights=_flown(problem, configurations, progress),
+        known=None if request.after is None else knowledge_of(request.after, problem),
+    )
+    pieces, known = study.pieces, study.known
+    candidates = _candidates(study, pieces, request.seconds)
+    good = [c for c in candidates if c.meets]
+    shortest = min(good, key=lambda c: (*_effort(c), worst(c, request.wanted)), default=None)
+    enough = known is not None and request.wanted.met_by(known.half_widths, known.values)
+    return FlightPlan(
+        request=request,
+        rough=rough,
+        payload=pair if each > 0 else (),
+        assumed=assumed,
+        candidates=tuple(candidates),
+        recommended=shortest,
+        enough=enough,
+        best=min(candidates, key=lambda c: (worst(c, request.wanted), *_effort(c))),
+        remedies=() if shortest or enough else tuple(_remedies(study, pieces)),
+        missing=() if known is None else missing_numbers(problem, pieces, known),
+    )
 
 
 def _payload_mass(request: PlanRequest) -> float:
@@ -277,41 +312,12 @@ def _payload_mass(request: PlanRequest) -> float:
 
 
 def _known(request: PlanRequest) -> dict[str, float]:
-    """Return rough values: those of an earlier result, the user's before them."""
+    """Collect rough values: those of an earlier result, the user's before them."""
     earlier: dict[str, float] = {}
     if request.after is not None:
         result_mass(request.after, request.mass)  # refused before anything is flown
         earlier = values_of(request.after, request.vehicle)
     return {**{k: v for k, v in earlier.items() if k in GUESSABLE}, **request.known}
-
-
-def _answer(
-    request: PlanRequest,
-    rough: RoughVehicle,
-    flown: tuple[Problem, Flights, Knowledge | None],
-    *,
-    pair: tuple[PointMass, ...],
-    assumed: Assumptions,
-) -> FlightPlan:
-    problem, flights, known = flown
-    pieces = _pieces(problem, flights)
-    candidates = _candidates(request, problem, pieces, known, request.seconds)
-    good = [c for c in candidates if c.meets]
-    shortest = min(good, key=lambda c: (*_effort(c), worst(c, request.wanted)), default=None)
-    best = min(candidates, key=lambda c: (worst(c, request.wanted), *_effort(c)))
-    enough = known is not None and request.wanted.met_by(known.half_widths, known.values)
-    return FlightPlan(
-        request=request,
-        rough=rough,
-        payload=pair,
-        assumed=assumed,
-        candidates=tuple(candidates),
-        recommended=shortest,
-        enough=enough,
-        best=best,
-        remedies=() if shortest or enough else tuple(_remedies(request, flown, pieces)),
-        missing=() if known is None else missing_numbers(problem, pieces, known),
-    )
 
 
 def _effort(candidate: Candidate) -> tuple[float, bool]:
@@ -321,7 +327,7 @@ def _effort(candidate: Candidate) -> tuple[float, bool]:
 def _flown(
     problem: Problem, configurations: tuple[str, ...], progress: Progress | None
 ) -> dict[tuple[Manoeuvre, str], FlightData]:
-    """Return every manoeuvre of every schedule, flown once."""
+    """Simulate every manoeuvre of every schedule once."""
     wanted: list[tuple[Manoeuvre, str]] = [
         (manoeuvre, configuration)
         for manoeuvre in MANOEUVRES
@@ -336,21 +342,11 @@ def _flown(
     return flights
 
 
-def _pieces(problem: Problem, flights: Flights) -> dict[tuple[Manoeuvre, str], Evidence]:
-    return {key: evidence(problem, data, key[1]) for key, data in flights.items()}
-
-
-def _candidates(
-    request: PlanRequest,
-    problem: Problem,
-    pieces: Pieces,
-    known: Knowledge | None,
-    lengths: tuple[float, ...],
-) -> list[Candidate]:
-    """Return every schedule for every length, bare and with a payload."""
+def _candidates(study: _Study, pieces: Pieces, lengths: tuple[float, ...]) -> list[Candidate]:
+    """Predict every schedule for every length, bare and with a payload."""
     payloads = (False, True) if any(c == LOADED for _, c in pieces) else (False,)
     return [
-        _candidate(request, problem, pieces, known, plan_of=(schedule, seconds, payload))
+        _candidate(study, pieces, schedule, seconds=seconds, payload=payload)
         for payload in payloads
         for schedule in SCHEDULES
         for seconds in lengths
@@ -359,14 +355,9 @@ def _candidates(
 
 
 def _candidate(
-    request: PlanRequest,
-    problem: Problem,
-    pieces: Pieces,
-    known: Knowledge | None,
-    *,
-    plan_of: tuple[ScheduleName, float, bool],
+    study: _Study, pieces: Pieces, schedule: ScheduleName, *, seconds: float, payload: bool
 ) -> Candidate:
-    schedule, seconds, payload = plan_of
+    """Predict one way to fly; no number is wider than the earlier result has it."""
     flown = combined(
         [
             (pieces[manoeuvre, configuration], share * seconds)
@@ -374,9 +365,10 @@ def _candidate(
             for configuration in ((BARE, LOADED) if payload else (BARE,))
         ]
     )
-    numbers = predicted(problem, flown, None if known is None else known.information)
+    known = study.known
+    numbers = predicted(study.problem, flown, None if known is None else known.information)
     half = numbers.half_width if known is None else known.narrowed(numbers)
-    shown = _shown(problem, dataclasses.replace(numbers, half_width=half))
+    shown = _shown(study.problem, dataclasses.replace(numbers, half_width=half))
     half_widths = {name: number.half_width for name, number in shown.items()}
     values = {name: number.value for name, number in shown.items()}
     return Candidate(
@@ -384,7 +376,7 @@ def _candidate(
         seconds=seconds,
         payload=payload,
         numbers=shown,
-        meets=request.wanted.met_by(half_widths, values),
+        meets=study.request.wanted.met_by(half_widths, values),
     )
 
 
@@ -400,20 +392,16 @@ def _shown(problem: Problem, numbers: Numbers) -> dict[str, PredictedNumber]:
     return shown
 
 
-def _remedies(
-    request: PlanRequest, flown: tuple[Problem, Flights, Knowledge | None], pieces: Pieces
-) -> list[Remedy]:
-    """Return what would reach what is wanted: measured rotor speed, or longer flights."""
-    problem, flights, known = flown
-    longest = max(request.seconds)
+def _remedies(study: _Study, pieces: Pieces) -> list[Remedy]:
+    """Find what would reach what is wanted: measured rotor speed, or longer flights."""
+    seconds = study.request.seconds
     found: list[Remedy] = []
-    if problem.commanded:
-        measured = dataclasses.replace(problem, commanded=False)
-        better = _pieces(measured, flights)
-        candidates = _candidates(request, measured, better, known, request.seconds)
-        found += _first(candidates, "measured-speed")
+    if study.problem.commanded:
+        problem = dataclasses.replace(study.problem, commanded=False)
+        measured = dataclasses.replace(study, problem=problem)
+        found += _first(_candidates(measured, measured.pieces, seconds), "measured-speed")
     for times in LONGER:
-        candidates = _candidates(request, problem, pieces, known, (times * longest,))
+        candidates = _candidates(study, pieces, (times * max(seconds),))
         if longer := _first(candidates, "longer"):
             return [*found, *longer]
     return found

@@ -57,17 +57,7 @@ GUESSABLE: Final = ("Ixx", "Iyy", "Izz", "hover_speed", "kd_over_kt", "Jr", "mot
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoughVehicle:
-    """A vehicle as far as it is known before it is identified.
-
-    Attributes
-    ----------
-    truth
-        What it is taken to be.
-    vehicle
-        Its geometry.
-    guessed
-        The names of `GUESSABLE` that the geometry had to give.
-    """
+    """A vehicle as assumed before it is identified; the geometry gave what is in `guessed`."""
 
     truth: Truth
     vehicle: Vehicle
@@ -77,21 +67,9 @@ class RoughVehicle:
 def rough_vehicle(
     vehicle: Vehicle, *, mass: float, known: Mapping[str, float] | None = None
 ) -> RoughVehicle:
-    """Return the vehicle with everything unknown guessed.
+    """Guess what is not known of a vehicle, by the names of `GUESSABLE`, SI.
 
-    Parameters
-    ----------
-    vehicle
-        Where the rotors are.
-    mass
-        As it flies [kg].
-    known
-        By the names of `GUESSABLE`, SI.
-
-    Raises
-    ------
-    ExperimentError
-        If mass or arm cannot be right, or the rotors cannot steer the vehicle.
+    Raises `ExperimentError` where mass or arm cannot be right, or the rotors cannot steer it.
     """
     known = known or {}
     _check_size(vehicle, mass)
@@ -120,7 +98,7 @@ def rough_vehicle(
 
 
 def check_rotors(vehicle: Vehicle) -> None:
-    """Raise where the rotors are none that a plan can be made for."""
+    """Raise where no plan can be made for the rotors: coaxial ones, or too few to steer."""
     arm = max(vehicle.arm, 1e-9)
     if _nearest(vehicle) < COAXIAL * arm:
         raise ExperimentError(
@@ -139,24 +117,17 @@ def check_rotors(vehicle: Vehicle) -> None:
 
 
 def payload_pair(vehicle: Vehicle, mass: float, *, mass_std: float) -> tuple[PointMass, PointMass]:
-    """Return two equal masses at opposite ends of one arm, with the tolerances of a careful hand.
+    """Place two equal masses at opposite ends of one arm, with the tolerances of a careful hand.
 
     Under the rotors that are furthest from each other: that keeps the CoM where it is and changes
     the inertia most.
-
-    Parameters
-    ----------
-    vehicle
-        The geometry.
-    mass, mass_std
-        Of each, and how well it is weighed [kg].
     """
     places = vehicle.positions
     distances: Float[np.ndarray, "N N"] = np.hypot(
         places[:, None, 0] - places[None, :, 0], places[:, None, 1] - places[None, :, 1]
     )
     first, second = divmod(int(np.argmax(np.round(distances, 9))), len(places))
-    one, other = (
+    front, back = (
         PointMass(
             mass=mass,
             position=vehicle.rotors[int(i)].position,
@@ -165,7 +136,7 @@ def payload_pair(vehicle: Vehicle, mass: float, *, mass_std: float) -> tuple[Poi
         )
         for i in (first, second)
     )
-    return one, other
+    return front, back
 
 
 def payload_rotors(vehicle: Vehicle, payload: tuple[PointMass, ...]) -> tuple[int, ...]:
@@ -175,14 +146,14 @@ def payload_rotors(vehicle: Vehicle, payload: tuple[PointMass, ...]) -> tuple[in
 
 
 def default_payload(mass: float) -> float:
-    """Return a handy mass for each of the two [kg]: a twentieth of the vehicle, two digits."""
+    """Suggest a mass for each of the two [kg]: a twentieth of the vehicle, two digits."""
     wanted = PAYLOAD_SHARE * mass
     step = 10.0 ** math.floor(math.log10(wanted)) / 2.0
     return round(round(wanted / step) * step, 6)
 
 
 def loaded(truth: Truth, payload: tuple[PointMass, ...]) -> Truth:
-    """Return the vehicle with its payload."""
+    """Add the payload to a vehicle."""
     for item in payload:
         truth = with_payload(truth, mass=item.mass, position=item.position)
     return truth
@@ -216,7 +187,7 @@ def _check_known(known: Mapping[str, float]) -> None:
 
 
 def _inertia(mass: float, arm: float, known: Mapping[str, float]) -> dict[str, float]:
-    """Return the guessed inertia about the CoM, in proportion to what of it is known [kg m^2]."""
+    """Guess the inertia about the CoM, in proportion to its known elements [kg m^2]."""
     guess = {name: share * mass * arm**2 for name, share in RADII_SQUARED.items()}
     found = [known[name] / guess[name] for name in guess if name in known]
     factor = float(np.mean(found)) if found else 1.0

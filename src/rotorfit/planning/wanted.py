@@ -1,11 +1,12 @@
-"""What accuracy is wanted: the largest half of the 95 % interval of each number."""
+"""What accuracy is wanted of each number, and what one way to fly gives of it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, Literal
 
 from rotorfit.errors import ExperimentError
+from rotorfit.results.result import Verdict
 
 WANTABLE: Final[Mapping[str, str]] = {
     **{name: name for name in ("kt", "kd", "Jr")},
@@ -17,6 +18,7 @@ IN_MM: Final = ("com_x", "com_y", "com_z")
 """Wanted in millimetres; everything else in percent."""
 USUAL: Final = ("kt", "kd", "Ixx", "Iyy", "Izz")
 """What a single percentage is wanted of."""
+ScheduleName = Literal["hover", "axes", "sticks", "doublets", "wiggles", "turns", "mixed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,3 +88,71 @@ def _limit(text: str, name: str) -> float:
     if not (math.isfinite(limit) and limit > 0):
         raise ExperimentError(f"{name} {text!r} is no accuracy; give a number over 0, such as 5")
     return limit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictedNumber:
+    """One number as `identify` would give it: half of its 95 % interval, SI, and its verdict."""
+
+    name: str
+    value: float
+    half_width: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One way to fly, for some seconds each flight, and the numbers by the names of `WANTABLE`.
+
+    With a `payload` it is flown bare and again with the payload; `meets`: all that is wanted.
+    """
+
+    schedule: ScheduleName
+    seconds: float
+    payload: bool
+    numbers: Mapping[str, PredictedNumber]
+    meets: bool
+
+    @property
+    def total_seconds(self) -> float:
+        """Of all its flights together [s]."""
+        return self.seconds * (2.0 if self.payload else 1.0)
+
+
+def worst(candidate: Candidate, wanted: Wanted) -> float:
+    """Return the largest half-width in parts of what is wanted."""
+    numbers = candidate.numbers.values()
+    return wanted.worst({n.name: n.half_width for n in numbers}, {n.name: n.value for n in numbers})
+
+
+def candidate_rows(candidates: Sequence[Candidate], wanted: Wanted) -> list[tuple[str, ...]]:
+    """Format candidates as rows, nearest to what is wanted first."""
+    return [
+        (
+            candidate_title(c),
+            "yes" if c.meets else "no",
+            *(
+                f"{shown_width(name, n.half_width, n.value):.2g}" if n and n.value else "-"
+                for name in wanted.limits
+                for n in [c.numbers.get(name)]
+            ),
+        )
+        for c in sorted(candidates, key=lambda c: worst(c, wanted))
+    ]
+
+
+def candidate_columns(candidates: Sequence[Candidate]) -> dict[str, list[Any]]:
+    """Tabulate candidates: what is flown, and half of the interval of each number, SI."""
+    names = list(dict.fromkeys(name for c in candidates for name in c.numbers))
+    fields = ("schedule", "seconds", "payload", "total_seconds", "meets")
+    columns: dict[str, list[Any]] = {f: [getattr(c, f) for c in candidates] for f in fields}
+    for name in names:
+        found = [c.numbers.get(name) for c in candidates]
+        columns[name] = [None if n is None else n.half_width for n in found]
+    return columns
+
+
+def candidate_title(candidate: Candidate) -> str:
+    """Say what is flown."""
+    twice = ", bare and with payload" if candidate.payload else ""
+    return f"{candidate.schedule} {candidate.seconds:g} s{twice}"

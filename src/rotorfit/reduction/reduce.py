@@ -360,9 +360,7 @@ def _with_slopes(factors: Factors, layout: SignalLayout, count: int) -> Factors:
     return replace(factors, R=factors.R[:, :z, :z], slopes=rows)
 
 
-def line_rows(
-    lines: Complex[np.ndarray, "l z"], first: int, last: int
-) -> Float[np.ndarray, "m z"]:
+def line_rows(lines: Complex[np.ndarray, "l z"], first: int, last: int) -> Float[np.ndarray, "m z"]:
     """Stack real and imaginary parts of lines as rows that carry the same noise.
 
     The mean is real, and its one row would have the variance of two.

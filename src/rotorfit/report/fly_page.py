@@ -12,8 +12,14 @@ from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.fly_text import force_rows, headline, manoeuvre_summary, rate_rows, verdicts
 from rotorfit.report.pages import render_page, template_text, write_drawings
 from rotorfit.report.svg import drawing, label, labelled_ticks, standalone, tag
-from rotorfit.validation.fly_outcome import AXES, IDENTIFIED, FlyOutcome, told_times
-from rotorfit.validation.model_flight import MANOEUVRES, Manoeuvre
+from rotorfit.validation.fly_outcome import (
+    AXES,
+    IDENTIFIED,
+    MANOEUVRES,
+    FlyOutcome,
+    Manoeuvre,
+    reported_times,
+)
 from rotorfit.validation.replay import (
     HOLD,
     NORMAL_95,
@@ -67,7 +73,7 @@ def fly_html(outcome: FlyOutcome) -> str:
         *("page", "figure", "fly", "dark"),
         outcome=outcome,
         headline=headline(outcome),
-        times=told_times(outcome),
+        times=reported_times(outcome),
         axes=AXES,
         rates=rate_rows(outcome),
         forces=force_rows(outcome),

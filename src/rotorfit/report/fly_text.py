@@ -9,24 +9,22 @@ from rotorfit.validation.fly_outcome import (
     AXES,
     GOOD_SHARE,
     STEADY,
-    FlyOutcome,
-    band,
-    horizon,
-    manoeuvre_of,
-    rate_errors,
-    ratio_to,
-    steady_share,
-    told_times,
-)
-from rotorfit.validation.model_flight import (
     STEP,
     STEPS,
+    FlyOutcome,
     Manoeuvre,
     ModelFlight,
+    band,
     departure,
+    horizon,
     is_lost,
+    manoeuvre_of,
     overshoot,
+    rate_errors,
+    ratio_to,
+    reported_times,
     settling_time,
+    steady_share,
 )
 from rotorfit.validation.replay import HOLD, force_errors
 
@@ -45,7 +43,7 @@ def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
         "Replay: rms error of the rates [rad/s], this long after the start of a window",
     ]
     column = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
-    times = told_times(outcome)
+    times = reported_times(outcome)
     lines.append(f"  {'':<{column}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
     lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
     lines += [f"  {label:<{column}}" + _numbers(row) for label, row in rate_rows(outcome)]
@@ -101,7 +99,7 @@ def headline(outcome: FlyOutcome) -> str:
 
 def rate_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
     """Tabulate the errors of the rates: each label, then the rate held, then the band."""
-    times = told_times(outcome)
+    times = reported_times(outcome)
     rows = [
         (label, [x for t in times for x in rate_errors(outcome, label, t).tolist()])
         for label in (*outcome.labels, HOLD)
@@ -119,7 +117,7 @@ def force_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
 
 def verdicts(outcome: FlyOutcome) -> list[str]:
     """Compare the identified parameters with the others at the end of a window."""
-    end = told_times(outcome)[-1]
+    end = reported_times(outcome)[-1]
     return [
         f"against {label}, after {end:.3g} s: "
         + ", ".join(
@@ -132,7 +130,7 @@ def verdicts(outcome: FlyOutcome) -> list[str]:
 
 def meaning(outcome: FlyOutcome) -> list[str]:
     """Explain what the errors mean for who uses the model."""
-    end = told_times(outcome)[-1]
+    end = reported_times(outcome)[-1]
     seconds, steady = horizon(outcome, GOOD_SHARE).tolist(), steady_share(outcome).tolist()
     held = ratio_to(outcome, HOLD, end).tolist()
     good = [f"{axis} {t:.2g} s" for axis, t in zip(AXES, seconds, strict=True)]

@@ -10,17 +10,17 @@ import numpy as np
 
 from rotorfit.formatting.series import Series
 from rotorfit.inspection.inspect_log import LogReport
-from rotorfit.inspection.pictures import LogPictures
-from rotorfit.inspection.spectra import RotorBand, Spectrum, ordinal
-from rotorfit.inspection.time_picture import (
+from rotorfit.inspection.pictures import (
     LEVELS,
     THRUST_LEVELS,
     TURN_LEVELS,
     Activity,
+    LogPictures,
     Mark,
     TimePicture,
     Trace,
 )
+from rotorfit.inspection.spectra import RotorBand, Spectrum, ordinal
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.firmware import Filter
 from rotorfit.report.chart import (

@@ -9,13 +9,17 @@ from rotorfit.dataset.checks.gravity import GravitySeen
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
 from rotorfit.inspection.frequency_sweep import AXES, Sweep
 from rotorfit.inspection.inspect_log import LogReport
-from rotorfit.inspection.motor_lateness import LATEST, SEARCHED
 from rotorfit.inspection.prospects import Excitation, Prospects, Thrust
-from rotorfit.inspection.recording import ChannelReport
+from rotorfit.inspection.recording import LATEST, SEARCHED, ChannelReport
 from rotorfit.inspection.settings import settings_file
 from rotorfit.inspection.spectra import Spectrum
 from rotorfit.preprocessing.motors.rotor_telemetry import Telemetry
 
+JSON_KEYS: Final = (
+    *("file", "format", "log", "seconds", "channels", "airborne", "vibration", "sweeps"),
+    *("motor_lateness", "telemetry", "gravity", "prospects", "verdicts", "not_judged"),
+    *("filters", "trouble", "settings", "notes", "metadata"),
+)
 MOST_SPANS: Final = 6
 SLOWED: Final = 0.8
 """True over recorded rate below which it is said."""
@@ -38,8 +42,8 @@ WIDTH: Final = 100
 
 def plain(report: LogReport) -> dict[str, Any]:
     """Convert a report to what JSON can hold."""
-    found = asdict(replace(report, pictures=None))
-    del found["pictures"]
+    fields = asdict(replace(report, pictures=None, findings=()))
+    found = {name: fields.get(name, getattr(report, name)) for name in JSON_KEYS}
     found["peaks"] = {s.channel: [asdict(p) for p in s.peaks] for s in _spectra(report)}
     for setting in found["settings"]:
         setting["asked_by"] = sorted(setting["asked_by"])

@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rotorfit.planning.candidate import Candidate, ScheduleName
 from rotorfit.planning.plan import SCHEDULES, FlightPlan
 from rotorfit.planning.vehicle import payload_rotors
-from rotorfit.planning.wanted import IN_MM, WANTABLE, shown_width
+from rotorfit.planning.wanted import IN_MM, WANTABLE, Candidate, ScheduleName, shown_width
 from rotorfit.simulation.pilot import MANOEUVRES, Manoeuvre, Stick
 
 WIDTH = 100

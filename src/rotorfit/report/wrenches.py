@@ -221,7 +221,7 @@ def excitation_chart(found: WrenchSpectra) -> Chart:
     time = np.log10(found.frequency)
     level = np.full(len(time), 1.0)
     coherence = {f"{n} coherence": v for n, v in found.coherence.items()} | {
-        CHANCE: found.by_chance * level
+        CHANCE: found.random_level * level
     }
     ratio = {f"{n} ratio": v for n, v in found.ratio.items()} | {EQUAL: level}
     gap = 2.0 * float(np.diff(time).max())
@@ -275,7 +275,7 @@ def _component_sentence(found: WrenchSpectra, name: str) -> str:
         f"the rotors give up to {ratio[best]:.2g} times what is left, at "
         f"{found.frequency[best]:.2g} Hz"
     )
-    good = (coherence >= max(COHERENT, found.by_chance)) & (ratio > 1.0)
+    good = (coherence >= max(COHERENT, found.random_level)) & (ratio > 1.0)
     if not good.any():
         return (
             f"{axis}: nowhere excited well; the coherence is up to {coherence.max():.2f}, and "

@@ -4,20 +4,11 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.validation.model_flight import (
-    STEPS,
-    Manoeuvre,
-    ModelFlight,
-    departure,
-    is_lost,
-    overshoot,
-    settling_time,
-)
 from rotorfit.validation.replay import (
     HOLD,
     Replay,
@@ -27,11 +18,21 @@ from rotorfit.validation.replay import (
     growth_time,
 )
 
+Manoeuvre = Literal["hover", "roll", "pitch", "yaw rate"]
+MANOEUVRES: Final[tuple[Manoeuvre, ...]] = ("hover", "roll", "pitch", "yaw rate")
+STEPS: Final[tuple[Manoeuvre, ...]] = MANOEUVRES[1:]
+BEFORE: Final = 0.25
+"""Level flight before a step [s]."""
+STEP: Final = {"roll": 0.25, "pitch": 0.25, "yaw rate": 0.5}
+"""Sizes of the steps [rad, rad, rad/s]."""
+LOST: Final = 1.2
+"""Tilt beyond which a vehicle counts as lost [rad]."""
+WITHIN: Final = 0.1
+"""Share of the step about its end: then it is settled."""
 IDENTIFIED: Final = "identified"
 AXES: Final = ("roll", "pitch", "yaw")
 EARLY: Final = 0.1
-"""Beside the end of a window, the time at which errors are told [s]."""
-
+"""The time, besides the end of a window, at which errors are reported [s]."""
 GOOD_SHARE: Final = 0.2
 """Of the flown rates, within which a prediction is called good."""
 STEADY: Final = 0.7
@@ -39,26 +40,61 @@ STEADY: Final = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ModelFlight:
+    """One manoeuvre: height above the start [m], angle [rad] or yaw rate [rad/s] over time [s].
+
+    `tilt` is the angle of the body's z axis to the vertical [rad].
+    """
+
+    manoeuvre: Manoeuvre
+    time: Float[np.ndarray, " n"]
+    asked: Float[np.ndarray, " n"]
+    flown: Float[np.ndarray, " n"]
+    tilt: Float[np.ndarray, " n"]
+
+
+def is_lost(flight: ModelFlight) -> bool:
+    """Return whether the vehicle turned over, or flew no number any more."""
+    return not np.isfinite(flight.flown).all() or float(flight.tilt.max()) > LOST
+
+
+def departure(flight: ModelFlight) -> float:
+    """Return how far the height got from what was asked of it in hover [m]."""
+    return float(np.abs(flight.flown - flight.asked).max())
+
+
+def overshoot(flight: ModelFlight) -> float:
+    """Return how far a step went beyond what was asked, as a share of it."""
+    return max(float(flight.flown.max()) / float(flight.asked[-1]) - 1.0, 0.0)
+
+
+def settling_time(flight: ModelFlight) -> float | None:
+    """Return the time from a step until it stays within a tenth of what was asked [s].
+
+    None where it does not within the time flown.
+    """
+    away = np.abs(flight.flown - flight.asked) > WITHIN * abs(float(flight.asked[-1]))
+    last = int(np.flatnonzero(away)[-1]) if away.any() else 0
+    if last + 1 >= len(away):
+        return None
+    return float(flight.time[last + 1]) - BEFORE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FlyOutcome:
-    """Everything that was flown with one configuration.
+    """Everything that was flown with one configuration of a result.
 
     Attributes
     ----------
-    name, configuration
-        Of the result.
     seconds
         Length of a window [s].
     draws
         From the covariance of the result, which make the band.
     labels
-        Whose parameters: ``identified``, then those that stand beside.
-    replays
-        One for each flight.
+        Whose parameters: ``identified``, then the others.
     manoeuvres
         By label: the identified model, flown by an autopilot tuned to those parameters; empty
         where there is no MuJoCo.
-    notes
-        What was assumed, and what to know.
     """
 
     name: str
@@ -80,8 +116,8 @@ class FlyOutcome:
         return json.dumps(_plain(self), indent=1, allow_nan=False) + "\n"
 
 
-def told_times(outcome: FlyOutcome) -> tuple[float, ...]:
-    """Return the times after the start of a window at which errors are told [s]."""
+def reported_times(outcome: FlyOutcome) -> tuple[float, ...]:
+    """Return the times after the start of a window at which errors are reported [s]."""
     end = float(growth_time(outcome.replays)[-1])
     return (EARLY, end) if end > 2.0 * EARLY else (end,)
 
@@ -103,7 +139,7 @@ def _at(
 
 
 def ratio_to(outcome: FlyOutcome, label: str, time: float) -> Float[np.ndarray, " 3"]:
-    """Return the error of the identified parameters over that of others, per axis."""
+    """Return the error of the identified parameters over that of other ones, per axis."""
     other = np.maximum(rate_errors(outcome, label, time), np.finfo(float).tiny)
     return rate_errors(outcome, IDENTIFIED, time) / other
 
@@ -114,15 +150,7 @@ def manoeuvre_of(outcome: FlyOutcome, label: str, name: Manoeuvre) -> ModelFligh
 
 
 def horizon(outcome: FlyOutcome, share: float) -> Float[np.ndarray, " 3"]:
-    """Return how long the rates are predicted to within a share of what was flown, per axis [s].
-
-    Parameters
-    ----------
-    outcome
-        With replays.
-    share
-        Of the flown rates' root mean square.
-    """
+    """Return how long the rates are predicted to within a share of what was flown, per axis [s]."""
     flown = np.concatenate([replay.rates.reshape(-1, 3) for replay in outcome.replays])
     limit = share * np.sqrt((flown**2).mean(axis=0))
     time = growth_time(outcome.replays)
@@ -162,7 +190,7 @@ def _plain(outcome: FlyOutcome) -> dict[str, Any]:
                     label: _by_axis(ratio_to(outcome, label, time)) for label in compared[1:]
                 },
             }
-            for time in told_times(outcome)
+            for time in reported_times(outcome)
         ],
         "open_loop_seconds": _by_axis(horizon(outcome, GOOD_SHARE)),
         "steady_share": _by_axis(steady_share(outcome)),

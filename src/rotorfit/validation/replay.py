@@ -17,17 +17,29 @@ What was flown is smoothed without delay (30 Hz) before windows start from it an
 it: the gyro's noise at one instant would else be carried through the whole window.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.errors import FlightError
+from rotorfit.dataset.dataset import LoadedFlight, load_flight
+from rotorfit.errors import ExperimentError, FlightError, LogError
+from rotorfit.experiment.experiment import (
+    Experiment,
+    FlightEntry,
+    experiment_of_settings,
+    named_flight,
+)
 from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.signals import smooth
+from rotorfit.reduction.frequency_bands import retimed
+from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.replay_vehicle import ReplayVehicle
+from rotorfit.validation.validate import fitted_flights
 
 WINDOW: Final = 0.5
 """[s] Long enough for an error of inertia to show, too short for rates to drift out of hand."""
@@ -46,12 +58,8 @@ class Predicted:
 
     Attributes
     ----------
-    label
-        Whose parameters.
-    rates
-        At each instant [rad/s].
-    rates_std
-        Of the draws from the parameters' covariance; zeros without draws [rad/s].
+    rates, rates_std
+        At each instant, and the deviation of the draws; zeros without draws [rad/s].
     force
         Specific force at the accelerometer, means over blocks [m/s^2].
     """
@@ -68,16 +76,12 @@ class Replay:
 
     Attributes
     ----------
-    flight, sha256, configuration
-        Which.
     time
         Since the log's first sample [s].
     block
         Duration of a block of the accelerations [s].
-    rates
-        As flown, smoothed [rad/s].
-    force
-        As flown, means over blocks [m/s^2].
+    rates, force
+        As flown, smoothed [rad/s], and means over blocks [m/s^2].
     predicted
         The first one is the result's.
     """
@@ -153,7 +157,7 @@ def replay(
 
 
 def window_starts(data: FlightData, steps: int) -> Int[np.ndarray, " K"]:
-    """Return where windows begin: end to end through each airborne stretch, evenly thinned."""
+    """Place windows end to end through each airborne stretch, evenly thinned."""
     starts = np.concatenate(
         [np.arange(s.start, s.stop - steps, steps) for s in data.segments]
         or [np.zeros(0, dtype=np.int64)]
@@ -171,7 +175,7 @@ def _smoothed(data: FlightData, values: Float[np.ndarray, "n 3"]) -> Float[np.nd
 
 
 def _blocks(values: Float[np.ndarray, "K S 3"], size: int) -> Float[np.ndarray, "K B 3"]:
-    """Return means over consecutive samples; what is left over at the end is dropped."""
+    """Average consecutive samples; an incomplete block at the end is dropped."""
     count = max((values.shape[1] - 1) // size, 1)
     return values[:, : count * size].reshape(len(values), count, -1, 3).mean(axis=2)
 
@@ -211,7 +215,7 @@ def _acceleration(
     speed: Float[np.ndarray, "K N"],
     slope: Float[np.ndarray, "K N"],
 ) -> Float[np.ndarray, "E K 3"]:
-    """Return the angular acceleration of the first E vehicles: Euler's equation about the CoM."""
+    """Compute the angular acceleration of the first E vehicles: Euler's equation about the CoM."""
     first = slice(0, len(w))
     torque = speed**2 @ vehicle.torque[first] - slope @ vehicle.spin[first]
     torque += speed @ vehicle.speed_torque[first] + vehicle.offset[first, None]
@@ -243,7 +247,7 @@ def _force(
     dw: Float[np.ndarray, "K 3"],
     speed: Float[np.ndarray, "K N"],
 ) -> Float[np.ndarray, "K 3"]:
-    """Return what the accelerometer of the first vehicle reads [m/s^2]."""
+    """Predict the accelerometer of the first vehicle [m/s^2]."""
     place = vehicle.imu - vehicle.com[0]
     at_com = speed**2 @ vehicle.thrust[0] / vehicle.mass[0]
     lever = np.cross(dw, place) + np.cross(w, np.cross(w, place))
@@ -253,7 +257,7 @@ def _force(
 def error_growth(replays: Sequence[Replay], label: str) -> Float[np.ndarray, "S 3"]:
     """Return the rms error of the rates over all windows, by the time since their start [rad/s].
 
-    Of `HOLD`: the error of one who says that the rates stay as they are.
+    Of `HOLD`: the error of the prediction of constant rates.
     """
     return _rms([_rates(r, label) - r.rates for r in replays])
 
@@ -273,7 +277,7 @@ def force_errors(replays: Sequence[Replay], label: str) -> Float[np.ndarray, " 3
 
 
 def _rms(errors: Sequence[Float[np.ndarray, "_ _ 3"]]) -> Float[np.ndarray, "S 3"]:
-    """Return the root mean square over windows; faster logs are thinned to the slowest."""
+    """Return the root mean square over windows; faster logs are thinned evenly to the slowest."""
     least = min(e.shape[1] for e in errors)
     thinned = [e[:, _spread(e.shape[1], least)] for e in errors]
     return np.sqrt(np.mean(np.concatenate(thinned) ** 2, axis=0))
@@ -298,3 +302,85 @@ def growth_time(replays: Sequence[Replay]) -> Float[np.ndarray, " S"]:
     """Return the time since the start of a window that belongs to `error_growth` [s]."""
     least = min(replays, key=lambda r: r.time.shape[1])
     return np.linspace(0.0, float(least.time[0, -1] - least.time[0, 0]), least.time.shape[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timed:
+    """A vehicle (and draws of it), and its motors' timing; None leaves flights as prepared."""
+
+    vehicle: ReplayVehicle
+    response: MotorResponse | None
+
+
+def replay_flights(
+    result: IdentificationResult,
+    owner: str,
+    vehicles: Mapping[str, Timed],
+    *,
+    others: Sequence[Path] = (),
+    log_number: int | None = None,
+    seconds: float = WINDOW,
+    tell: Callable[[str], None] | None = None,
+) -> list[Replay]:
+    """Replay a configuration's flights, of the fit and kept apart, or other logs in their place.
+
+    `vehicles` by label, each with the timing of the motors found with it. Raises `ExperimentError`
+    where a flight of the result is gone, or has changed since the fit; `LogError`, `FlightError` or
+    `FrameError` where a log cannot be used.
+    """
+    experiment = experiment_of_settings(result.settings)
+    entries = [named_flight(path, log_number=log_number) for path in others]
+    replays: list[Replay] = []
+    for entry in entries or _flights_of(experiment, owner):
+        if tell is not None:
+            tell(f"replaying {Path(entry.file).name}")
+        used = load_flight(entry, experiment) if entries else _unchanged(result, experiment, entry)
+        replays.append(
+            replay(
+                used.prepared.data,
+                {
+                    label: Entrant(
+                        vehicle=timed.vehicle,
+                        rotor_speed=retimed(used.prepared, timed.response).rotor_speed,
+                    )
+                    for label, timed in vehicles.items()
+                },
+                flight=Path(entry.file).name,
+                sha256=used.log.sha256,
+                configuration=owner,
+                seconds=seconds,
+            )
+        )
+    return replays
+
+
+def _flights_of(experiment: Experiment, owner: str) -> list[FlightEntry]:
+    return [
+        entry
+        for configuration in experiment.configuration
+        if configuration.name == owner
+        for entry in (*configuration.flights, *configuration.validation)
+    ]
+
+
+def _unchanged(
+    result: IdentificationResult, experiment: Experiment, entry: FlightEntry
+) -> LoadedFlight:
+    """Load a flight of the result; refuse it where it has changed since the fit."""
+    name = Path(entry.file).name
+    if not Path(entry.file).exists():
+        raise ExperimentError(
+            f"the result's flight {name} is no longer where it was ({entry.file}); say where it "
+            f"is now (--flight PATH/{name}), or give another flight of this vehicle"
+        )
+    try:
+        used = load_flight(entry, experiment)
+    except LogError as error:
+        raise LogError(f"{error}; or give another flight of this vehicle (--flight LOG)") from error
+    seen = {fitted.file: record.sha256 for _, fitted, record in fitted_flights(result)}
+    if used.log.sha256 != seen.get(entry.file, used.log.sha256):
+        raise ExperimentError(
+            f"{name} has changed since the fit (its SHA-256 is another); identify again, or replay "
+            f"it all the same (--flight {name})"
+        )
+    return used

@@ -1,4 +1,4 @@
-"""From a result to the vehicle that a replay flies, and to draws of it within its intervals."""
+"""From a result to the vehicle of a replay, and to draws of it within its intervals."""
 
 import re
 from collections.abc import Mapping
@@ -75,31 +75,16 @@ def replay_vehicle(
     draws: int = 0,
     seed: int = 0,
 ) -> ReplayVehicle:
-    """Return the vehicle of a configuration, and draws of it from the result's covariance.
+    """Build the vehicle of a configuration, and draws of it from the result's covariance.
 
-    Parameters
-    ----------
-    result
-        The result; numbers that it does not have, and that a flight cannot do without, must be
-        among the assumed ones.
-    owner
-        One of its configurations.
-    assumed
-        Numbers by name, SI, in place of the result's; inertia and CoM as ``Ixx_com``, ``com_x``,
-        or at the origin as ``Ixx``. A ``kt`` is that of all rotors.
-    draws
-        How many beside the nominal one. Those that are no body (inertia that is not positive,
-        thrust that pulls down) are left out.
-    seed
-        Of the draws.
-
-    Raises
-    ------
-    ExperimentError
-        If a needed number is neither known nor assumed, or no body has such inertia.
+    `assumed` numbers by name, SI, replace the result's: inertia and CoM as ``Ixx_com``, ``com_x``,
+    or at the origin as ``Ixx``; a ``kt`` is that of all rotors. Draws that are no body (inertia
+    that is not positive, thrust that pulls down) are left out. Raises `ExperimentError` where a
+    needed number is neither known nor assumed, or no body has such inertia.
     """
     given = dict(assumed or {})
-    vehicle = _geometry(result)
+    experiment = experiment_of_settings(result.settings)
+    vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
     values = about_com(_with(_drawn(result, owner, SPARE * draws, seed), given, result, owner))
     # About the CoM the result may know what at the origin it does not: then without draws.
     scale = given.get("mass", 1.0) if result.parameter("mass", owner).value is None else 1.0
@@ -123,16 +108,13 @@ def replay_vehicle(
             "no body has the inertia about the CoM that these numbers give (or thrust is not "
             "positive): identify again, or put your own in its place (--assume Ixx_com=VALUE)"
         )
-    return _chosen(stack, np.flatnonzero(good)[: draws + 1])
-
-
-def _geometry(result: IdentificationResult) -> Vehicle:
-    experiment = experiment_of_settings(result.settings)
-    return vehicle_of(experiment.airframe, experiment.identification.source)
+    rows = np.flatnonzero(good)[: draws + 1]
+    stacked = (field.name for field in fields(ReplayVehicle) if field.name != "imu")
+    return replace(stack, **{name: getattr(stack, name)[rows] for name in stacked})
 
 
 def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> Values:
-    """Return the known parameters of a configuration, each 1 + draws times."""
+    """Draw the known parameters of a configuration, the nominal ones first."""
     shift = np.zeros((1 + draws, len(result.covariance_names)))
     if draws and result.covariance_names:
         shift[1:] = normal_draws(result.covariance, draws, np.random.default_rng(seed))
@@ -152,9 +134,9 @@ def _drawn(result: IdentificationResult, owner: str, draws: int, seed: int) -> V
 def _with(
     values: Values, given: Mapping[str, float], result: IdentificationResult, owner: str
 ) -> Values:
-    """Return the values with what is per kilogram made absolute, where the mass is assumed.
+    """Insert assumed numbers; an assumed mass makes what is per kilogram absolute.
 
-    And without what an assumed number stands for: each rotor's own coefficient.
+    An assumed kt replaces each rotor's own coefficient.
     """
     unknown = result.parameter("mass", owner).value is None
     out = dict(values)
@@ -168,7 +150,7 @@ def _with(
 
 
 def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
-    """Return the values as arrays that a step of the motion reads."""
+    """Stack the values as arrays for a step of the motion."""
     zero = np.zeros_like(values["mass"])
 
     def columns(*names: str) -> Float[np.ndarray, "D k"]:
@@ -205,14 +187,9 @@ def _stack(values: Values, vehicle: Vehicle) -> ReplayVehicle:
 
 
 def _possible(stack: ReplayVehicle) -> Bool[np.ndarray, " D"]:
-    """Return which can fly: finite, inertia positive, thrust upwards."""
+    """Select the vehicles that can fly: finite, inertia positive, thrust upwards."""
     whole = np.concatenate([stack.inertia, stack.torque, stack.thrust], axis=1)
     finite: Bool[np.ndarray, " D"] = np.all(np.isfinite(whole), axis=(1, 2))
     least = np.full(finite.shape, -1.0)
     least[finite] = np.linalg.eigvalsh(stack.inertia[finite])[:, 0]
     return finite & (least > 0.0) & (stack.thrust[:, :, 2] > 0.0).all(axis=1)
-
-
-def _chosen(stack: ReplayVehicle, rows: np.ndarray) -> ReplayVehicle:
-    drawn = {f.name: getattr(stack, f.name)[rows] for f in fields(stack) if f.name != "imu"}
-    return replace(stack, **drawn)

@@ -12,6 +12,7 @@ from rotorfit.dataset.dataset import LoadedFlight, load_flight, velocity_known
 from rotorfit.errors import ExperimentError, FlightError
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import (
+    ConfigurationEntry,
     Experiment,
     FlightEntry,
     experiment_of_settings,
@@ -27,12 +28,11 @@ from rotorfit.reduction.frequency_bands import retimed
 from rotorfit.reduction.motor_timing import LAG_PRIOR
 from rotorfit.reduction.reduce import LowPass, filtered_signals
 from rotorfit.results.result import (
+    FlightRecord,
     IdentificationResult,
-    Parameter,
     configuration_names,
     meant_configuration,
 )
-from rotorfit.validation.fitted_flights import fitted_flights
 from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchComparison
 
 CUTOFF = 3.0
@@ -50,8 +50,8 @@ TRIMS = {"Mx": ("msy", "rotor_center_y"), "My": ("msx", "rotor_center_x")}
 """Where thrust acts and where the mass is: together they are the moment's mean, so that one without
 the other is worse than no prediction."""
 WHITENESS_LAGS = 10
-SEEN = (0.1, 99.9)
-"""Percentiles of the rotor speeds between which a flight was."""
+SPEED_PERCENTILES = (0.1, 99.9)
+"""Of the rotor speeds, between which a flight was."""
 ROTOR_KT = re.compile(r"kt_[0-9]+")
 
 
@@ -89,14 +89,14 @@ def validate_file(
     """
     experiment = experiment_of_settings(result.settings)
     entry = named_flight(path, log_number=log_number, start=start, end=end)
-    used = _unseen(entry, experiment, result)
+    used = _load_unseen(entry, experiment, result)
     return compare_wrenches(result, used, configuration=configuration, cutoff=cutoff)
 
 
-def _unseen(
+def _load_unseen(
     entry: FlightEntry, experiment: Experiment, result: IdentificationResult
 ) -> LoadedFlight:
-    """Return a flight, refused where the fit has seen it."""
+    """Load a flight; refuse it where the fit has used it."""
     used = load_flight(entry, experiment)
     refuse_fitted(used, result)
     return used
@@ -156,7 +156,7 @@ def validation_comparisons(
     comparisons: list[WrenchComparison] = []
     for configuration in experiment.configuration:
         for entry in configuration.validation:
-            used = _unseen(entry, experiment, result)
+            used = _load_unseen(entry, experiment, result)
             comparisons.append(compare_wrenches(result, used, configuration=configuration.name))
     return comparisons
 
@@ -164,22 +164,14 @@ def validation_comparisons(
 def drawn_comparisons(
     result: IdentificationResult, experiment: Experiment
 ) -> list[WrenchComparison]:
-    """Return the comparisons on flights kept apart; where there is none, on those of the fit."""
+    """Compare wrenches on validation flights; where there is none, on those of the fit."""
     return validation_comparisons(result, experiment) or fitted_comparisons(result)
 
 
 def validation_rows(
     comparisons: list[WrenchComparison], files: Sequence[str] | None = None
 ) -> tuple[dict[str, Any], ...]:
-    """Return the ``validation`` list of a result's file.
-
-    Parameters
-    ----------
-    comparisons
-        One a flight.
-    files
-        What each flight is called; the name of its file where not given.
-    """
+    """Return the ``validation`` list of a result's file; flights by the names of their files."""
     names = [c.flight for c in comparisons] if files is None else files
     return tuple(
         {
@@ -200,7 +192,7 @@ def compare_wrenches(
     cutoff: float = CUTOFF,
     fitted: bool = False,
 ) -> WrenchComparison:
-    """Return both sides of the equations of motion on one prepared flight."""
+    """Compare both sides of the equations of motion on one prepared flight."""
     owner = _owner(result, configuration)
     known = _known(result, owner)
     experiment = experiment_of_settings(result.settings)
@@ -210,9 +202,9 @@ def compare_wrenches(
     names = considered_terms([term.name for term in present], velocity=asked, felt=False)
     added = added_signals(names)
     model = regressor(vehicle, added=added)
-    data = retimed(used.prepared, found_response(result))
+    data = retimed(used.prepared, fitted_response(result))
     lowpass = LowPass(cutoff=cutoff)
-    # What the filter makes of a segment's two ends is its own, not the flight's.
+    # The two ends of a segment show the filter's transient, not the flight.
     end = round(0.5 * data.sample_rate / cutoff)
     inner = [s for s in data.segments if len(s) > 4 * end]
     if not inner:
@@ -231,7 +223,7 @@ def compare_wrenches(
         # Where the coefficient was removed, the rotors give nothing to compare with.
         if all(name in known for name in _needed(c, result, owner)) and known[NEEDS[c][0]] != 0.0
     ]
-    error = {c: _relative_error(body, rotors, c) for c in predicted}
+    error = {c: relative_error(body, rotors, c) for c in predicted}
     step = max(round(data.sample_rate / cutoff), 1)
     return WrenchComparison(
         configuration=owner,
@@ -242,19 +234,21 @@ def compare_wrenches(
         body_wrench=body,
         rotor_wrench=rotors,
         relative_error=error,
-        speeds=_speeds_seen(used.prepared),
-        whiteness={c: _whiteness((body - rotors)[::step, COMPONENTS.index(c)]) for c in predicted},
+        speeds=_speed_range(used.prepared),
+        whiteness={c: whiteness((body - rotors)[::step, COMPONENTS.index(c)]) for c in predicted},
     )
 
 
-def _speeds_seen(prepared: PreparedFlight) -> tuple[float, float]:
-    """Return between which speeds the rotors were, before lag and delay."""
-    low, high = np.percentile(prepared.motor_channel[prepared.data.used_rows], SEEN).tolist()
+def _speed_range(prepared: PreparedFlight) -> tuple[float, float]:
+    """Return the range of rotor speeds, before lag and delay [rad/s]."""
+    low, high = np.percentile(
+        prepared.motor_channel[prepared.data.used_rows], SPEED_PERCENTILES
+    ).tolist()
     return low, high
 
 
 def _owner(result: IdentificationResult, configuration: str | None) -> str:
-    """Return the configuration to take the body from."""
+    """Select the configuration of the body."""
     names = configuration_names(result)
     owner = meant_configuration(names, configuration)
     if owner is not None:
@@ -266,7 +260,7 @@ def _owner(result: IdentificationResult, configuration: str | None) -> str:
 
 
 def _needed(component: str, result: IdentificationResult, owner: str) -> tuple[str, ...]:
-    """Return what must be known to predict a component: of its trim, what the model has."""
+    """Return the numbers needed to predict a component: of its trim, those of the model."""
     present = {p.name for p in result.parameters if p.configuration in (None, owner)}
     return (*NEEDS[component], *(n for n in TRIMS.get(component, ()) if n in present))
 
@@ -277,7 +271,7 @@ def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
     for p in result.parameters:
         if p.configuration not in (None, owner):
             continue
-        value = _value(p)
+        value = 0.0 if p.verdict == "removed" else p.value
         if value is not None:
             known[p.name] = value
     if "mass" not in known:
@@ -285,10 +279,10 @@ def _known(result: IdentificationResult, owner: str) -> dict[str, float]:
     return known
 
 
-def found_response(result: IdentificationResult) -> MotorResponse | None:
+def fitted_response(result: IdentificationResult) -> MotorResponse | None:
     """Return the motors' timing of the fit; a given one is in the preparation already.
 
-    Where the flights did not tell the lag, that is the usual one, by which they were fitted.
+    Where the flights do not show the lag, it is the usual one, with which they were fitted.
     """
     times = {p.name: p for p in result.parameters if p.name.startswith("motor_")}
     if experiment_of_settings(result.settings).motors.speed == "measured":
@@ -305,14 +299,10 @@ def found_response(result: IdentificationResult) -> MotorResponse | None:
     )
 
 
-def _value(parameter: Parameter) -> float | None:
-    return 0.0 if parameter.verdict == "removed" else parameter.value
-
-
 def _without_bias(
     Z: Float[np.ndarray, "n z"], known: Mapping[str, float]
 ) -> Float[np.ndarray, "n z"]:
-    """Return the signals with the accelerometer's bias taken off the specific force."""
+    """Subtract the accelerometer's bias from the specific force."""
     bias = np.array([known.get(f"accel_bias_{axis}", 0.0) for axis in "xyz"])
     clean = Z.copy()
     clean[:, :3] -= bias
@@ -322,7 +312,7 @@ def _without_bias(
 def _wrenches(
     Z: Float[np.ndarray, "n z"], model: Regressor, known: Mapping[str, float]
 ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "n 6"]]:
-    """Return the body wrench and the rotor wrench, drag and constant torque with the rotors."""
+    """Compute body wrench and rotor wrench; drag and constant torque belong to the rotors."""
     body = {name: known.get(name, 0.0) for name in BODY}
     kt = known.get("kt", 0.0)
     # A rotor whose own coefficient is not known has the mean one.
@@ -335,7 +325,7 @@ def _wrenches(
     return model.residual(Z, body), -model.residual(Z, rotors)
 
 
-def _relative_error(
+def relative_error(
     body: Float[np.ndarray, "n 6"], rotors: Float[np.ndarray, "n 6"], component: str
 ) -> float:
     """Return the norm of the difference over that of the rotor wrench (Table III)."""
@@ -344,10 +334,30 @@ def _relative_error(
     return float(np.linalg.norm(body[:, i] - rotors[:, i])) / max(size, np.finfo(float).tiny)
 
 
-def _whiteness(residual: Float[np.ndarray, " n"]) -> float:
+def whiteness(residual: Float[np.ndarray, " n"]) -> float:
     """Return the largest autocorrelation of a residual sampled once per cut-off period."""
     x = residual - residual.mean()
     power = float(x @ x)
     if len(x) <= WHITENESS_LAGS or power == 0.0:
         return 0.0
     return max(abs(float(x[lag:] @ x[:-lag])) for lag in range(1, WHITENESS_LAGS + 1)) / power
+
+
+def fitted_flights(
+    result: IdentificationResult,
+) -> list[tuple[ConfigurationEntry, FlightEntry, FlightRecord]]:
+    """Pair configuration, entry and record of each flight of the fit.
+
+    The record has the file as the user wrote it; the entry has the path by which it is found.
+    """
+    entries = [
+        (configuration, entry)
+        for configuration in experiment_of_settings(result.settings).configuration
+        for entry in configuration.flights
+    ]
+    if len(entries) != len(result.flights):
+        raise ExperimentError(
+            f"the result was made from {len(result.flights)} flights, but its settings name "
+            f"{len(entries)}: it was edited; identify again"
+        )
+    return [(*entry, record) for entry, record in zip(entries, result.flights, strict=True)]

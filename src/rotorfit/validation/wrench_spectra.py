@@ -19,7 +19,7 @@ from rotorfit.validation.wrench_comparison import COMPONENTS, SHOWN, WrenchCompa
 WINDOW_SECONDS: Final = 4.0
 HIGHEST: Final = 8.0
 """Above, the comparisons' low-pass of 3 Hz leaves too little [Hz]."""
-FEWEST: Final = 4
+FEWEST_WINDOWS: Final = 4
 """Independent windows, below which a coherence is chance."""
 INDEPENDENT: Final = 0.95
 """Of Hann windows that overlap by half, the share that count as independent (Welch 1967)."""
@@ -34,12 +34,11 @@ class WrenchSpectra:
     ----------
     frequency
         Rising, without 0 [Hz].
-    coherence
-        By component: 0 where rotors and motion have nothing in common, 1 where one gives the other.
-    ratio
-        By component: amplitude of the rotor wrench over that of the difference.
-    by_chance
-        What the coherence of unrelated signals stays below, 19 times of 20.
+    coherence, ratio
+        Of rotor and body wrench, by component, and the amplitude of the rotor wrench over that of
+        the difference.
+    random_level
+        Of the coherence of unrelated signals: 95 % are below.
     seconds
         How much of the flights is in them [s].
     """
@@ -47,17 +46,14 @@ class WrenchSpectra:
     frequency: Float[np.ndarray, " f"]
     coherence: dict[str, Float[np.ndarray, " f"]]
     ratio: dict[str, Float[np.ndarray, " f"]]
-    by_chance: float
+    random_level: float
     seconds: float
 
 
 def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | None:
-    """Return the spectra of flights; None where their stretches are too few or too short.
+    """Estimate the spectra of flights of one vehicle; None with too few or short stretches.
 
-    Parameters
-    ----------
-    comparisons
-        Of any flights of one vehicle; those logged much slower than the first are left out.
+    Flights logged much slower than the first are left out.
     """
     grid = np.arange(1, round(HIGHEST * WINDOW_SECONDS) + 1) / WINDOW_SECONDS
     sums: dict[str, np.ndarray] = {name: np.zeros((4, len(grid))) for name in SHOWN}
@@ -74,29 +70,28 @@ def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | N
                 body, rotor = comparison.body_wrench[rows, i], comparison.rotor_wrench[rows, i]
                 sums[name] += count * _spectra(body, rotor, rate, grid)
                 windows[name] += count
-    enough = [name for name in SHOWN if INDEPENDENT * windows[name] >= FEWEST]
+    enough = [name for name in SHOWN if INDEPENDENT * windows[name] >= FEWEST_WINDOWS]
     if not enough:
         return None
+    found = {name: _coherence_and_ratio(sums[name]) for name in enough}
     least = INDEPENDENT * min(windows[name] for name in enough)
     return WrenchSpectra(
         frequency=grid,
-        coherence={name: _coherence(sums[name]) for name in enough},
-        ratio={name: _ratio(sums[name]) for name in enough},
-        by_chance=float(1.0 - 0.05 ** (1.0 / (least - 1.0))),
+        coherence={name: found[name][0] for name in enough},
+        ratio={name: found[name][1] for name in enough},
+        random_level=float(1.0 - 0.05 ** (1.0 / (least - 1.0))),
         seconds=seconds,
     )
 
 
-def _coherence(densities: Float[np.ndarray, "4 f"]) -> Float[np.ndarray, " f"]:
+def _coherence_and_ratio(
+    densities: Float[np.ndarray, "4 f"],
+) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
+    """Return the coherence, and rotor wrench over difference, at most a million."""
     body, rotor, real, imaginary = densities
-    return np.hypot(real, imaginary) ** 2 / np.maximum(body * rotor, TINY)
-
-
-def _ratio(densities: Float[np.ndarray, "4 f"]) -> Float[np.ndarray, " f"]:
-    """Return rotor wrench over difference, at most a million."""
-    body, rotor, real, _ = densities
     left = body + rotor - 2.0 * real
-    return np.sqrt(rotor / np.maximum(left, 1e-12 * rotor + TINY))
+    coherence = np.hypot(real, imaginary) ** 2 / np.maximum(body * rotor, TINY)
+    return coherence, np.sqrt(rotor / np.maximum(left, 1e-12 * rotor + TINY))
 
 
 def _stretches(comparison: WrenchComparison) -> Iterator[tuple[np.ndarray, float]]:
@@ -121,10 +116,10 @@ def _spectra(
     rate: float,
     grid: Float[np.ndarray, " f"],
 ) -> Float[np.ndarray, "4 f"]:
-    """Return the densities of body and rotor wrench, and both parts of that of the two."""
+    """Estimate the densities of body and rotor wrench, and both parts of their cross density."""
     window = whole_samples(WINDOW_SECONDS * rate)
     f, bb = signal.welch(body, rate, nperseg=window)
     _, rr = signal.welch(rotor, rate, nperseg=window)
     _, br = signal.csd(body, rotor, rate, nperseg=window)
-    # Each at its own rate: the bins are a little beside those of the grid.
+    # Each at its own rate: the bins are not quite those of the grid.
     return np.array([np.interp(grid, f, part) for part in (bb, rr, br.real, br.imag)])

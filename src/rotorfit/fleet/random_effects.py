@@ -2,8 +2,8 @@ r"""Groups about a common mean, repeats about their group, every repeat with its
 
 :math:`y_{ij} = \mu + b_i + X_{ij} \delta_i + e_{ij} + n_{ij}` with :math:`b_i \sim N(0, B)`
 between groups, :math:`e_{ij} \sim N(0, W)` between the repeats of a group, and
-:math:`n_{ij} \sim N(0, S_{ij})`, known; what changed within a group, :math:`\delta_i`, is its own.
-B and W are diagonal: with some twenty groups their correlations are not told.
+:math:`n_{ij} \sim N(0, S_{ij})`, known; what changed within a group is :math:`\delta_i`.
+B and W are diagonal: some twenty groups do not show their correlations.
 
 References
 ----------
@@ -25,11 +25,11 @@ from scipy import optimize
 from rotorfit.errors import EstimationError
 
 LEAST_GROUPS: Final = 5
-"""With fewer, a spread between groups is not told, and nothing is drawn towards the mean."""
+"""With fewer, the spread between groups is unknown, and nothing is drawn towards the mean."""
 LEAST_REPEATS: Final = 2
-"""Repeats beyond the first of each group; with fewer, the scatter between them is not told."""
-FREE: Final = 1e4
-"""Deviation of what is not told, in units of the spread of all values."""
+"""Repeats beyond the first of each group; with fewer, the scatter between them is unknown."""
+UNKNOWN_STD: Final = 1e4
+"""Deviation where it is unknown, in units of the spread of all values."""
 LIMITS: Final = (-9.0, 3.0)
 """Of the logarithm of a standard deviation in the same units."""
 LEAST_CURVATURE: Final = 0.5
@@ -43,14 +43,14 @@ class Repeated:
     Attributes
     ----------
     values
-        One row a repeat; NaN where it does not tell the number.
+        One row a repeat; NaN where it does not have the number.
     covariance
-        Of each row's error; what belongs to numbers that are not told is not looked at.
+        Of each row's error; ignored for numbers that a row does not have.
     group
-        Whose repeat it is, from 0.
+        Of each repeat, from 0.
     changes
-        Columns of what changed within a group; each has a coefficient of its own in every group
-        in which it is not zero.
+        Columns of what changed within a group; each has one coefficient for every group in which
+        it is not zero.
     """
 
     values: Float[np.ndarray, "n p"]
@@ -59,8 +59,8 @@ class Repeated:
     changes: Float[np.ndarray, "n p m"]
 
     @property
-    def told(self) -> Bool[np.ndarray, "n p"]:
-        """Which numbers each repeat tells."""
+    def known(self) -> Bool[np.ndarray, "n p"]:
+        """Which numbers each repeat has."""
         return np.isfinite(self.values)
 
     @property
@@ -78,15 +78,15 @@ class RandomEffects:
     mean, mean_covariance
         Of the population the groups are drawn from.
     between, within
-        Standard deviations between groups and between the repeats of a group; NaN where too few
-        groups or repeats tell them.
+        Standard deviations between groups and between the repeats of a group; NaN with too few
+        groups or repeats.
     between_log_std, within_log_std
         How well their logarithms are known; NaN likewise.
-    own, own_covariance
-        Each group's level by its own repeats only; NaN where they do not tell it. Levels are those
+    level, level_covariance
+        Each group's level by its own repeats only; NaN where they do not have it. Levels are those
         where all columns of changes are zero.
     shrunk, shrunk_covariance
-        Each group's level by its own repeats and the population, with the uncertainty of the mean
+        Each group's level by its repeats and the population, with the uncertainty of the mean
         and of both deviations in the covariance; NaN with fewer than `LEAST_GROUPS` groups.
     """
 
@@ -96,15 +96,15 @@ class RandomEffects:
     within: Float[np.ndarray, " p"]
     between_log_std: Float[np.ndarray, " p"]
     within_log_std: Float[np.ndarray, " p"]
-    own: Float[np.ndarray, "g p"]
-    own_covariance: Float[np.ndarray, "g p p"]
+    level: Float[np.ndarray, "g p"]
+    level_covariance: Float[np.ndarray, "g p p"]
     shrunk: Float[np.ndarray, "g p"]
     shrunk_covariance: Float[np.ndarray, "g p p"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Levels:
-    """What each group's repeats say of its level: information, its product with the level, cost."""
+    """Each group's level by its repeats: information, its product with the level, cost."""
 
     A: Float[np.ndarray, "g p p"]
     q: Float[np.ndarray, "g p"]
@@ -113,7 +113,7 @@ class _Levels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Posterior:
-    """Mean, then levels drawn towards it, for given deviations."""
+    """Mean, and levels drawn towards it, for given deviations."""
 
     mean: Float[np.ndarray, " p"]
     mean_covariance: Float[np.ndarray, "p p"]
@@ -123,18 +123,12 @@ class _Posterior:
 
 
 def random_effects(data: Repeated) -> RandomEffects:
-    """Return mean, deviations, and every group's level with and without the others.
+    """Estimate mean, deviations, and every group's level with and without the others.
 
     The deviations are where the restricted likelihood times their product is largest; means and
     covariances are averaged over what the likelihood leaves open of them.
-
-    Raises
-    ------
-    EstimationError
-        If a number is told by no repeat.
     """
-    told = data.told
-    if not told.any(axis=0).all():
+    if not data.known.any(axis=0).all():
         raise EstimationError("a number is told by no repeat: leave it out")
     center = np.nanmedian(data.values, axis=0)
     scale = _spread(data.values - center, data.covariance)
@@ -146,18 +140,13 @@ def random_effects(data: Repeated) -> RandomEffects:
     )
     log_std, free = _start(unit)
     mode, root = _mode(lambda x: restricted_cost(unit, x), log_std, free)
-    return _returned(unit, mode, root, free, center=center, scale=scale)
+    return _averaged(unit, mode, root, free, center=center, scale=scale)
 
 
 def restricted_cost(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> float:
-    """Return -2 log of the restricted likelihood, up to a constant.
+    """Return -2 log of the restricted likelihood, up to a constant (Harville 1977).
 
-    Parameters
-    ----------
-    data
-        The repeats.
-    log_std
-        Logarithms of the deviations within groups, then of those between groups.
+    `log_std` holds the logarithms of the deviations within groups, then of those between groups.
     """
     levels, p = _levels(data, log_std), data.values.shape[1]
     return levels.cost + _towards_mean(levels, np.exp(log_std[p:])).cost
@@ -173,16 +162,16 @@ def _spread(
 
 
 def _start(data: Repeated) -> tuple[Float[np.ndarray, " p2"], Bool[np.ndarray, " p2"]]:
-    """Return where the search begins, and which deviations are told at all."""
-    told, g = data.told, data.groups
-    count = np.array([np.bincount(data.group, told_k, g) for told_k in told.T]).T
+    """Return where the search begins, and which deviations can be estimated at all."""
+    known, g = data.known, data.groups
+    count = np.array([np.bincount(data.group, known_k, g) for known_k in known.T]).T
     groups = (count > 0).sum(axis=0)
     within_free = np.maximum(count - 1, 0).sum(axis=0) >= LEAST_REPEATS
     between_free = groups >= LEAST_GROUPS
-    p = told.shape[1]
+    p = known.shape[1]
     start = np.log(np.concatenate([np.full(p, 0.3), np.full(p, 0.5)]))
     start[:p][~within_free] = -np.inf
-    start[p:][~between_free] = np.log(FREE)
+    start[p:][~between_free] = np.log(UNKNOWN_STD)
     return start, np.concatenate([within_free, between_free])
 
 
@@ -191,7 +180,7 @@ def _mode(
     start: Float[np.ndarray, " d"],
     free: Bool[np.ndarray, " d"],
 ) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, "f f"]]:
-    """Return the most likely logarithms, and a root of the covariance of those that are free.
+    """Find the most likely logarithms, and a root of the covariance of those that are free.
 
     A prior flat in each standard deviation is its product in the logarithm: none is zero then.
     """
@@ -214,7 +203,7 @@ def _mode(
 def _curvature(
     function: Callable[[Float[np.ndarray, " f"]], float], at: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, "f f"]:
-    """Return second derivatives by central differences."""
+    """Compute second derivatives by central differences."""
     f, h = len(at), 0.1
     step = h * np.eye(f)
     H = np.empty((f, f))
@@ -229,13 +218,13 @@ def _curvature(
 
 
 def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
-    """Return what the repeats of each group say of its level, changes taken out."""
-    told, p, m = data.told, data.values.shape[1], data.changes.shape[2]
-    both = told[:, :, None] & told[:, None, :]
+    """Estimate each group's level by its repeats, changes projected out."""
+    known, p, m = data.known, data.values.shape[1], data.changes.shape[2]
+    both = known[:, :, None] & known[:, None, :]
     within = np.exp(2.0 * log_std[:p])
     V = np.where(both, data.covariance, 0.0)
-    V += np.eye(p) * np.where(told, within, 1.0)[:, :, None]
-    y, A = np.where(told, data.values, 0.0), np.where(both, np.linalg.inv(V), 0.0)
+    V += np.eye(p) * np.where(known, within, 1.0)[:, :, None]
+    y, A = np.where(known, data.values, 0.0), np.where(both, np.linalg.inv(V), 0.0)
     r = np.einsum("npk,nk->np", A, y)
     cost = float(np.linalg.slogdet(V)[1].sum() + np.sum(r * y))
     total: Float[np.ndarray, "g p p"] = _sums(A, data)
@@ -243,29 +232,29 @@ def _levels(data: Repeated, log_std: Float[np.ndarray, " p2"]) -> _Levels:
     if m:
         AX = A @ data.changes
         cross: Float[np.ndarray, "g p m"] = _sums(AX, data)
-        own: Float[np.ndarray, "g m m"] = _sums(data.changes.transpose(0, 2, 1) @ AX, data)
+        square: Float[np.ndarray, "g m m"] = _sums(data.changes.transpose(0, 2, 1) @ AX, data)
         rest: Float[np.ndarray, "g m"] = _sums(np.einsum("npm,np->nm", data.changes, r), data)
-        idle = np.einsum("gmm->gm", own) <= 0.0
-        own += np.eye(m) * idle[:, :, None]
-        gain: Float[np.ndarray, "g p m"] = np.linalg.solve(own, cross.transpose(0, 2, 1)).transpose(
-            0, 2, 1
-        )
-        cost += float(np.linalg.slogdet(own)[1].sum())
-        cost -= float(np.sum(rest * np.linalg.solve(own, rest[:, :, None])[:, :, 0]))
+        idle = np.einsum("gmm->gm", square) <= 0.0
+        square += np.eye(m) * idle[:, :, None]
+        gain: Float[np.ndarray, "g p m"] = np.linalg.solve(
+            square, cross.transpose(0, 2, 1)
+        ).transpose(0, 2, 1)
+        cost += float(np.linalg.slogdet(square)[1].sum())
+        cost -= float(np.sum(rest * np.linalg.solve(square, rest[:, :, None])[:, :, 0]))
         total = total - gain @ cross.transpose(0, 2, 1)
         q = q - np.einsum("gpm,gm->gp", gain, rest)
     return _Levels(A=total, q=q, cost=cost)
 
 
 def _sums(each: Float[np.ndarray, "n *k"], data: Repeated) -> Float[np.ndarray, "g *k"]:
-    """Return the sums over each group's repeats."""
+    """Sum over each group's repeats."""
     out = np.zeros((data.groups, *each.shape[1:]))
     np.add.at(out, data.group, each)
     return out
 
 
 def _towards_mean(levels: _Levels, between: Float[np.ndarray, " p"]) -> _Posterior:
-    """Return the mean, and the levels drawn towards it; their share of the cost."""
+    """Estimate the mean, and the levels drawn towards it, with their share of the cost."""
     A, q, D = levels.A, levels.q, np.diag(between)
     K = np.eye(len(between)) + D @ A @ D
     G = D @ np.linalg.inv(K) @ D
@@ -285,17 +274,19 @@ def _towards_mean(levels: _Levels, between: Float[np.ndarray, " p"]) -> _Posteri
     )
 
 
-def _own(levels: _Levels) -> tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]:
-    """Return each group's level by its own repeats; NaN where they do not tell it."""
+def _by_group(
+    levels: _Levels,
+) -> tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]:
+    """Estimate each group's level by its own repeats; NaN where they do not have it."""
     inverse = np.linalg.pinv(levels.A, rcond=1e-12, hermitian=True)
     level = np.einsum("gij,gj->gi", inverse, levels.q)
     seen = np.einsum("gij,gji->gi", inverse, levels.A)
-    told = seen > 1.0 - 1e-6
-    both = told[:, :, None] & told[:, None, :]
-    return np.where(told, level, np.nan), np.where(both, inverse, np.nan)
+    known = seen > 1.0 - 1e-6
+    both = known[:, :, None] & known[:, None, :]
+    return np.where(known, level, np.nan), np.where(both, inverse, np.nan)
 
 
-def _returned(
+def _averaged(
     data: Repeated,
     mode: Float[np.ndarray, " p2"],
     root: Float[np.ndarray, "f f"],
@@ -304,14 +295,15 @@ def _returned(
     center: Float[np.ndarray, " p"],
     scale: Float[np.ndarray, " p"],
 ) -> RandomEffects:
-    """Return everything averaged over the deviations that the data leave open, in plain units."""
+    """Average over the uncertainty of the deviations, and convert to plain units."""
     p = data.values.shape[1]
-    points = [_moved(mode, free, shift) for shift in _spread_points(root)]
+    points = np.repeat(mode[None], max(2 * len(root), 1), axis=0)
+    points[:, free] += _spread_points(root)
     levels = [_levels(data, x) for x in points]
     drawn = [_towards_mean(a, np.exp(x[p:])) for a, x in zip(levels, points, strict=True)]
     mean, mean_cov = _mixed([(d.mean[None], d.mean_covariance[None]) for d in drawn])
     shrunk, shrunk_cov = _mixed([(d.level, d.covariance) for d in drawn])
-    own, own_cov = _mixed([_own(a) for a in levels])
+    level, level_cov = _mixed([_by_group(a) for a in levels])
     log_std = np.full(2 * p, np.nan)
     log_std[free] = np.linalg.norm(root, axis=1)
     deviations = np.where(free, np.exp(mode), np.nan) * np.concatenate([scale, scale])
@@ -325,8 +317,8 @@ def _returned(
         within=deviations[:p],
         between_log_std=log_std[p:],
         within_log_std=log_std[:p],
-        own=own * scale + center,
-        own_covariance=own_cov * square,
+        level=level * scale + center,
+        level_covariance=level_cov * square,
         shrunk=shrunk * scale + center,
         shrunk_covariance=np.where(few | few[:, None], np.nan, shrunk_cov * square),
     )
@@ -338,20 +330,12 @@ def _spread_points(root: Float[np.ndarray, "f f"]) -> Float[np.ndarray, "k f"]:
     return np.concatenate([np.sqrt(f) * root.T, -np.sqrt(f) * root.T]) if f else np.zeros((1, 0))
 
 
-def _moved(
-    mode: Float[np.ndarray, " p2"], free: Bool[np.ndarray, " p2"], shift: Float[np.ndarray, " f"]
-) -> Float[np.ndarray, " p2"]:
-    out = mode.copy()
-    out[free] += shift
-    return out
-
-
 def _mixed(
     parts: list[tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]],
 ) -> tuple[Float[np.ndarray, "g p"], Float[np.ndarray, "g p p"]]:
-    """Return mean and covariance of a mixture of normal distributions, all of one weight."""
+    """Compute mean and covariance of a mixture of normal distributions, all of one weight."""
     means = np.array([mean for mean, _ in parts])
     mean = means.mean(axis=0)
-    apart = means - mean
-    spread = np.einsum("kgi,kgj->gij", apart, apart) / len(parts)
+    away = means - mean
+    spread = np.einsum("kgi,kgj->gij", away, away) / len(parts)
     return mean, np.mean([covariance for _, covariance in parts], axis=0) + spread

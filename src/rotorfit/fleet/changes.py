@@ -25,7 +25,7 @@ LEAST_SERIES: Final = 4
 MOST_PLACES: Final = 400
 """Of longer series this many moments are tried, evenly spaced."""
 MOST_CHANGES: Final = 8
-CONFIDENCE: Final = 3.84
+LOG_LIKELIHOOD_DROP: Final = 3.84
 """Of twice the log likelihood: moments this close to the best one are in its 95 % interval."""
 NORMAL_95: Final = 1.96
 LEAST_STEPS: Final = 10
@@ -88,7 +88,7 @@ class Change:
 
 
 def shapes_of(n: int) -> Shapes:
-    """Return the shapes that are tried on a series of `n` values, neighbours beside one another."""
+    """List the shapes that are tried on a series of `n` values, similar ones side by side."""
     j = np.arange(n)
     inside = _places(1, n - 1)  # at the last value all three would be one
     tried: tuple[tuple[Kind, Int[np.ndarray, " k"]], ...] = (
@@ -121,26 +121,18 @@ def find_changes(
     alarm: float,
     freedom: float = np.inf,
 ) -> tuple[Change, ...]:
-    """Return what changed in a series, the clearest first; nothing is the usual answer.
+    """Find what changed in a series in order of time, the clearest first; usually nothing.
 
-    Parameters
-    ----------
-    values
-        In order of time.
-    variance
-        Of each value about a level that does not change.
-    alarm
-        Chance of a false alarm in a series in which nothing changed.
-    freedom
-        Degrees of freedom with which the variances are known.
+    `variance` is about a level that does not change, known with `freedom` degrees of freedom;
+    `alarm` is the chance of a false alarm in a series in which nothing changed.
     """
     n = len(values)
     if n < LEAST_SERIES:
         return ()
     shapes, found = shapes_of(n), list[Change]()
     while len(found) < min(MOST_CHANGES, n // 3):
-        beside = [np.ones(n), *(change.shape for change in found)]
-        change = _clearest(values, variance, shapes, beside, freedom)
+        known = [np.ones(n), *(change.shape for change in found)]
+        change = _clearest(values, variance, shapes, known, freedom)
         if change is None or change.p > alarm:
             break
         found.append(change)
@@ -151,12 +143,12 @@ def _clearest(
     values: Float[np.ndarray, " n"],
     variance: Float[np.ndarray, " n"],
     shapes: Shapes,
-    beside: Sequence[Float[np.ndarray, " n"]],
+    known: Sequence[Float[np.ndarray, " n"]],
     freedom: float,
 ) -> Change | None:
-    """Return the clearest further change beside those already found."""
+    """Find the clearest further change, with the columns of those already known projected out."""
     root = 1.0 / np.sqrt(variance)
-    Q = np.linalg.qr(np.array(beside).T * root[:, None])[0]
+    Q = np.linalg.qr(np.array(known).T * root[:, None])[0]
     U = shapes.values * root
     whole = np.linalg.norm(U, axis=1)
     U = U - (U @ Q) @ Q.T
@@ -168,10 +160,11 @@ def _clearest(
     U[~seen] = 0.0
     Z = U @ (root * values)
     best = int(np.argmax(np.abs(Z)))
-    near = (Z[best] ** 2 - Z**2 <= CONFIDENCE) & seen
+    near = (Z[best] ** 2 - Z**2 <= LOG_LIKELIHOOD_DROP) & seen
     near &= np.array(shapes.kind) == shapes.kind[best]
     std = 1.0 / length[near]
-    sizes, reach = Z[near] * std, _t_quantile(freedom) * std
+    quantile = float(stats.t.ppf(0.975, freedom)) if np.isfinite(freedom) else NORMAL_95
+    sizes, reach = Z[near] * std, quantile * std
     kept = near if shapes.kind[best] != "once" else np.arange(len(Z)) == best
     return Change(
         kind=shapes.kind[best],
@@ -186,21 +179,11 @@ def _clearest(
     )
 
 
-def _t_quantile(freedom: float) -> float:
-    return float(stats.t.ppf(0.975, freedom)) if np.isfinite(freedom) else NORMAL_95
-
-
 def chance_of_largest(z: float, directions: Float[np.ndarray, "k n"], freedom: float) -> float:
-    """Return a bound on the chance that the largest of several statistics exceeds `z`.
+    """Bound the chance that the largest of the statistics Z = u^T (white noise) exceeds `z`.
 
-    Parameters
-    ----------
-    z
-        The largest absolute statistic.
-    directions
-        Unit vectors u with Z = u^T (white noise); neighbours in the array share much.
-    freedom
-        Degrees of freedom of the noise's scale: tails are Student's, as if each statistic's.
+    `directions` holds unit vectors u, neighbours alike. With `freedom` of the noise's scale the
+    tails are Student's, as if each statistic's.
     """
     if np.isfinite(freedom):
         tail = max(float(stats.t.sf(z, freedom)), 1e-300)
@@ -228,15 +211,10 @@ def robust_scatter(
     variance: Float[np.ndarray, " n"],
     group: Int[np.ndarray, " n"],
 ) -> float:
-    """Return the variance between repeats beyond their own: the median over groups.
+    """Estimate the variance between repeats beyond their own: the median over groups.
 
     From differences of neighbours in time, so that neither steps nor steady change, nor a few
     groups with many strange values, spoil it; 0 where no group has `LEAST_SERIES` values.
-
-    Parameters
-    ----------
-    values, variance, group
-        In order of time within each group.
     """
     seen = _seen_and_stated(values, variance, group)
     return max(float(np.median(seen[:, 0] - seen[:, 1])), 0.0) if len(seen) else 0.0
@@ -247,9 +225,9 @@ def overstated(
     variance: Float[np.ndarray, " n"],
     group: Int[np.ndarray, " n"],
 ) -> float:
-    """Return the share of their stated variances by which repeats really scatter; 1 at most.
+    """Estimate the share of their stated variances by which repeats really scatter; 1 at most.
 
-    As `robust_scatter`; 1 where fewer than `LEAST_STEPS` differences tell.
+    As `robust_scatter`; 1 with fewer than `LEAST_STEPS` differences.
     """
     seen = _seen_and_stated(values, variance, group)
     if seen[:, 2].sum() < LEAST_STEPS or not (seen[:, 1] > 0.0).all():
@@ -262,7 +240,7 @@ def _seen_and_stated(
     variance: Float[np.ndarray, " n"],
     group: Int[np.ndarray, " n"],
 ) -> Float[np.ndarray, "g 3"]:
-    """Return of each long group: variance by its neighbours, as stated, how many differences."""
+    """Return of each long group: variance by neighbours, as stated, how many differences."""
     found: list[tuple[float, float, float]] = []
     for i in np.unique(group):
         y, v = values[group == i], variance[group == i]

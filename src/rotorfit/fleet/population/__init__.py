@@ -1,1 +1,0 @@
-"""What many estimates say together: their common mean, what changed, what stands out."""
