@@ -18,8 +18,6 @@ LEAST_CHANGE: Final = 0.035
 0.013, one of fast outdoor flight 0.025."""
 LEAST_UNLIKE: Final = 0.1
 """Of a rotor's thrust coefficient from the mean one: sound logs have up to 0.06."""
-MOST_AT_LIMIT: Final = 0.05
-"""Share of a flight in which a motor may be at the end of its range."""
 SHORTEST: Final = 5.0
 """Flight [s] of which halves are compared."""
 
@@ -84,25 +82,5 @@ def unlike_rotor(numbers: Numbers, vehicle: Vehicle) -> str | None:
     )
 
 
-def motors_at_limit(fit: Fit) -> Iterator[Finding]:
-    """Measure the share of every flight in which a motor is at the end of its range."""
-    for flight in (f for c in fit.dataset.configurations for f in c.flights):
-        channel = flight.prepared.motor_channel[flight.prepared.data.used_rows]
-        low, high = channel.min(), channel.max()
-        share = float(((channel == low) | (channel == high)).any(axis=1).mean())
-        limited = high > low and share > MOST_AT_LIMIT
-        name = Path(flight.entry.file).name
-        sentence = (
-            f"{name}: a motor is at the end of its range for {100 * share:.0f} % of the flight: "
-            "the autopilot cannot do what it wants there; fly more gently, or lower the gains"
-        )
-        yield doubt_or_passed(
-            "motors-at-limit",
-            sentence if limited else None,
-            {f"motors_at_limit@{name}": share},
-            flights=(flight.entry.written,),
-        )
-
-
-CHECKS: Final = (unlike_rotors, motors_at_limit)
+CHECKS: Final = (unlike_rotors,)
 FLIGHT_CHECKS: Final = (changed_in_flight,)
