@@ -11,25 +11,23 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rotorfit.dataset.dataset import Dataset
-from rotorfit.dataset.load import Method, Progress, load_dataset, resolved_method
-from rotorfit.diagnostics.assumptions import assumptions
+from rotorfit.dataset.load import Progress, load_dataset, resolved_method
+from rotorfit.diagnostics.assumptions import assumptions, log_metadata
 from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
 from rotorfit.diagnostics.imu_tilt import correct_imu_tilt
 from rotorfit.diagnostics.kt_from_weight import hold_at_weight
-from rotorfit.diagnostics.log_metadata import log_metadata
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights, widen_by_settings
-from rotorfit.fit.timing.timing_fit import find_timing
-from rotorfit.motor_law.fit_law import bounded_recording, fit_law
+from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import with_diagnosis, with_setting
 from rotorfit.results.command_units import in_command_units
 from rotorfit.results.joint_tables import joint_result
-from rotorfit.results.law_tables import law_tables, with_law
+from rotorfit.results.law_tables import add_motor_law
 from rotorfit.results.paper_tables import paper_result
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.row_tables import row_result
@@ -101,7 +99,9 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
     dataset = load_dataset(experiment, report)
     found = log_metadata(experiment.motors, dataset)
     experiment = experiment.model_copy(update={"motors": dataset.motors})
-    dataset = _time_motors(dataset, method, report)
+    # The paper neglects lag and delay, but takes out the delay of its motion capture.
+    if method != "tls" or dataset.source == "mocap":
+        dataset = time_motors(dataset, lag=method != "tls", report=report)
     report("fitting")
     if method == "banded":
         experiment, dataset, tilt = correct_imu_tilt(experiment, dataset)
@@ -113,7 +113,7 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
         result = LEAST_SQUARES[method](experiment, dataset)
     result = dataclasses.replace(result, findings=(*found, *result.findings))
     result = in_command_units(result, dataset)
-    result = _add_motor_law(result, dataset, report)
+    result = add_motor_law(result, dataset, report)
     dataset = dataset if fit is None else fit.dataset
     joint = () if fit is None else fit.configurations
     result = with_setting(result, hangs_on=list(assumptions(result, dataset, joint)))
@@ -121,15 +121,6 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
     _warn(result)
     result = _validate(result, experiment, report)
     return Identified(result=result, dataset=dataset, fit=fit)
-
-
-def _time_motors(dataset: Dataset, method: Method, report: Progress) -> Dataset:
-    """Find lag and delay of the motors, where they are unknown."""
-    # The paper neglects both, but takes out the delay of its motion capture.
-    if not dataset.unknown_times or (method == "tls" and dataset.source != "mocap"):
-        return dataset
-    report("timing the motors against the motion")
-    return dataclasses.replace(dataset, motor_timing=find_timing(dataset, lag=method != "tls"))
 
 
 STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
@@ -149,25 +140,6 @@ def _fit(experiment: Experiment, dataset: Dataset) -> Fit:
     for step in STEPS:
         fit = step(fit)
     return fit
-
-
-def _add_motor_law(
-    result: IdentificationResult, dataset: Dataset, report: Progress
-) -> IdentificationResult:
-    """Fit the motors' law, where commands stand beside measured speeds."""
-    recording = bounded_recording(
-        [f.command_responses for c in dataset.configurations for f in c.flights]
-    )
-    if recording is None:
-        return result
-    report("fitting the motors' law to commands and speeds")
-    try:
-        fitted = fit_law(recording)
-    except EstimationError as error:
-        sentence = f"no law from command to rotor speed was found: {error}"
-        return result.found(note("no-motor-law", sentence))
-    law, parameters = law_tables(fitted, len(dataset.vehicle.rotors))
-    return with_law(result, parameters, law)
 
 
 def _describe_units(result: IdentificationResult, experiment: Experiment) -> IdentificationResult:

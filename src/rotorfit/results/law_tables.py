@@ -7,11 +7,13 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 
+from rotorfit.dataset.dataset import Dataset
+from rotorfit.errors import EstimationError
 from rotorfit.findings import note
 from rotorfit.logs.speed_law import PowerLaw, SpeedLaw, SquareRootLaw, VoltageFactor
 from rotorfit.model.parameters import PARAMETERS, ROW_ORDER
 from rotorfit.motor_law.command_response import Recording, speed_response
-from rotorfit.motor_law.fit_law import FittedLaw, LawFit
+from rotorfit.motor_law.fit_law import FittedLaw, LawFit, bounded_recording, fit_law
 from rotorfit.motor_law.law_model import law_of, scales_of, timing_of
 from rotorfit.preprocessing.motors.thrust_curve import (
     ThrustCurve,
@@ -43,6 +45,24 @@ NO_VOLTAGE: Final = (
 )
 
 Vector = Float[np.ndarray, " p"]
+
+
+def add_motor_law(
+    result: IdentificationResult, dataset: Dataset, report: Callable[[str], None]
+) -> IdentificationResult:
+    """Fit the motors' law, where commands stand beside measured speeds."""
+    responses = [f.command_responses for c in dataset.configurations for f in c.flights]
+    recording = bounded_recording(responses)
+    if recording is None:
+        return result
+    report("fitting the motors' law to commands and speeds")
+    try:
+        fitted = fit_law(recording)
+    except EstimationError as error:
+        sentence = f"no law from command to rotor speed was found: {error}"
+        return result.found(note("no-motor-law", sentence))
+    law, parameters = law_tables(fitted, len(dataset.vehicle.rotors))
+    return with_law(result, parameters, law)
 
 
 def law_tables(fitted: FittedLaw, rotor_count: int) -> tuple[CommandLaw, tuple[Parameter, ...]]:

@@ -9,7 +9,7 @@ running away. Rotors that rise and fall at different rates get a lag for each wh
 for it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final
@@ -70,6 +70,14 @@ LOST: Final = 1.0
 HOLD_FAULT: Final = 0.25
 """Of a sample: half of the half-sample that lies between the two ways a command may have held."""
 FEWEST_TERMS: Final = tuple(term.name for term in DEFAULT if term.dropped is None)
+
+
+def time_motors(dataset: Dataset, *, lag: bool, report: Callable[[str], None]) -> Dataset:
+    """Find lag and delay of the motors, where they are unknown; without `lag` the delay alone."""
+    if not dataset.unknown_times:
+        return dataset
+    report("timing the motors against the motion")
+    return replace(dataset, motor_timing=find_timing(dataset, lag=lag))
 
 
 def find_timing(dataset: Dataset, *, lag: bool = True) -> MotorTiming | None:

@@ -8,7 +8,7 @@ import pytest
 import made_fit
 from rotorfit.dataset.dataset import completed_motors
 from rotorfit.dataset.load import agreed_motors
-from rotorfit.diagnostics.log_metadata import log_metadata
+from rotorfit.diagnostics.assumptions import log_metadata
 from rotorfit.diagnostics.sensor_faults import lowpass_half_width, velocity_half_width
 from rotorfit.errors import ExperimentError
 from rotorfit.experiment.experiment import MotorsEntry

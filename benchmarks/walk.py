@@ -1,0 +1,129 @@
+"""How many files and types lie between `identify` and the printed line of kd, and does a call go back?
+
+    python -m benchmarks.walk [--source FOLDER]
+
+A simulated flight is identified and printed while every call between modules of rotorfit is noted.
+The recipe is the room `identification`. Counted are
+
+- files: the modules of the recipe, and those that it calls itself, down to the printed line;
+- types: the classes of rotorfit whose objects are handed between the recipe and those modules;
+- steps back: calls of the recipe into an earlier room of the data flow than the one before, once
+  the flights are loaded.
+
+`--source`: the `src` folder of another version, for both figures side by side.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+WORKER = """
+import json, sys, tempfile, threading, warnings
+from pathlib import Path
+warnings.simplefilter("ignore")
+import rotorfit
+from rotorfit.simulation import write_flight_table
+import rotorfit.report.text as text_module
+
+ORDER = ["logs", "flight", "preprocessing", "model", "bands", "reduction", "estimation",
+         "many_flights", "experiment", "checks", "dataset", "fit", "timing", "motor_law",
+         "results", "sampling", "doubts", "witness", "diagnostics", "identification",
+         "validation", "report"]
+SHELF = {"checks": "dataset", "timing": "fit", "many_flights": "fit", "bands": "reduction",
+         "flight": "preprocessing", "doubts": "diagnostics", "witness": "diagnostics",
+         "sampling": "results"}
+SOURCE = str(Path(rotorfit.__file__).parent) + "/"
+calls, types = [], set()
+
+def named(obj):
+    if isinstance(obj, (tuple, list)):
+        for one in obj[:8]:
+            named(one)
+    elif type(obj).__module__.startswith("rotorfit."):
+        types.add(type(obj).__name__)
+
+def module_of(frame):
+    name = frame.f_code.co_filename
+    return name[len(SOURCE):] if name.startswith(SOURCE) else None
+
+def looks(frame, event, arg):
+    if event not in ("call", "return") or frame.f_back is None:
+        return
+    here, there = module_of(frame), module_of(frame.f_back)
+    if here is None or there is None or here == there or not there.startswith("identification/"):
+        return
+    if frame.f_code.co_name.startswith("<"):
+        return
+    if event == "call":
+        calls.append((here, frame.f_code.co_name))
+        for value in list(frame.f_locals.values()):
+            named(value)
+    else:
+        named(arg)
+
+def main():
+    from rotorfit.experiment.experiment import load_experiment
+    from rotorfit.identification.identify import identify
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        from tests.flown import simulated, experiment_file
+        flight = simulated("A", "real", seed=1, seconds=20.0)
+        write_flight_table(flight, folder / "f.csv")
+        path = experiment_file(folder / "e.toml", flight.vehicle, [folder / "f.csv"],
+                               mass=flight.truth.mass)
+        experiment = load_experiment(path)
+        sys.setprofile(looks)
+        result = identify(experiment)
+        sys.setprofile(None)
+        line = next(l for l in text_module.result_text(result).splitlines() if "kd" in l)
+    recipe = {m for m, _ in calls if m.startswith("identification/")} | {"identification/identify.py"}
+    files = sorted({m for m, _ in calls} | recipe | {"report/text.py"})
+    rooms = [SHELF.get(m.split("/")[0], m.split("/")[0]) for m, _ in calls
+             if m.split("/")[0] in ORDER]
+    loaded = next((i for i, r in enumerate(rooms) if r in ("fit", "diagnostics")), 0)
+    back = []
+    for i in range(loaded + 1, len(rooms)):
+        one, two = rooms[i - 1], rooms[i]
+        if "identification" in (one, two):
+            continue
+        if ORDER.index(two) < ORDER.index(one):
+            back.append(f"{one} -> {two} ({calls[i][1]})")
+    print(json.dumps({"files": files, "types": sorted(types), "back": back, "line": line}))
+
+main()
+"""
+
+
+def counted(source: Path) -> dict[str, object]:
+    """Run the worker with one version of the source; its tests' helpers beside it."""
+    paths = [str(source), str(source.parent), str(source.parent / "tests")]
+    ended = subprocess.run(
+        [sys.executable, "-c", WORKER],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"},
+        cwd=source.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(ended.stdout.splitlines()[-1])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--source", type=Path, help="src of another version")
+    options = parser.parse_args()
+    versions = {"here": ROOT / "src", **({"other": options.source} if options.source else {})}
+    for name, source in versions.items():
+        found = counted(source)
+        print(f"{name}: {len(found['files'])} files, {len(found['types'])} types, "  # type: ignore[arg-type]
+              f"{len(found['back'])} steps back; {found['line']}")  # type: ignore[arg-type]  # fmt: skip
+        for what in ("files", "types", "back"):
+            print(f"  {what}: {', '.join(found[what])}")  # type: ignore[arg-type]
+
+
+if __name__ == "__main__":
+    main()
