@@ -95,7 +95,8 @@ def time_factors(
             time_block_factors(Z, block_rows=block_rows)
             for Z in _filtered_chunks(flight, vehicle, segment, (lowpass, block_rows * step))
         ]
-        parts.append(_as_one_segment(blocks))
+        joined = stack_factors(blocks)
+        parts.append(replace(joined, segment=np.zeros_like(joined.segment)))
     return _stacked(parts)
 
 
@@ -132,16 +133,11 @@ def _filtered_chunks(
         margin = lowpass.memory_rows(flight.sample_rate)
         first, last = max(start - margin, segment.start), min(stop + margin, segment.stop)
         Z = signal_matrix(flight, vehicle, first, last, added=added)
-        smooth = _zero_phase(Z, lowpass.sos(flight.sample_rate))
+        sos = lowpass.sos(flight.sample_rate)
+        # Forward and backward; the ends are continued by point reflection.
+        padding = min(3 * (2 * len(sos) + 1), len(Z) - 1)
+        smooth: Float[np.ndarray, "n z"] = signal.sosfiltfilt(sos, Z, axis=0, padlen=padding)
         yield smooth[start - first : stop - first : lowpass.step(flight.sample_rate)]
-
-
-def _zero_phase(
-    Z: Float[np.ndarray, "n z"], sos: Float[np.ndarray, "s 6"]
-) -> Float[np.ndarray, "n z"]:
-    """Filter every column forward and backward; the ends are continued by point reflection."""
-    padding = min(3 * (2 * len(sos) + 1), len(Z) - 1)
-    return signal.sosfiltfilt(sos, Z, axis=0, padlen=padding)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -388,12 +384,6 @@ def merged_bands(frequency: Float[np.ndarray, " l"], plan: BandPlan) -> list[tup
     if bands and marks[-1] > start:
         bands[-1] = (bands[-1][0], marks[-1])
     return mean + bands if bands else []
-
-
-def _as_one_segment(blocks: Sequence[Factors]) -> Factors:
-    """Assign all blocks of a segment the number 0."""
-    joined = stack_factors(blocks)
-    return replace(joined, segment=np.zeros_like(joined.segment))
 
 
 def _stacked(parts: Sequence[Factors]) -> Factors:
