@@ -132,7 +132,7 @@ def test_identify_names_the_fault(flight, tmp_path, name):
     assert error is ExperimentError or "flight0.csv: " in str(refused.value)
 
 
-def test_a_gyro_in_degrees_is_named_where_no_reading_is_impossible(gentle, tmp_path):
+def test_a_gyro_in_degrees_is_named_even_with_plausible_readings(gentle, tmp_path):
     changed = scaled(gentle, "gyro", DEGREES)
     assert np.percentile(np.abs(changed.gyro).max(axis=1), 99.8) < 40.0
     with pytest.raises(FlightError) as refused:

@@ -83,7 +83,7 @@ def uncoupled(inertia, *, coupled):
     return fit, drop_absent_coupling(fit)
 
 
-def test_a_body_without_coupling_is_found_and_its_ratios_are_right():
+def test_a_body_without_coupling_is_found_with_correct_ratios():
     coupled, found = uncoupled(INERTIA, coupled=False)
     [finding] = found.findings
     assert finding.kind == "no-coupling"

@@ -75,7 +75,7 @@ def test_sound_flights_raise_no_doubt(flights, doubts):
     assert 5.0 < said["condition_bodies"] < 30.0
 
 
-def test_a_payload_elsewhere_is_said_with_the_moment_and_by_how_much(flights, doubts):
+def test_a_misplaced_payload_is_reported_with_moment_and_amount(flights, doubts):
     (words,) = doubts(flights, payload=PAYLOAD % 0.33).warnings
     assert words.startswith("payload of B: it should add ")
     assert "to the msx of A, the flights say 0.04" in words or "to the Iyy of A, the" in words
@@ -91,14 +91,14 @@ def test_a_known_payload_shows_a_wrong_arm(flights, doubts):
     assert percent == pytest.approx(6.0, abs=2.0)
 
 
-def test_a_wrong_scale_of_the_accelerometer_is_seen_on_the_weight(flights, doubts):
+def test_a_wrong_accelerometer_scale_shows_in_the_weight(flights, doubts):
     wrong = {name: replace(f, accel=0.96 * f.accel) for name, f in flights.items()}
     result = doubts(wrong)
     assert result.diagnostics["thrust_over_weight"] == pytest.approx(0.96, abs=0.01)
     assert any(words.startswith("the thrust found is") for words in result.warnings)
 
 
-def test_a_biased_accelerometer_is_seen_and_told_from_a_wrong_scale(flights, doubts):
+def test_accelerometer_bias_is_distinguished_from_a_wrong_scale(flights, doubts):
     biased = {
         name: replace(f, accel=f.accel + np.array([0, 0, 0.3])) for name, f in flights.items()
     }
@@ -123,7 +123,7 @@ def test_a_vibration_is_named_with_its_frequency(flights, doubts):
     assert "the part of roll that the model does not explain has a peak at 12." in words
 
 
-def test_tilted_motors_are_seen_in_the_steady_yaw_torque_and_found(doubts):
+def test_tilted_motors_are_found_from_the_steady_yaw_torque(doubts):
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
     tilt = np.radians(1.0)
     rotors = tuple(

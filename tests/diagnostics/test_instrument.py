@@ -70,7 +70,7 @@ def test_what_an_attitude_loop_passes_on_is_in_the_half_width():
     assert np.mean(off < [one.half_width for one in some]) > 0.9
 
 
-def test_a_response_unlike_the_model_is_a_contradiction_and_chance_is_none(gusty):
+def test_a_wrong_response_contradicts_the_model_and_gusts_do_not(gusty):
     assert not any(one.contradicts(1e-3) for one in gusty)
     other = [found(seed, pilot=10.0, answer=0.1, response=1.2) for seed in range(5)]
     assert all(one.contradicts(1e-3) for one in other)

@@ -21,7 +21,7 @@ def weighed(*flights):
 
 
 @pytest.mark.parametrize("seconds", [4.0, 8.0])
-def test_a_hover_weighs_kt_but_for_the_velocity_it_may_have_gained(seconds):
+def test_hover_gives_kt_up_to_a_possible_gain_of_velocity(seconds):
     """1.5 m/s in the time over g, and 2 % by which a propeller in motion differs."""
     found = weighed(made_fit.prepared(seconds=seconds))
     assert found.kt == pytest.approx(KT, rel=1e-9)
@@ -42,7 +42,7 @@ def held(data_seconds, *windows, force=None):
     return held_up(turning(flight.data), flight.data.specific_force)
 
 
-def test_where_one_window_follows_the_next_the_velocity_between_them_cancels():
+def test_velocity_cancels_between_adjacent_windows():
     """One change of velocity over 30 s; with a gap in between two, whose squares add."""
     assert held(30.0, (0, 30)).std == pytest.approx(1.5 / 30.0 / G)
     assert held(40.0, (0, 15), (25, 40)).std == pytest.approx(1.5 * 2**0.5 / 30.0 / G)
@@ -55,7 +55,7 @@ def test_a_stretch_of_less_than_two_seconds_tells_nothing():
     assert held(5.0, (0, 2.1)).seconds == pytest.approx(2.1)
 
 
-def test_within_ten_seconds_directions_are_averaged_and_beyond_them_lengths():
+def test_directions_are_averaged_up_to_ten_seconds_then_lengths():
     """g along z for a while, then along x: as of a gyro that lost its way."""
     for turn, ratio in ((5.0, 0.5**0.5), (10.0, 1.0)):
         force = np.zeros((round(200 * turn), 3))
@@ -88,7 +88,7 @@ def test_chance_is_three_deviations_of_both(kt, std, apart):
 
 
 @pytest.mark.parametrize(("kt", "apart"), [(1.079, False), (1.081, True), (0.919, True)])
-def test_up_to_8_percent_propellers_may_differ_from_their_square_law(kt, apart):
+def test_propellers_may_deviate_8_percent_from_the_square_law(kt, apart):
     assert WeighedThrust(kt=1.0, std=0.001).contradicts(kt, 0.001) is apart
 
 
@@ -103,7 +103,7 @@ def test_up_to_8_percent_propellers_may_differ_from_their_square_law(kt, apart):
         (1.0, 0.081, False, True),
     ],
 )
-def test_the_weight_is_surer_where_changes_of_thrust_leave_a_quarter_open(kt, std, timed, surer):
+def test_the_weight_is_surer_where_thrust_changes_are_uncertain(kt, std, timed, surer):
     assert WEIGHED.is_surer_than(kt, std, timed=timed) is surer
 
 

@@ -80,7 +80,7 @@ def test_sensors_that_are_apart_in_time_are_named(accel, gyro, words):
 
 
 @pytest.mark.parametrize(("late", "said"), [(0.01, False), (0.03, True)])
-def test_turns_that_the_rotors_do_not_explain_may_be_that_much_late(late, said):
+def test_unexplained_rotation_allows_a_delay_of_its_size(late, said):
     words = late_sensor(accel_late=late, turned=0.13)
     assert (words is not None) is said
 

@@ -73,7 +73,7 @@ def said(result, words):
     return [text for text in result.warnings if words in text]
 
 
-def test_a_sound_flight_raises_none_of_it_and_says_what_it_hangs_on(flight, sound):
+def test_a_sound_flight_has_no_warnings_and_lists_its_inputs(flight, sound):
     assert not any(
         said(sound, words)
         for words in ("IMU is mounted", "rotor 1 ", "without flight", "density", "come ")

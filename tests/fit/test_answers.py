@@ -58,7 +58,7 @@ def steered(vehicle=made_fit.QUAD, **more):
     )
 
 
-def test_an_answer_is_that_of_a_rate_loop_inside_an_attitude_loop():
+def test_a_response_is_a_rate_loop_inside_an_attitude_loop():
     """Roll and pitch where they are flown; of yaw nothing is taken for granted over 0.3 Hz."""
     share = _answers(steered()).share
     loop = 25.0 / (1j * TURNS[1]) * (1.0 + 6.0 / (1j * TURNS[1]))
@@ -75,7 +75,7 @@ def test_every_autopilot_answers_slow_yaw():
     assert np.count_nonzero(share) == 1
 
 
-def test_far_under_the_attitude_loop_all_is_answered_and_far_above_the_rate_loop_nothing():
+def test_response_is_full_at_low_and_zero_at_high_frequency():
     assert nominal_response(np.array([0.0, 0.01])) == pytest.approx([1.0, 1.0], abs=1e-5)
     assert nominal_response(np.array([1e5])) == pytest.approx(25.0 / 1e5j, rel=1e-3)
 

@@ -62,7 +62,7 @@ def test_fewer_samples_give_the_same_numbers(experiments, speed, monkeypatch):
     assert np.array([new.std / old.std for new, old in pairs]) == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_fit_in_bands_keeps_a_quarter_of_the_samples_and_the_papers_keeps_all(experiments):
+def test_fits_in_bands_decimate_by_four_and_paper_fits_do_not(experiments):
     experiment = experiments["commanded"]
     entry = experiment.configuration[0].flights[0]
     fewer = load_flight(entry, experiment)

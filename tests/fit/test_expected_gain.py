@@ -95,7 +95,7 @@ def only(*asked):
     return lambda fit, joint, terms: 1e3 - asked.index(terms[-1]) if terms[-1] in asked else 0.0
 
 
-def test_the_term_that_explains_most_is_tried_first_and_one_that_does_not_settle_is_left_out(
+def test_the_best_term_is_tried_first_and_skipped_if_unsettled(
     monkeypatch,
 ):
     body = made_fit.configuration()
@@ -146,7 +146,7 @@ def with_values(fit, values, gain=0.0):
 
 
 @pytest.mark.parametrize(("share", "matters"), [(0.9e-3, False), (1.1e-3, True)])
-def test_a_torque_matters_from_a_thousandth_of_the_weight_at_the_end_of_an_arm(share, matters):
+def test_a_torque_matters_from_a_thousandth_of_weight_times_arm(share, matters):
     body = made_fit.configuration(mass=MASS)
     wide = made_fit.fit_of([body], std={}, terms=("torque_offset",))
     wide = with_values(wide, {"torque_offset_y@A": -share * MASS * G * ARM})

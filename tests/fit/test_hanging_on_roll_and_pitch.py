@@ -74,7 +74,7 @@ def test_the_ratios_of_the_yaw_equation_stay(turned):
         assert high - low < 0.3 * high
 
 
-def test_without_roll_and_pitch_the_height_of_the_centre_of_mass_is_not_known(turned):
+def test_com_height_is_not_identified_without_roll_and_pitch(turned):
     _, result = turned
     assert result.derived_value("com_z").value is None
     height = result.parameter("msz")
@@ -83,7 +83,7 @@ def test_without_roll_and_pitch_the_height_of_the_centre_of_mass_is_not_known(tu
     assert "wiggle roll and pitch" in height.advice
 
 
-def test_where_all_axes_are_flown_scale_and_height_are_identified(tmp_path):
+def test_flying_all_axes_identifies_scale_and_com_height(tmp_path):
     flight = gusty(FREE, seed=400)
     result = flown.identified(tmp_path, [flight])
     truth = flight.truth
@@ -190,7 +190,7 @@ def test_what_yaw_leaves_open_of_a_product_is_a_share_of_it(rho, size):
 
 
 @pytest.mark.parametrize("rho", [2.5, 6.0])
-def test_a_pitch_inertia_that_gusts_pull_pulls_the_scale_of_yaw_as_far_as_they_go_together(rho):
+def test_gust_bias_of_pitch_inertia_widens_correlated_yaw_scale(rho):
     body = made_fit.configuration()
     names = ("kt", "kd", "Ixx_com@A", "Iyy_com@A", "Izz_com@A", "kd_over_Izz@A")
     correlation = np.eye(6)

@@ -139,7 +139,7 @@ def test_bands_that_are_flown_are_answered_and_count():
     assert steered.counted[:, PITCH].all()
 
 
-def test_a_band_is_flown_where_rotors_explain_over_three_times_the_rest():
+def test_a_band_is_excited_where_rotors_explain_thrice_the_rest():
     factors = made_fit.blocks([(1.0, 1.5)])
     for explained, flown_there in ((2.9, False), (3.1, True)):
         signal = np.full((1, 1), 1.0 + explained)

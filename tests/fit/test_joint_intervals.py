@@ -51,7 +51,7 @@ def test_without_scatter_an_interval_is_that_of_the_covariance():
 
 
 @pytest.mark.parametrize("offset", [0.0, 5e-9])
-def test_scatter_of_blocks_is_a_jackknife_with_the_t_of_what_is_left(offset):
+def test_block_scatter_is_a_jackknife_with_t_of_remaining_blocks(offset):
     """12 blocks of 6 equations, 12 parameters: 10 blocks are left, and t of 10 is 2.228."""
     body = made_fit.configuration()
     q = 1e-8 * EVEN + offset
@@ -132,7 +132,7 @@ def moving_as_they_pull(monkeypatch):
         ((5, 6), T_4),
     ],
 )
-def test_from_five_flights_on_their_scatter_has_its_own_few_degrees(monkeypatch, counts, t):
+def test_scatter_of_five_flights_sets_the_degrees_of_freedom(monkeypatch, counts, t):
     """Configurations add, and the fewest flights of those with five or more set the degrees."""
     moving_as_they_pull(monkeypatch)
     bodies = [of_flights(name, count) for name, count in zip("AB", counts, strict=False)]
@@ -154,7 +154,7 @@ def test_flights_are_taken_whole_whatever_their_blocks_do(monkeypatch):
 
 
 @pytest.mark.parametrize("phases", [2, 3, 4])
-def test_phases_pull_as_the_jackknife_and_the_sandwich_in_the_mean(monkeypatch, phases):
+def test_phase_influence_averages_jackknife_and_sandwich(monkeypatch, phases):
     """Of three and more: pull p of each, its bands together, times the move d without it."""
     factors = made_fit.blocks([(1.0, 2.0), (2.0, 3.0)] * phases)
     body = made_fit.configuration(factors=replace(factors, segment=np.repeat(np.arange(phases), 2)))
@@ -176,9 +176,7 @@ def test_phases_pull_as_the_jackknife_and_the_sandwich_in_the_mean(monkeypatch, 
 
 
 @pytest.mark.parametrize(("ratio", "counted"), [(0.5, 1.0), (3.9, 3.9), (10.0, 4.0)])
-def test_a_phase_without_which_nothing_is_told_counts_four_times_at_most(
-    monkeypatch, ratio, counted
-):
+def test_an_indispensable_phase_counts_four_times_at_most(monkeypatch, ratio, counted):
     """And one that pulls nowhere does not count, wherever the others go without it."""
     factors = made_fit.blocks([(1.0, 2.0)] * 4)
     body = made_fit.configuration(factors=replace(factors, segment=np.arange(4)))
@@ -340,7 +338,7 @@ def test_what_no_autopilot_is_looked_for_hangs_on_none():
     assert response_sensitivity(fit).shape == (0, FREE)
 
 
-def test_excitation_is_what_the_rotors_explain_over_the_rest_in_the_pilots_band():
+def test_excitation_is_rotor_power_over_residual_in_pilots_band():
     """0.3 to 3 Hz; two flights, the second three times as long as the first."""
     bands = [(0.0, 0.25), (0.35, 0.5), (2.0, 2.9), (3.1, 4.0)]
     source = np.repeat([0, 1], 4)
@@ -434,14 +432,14 @@ def test_a_number_near_zero_is_pulled_as_one_that_matters():
     assert widened({"Jr": (0.5, 0.0)}, rho=rho)["Jr"] == pytest.approx(0.25)
 
 
-def test_a_shared_number_goes_by_the_configuration_that_yaws_most():
+def test_a_shared_number_uses_the_configuration_that_yaws_most():
     entries = {"kd": (1.0, 0.1), "kd_over_Izz@A": (1.0, 0.1)}
     half = widened(entries, rho={**RHO, "yaw@A": 1.0, "yaw@B": 27.0})
     assert half["kd"] == 0.1
     assert half["kd_over_Izz@A"] == np.inf
 
 
-def test_products_of_yaw_are_allowed_what_their_equation_leaves_open():
+def test_yaw_products_widen_by_the_uncertainty_of_their_equation():
     """Ixz = 3 hangs on the answer by 0.3, and on yaw by 3 / (12 + 3)."""
     half = widened({"Ixz_com@A": (3.0, 0.4)}, shifts={"Ixz_com@A": 0.3})
     assert half["Ixz_com@A"] == pytest.approx(np.sqrt(0.4**2 + 0.3**2 + 0.6**2))

@@ -80,7 +80,7 @@ def test_a_payload_is_known_to_its_tolerances():
     assert {found[f"payload_1_{axis}@A"] for axis in "xyz"} == {2e-3}
 
 
-def test_a_thrust_coefficient_from_elsewhere_comes_with_its_deviation():
+def test_a_known_thrust_coefficient_keeps_its_deviation():
     body = made_fit.configuration(mass=MASS, factors=hovering())
     problem = joint_problem([body], known={"kt": (2e-6, 3e-8)})
     assert (problem.prior_mean, problem.prior_std["kt"]) == ({"kt": 2e-6}, 3e-8)

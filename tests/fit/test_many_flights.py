@@ -42,7 +42,7 @@ def at_body(problem):
     return np.array([made_fit.BODY.get(name.partition("@")[0], 0.0) for name in problem.map.names])
 
 
-def test_each_of_several_flights_has_trims_of_its_own_and_all_else_in_common():
+def test_flights_have_separate_trims_and_share_all_else():
     body, other = of_flights(5), replace(of_flights(2), name="B")
     problem = joint_problem([body, other])
     assert problem.parts == ((2, 2, 2, 2, 2), (2, 2))
@@ -58,7 +58,7 @@ def test_each_of_several_flights_has_trims_of_its_own_and_all_else_in_common():
 
 
 @pytest.mark.parametrize(("trim", "size"), [("msx", 1e-5), ("msy", -2e-5)])
-def test_a_battery_elsewhere_moves_the_centre_of_mass_and_not_the_inertia_about_it(trim, size):
+def test_a_moved_battery_shifts_the_com_but_keeps_com_inertia(trim, size):
     body, other = of_flights(5), replace(of_flights(2), name="B")
     problem = joint_problem([body, other])
     entry = body.model.names.index
@@ -129,7 +129,7 @@ def asked_apart(answer, *, rho, scatter=0.0):
 RHO = np.array([10.0, 20.0, 40.0, 100.0, 300.0, 1000.0, 2000.0, 5000.0])
 
 
-def test_flights_of_different_rho_show_how_far_the_autopilot_answers():
+def test_flights_of_different_rho_reveal_the_autopilot_response():
     true = np.array([0.4, -0.3, 0.0])
     found = heard(*asked_apart(true, rho=RHO))
     np.testing.assert_allclose(found.beyond, true, atol=0.05)
@@ -190,7 +190,7 @@ def test_flights_are_assumed_to_differ_as_they_do(five):
     assert body.scatter.air == pytest.approx(known, rel=0.15)
 
 
-def test_how_flights_differ_counts_what_is_open_of_each_not_of_all():
+def test_flight_scatter_counts_individual_not_common_uncertainty():
     names = [f"trim_{own}@{k}" for k in range(1, 6) for own in TRIMS]
     common = np.kron(np.ones((5, 5)), np.eye(3))
     open_still = np.diag(np.tile([4e-8, 4e-8, 9e-6], 5))
@@ -212,7 +212,7 @@ def test_how_flights_differ_counts_what_is_open_of_each_not_of_all():
     assert alike.air == pytest.approx(0.01 / 5**0.5)
 
 
-def test_two_flights_of_one_day_tell_little_of_the_air_of_another():
+def test_two_flights_of_one_day_barely_constrain_air_of_another():
     estimate = Estimate(
         names=tuple(f"trim_{own}@{k}" for k in range(2) for own in TRIMS),
         values=np.zeros(6),
@@ -224,7 +224,7 @@ def test_two_flights_of_one_day_tell_little_of_the_air_of_another():
     assert scatters(estimate, [0, 0], [0.2] * 2)[0].air == pytest.approx(0.01 / 2**0.5)
 
 
-def test_intervals_of_flights_of_different_trim_hold_and_are_narrow(five):
+def test_intervals_of_differently_trimmed_flights_hold_narrowly(five):
     identified, truth = five
     for name, true in zip(
         ("Ixx_com", "Iyy_com", "Izz_com"), np.diagonal(truth.com_inertia), strict=True

@@ -64,7 +64,7 @@ def test_inertia_goes_with_the_arms_and_thrust_does_not(folder, exact):
     assert unsure.derived_value("Ixx_com").value == exact.derived_value("Ixx_com").value
 
 
-def test_an_imu_that_is_not_where_it_was_measured_is_in_the_intervals(folder, exact):
+def test_intervals_include_a_misplaced_imu(folder, exact):
     place = f"imu = {{ position = {list(TRUE_IMU)} }}"
     off = f"imu = {{ position = {[0.022, -0.008, 0.032]}, position_std = 0.002 }}"
     unsure = identified(folder, place, off)

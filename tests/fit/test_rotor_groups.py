@@ -79,7 +79,7 @@ def test_groups_of_a_hexarotor_share_a_coefficient_that_is_found(tmp_path):
     assert values[1] / values[0] == pytest.approx(0.92, abs=0.01)
 
 
-def test_upper_and_lower_rotors_that_a_mixer_moves_alike_are_not_told_apart(tmp_path):
+def test_rotor_groups_mixed_alike_are_not_distinguished(tmp_path):
     """Each arm of an x8 has one rotor of each spin: no command moves upper from lower ones."""
     groups = ("upper",) * 4 + ("lower",) * 4
     result, true = identified(tmp_path, "x8", spread=(1.0,) * 4 + (0.92,) * 4, groups=groups)

@@ -109,7 +109,7 @@ def test_a_product_near_zero_is_pulled_as_one_that_matters():
     assert half_width("Iyz_com") == pytest.approx(0.25 * np.sqrt(0.0225 * 0.0325) / 20, rel=1e-3)
 
 
-def test_tilted_rotors_leave_open_what_is_drag_and_what_is_thrust():
+def test_tilted_rotors_leave_drag_and_thrust_ambiguous():
     """Leaning by a tenth: 3 cm of drag over thrust; kd over Izz might be anything."""
     lean = (0.1, 0.0, float(np.sqrt(0.99)))
     tilted = replace(
@@ -158,7 +158,7 @@ def row_fit(known, residual):
     )
 
 
-def test_excitation_is_explained_over_residual_power_in_the_pilots_band():
+def test_excitation_is_explained_over_residual_pilot_band_power():
     factors = made_fit.blocks([(0.0, 0.25), (0.35, 0.5), (2.0, 2.9), (3.1, 4.0)])
     made = row_fit([900.0, 15.0, 10.0, 700.0], [1.0, 2.0, 3.0, 50.0])
     assert _excitation(made, factors) == pytest.approx(20.0 / 5.0)

@@ -80,7 +80,7 @@ def left(flight, free, by):
         ("motor_skew", AT, "central"),
     ],
 )
-def test_moved_rows_are_those_of_signals_made_anew_to_second_order(name, at, differentiation):
+def test_moved_rows_equal_recomputed_signals_to_second_order(name, at, differentiation):
     """Half of the move leaves a quarter of the error."""
     flight = moving(3, differentiation=differentiation)
     free = FreeTiming(at=at, names=(name,))
@@ -209,7 +209,7 @@ def test_configurations_of_fewer_rows_are_filled_up(rows=5):
     assert of_even_rows([plain, short])[0] is plain
 
 
-def test_a_joint_problem_of_configurations_of_fewer_rows_is_evaluated():
+def test_configurations_of_few_rows_are_evaluated_jointly():
     width = len(regressor(made_fit.QUAD).layout)
     free = FreeTiming(at=AT, names=("motor_delay",))
 

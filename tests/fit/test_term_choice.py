@@ -189,7 +189,7 @@ def test_rotors_that_a_turn_drags_do_not_bend_the_drag_torque(tmp_path):
 FELT = ("rotor_inertia", "rotor_spread", "accel_bias", "twist", "rotor_drag", "climb_drag")
 
 
-def test_drag_along_the_thrust_does_not_bend_kt_without_a_velocity(once, draggy, tmp_path):
+def test_axial_drag_does_not_bias_kt_without_a_velocity(once, draggy, tmp_path):
     found = identified(tmp_path, draggy, channels=IMU_AND_SPEED)
     without = identified(tmp_path, draggy, channels=IMU_AND_SPEED, terms=FELT[:-1])
     kt = once.parameter("kt").value  # of the velocity

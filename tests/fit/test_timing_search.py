@@ -85,7 +85,7 @@ def commanded(folder, flight, motors):
     return flown.quietly_identified(path)
 
 
-def test_rising_and_falling_lags_are_told_apart_where_they_differ(tmp_path, slow_to_fall):
+def test_different_rising_and_falling_lags_are_separated(tmp_path, slow_to_fall):
     result = commanded(tmp_path, slow_to_fall, "")
     assert result.parameter("motor_lag_up").value == pytest.approx(0.03, abs=0.005)
     assert result.parameter("motor_lag_down").value == pytest.approx(0.06, abs=0.005)
@@ -232,7 +232,7 @@ def timing_of(folder, *, seed, channels, motors=""):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_lag_and_delay_of_commands_are_found_together_within_their_deviations(tmp_path, seed):
+def test_lag_and_delay_of_commands_are_found_within_deviations(tmp_path, seed):
     """Their sum to .1 ms: the simulation holds every command as the log says."""
     commanded = '[motors]\nspeed = "commanded"\n'
     found = timing_of(tmp_path, seed=seed, channels=("gyro", "accel", "command"), motors=commanded)
@@ -244,7 +244,7 @@ def test_lag_and_delay_of_commands_are_found_together_within_their_deviations(tm
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_measured_speeds_are_neither_late_nor_early_by_more_than_their_deviation(tmp_path, seed):
+def test_measured_speeds_have_no_delay_beyond_its_deviation(tmp_path, seed):
     found = timing_of(tmp_path, seed=seed, channels=("gyro", "accel", "rotor_speed"))
     assert found.free == ("motor_delay",)
     assert abs(found.response.delay) < 2.0 * found.delay_std < 1e-3

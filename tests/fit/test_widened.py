@@ -46,7 +46,7 @@ def responses(seen):
     return [other.motor_timing.response for other, _ in seen]
 
 
-def test_half_the_frequency_range_is_tried_and_its_shift_counts_twice():
+def test_half_the_frequency_range_is_tried_with_double_weight():
     whole = flown()
     half, seen = trials(whole, [3.0])
     assert half == pytest.approx(np.sqrt(10.0**2 + 6.0**2))
@@ -54,7 +54,7 @@ def test_half_the_frequency_range_is_tried_and_its_shift_counts_twice():
 
 
 @pytest.mark.parametrize(("total_std", "step"), [(0.001, 0.005), (0.007, 0.007)])
-def test_motors_are_tried_off_by_half_a_sample_or_by_what_is_not_known_of_them(total_std, step):
+def test_motor_delay_is_tried_off_by_half_a_sample_or_deviation(total_std, step):
     """Both ways; of the two shifts, which are one group, the root of the mean square."""
     half, seen = trials(flown(timing(total_std)), [3.0, 4.0, -6.0])
     assert half == pytest.approx(np.sqrt(100.0 + 4.0 * (9.0 + (16.0 + 36.0) / 2.0)))
@@ -88,7 +88,7 @@ def test_the_signals_of_another_timing_are_fitted_as_they_stand():
     assert all(other.free_timing is None for other, _ in seen[1:])
 
 
-def test_every_measured_length_is_tried_off_by_its_deviation_and_counts_for_itself():
+def test_each_measured_length_is_tried_off_by_its_deviation():
     whole = flown(arm_std=0.005, imu_std=0.002)
     half, seen = trials(whole, [1.0, 2.0, 3.0, 4.0, 5.0])
     assert half == pytest.approx(np.sqrt(100.0 + 4.0 * (1.0 + 4.0 + 9.0 + 16.0 + 25.0)))

@@ -67,7 +67,7 @@ def test_tables_and_page_of_a_fleet(run, out, small_fleet):
     assert "rotorfit identify one/flight1.csv --mass 1.285 --airframe airframe.toml" in page
 
 
-def test_the_command_of_a_flight_makes_its_report_and_the_next_run_links_it(
+def test_a_flights_command_makes_the_report_the_next_run_links(
     run, out, small_fleet, monkeypatch, capsys
 ):
     asked = (small_fleet.folder, *declared(small_fleet), "-o", out)

@@ -74,7 +74,7 @@ TURNS_WHILE_ROLLING = (only(**ROLL, **PITCH, **YAW),)
 ALMOST = 1e-3
 
 
-def test_symmetric_and_one_axis_at_a_time_leaves_kd_and_izz_free_together():
+def test_flying_one_axis_at_a_time_leaves_only_kd_and_izz_free():
     problem = problem_of(*vehicle_a(symmetric=True), ONE_AXIS_AT_A_TIME)
     (direction,) = free_directions(problem, below=ALMOST)
     assert set(direction.parts) == {"kd", "Izz"}

@@ -158,7 +158,7 @@ def test_rotor_center_is_a_common_shift_of_all_rotors(seed, rotors, tilted):
 
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, tilt=st.floats(-0.5, 0.5))
-def test_twist_is_the_yaw_torque_of_rotors_tilted_about_their_arms(seed, rotors, tilt):
+def test_twist_is_the_yaw_torque_of_rotors_tilted_about_arms(seed, rotors, tilt):
     rng = np.random.default_rng(seed)
     places = rng.normal(size=(rotors, 2))
     places *= 0.3 / np.linalg.norm(places, axis=1, keepdims=True)
@@ -225,7 +225,7 @@ def test_an_exact_motion_leaves_no_residual(seed, rotors, tilted):
 
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
-def test_the_common_thrust_coefficient_is_the_sum_of_the_rotors_own(seed, rotors, tilted):
+def test_the_common_thrust_column_is_the_sum_of_rotor_columns(seed, rotors, tilted):
     vehicle = ne.random_vehicle(np.random.default_rng(seed), rotors, tilted=tilted)
     A = regressor(vehicle)
     own = [A.tensor[A.names.index(f"kt_{i + 1}")] for i in range(rotors)]
@@ -291,7 +291,7 @@ def test_of_the_papers_72_entries_40_are_not_zero():
 
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS)
-def test_reversing_every_spin_reverses_drag_torque_and_rotor_inertia(seed, rotors):
+def test_reversing_all_spins_flips_drag_torque_and_rotor_inertia(seed, rotors):
     rng = np.random.default_rng(seed)
     vehicle = ne.random_vehicle(rng, rotors, tilted=bool(seed % 2))
     other = {"ccw": "cw", "cw": "ccw"}
@@ -340,7 +340,7 @@ def test_turning_or_mirroring_the_axes_turns_the_wrench(Q, seed, rotors, tilted)
 
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, rotors=ROTORS, tilted=st.booleans())
-def test_moving_the_origin_moves_the_parameters_by_the_parallel_axis_theorem(seed, rotors, tilted):
+def test_moving_the_origin_follows_the_parallel_axis_theorem(seed, rotors, tilted):
     rng = np.random.default_rng(seed)
     vehicle = ne.random_vehicle(rng, rotors, tilted=tilted)
     body = ne.random_body(rng, rotors)

@@ -64,7 +64,7 @@ def smooth(signals):
     return np.stack([np.convolve(x, np.ones(20) / 20, "same") for x in signals.T], axis=1)
 
 
-def test_lag_and_delay_explain_more_than_the_lag_alone_of_its_authors(result, explained):
+def test_lag_and_delay_explain_more_than_the_authors_lag_alone(result, explained):
     """Theirs is 80 ms and has no delay: a model that must take the delay for more lag."""
     alone = {lag: explained(lag, 0.0) for lag in np.arange(0.04, 0.13, 0.01)}
     best = max(alone, key=lambda lag: alone[lag].sum())
@@ -73,7 +73,7 @@ def test_lag_and_delay_explain_more_than_the_lag_alone_of_its_authors(result, ex
     assert (explained(*found) > alone[best] + 0.02).all()
 
 
-def test_thrust_carries_the_weight_and_the_interval_holds_the_thrust_stand(result):
+def test_thrust_carries_the_weight_and_agrees_with_the_stand(result):
     kt = result.parameter("kt")
     assert 0.15 < kt.value < 0.165
     assert kt.verdict == "weak"

@@ -90,7 +90,7 @@ def test_every_interval_holds_the_truth(result_of, name):
 
 
 @pytest.mark.parametrize("name", LOGS)
-def test_the_result_says_which_simulator_flew_and_what_it_leaves_out(result_of, name):
+def test_the_result_warns_which_simulator_flew(result_of, name):
     simulator = SIMULATOR[name.rpartition(".")[2]]
     assert any(f"flown in {simulator}, a simulator" in w for w in result_of(name).warnings)
 
@@ -106,7 +106,7 @@ def test_px4_stock_is_found_within_a_few_percent(result_of):
 
 
 @pytest.mark.parametrize("name", ["arducopter-stock.BIN", "arducopter-exported.BIN"])
-def test_arducopter_without_gyroscopic_terms_gives_no_scale_of_yaw(result_of, name):
+def test_arducopter_without_gyroscopic_terms_has_no_yaw_scale(result_of, name):
     result = result_of(name)
     found = numbers(result)
     for unknown in ("kd", "Jr", "Izz"):
@@ -120,7 +120,7 @@ def test_arducopter_without_gyroscopic_terms_gives_no_scale_of_yaw(result_of, na
         assert found[moment].value == pytest.approx(TRUTH[name][moment], rel=0.05)
 
 
-def test_the_yaw_torque_of_arducopter_is_told_apart_from_one_with_squared_speed(result_of):
+def test_arducopter_yaw_torque_is_found_not_to_be_quadratic(result_of):
     """Torque .05 diagonal yaw c T with T = .331 c + .669 c^2: the exported kd holds in hover."""
     result = result_of("arducopter-exported.BIN")
     [said] = [w for w in result.warnings if w.startswith("its yaw torque changes")]

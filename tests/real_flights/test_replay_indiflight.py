@@ -24,7 +24,7 @@ def test_it_beats_the_bench_where_the_bench_knows_no_com(replays):
     assert own[2] < 1.1 * plain[2]
 
 
-def test_with_the_com_identified_the_bench_s_inertia_is_no_better(replays):
+def test_bench_inertia_is_no_better_with_the_identified_com(replays):
     early = int(0.2 * replays[0].time.shape[1])
     own, bench = (error_growth(replays, name) for name in ("identified", "bench"))
     assert (own[-1] < 1.1 * bench[-1]).all()
@@ -32,7 +32,7 @@ def test_with_the_com_identified_the_bench_s_inertia_is_no_better(replays):
     assert own[early, 2] < 0.85 * bench[early, 2]
 
 
-def test_a_tenth_of_a_second_is_predicted_far_better_than_by_holding_the_rate(replays):
+def test_100_ms_are_predicted_far_better_than_by_a_held_rate(replays):
     early = int(0.2 * replays[0].time.shape[1])
     own, held = (error_growth(replays, name)[early] for name in ("identified", HOLD))
     assert (own < 0.45 * held).all()

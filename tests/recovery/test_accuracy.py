@@ -179,7 +179,7 @@ def test_a_longer_flight_has_a_smaller_bound():
     assert long.std["Ixx@A"] == pytest.approx(3**-0.5 * short.std["Ixx@A"], rel=0.25)
 
 
-def test_noise_scaled_total_least_squares_is_the_known_solution_of_a_line():
+def test_noise_scaled_total_least_squares_solves_a_line_exactly():
     rng = np.random.default_rng(1)
     x = rng.normal(size=4000)
     rows = np.column_stack([x + 0.3 * rng.normal(size=4000), 1.7 * x + rng.normal(size=4000)])

@@ -104,7 +104,7 @@ def test_hover_alone_gives_thrust_and_refuses_inertia(tmp_path):
 
 
 @pytest.mark.parametrize("seed", [2, 3])
-def test_hover_with_noisy_rotor_speeds_gives_thrust_and_nothing_else(tmp_path, seed):
+def test_hover_with_noisy_rotor_speeds_identifies_only_thrust(tmp_path, seed):
     """Noise of the rotor speeds holds more than their motion does: no correction for it helps."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
     truth = replace(truth, Jr=2e-5, disturbance_torque_std=(6e-3, 6e-3, 1.5e-3))

@@ -64,7 +64,7 @@ def commanded(tmp_path_factory):
     return found
 
 
-def test_the_answer_to_the_gyro_s_noise_is_not_taken_for_quick_motors_that_are_late(commanded):
+def test_response_to_gyro_noise_is_not_mistaken_for_motor_delay(commanded):
     """That would be a lag of 4 to 10 ms and a delay of 30, with deviations of half of one."""
     for flight, result in commanded:
         lag = result.parameter("motor_lag")

@@ -141,7 +141,7 @@ def test_rpm_among_commanded_speeds_is_refused(tmp_path, flight):
 
 
 @pytest.mark.parametrize("mass", [None, "unknown"])
-def test_without_a_law_all_is_per_command_and_the_products_are_physical(tmp_path, flight, mass):
+def test_without_a_law_units_are_per_command_but_not_of_products(tmp_path, flight, mass):
     result = identified(tmp_path, flight, motors="", mass=mass)
     found, truth, w = numbers(result), flight.truth.parameters(), float(flight.max_speed)
     assert NO_LAW in result.warnings
@@ -159,7 +159,7 @@ def test_without_a_law_all_is_per_command_and_the_products_are_physical(tmp_path
     assert low <= truth["kd"] / truth["kt"] <= high
 
 
-def test_a_thrust_that_is_no_square_of_the_command_is_told_by_the_weight(tmp_path, flight):
+def test_the_weight_reveals_thrust_not_quadratic_in_the_command(tmp_path, flight):
     """Thrust in proportion to the command, taken for its square."""
     result = identified(tmp_path, flight, motors="", recorded=lambda speed: speed**2)
     doubts = [words for words in result.warnings if "kt is taken from the weight" in words]

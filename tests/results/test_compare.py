@@ -69,7 +69,7 @@ def test_differences_and_overlaps_of_table_two():
     assert numbers["Ixy"].entries[1].difference == pytest.approx(-4.0)
 
 
-def test_text_names_what_is_apart_and_gives_no_percentage_of_zero():
+def test_text_names_differences_and_no_percentage_of_zero():
     text = comparison_text(compare_results([IMU, MOCAP], ["imu", "mocap"]))
     lines = {line.split("  ")[0]: line for line in text.splitlines()}
     assert "+1.38 %*" in lines["kt"]

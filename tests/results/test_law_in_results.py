@@ -51,7 +51,7 @@ def test_lag_and_full_speed_are_those_of_the_simulated_motors(result, flight):
     assert result.command_law.relative_error < 0.02
 
 
-def test_the_lag_of_the_commands_is_not_applied_to_measured_speeds(result):
+def test_the_command_lag_is_not_applied_to_measured_speeds(result):
     response = fitted_response(result)
     assert response.lag == 0.0
     assert response.delay == pytest.approx(result.parameter("motor_delay").value)

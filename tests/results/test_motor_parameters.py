@@ -38,7 +38,7 @@ def delay(value, std):
         (-0.020, 0.00256, "weak"),
     ],
 )
-def test_a_time_is_sharp_where_it_is_known_to_a_quarter_of_itself_or_of_8_ms(value, std, verdict):
+def test_a_time_is_sharp_if_known_to_a_quarter_of_it_or_of_8_ms(value, std, verdict):
     assert delay(value, std).verdict == verdict
 
 

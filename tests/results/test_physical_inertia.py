@@ -175,7 +175,7 @@ def test_a_product_that_is_not_known_is_free_in_the_projection():
     assert found == pytest.approx([0.011, 0.012, 0.023, 0.0], abs=2e-8)
 
 
-def test_what_was_taken_back_as_impossible_is_projected_from_where_it_was():
+def test_withheld_impossible_inertia_is_projected_from_its_value():
     values = np.array([0.0, 0.0, 0.0, 0.010, 0.011, 0.024, 0.0, 0.0, 0.0])
     whole = result_of(values, np.diag([1e-4**2] * 9))
     left = without_impossible(replace(whole, diagnostics={"other": 1.0}))
@@ -214,7 +214,7 @@ def test_the_smallest_second_moment_and_its_interval():
     assert unbounded.half_width == np.inf
 
 
-def test_moments_that_are_off_together_hardly_move_their_smallest_sum():
+def test_correlated_moment_errors_barely_move_the_smallest_sum():
     """(Ixx + Iyy - Izz) / 2 of a diagonal body: h / 2 where all three go together."""
     numbers = numbers_of([0.010, 0.012, 0.020, 0.0, 0.0, 0.0], 1e-3)
     apart = smallest_second_moment(numbers, "A")
@@ -231,7 +231,7 @@ def test_a_body_is_impossible_where_its_whole_interval_is(half_width, impossible
     assert moment.impossible is impossible
 
 
-def test_what_is_not_known_is_as_large_as_a_body_of_these_moments_allows():
+def test_unknown_moments_get_the_largest_physical_deviation():
     """Half of the root of 0.01 * 0.04 for Ixy, of 1.2 kg * 0.04 for a first moment."""
     values = np.array([0.0, 0.0, 0.0, 0.01, 0.04, 0.04, 0.0, 0.0, 0.0])
     result = result_of(values, np.diag([1e-4**2] * 9))
@@ -259,7 +259,7 @@ def test_a_body_that_cannot_exist_is_doubted_within_its_interval():
     assert "intervals allow" in words
 
 
-def test_beyond_its_interval_the_inertia_is_taken_back_with_the_scale_of_yaw():
+def test_impossible_inertia_is_withheld_with_the_yaw_scale():
     moment = smallest_second_moment(numbers_of([0.01, 0.01, 0.03, 0, 0, 0], 1e-3), "A")
     assert moment.impossible
     shared = [number(n, 1e-8, configuration=None) for n in ("kt", "kd", "Jr")]

@@ -80,7 +80,7 @@ def test_the_advice_is_what_the_plan_finds_by_the_bound(name, words):
 
 
 @pytest.mark.parametrize(("excitation", "verdict"), [(4.9, "not-identified"), (5.0, "weak")])
-def test_yaw_is_refused_where_disturbances_move_it_as_much_as_the_rotors(excitation, verdict):
+def test_yaw_is_refused_when_disturbances_match_the_rotors(excitation, verdict):
     assert judge(1.0, 0.6, scale=0.0, axis="yaw", excitation=excitation).verdict == verdict
     assert judge(1.0, 0.6, scale=0.0, axis="roll", excitation=excitation).verdict == "weak"
     assert judge(1.0, 0.49, scale=0.0, axis="yaw", excitation=excitation).verdict == "weak"

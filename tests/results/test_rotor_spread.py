@@ -25,20 +25,20 @@ def with_covariance(covariance):
 
 
 @pytest.mark.parametrize(("left", "assumed"), [(0.49, False), (0.51, True)])
-def test_a_coefficient_is_assumed_where_half_of_its_deviation_is_left(left, assumed):
+def test_a_coefficient_is_assumed_if_half_its_deviation_remains(left, assumed):
     bodies, fit = with_covariance(np.eye(4) * (left * BEFORE) ** 2)
     expected = [f"kt_{i}" for i in (1, 2, 3, 4)] if assumed else []
     assert list(assumed_rotors(fit, bodies)) == expected
 
 
-def test_a_change_of_all_rotors_alike_is_no_difference_between_them():
+def test_an_equal_change_of_all_rotors_is_no_difference():
     """It is a k_t of another size, and known by that."""
     alike = np.full((4, 4), BEFORE**2)
     bodies, fit = with_covariance(np.eye(4) * (0.1 * BEFORE) ** 2 + alike)
     assert assumed_rotors(fit, bodies) == {}
 
 
-def test_of_a_difference_between_two_rotors_the_other_two_are_known():
+def test_a_difference_of_two_rotors_leaves_the_other_two_known():
     """(1, -1, 0, 0) of deviation s is s of rotors 1 and 2 over the mean, and nothing of 3 and 4."""
     turn = np.array([1.0, -1.0, 0.0, 0.0])
     bodies, fit = with_covariance(np.outer(turn, turn) * (0.6 * BEFORE) ** 2)

@@ -104,7 +104,7 @@ def test_what_is_fixed_and_what_is_missing_is_said():
     assert drawn.units["Ixx_com"] == "kg m^2" and drawn.units["com_x"] == "m"
 
 
-def test_the_same_seed_gives_the_same_vehicles_and_more_of_them_begin_so():
+def test_a_seed_reproduces_vehicles_and_more_extend_the_sequence():
     result = a_result()
     a, b, more = result.samples(10, 7), result.samples(10, 7), result.samples(5000, 7)
     np.testing.assert_array_equal(a.values["kt"], b.values["kt"])

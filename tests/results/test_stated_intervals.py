@@ -123,7 +123,7 @@ def by_rows(rho=50.0):
     return row_tables(numbers, fits, EXPERIMENT, flights())
 
 
-def test_a_result_by_rows_states_half_widths_and_their_1_96th_part():
+def test_a_result_by_rows_states_half_widths_and_deviations():
     states_all(by_rows())
 
 
