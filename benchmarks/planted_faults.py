@@ -246,7 +246,7 @@ ROOMS: Final[dict[str, Room]] = {
         tests=(
             "tests/fit/test_excitation.py",
             "tests/fit/test_joint_intervals.py",
-            "tests/fit/test_steering.py",
+            "tests/fit/test_informative_bands.py",
         ),
         scaled=(
             "LEAST_RATIO: Final = <<3.0>>",
@@ -409,8 +409,8 @@ ROOMS: Final[dict[str, Room]] = {
             ('f"Izz_com@{owner}" if owner else "kd"', "name"),
         ),
     ),
-    "fit/intervals/kt_from_weight.py": Room(
-        tests=("tests/fit/test_kt_from_weight.py",),
+    "diagnostics/kt_from_weight.py": Room(
+        tests=("tests/diagnostics/test_kt_from_weight.py",),
         scaled=(
             "INFLOW_STD = <<0.02>>",
             "LEAST_CONFLICT = <<0.08>>",
@@ -506,7 +506,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "fit/joint/informative_bands.py": Room(
-        tests=("tests/fit/test_steering.py",),
+        tests=("tests/fit/test_informative_bands.py",),
         changed=(
             ("answered = flown[:, [NOISY.index(name) for name in ANSWERED]]", "answered = np.ones_like(flown[:, turns])"),
             ("counted=counted_bands(factors, flown)", "counted=np.ones_like(flown)"),
@@ -587,7 +587,7 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "dataset/weight_balance.py": Room(
-        tests=("tests/fit/test_kt_from_weight.py",),
+        tests=("tests/diagnostics/test_kt_from_weight.py",),
         scaled=(
             "LONGEST_WINDOW = <<10.0>>",
             "SHORTEST_WINDOW = <<2.0>>",
@@ -602,16 +602,12 @@ ROOMS: Final[dict[str, Room]] = {
             ("part.std**-2.0", "part.std**-1.0"),
         ),
     ),
-    "identification/estimates.py": Room(
-        tests=("tests/identification/test_estimates.py",),
-        scaled=(
-            "return value, half / <<1.96>>",
-            "np.maximum(numbers.half_width, <<apart + other.half_width>>)",
-            "np.maximum(numbers.half_width, <<apart>>))",
-        ),
+    "fit/fit_flights.py": Room(
+        tests=("tests/diagnostics/test_weight_steps.py",),
+        scaled=("np.maximum(fit.numbers.half_width, <<reach>>)",),
         changed=(
-            ("apart + other.half_width", "apart"),
-            ("apart + other.half_width", "np.hypot(apart, other.half_width)"),
+            ("apart + other.numbers.half_width if", "apart if"),
+            ("apart + other.numbers.half_width", "np.hypot(apart, other.numbers.half_width)"),
         ),
     ),
     "reduction/reduce.py": Room(

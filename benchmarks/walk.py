@@ -1,4 +1,4 @@
-"""How many files and types lie between `identify` and the printed line of kd, and does a call go back?
+"""How many files and types lie between `identify` and the printed kd, and does a call go back?
 
     python -m benchmarks.walk [--source FOLDER]
 
@@ -80,8 +80,7 @@ def main():
         result = identify(experiment)
         sys.setprofile(None)
         line = next(l for l in text_module.result_text(result).splitlines() if "kd" in l)
-    recipe = {m for m, _ in calls if m.startswith("identification/")} | {"identification/identify.py"}
-    files = sorted({m for m, _ in calls} | recipe | {"report/text.py"})
+    files = sorted({m for m, _ in calls} | {"identification/identify.py", "report/text.py"})
     rooms = [SHELF.get(m.split("/")[0], m.split("/")[0]) for m, _ in calls
              if m.split("/")[0] in ORDER]
     loaded = next((i for i, r in enumerate(rooms) if r in ("fit", "diagnostics")), 0)
