@@ -1,5 +1,6 @@
 """Small made-up problems with known answers: no flight is simulated, nothing is fitted."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.experiment.experiment import (
     ConfigurationEntry,
@@ -104,6 +106,55 @@ def fit_of(configurations, *, std, influence=None, terms=("rotor_inertia",), pow
         problem=problem,
         residual=np.zeros((count, 1, 6)),
     )
+
+
+def with_known_variances(fit):
+    """Return a fit without equations, so that no estimated variance adds to its covariance."""
+    times = len(fit.problem.moving)
+    factors = tuple(
+        replace(f, slopes=np.zeros((len(f), times, *f.R.shape[1:])) if times else None)
+        for f in fit.problem.factors
+    )
+    return replace(
+        fit,
+        variance=np.full_like(fit.variance, np.inf),
+        problem=replace(fit.problem, factors=factors),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovingFeedback(Feedback):
+    """An autopilot of whose errors the scores are known, by the parameters of the one part."""
+
+    scores: np.ndarray
+
+    def slope(self, c, G, dG):
+        """Give all of the scores to the first block."""
+        every = np.zeros((len(self.responses[c].rows), *self.scores.shape))
+        every[0] = self.scores
+        return every
+
+
+def moved_by_responses(fit, shifts):
+    """Return the fit of one part with an autopilot whose errors move the parameters so far."""
+    scores = np.linalg.solve(fit.estimate.covariance, np.transpose(shifts)).T
+    errors, blocks = len(scores), len(fit.influence)
+    (part,) = fit.problem.every_part
+    nothing = np.zeros((blocks, errors))
+    response = ClosedLoopResponses(
+        rows=nothing.astype(int),
+        moves=nothing[:, :, None],
+        complementary_sensitivity=nothing,
+        uncertainty=nothing,
+        log_effect_slopes=np.zeros((blocks, len(fit.problem.moving))),
+    )
+    feedback = MovingFeedback(
+        errors=tuple(range(errors)),
+        inputs=(),
+        responses=(response,),
+        scores=scores[:, part.moved],
+    )
+    return replace(fit, problem=replace(fit.problem, feedback=feedback))
 
 
 def prepared(*, seconds=20.0, rate=100.0, motor_rate=100.0, speed=500.0, force=None, segments=None):

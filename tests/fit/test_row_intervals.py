@@ -10,7 +10,7 @@ from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.fit.rows import row_fits
-from rotorfit.fit.rows.row_fits import ROWS, RowFits, _excitation, turn_ratios
+from rotorfit.fit.rows.row_fits import ROWS, RowFits, row_excitation, turn_ratios
 from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
 from rotorfit.model.regressor import regressor
 
@@ -161,8 +161,8 @@ def row_fit(known, residual):
 def test_excitation_is_explained_over_residual_power_in_the_pilots_band():
     factors = made_fit.blocks([(0.0, 0.25), (0.35, 0.5), (2.0, 2.9), (3.1, 4.0)])
     made = row_fit([900.0, 15.0, 10.0, 700.0], [1.0, 2.0, 3.0, 50.0])
-    assert _excitation(made, factors) == pytest.approx(20.0 / 5.0)
-    assert _excitation(row_fit([1.0] * 4, [2.0] * 4), factors) == 0.0
+    assert row_excitation(made, factors) == pytest.approx(20.0 / 5.0)
+    assert row_excitation(row_fit([1.0] * 4, [2.0] * 4), factors) == 0.0
 
 
 def test_the_ratios_of_the_turns_are_over_all_blocks(monkeypatch):

@@ -16,14 +16,14 @@ from rotorfit.fit.intervals import joint_numbers
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.onboard_filter import shape_fault
 from rotorfit.fit.timing.timing_fit import (
-    _begun,
-    _fitted,
-    _hold_fault,
-    _settled,
-    _unidentifiable,
-    _with_deviations,
     find_timing,
+    first_fit,
+    fitted_timing,
+    hold_fault,
+    settled_fit,
     timed_again,
+    timing_with_deviations,
+    unidentifiable_timing,
 )
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
@@ -77,7 +77,7 @@ COVARIANCE = [[16.0, -6.0], [-6.0, 9.0]]
 
 
 def deviations(monkeypatch, *, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence=None):
-    monkeypatch.setattr(timing_fit, "_hold_fault", lambda _: hold * MS)
+    monkeypatch.setattr(timing_fit, "hold_fault", lambda _: hold * MS)
     free = FreeTiming(at=AT, names=names)
     covariance = COVARIANCE if len(names) == 2 else [[16.0 if names[0] == "motor_lag" else 9.0]]
     fit = fit_at(free, moved=[0.5] * len(names), covariance=covariance, influence=influence)
@@ -85,7 +85,7 @@ def deviations(monkeypatch, *, names=BOTH, hold=0.0, shifts=None, motors=COMMAND
         rows = np.zeros((len(shifts), len(fit.estimate.names)))
         rows[:, [fit.estimate.names.index(name) for name in names]] = MS * np.array(shifts)
         monkeypatch.setattr(timing_fit, "response_sensitivity", lambda fit: rows)
-    return _with_deviations(dataset(motors=motors), free, fit)
+    return timing_with_deviations(dataset(motors=motors), free, fit)
 
 
 def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults(monkeypatch):
@@ -139,7 +139,7 @@ def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
 @pytest.mark.parametrize(("cutoffs", "fault"), [((None, 20.0), 1.125), ((40.0, None), 0.563)])
 def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, fault):
     """A tenth of its delay, sqrt(2) / (2 pi f), of each and of both; measured speeds have none."""
-    monkeypatch.setattr(timing_fit, "_hold_fault", lambda _: 0.0)
+    monkeypatch.setattr(timing_fit, "hold_fault", lambda _: 0.0)
 
     def filtered(motors):
         whole = dataset(motors=motors)
@@ -153,7 +153,7 @@ def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, 
 
     free = FreeTiming(at=AT, names=BOTH)
     fit = fit_at(free, moved=[0.5, 0.5], covariance=COVARIANCE)
-    found = _with_deviations(filtered(COMMANDED), free, fit)
+    found = timing_with_deviations(filtered(COMMANDED), free, fit)
     c = chance(2)
     assert found.lag_std == pytest.approx(norm(4 * c, 0.3, fault), rel=1e-3)
     assert found.delay_std == pytest.approx(norm(3 * c, 0.3, fault), rel=1e-3)
@@ -170,15 +170,15 @@ def test_no_lag_is_less_sure_than_it_was_beforehand(monkeypatch):
 
 def test_how_long_a_command_held_is_unknown_by_a_quarter_of_the_slowest_logs_sample():
     flights = made_fit.prepared(motor_rate=100.0), made_fit.prepared(motor_rate=50.0)
-    assert _hold_fault(made_fit.dataset(*flights, motors=COMMANDED)) == pytest.approx(0.005)
-    assert _hold_fault(made_fit.dataset(*flights)) == 0.0
+    assert hold_fault(made_fit.dataset(*flights, motors=COMMANDED)) == pytest.approx(0.005)
+    assert hold_fault(made_fit.dataset(*flights)) == 0.0
 
 
 def test_untold_motors_have_the_usual_lag_and_30_ms_of_delay():
-    both = _unidentifiable(dataset(), delay_free=True)
+    both = unidentifiable_timing(dataset(), delay_free=True)
     assert (both.lag_std, both.delay_std) == (0.03, 0.03)
     assert both.total_std == pytest.approx(0.03 * 2**0.5)
-    lag = _unidentifiable(dataset(), delay_free=False)
+    lag = unidentifiable_timing(dataset(), delay_free=False)
     assert (lag.lag_std, lag.delay_std, lag.total_std) == (0.03, None, 0.03)
     assert both.response == MotorResponse(lag=0.035)
     assert both.free == lag.free == ()
@@ -213,7 +213,7 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
 def test_a_fit_that_has_moved_far_begins_again_there_and_not_with_the_times(monkeypatch):
     """No further than 20 ms a round, which is how far the slopes reach; all times by one share."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
-    timed, fit = _settled(dataset().at(MotorResponse(lag=0.005), BOTH), ())
+    timed, fit = settled_fit(dataset().at(MotorResponse(lag=0.005), BOTH), ())
     places = [(free.at.lag, free.at.delay) for free, _ in seen]
     expected = [(0.005, 0.0), (0.025, 0.0048), (0.045, 0.0096), (0.055, 0.012)]
     assert np.array(places) == pytest.approx(np.array(expected))
@@ -245,7 +245,7 @@ def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
         return plain(dataset, **more)
 
     monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    timed, _ = timing_fit._begun(many, MotorResponse(lag=0.03), BOTH, ())
+    timed, _ = timing_fit.first_fit(many, MotorResponse(lag=0.03), BOTH, ())
     assert sizes == [(4, ["guess", "terms"]), (4, ["begin", "terms"]), (6, ["guess", "terms"])]
     assert timed.timing == AT and seen[-1][0].at == AT
 
@@ -254,14 +254,14 @@ def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
     for off, rounds in ((0.29, 1), (0.31, 2)):
         seen = fits_to(monkeypatch, AT)
         start = MotorResponse(lag=AT.lag + off * MS, delay=AT.delay)
-        _settled(dataset().at(start, BOTH), ())
+        settled_fit(dataset().at(start, BOTH), ())
         assert len(seen) == rounds
 
 
 def test_a_timing_that_does_not_come_to_rest_is_where_the_last_fit_says(monkeypatch):
     """Steps of 5 ms for ever: ten of them, none counted twice."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.040, delay=10.0), share=5e-4)
-    timed, fit = _settled(dataset().at(AT, ("motor_delay",)), ())
+    timed, fit = settled_fit(dataset().at(AT, ("motor_delay",)), ())
     assert len(seen) == 10
     assert timed.free_timing.at == seen[-1][0].at
     moved = fit.estimate.value("motor_delay")
@@ -271,7 +271,7 @@ def test_a_timing_that_does_not_come_to_rest_is_where_the_last_fit_says(monkeypa
 @pytest.mark.parametrize(("gain", "skewed"), [(9.9, False), (10.1, True)])
 def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, gain, skewed):
     fits_to(monkeypatch, AT, gain=gain, skew=0.3)
-    found = _fitted(dataset(), AT, BOTH, ())
+    found = fitted_timing(dataset(), AT, BOTH, ())
     assert ("motor_skew" in found.free) is skewed
     assert found.response.mean_lag == pytest.approx(0.040)
     assert skew_of(found.response) == pytest.approx(0.3 if skewed else 0.0)
@@ -282,7 +282,7 @@ def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, g
 )
 def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, lag):
     seen = fits_to(monkeypatch, MotorResponse(lag=lag, delay=0.01), gain=1e3, skew=0.3)
-    found = _fitted(dataset(source=source), MotorResponse(lag=lag, delay=0.01), BOTH, ())
+    found = fitted_timing(dataset(source=source), MotorResponse(lag=lag, delay=0.01), BOTH, ())
     # Motors as quick as nothing are those of the autopilot's answer.
     assert found.free == (BOTH if source == "mocap" else ())
     assert [free.names for free, _ in seen] == [BOTH]
@@ -291,7 +291,7 @@ def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, l
 @pytest.mark.parametrize(("skew", "kept"), [(0.7, True), (0.9, False), (50.0, False)])
 def test_a_skew_of_more_than_there_is_has_lost_the_motion(monkeypatch, skew, kept):
     fits_to(monkeypatch, AT, gain=1e3, skew=skew)
-    found = _fitted(dataset(), AT, BOTH, ())
+    found = fitted_timing(dataset(), AT, BOTH, ())
     assert ("motor_skew" in found.free) is kept
     assert found.response.lag > 0.0
 
@@ -306,23 +306,25 @@ def test_where_a_skew_does_not_settle_there_is_none(monkeypatch):
         return plain(dataset, **more)
 
     monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    assert _fitted(dataset(), AT, BOTH, ()).free == BOTH
+    assert fitted_timing(dataset(), AT, BOTH, ()).free == BOTH
 
 
 @pytest.mark.parametrize(("pull", "known"), [(29.9, True), (30.1, False)])
 def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, pull, known):
     fits_to(monkeypatch, AT)
     monkeypatch.setattr(timing_fit, "gust_bias", lambda *_: pull * MS)
-    found = _fitted(dataset(), AT, BOTH, ())
+    found = fitted_timing(dataset(), AT, BOTH, ())
     assert found.free == (BOTH if known else ())
     assert found.response == (AT if known else MotorResponse(lag=0.035))
     # Measured speeds have no lag that could be taken for the autopilot's answer.
-    assert _fitted(dataset(motors=MotorsEntry()), AT, ("motor_delay",), ()).free == ("motor_delay",)
+    assert fitted_timing(dataset(motors=MotorsEntry()), AT, ("motor_delay",), ()).free == (
+        "motor_delay",
+    )
 
 
 def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
     fits_to(monkeypatch, MotorResponse(lag=0.0, delay=-0.001))
-    found = _fitted(dataset(), AT, BOTH, ())
+    found = fitted_timing(dataset(), AT, BOTH, ())
     assert (found.free, found.response) == ((), MotorResponse(lag=0.035))
 
 
@@ -336,13 +338,13 @@ def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
 )
 def test_times_beyond_any_motors_are_none(monkeypatch, bottom):
     fits_to(monkeypatch, bottom)
-    assert _fitted(dataset(), AT, BOTH, ()) is None
+    assert fitted_timing(dataset(), AT, BOTH, ()) is None
 
 
 @pytest.mark.parametrize("bottom", [MotorResponse(lag=0.19), MotorResponse(lag=0.04, delay=0.15)])
 def test_motors_may_be_as_slow_as_200_ms_and_as_late_as_160(monkeypatch, bottom):
     fits_to(monkeypatch, bottom)
-    found = _fitted(dataset(), AT, BOTH, ()).response
+    found = fitted_timing(dataset(), AT, BOTH, ()).response
     assert (found.lag, found.delay) == pytest.approx((bottom.lag, bottom.delay))
 
 
@@ -356,7 +358,7 @@ def unsettled(monkeypatch, *, settles):
             raise UnsettledError("no")
         return MotorTiming(response=AT, total_std=MS, free=names)
 
-    monkeypatch.setattr(timing_fit, "_fitted", fitted)
+    monkeypatch.setattr(timing_fit, "fitted_timing", fitted)
     monkeypatch.setattr(timing_fit, "coarse_timing", lambda *_: AT)
     return tried
 
@@ -370,9 +372,9 @@ def test_where_a_fit_does_not_settle_fewer_terms_are_tried(monkeypatch):
 def test_flights_that_settle_nowhere_tell_no_lag(monkeypatch):
     """None at all would say that commands are followed at once."""
     unsettled(monkeypatch, settles=None)
-    assert find_timing(dataset()) == _unidentifiable(dataset(), delay_free=True)
+    assert find_timing(dataset()) == unidentifiable_timing(dataset(), delay_free=True)
     bench = MotorsEntry(speed="commanded", delay=0.01)
-    assert find_timing(dataset(motors=bench)) == _unidentifiable(
+    assert find_timing(dataset(motors=bench)) == unidentifiable_timing(
         dataset(motors=bench), delay_free=False
     )
     assert find_timing(dataset(motors=MotorsEntry())) is None
@@ -451,7 +453,7 @@ def test_a_timing_that_is_given_or_untold_is_not_moved():
 
 
 def costs(monkeypatch, cost):
-    monkeypatch.setattr(timing_search, "_cost", lambda dataset, response: cost(response))
+    monkeypatch.setattr(timing_search, "pilot_band_cost", lambda dataset, response: cost(response))
 
 
 @pytest.mark.parametrize(("bottom", "found"), [(0.045, 0.04), (0.001, 0.005), (0.13, None)])
@@ -559,7 +561,7 @@ def test_a_fit_that_gets_lost_begins_at_another_lag(monkeypatch, lost, begun):
         return fit_at(dataset.free_timing, moved=[1.0, -away]), []
 
     monkeypatch.setattr(timing_fit, "joint_fit", fit)
-    found, first = _begun(dataset(), MotorResponse(lag=0.04), BOTH, ())
+    found, first = first_fit(dataset(), MotorResponse(lag=0.04), BOTH, ())
     assert 1e3 * found.timing.lag == pytest.approx(begun)
     assert first.estimate.value("motor_delay") == pytest.approx(-1e23 if len(lost) == 3 else -0.002)
     assert tried == pytest.approx([40.0, 20.0, 80.0][: min(len(lost) + 1, 3)])
@@ -569,5 +571,5 @@ def test_without_a_lag_there_is_one_start(monkeypatch):
     monkeypatch.setattr(
         timing_fit, "joint_fit", lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), [])
     )
-    found, _ = _begun(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
+    found, _ = first_fit(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
     assert found.timing == MotorResponse(delay=0.01)

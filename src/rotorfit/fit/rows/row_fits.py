@@ -110,7 +110,7 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
     several = len(influence) > 1
     return RowFits(
         fits=fits,
-        excitation={row: _excitation(fits[row], factors) for row in ROWS[1:]},
+        excitation={row: row_excitation(fits[row], factors) for row in ROWS[1:]},
         covariance=scatter_covariance(influence) if several else formal,
         formal=formal,
     )
@@ -268,8 +268,8 @@ def _fitted_row(model: Regressor, row: str, fit: BandedFit) -> Float[np.ndarray,
     return np.einsum("p,pz->z", theta, model.tensor[:, 3 + ROWS.index(row) - 1])
 
 
-def _excitation(fit: BandedFit, factors: Factors) -> float:
-    """Return explained over residual power of a row's angular acceleration."""
+def row_excitation(fit: BandedFit, factors: Factors) -> float:
+    """Compute the explained over the residual power of a row's angular acceleration."""
     low, high = PILOT_BAND
     inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
     residual = float(fit.residual_power[inside].sum())
