@@ -1,6 +1,6 @@
 """The deviations of the motors' timing, and the way to it, from fits that are made up."""
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -11,8 +11,9 @@ from scipy import stats
 import made_fit
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
+from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit.intervals import joint_numbers
+from rotorfit.fit.rows.row_fits import turn_ratios
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.onboard_filter import shape_fault
 from rotorfit.fit.timing.timing_fit import (
@@ -26,12 +27,15 @@ from rotorfit.fit.timing.timing_fit import (
     unidentifiable_timing,
 )
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
+from rotorfit.model.regressor import regressor
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, is_time_identifiable, skew_of
 
 MS = 1e-3
 COMMANDED = MotorsEntry(speed="commanded")
 AT = MotorResponse(lag=0.040, delay=0.010)
+TRIED = MotorResponse(lag=0.040)
+"""Where the search begins that finds all trials alike."""
 BOTH = ("motor_lag", "motor_delay")
 
 
@@ -39,8 +43,67 @@ def norm(*parts):
     return MS * np.sqrt(np.sum(np.square(parts)))
 
 
-def dataset(*, motors=COMMANDED, **more):
-    return made_fit.dataset(made_fit.prepared(), motors=motors, **more)
+@dataclass(frozen=True, kw_only=True)
+class BandedFlights(Dataset):
+    """Flights whose bands are given, one per configuration, at any timing of the motors."""
+
+    given: tuple[Factors, ...]
+
+    def bands(self, response=None, *, free=None, **more):
+        if free is None:
+            return self.given
+        times = len(free.names)
+        return tuple(
+            replace(one, slopes=np.zeros((len(one), times, *one.R.shape[1:]))) for one in self.given
+        )
+
+
+def dataset(*flights, motors=COMMANDED, given=None, **more):
+    """Return flights that turn so much above the pilot's band that no gusts matter."""
+    flights = flights or (made_fit.prepared(),)
+    made = made_fit.dataset(*flights, motors=motors, **more)
+    values = {one.name: getattr(made, one.name) for one in fields(Dataset)}
+    return BandedFlights(**values, given=(STEERED,) if given is None else given)
+
+
+def turned(*ratios, bands=((1.0, 2.0),)):
+    """Return blocks whose roll, pitch and yaw are explained by so much over the residual power.
+
+    The residual is orthogonal to all that the rows are explained by.
+    """
+    model = regressor(made_fit.QUAD)
+    layout = model.layout.names
+    turns = [layout.index(name) for name in ("dwx", "dwy", "dwz")]
+    rng = np.random.default_rng(0)
+    Z = rng.normal(size=(400, len(layout)))
+    Z[:, [i for i, name in enumerate(layout) if name.startswith("O2_")]] *= 1e5
+    body = {**made_fit.BODY, "mass": 1.4, "msx": 0.0, "msy": 0.0, "msz": 0.0}
+    body |= dict.fromkeys(("Ixy", "Ixz", "Iyz", "rotor_drag"), 0.0)
+    body["Iyy"] = body["Izz"] = body["Ixx"]
+    theta = np.array([body.get(name, 0.0) for name in model.names])
+    B = np.einsum("p,pjz->jz", theta, model.tensor)
+    Z[:, turns] = 0.0
+    Z[:, turns] = -np.linalg.solve(B[3:][:, turns], B[3:] @ Z.T).T
+    Q = np.linalg.qr(np.column_stack([Z, rng.normal(size=(400, 3))]))[0][:, -3:]
+    made = []
+    for ratio in ratios:
+        noisy = Z.copy()
+        noisy[:, turns] += Q * np.linalg.norm(Z[:, turns], axis=0) / np.sqrt(ratio)
+        made.append(noisy)
+    return Factors(
+        R=triangular_factors(np.array(made)),
+        rows=np.full(len(ratios), 400),
+        segment=np.zeros(len(ratios), dtype=int),
+        band=np.array(bands),
+    )
+
+
+STEERED = turned([9.0] * 3, [9.0] * 3, bands=[(1.0, 2.0), (3.0, 4.0)])
+
+
+def test_turns_are_explained_as_they_are_made():
+    found = turn_ratios(turned([1.0, 3.0, 2.0]), regressor(made_fit.QUAD), mass=1.4)
+    assert found == pytest.approx([1.0, 3.0, 2.0], rel=1e-6)
 
 
 def fit_at(free, *, moved, covariance=None, influence=None):
@@ -52,15 +115,9 @@ def fit_at(free, *, moved, covariance=None, influence=None):
     values[at] = MS * np.asarray(moved, dtype=float)
     if covariance is not None:
         spread[np.ix_(at, at)] = MS**2 * np.asarray(covariance)
-    return replace(fit, estimate=replace(fit.estimate, values=values, covariance=spread))
-
-
-@pytest.fixture(autouse=True)
-def variances_are_known(monkeypatch):
-    """What blocks' estimated variances add is tested elsewhere; these fits have no equations."""
-    monkeypatch.setattr(
-        joint_numbers, "covariance_with_noise_uncertainty", lambda fit: fit.estimate.covariance
-    )
+    moved = replace(fit, estimate=replace(fit.estimate, values=values, covariance=spread))
+    # What blocks' estimated variances add is tested elsewhere.
+    return made_fit.with_known_variances(moved)
 
 
 def chance(times):
@@ -76,21 +133,22 @@ COVARIANCE = [[16.0, -6.0], [-6.0, 9.0]]
 """Of lag and delay: 4 and 3 ms, and 13 ms^2 of their sum."""
 
 
-def deviations(monkeypatch, *, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence=None):
-    monkeypatch.setattr(timing_fit, "hold_fault", lambda _: hold * MS)
+def deviations(*, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence=None):
+    """Return the timing where a command may hold longer by `hold` [ms]."""
     free = FreeTiming(at=AT, names=names)
     covariance = COVARIANCE if len(names) == 2 else [[16.0 if names[0] == "motor_lag" else 9.0]]
     fit = fit_at(free, moved=[0.5] * len(names), covariance=covariance, influence=influence)
     if shifts is not None:
         rows = np.zeros((len(shifts), len(fit.estimate.names)))
         rows[:, [fit.estimate.names.index(name) for name in names]] = MS * np.array(shifts)
-        monkeypatch.setattr(timing_fit, "response_sensitivity", lambda fit: rows)
-    return timing_with_deviations(dataset(motors=motors), free, fit)
+        fit = made_fit.moved_by_responses(fit, rows)
+    flight = made_fit.prepared(motor_rate=0.25 / (hold * MS) if hold else np.inf)
+    return timing_with_deviations(dataset(flight, motors=motors), free, fit)
 
 
-def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults(monkeypatch):
+def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults():
     """.1 ms of the sum and .3 ms of the split that no curvature shows."""
-    found = deviations(monkeypatch, hold=1.5)
+    found = deviations(hold=1.5)
     c = chance(2)
     assert c == pytest.approx(1.27, abs=0.01)
     assert found.lag_std == pytest.approx(norm(4 * c, 0.3), rel=1e-6)
@@ -100,36 +158,36 @@ def test_lag_and_delay_have_the_deviations_of_the_fit_and_their_faults(monkeypat
     assert found.free == BOTH
 
 
-def test_what_is_assumed_of_the_autopilot_is_in_the_deviations(monkeypatch):
+def test_what_is_assumed_of_the_autopilot_is_in_the_deviations():
     """Its answers' shifts over 1.96: of each time their sum, of lag plus delay that of both."""
-    found = deviations(monkeypatch, shifts=[[1.96, 3.92], [-1.96, 0.98]])
+    found = deviations(shifts=[[1.96, 3.92], [-1.96, 0.98]])
     c = chance(2)
     assert found.lag_std == pytest.approx(norm(4 * c, 2, 0.3), rel=1e-6)
     assert found.delay_std == pytest.approx(norm(3 * c, 2.5, 0.3), rel=1e-6)
     assert found.total_std == pytest.approx(norm(13**0.5 * c, 3.5, 0.1), rel=1e-6)
 
 
-def test_blocks_that_scatter_more_than_the_covariance_says_count_instead(monkeypatch):
+def test_blocks_that_scatter_more_than_the_covariance_says_count_instead():
     """12 blocks that pull by 2 ms either way: a deviation of sqrt(12 * 12/11) * 2 ms."""
     pulls = {"motor_delay": 2.0 * MS * np.tile([1.0, -1.0], 6)}
-    found = deviations(monkeypatch, influence=pulls)
+    found = deviations(influence=pulls)
     scatter = 2.0 * np.sqrt(144 / 11) * chance(2)
     assert found.delay_std == pytest.approx(norm(scatter, 0.3), rel=1e-6)
     assert found.lag_std == pytest.approx(norm(4 * chance(2), 0.3), rel=1e-6)
     assert found.total_std == pytest.approx(norm(scatter, 0.1), rel=1e-6)
 
 
-def test_a_lag_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
+def test_a_lag_alone_has_the_faults_of_the_sum_and_of_the_hold():
     """With the delay given, what a command held longer than logged is taken for lag."""
-    found = deviations(monkeypatch, names=("motor_lag",), hold=1.5)
+    found = deviations(names=("motor_lag",), hold=1.5)
     assert (
         found.lag_std == found.total_std == pytest.approx(norm(4 * chance(1), 0.1, 1.5), rel=1e-6)
     )
     assert found.delay_std is None
 
 
-def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
-    found = deviations(monkeypatch, names=("motor_delay",), hold=1.5, motors=MotorsEntry())
+def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold():
+    found = deviations(names=("motor_delay",), hold=1.5)
     assert (
         found.delay_std == found.total_std == pytest.approx(norm(3 * chance(1), 0.1, 1.5), rel=1e-6)
     )
@@ -137,12 +195,11 @@ def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
 
 
 @pytest.mark.parametrize(("cutoffs", "fault"), [((None, 20.0), 1.125), ((40.0, None), 0.563)])
-def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, fault):
+def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(cutoffs, fault):
     """A tenth of its delay, sqrt(2) / (2 pi f), of each and of both; measured speeds have none."""
-    monkeypatch.setattr(timing_fit, "hold_fault", lambda _: 0.0)
 
     def filtered(motors):
-        whole = dataset(motors=motors)
+        whole = dataset(made_fit.prepared(motor_rate=np.inf), motors=motors)
         (one,) = whole.configurations
         flights = [
             replace(f, log=replace(f.log, gyro_lowpass=cutoff))
@@ -161,9 +218,9 @@ def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, 
     assert shape_fault(filtered(MotorsEntry())) == 0.0
 
 
-def test_no_lag_is_less_sure_than_it_was_beforehand(monkeypatch):
+def test_no_lag_is_less_sure_than_it_was_beforehand():
     bench = MotorsEntry(speed="commanded", lag=0.04, lag_std=0.002)
-    found = deviations(monkeypatch, motors=bench)
+    found = deviations(motors=bench)
     assert found.lag_std == 0.002
     assert found.delay_std == pytest.approx(norm(3 * chance(2), 0.3))
 
@@ -187,12 +244,22 @@ def test_untold_motors_have_the_usual_lag_and_30_ms_of_delay():
 # The way there: fits that move the times to where they are least.
 
 
-def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
-    """Let every fit move the times by a share of the way to the bottom; return where it was."""
+def fitting(monkeypatch, fit):
+    """Let this stand for the fit of all that the flights tell."""
+    monkeypatch.setattr(timing_fit, "joint_fit", fit)
+
+
+def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, before=None):
+    """Let every fit move the times by a share of the way to the bottom; return where it was.
+
+    `before` is called with the flights of each fit and its options.
+    """
     seen = []
 
-    def joint_fit(dataset, *, terms, begin=None, guess=None):
-        free = dataset.free_timing
+    def joint_fit(dataset, **options):
+        if before is not None:
+            before(dataset, options)
+        free, begin = dataset.free_timing, options.get("begin")
         seen.append((free, begin))
         way = {
             "motor_lag": bottom.mean_lag - free.at.mean_lag,
@@ -204,9 +271,7 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
         won = gain if "motor_skew" in free.names else 0.0
         return replace(fit, log_likelihood=5.0 + won), []
 
-    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    monkeypatch.setattr(timing_fit, "gust_bias", lambda *_: 0.0)
-    monkeypatch.setattr(Dataset, "bands", lambda *_, **more: ())
+    fitting(monkeypatch, joint_fit)
     return seen
 
 
@@ -232,20 +297,18 @@ def turning(rate):
 
 def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
     """And where they settle all begin, but for what only a first fit of all can tell."""
-    many = made_fit.dataset(*(turning(k) for k in (3, 1, 6, 2, 5, 4)), motors=COMMANDED)
+    many = dataset(*(turning(k) for k in (3, 1, 6, 2, 5, 4)))
     few = liveliest(many).configurations[0].flights
     assert [f.prepared.data.angular_velocity[0, 0] for f in few] == [3, 6, 5, 4]
     one = dataset()
     assert liveliest(one) is one
-    seen, sizes = fits_to(monkeypatch, AT), []
-    plain = timing_fit.joint_fit
+    sizes = []
 
-    def joint_fit(dataset, **more):
-        sizes.append((len(dataset.configurations[0].flights), sorted(more)))
-        return plain(dataset, **more)
+    def note(dataset, options):
+        sizes.append((len(dataset.configurations[0].flights), sorted(options)))
 
-    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    timed, _ = timing_fit.first_fit(many, MotorResponse(lag=0.03), BOTH, ())
+    seen = fits_to(monkeypatch, AT, before=note)
+    timed, _ = first_fit(many, MotorResponse(lag=0.03), BOTH, ())
     assert sizes == [(4, ["guess", "terms"]), (4, ["begin", "terms"]), (6, ["guess", "terms"])]
     assert timed.timing == AT and seen[-1][0].at == AT
 
@@ -297,29 +360,25 @@ def test_a_skew_of_more_than_there_is_has_lost_the_motion(monkeypatch, skew, kep
 
 
 def test_where_a_skew_does_not_settle_there_is_none(monkeypatch):
-    fits_to(monkeypatch, AT, gain=1e3, skew=0.3)
-    plain = timing_fit.joint_fit
 
-    def joint_fit(dataset, **more):
+    def refuse(dataset, options):
         if "motor_skew" in dataset.free_timing.names:
             raise UnsettledError("no")
-        return plain(dataset, **more)
 
-    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
+    fits_to(monkeypatch, AT, gain=1e3, skew=0.3, before=refuse)
     assert fitted_timing(dataset(), AT, BOTH, ()).free == BOTH
 
 
 @pytest.mark.parametrize(("pull", "known"), [(29.9, True), (30.1, False)])
 def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, pull, known):
     fits_to(monkeypatch, AT)
-    monkeypatch.setattr(timing_fit, "gust_bias", lambda *_: pull * MS)
-    found = fitted_timing(dataset(), AT, BOTH, ())
+    calm = (turned([0.150 / (pull * MS)] * 3),)
+    found = fitted_timing(dataset(given=calm), AT, BOTH, ())
     assert found.free == (BOTH if known else ())
     assert found.response == (AT if known else MotorResponse(lag=0.035))
     # Measured speeds have no lag that could be taken for the autopilot's answer.
-    assert fitted_timing(dataset(motors=MotorsEntry()), AT, ("motor_delay",), ()).free == (
-        "motor_delay",
-    )
+    measured = dataset(motors=MotorsEntry(), given=calm)
+    assert fitted_timing(measured, AT, ("motor_delay",), ()).free == ("motor_delay",)
 
 
 def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
@@ -348,18 +407,17 @@ def test_motors_may_be_as_slow_as_200_ms_and_as_late_as_160(monkeypatch, bottom)
     assert (found.lag, found.delay) == pytest.approx((bottom.lag, bottom.delay))
 
 
-def unsettled(monkeypatch, *, settles):
-    """Let fits settle only with these terms; return which were tried."""
+def unsettled(monkeypatch, *, settles, bottom=TRIED):
+    """Let fits settle only with these terms; return the times and terms of each that is begun."""
     tried = []
 
-    def fitted(dataset, start, names, terms):
-        tried.append((names, terms))
-        if terms != settles:
+    def note(dataset, options):
+        if "motor_skew" not in dataset.free_timing.names:
+            tried.append((dataset.free_timing.names, options["terms"]))
+        if options["terms"] != settles:
             raise UnsettledError("no")
-        return MotorTiming(response=AT, total_std=MS, free=names)
 
-    monkeypatch.setattr(timing_fit, "fitted_timing", fitted)
-    monkeypatch.setattr(timing_fit, "coarse_timing", lambda *_: AT)
+    fits_to(monkeypatch, bottom, before=note)
     return tried
 
 
@@ -389,7 +447,7 @@ def test_with_other_terms_the_timing_is_found_again_from_where_it_was(monkeypatc
         free=(*BOTH, "motor_skew"),
     )
     whole = dataset(motor_timing=found)
-    tried = unsettled(monkeypatch, settles=terms)
+    tried = unsettled(monkeypatch, settles=terms, bottom=AT)
     again = timed_again(whole, terms)
     assert tried == [(BOTH, terms)]
     assert again.motor_timing.free == BOTH
@@ -503,36 +561,19 @@ def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, ga
         ([[0.01] * 3], 1.5),
     ],
 )
-def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(monkeypatch, ratios, expected):
+def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(ratios, expected):
     """Of the turn and the configuration that are flown most; not beyond a rho of 0.1."""
-    factors = made_fit.blocks([(1.0, 2.0)])
-    whole = dataset()
+    whole = dataset(given=tuple(turned(own) for own in ratios))
     whole = replace(whole, configurations=whole.configurations * len(ratios))
-    told_ratios = iter(ratios)
-    monkeypatch.setattr(Dataset, "timed_bands", (factors,) * len(ratios))
-    monkeypatch.setattr(timing_search, "turn_ratios", lambda *_, mass: np.array(next(told_ratios)))
-    monkeypatch.setattr(
-        timing_search, "excited_turns", lambda *_, mass: np.ones((1, 3), dtype=bool)
-    )
     assert gust_bias(whole) == pytest.approx(expected)
 
 
-def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(monkeypatch):
-    factors = made_fit.blocks([(1.0, 2.0), (3.0, 4.0)])
-    turns = np.array([[True] * 3, [False, False, True]])
-    seen = []
-
-    def ratios(factors, model, *, mass):
-        seen.append(factors.band.tolist())
-        return np.ones(3)
-
-    monkeypatch.setattr(Dataset, "timed_bands", (factors,))
-    monkeypatch.setattr(timing_search, "turn_ratios", ratios)
-    monkeypatch.setattr(timing_search, "excited_turns", lambda *_, mass: turns)
-    assert gust_bias(dataset()) == 0.0
-    turns[1] = False
-    assert gust_bias(dataset()) == 0.15
-    assert seen == [[[1.0, 2.0]]]
+@pytest.mark.parametrize(("yaw", "bias"), [(3.1, 0.0), (2.9, 0.15)])
+def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(yaw, bias):
+    """And where none is, the ratios are those of the pilot's band alone."""
+    bands = [(1.0, 2.0), (3.0, 4.0)]
+    factors = turned([1.0, 1.0, 1.0], [2.0, 2.0, yaw], bands=bands)
+    assert gust_bias(dataset(given=(factors,))) == pytest.approx(bias)
 
 
 @pytest.mark.parametrize(
@@ -560,7 +601,7 @@ def test_a_fit_that_gets_lost_begins_at_another_lag(monkeypatch, lost, begun):
         away = 1e26 if any(abs(tried[-1] - lag) < 1e-6 for lag in lost) else 2.0
         return fit_at(dataset.free_timing, moved=[1.0, -away]), []
 
-    monkeypatch.setattr(timing_fit, "joint_fit", fit)
+    fitting(monkeypatch, fit)
     found, first = first_fit(dataset(), MotorResponse(lag=0.04), BOTH, ())
     assert 1e3 * found.timing.lag == pytest.approx(begun)
     assert first.estimate.value("motor_delay") == pytest.approx(-1e23 if len(lost) == 3 else -0.002)
@@ -568,8 +609,6 @@ def test_a_fit_that_gets_lost_begins_at_another_lag(monkeypatch, lost, begun):
 
 
 def test_without_a_lag_there_is_one_start(monkeypatch):
-    monkeypatch.setattr(
-        timing_fit, "joint_fit", lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), [])
-    )
+    fitting(monkeypatch, lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), []))
     found, _ = first_fit(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
     assert found.timing == MotorResponse(delay=0.01)
