@@ -1,6 +1,6 @@
 """Small made-up problems with known answers: no flight is simulated, nothing is fitted."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.experiment.experiment import (
@@ -57,6 +57,38 @@ def blocks(bands, *, rows=30, source=None, width=None):
         segment=np.zeros(len(bands), dtype=np.int64),
         band=np.array(bands, dtype=float),
         source=None if source is None else np.asarray(source),
+    )
+
+
+def turned(*ratios, bands=((1.0, 2.0),)):
+    """Return blocks whose roll, pitch and yaw are explained by so much over the residual power.
+
+    The residual is orthogonal to all that the rows are explained by.
+    """
+    model = regressor(QUAD)
+    layout = model.layout.names
+    turns = [layout.index(name) for name in ("dwx", "dwy", "dwz")]
+    rng = np.random.default_rng(0)
+    Z = rng.normal(size=(400, len(layout)))
+    Z[:, [i for i, name in enumerate(layout) if name.startswith("O2_")]] *= 1e5
+    body = {**BODY, "mass": 1.4, "msx": 0.0, "msy": 0.0, "msz": 0.0}
+    body |= dict.fromkeys(("Ixy", "Ixz", "Iyz", "rotor_drag"), 0.0)
+    body["Iyy"] = body["Izz"] = body["Ixx"]
+    theta = np.array([body.get(name, 0.0) for name in model.names])
+    B = np.einsum("p,pjz->jz", theta, model.tensor)
+    Z[:, turns] = 0.0
+    Z[:, turns] = -np.linalg.solve(B[3:][:, turns], B[3:] @ Z.T).T
+    Q = np.linalg.qr(np.column_stack([Z, rng.normal(size=(400, 3))]))[0][:, -3:]
+    made = []
+    for ratio in ratios:
+        noisy = Z.copy()
+        noisy[:, turns] += Q * np.linalg.norm(Z[:, turns], axis=0) / np.sqrt(ratio)
+        made.append(noisy)
+    return Factors(
+        R=triangular_factors(np.array(made)),
+        rows=np.full(len(ratios), 400),
+        segment=np.zeros(len(ratios), dtype=int),
+        band=np.array(bands),
     )
 
 
@@ -211,6 +243,11 @@ def dataset(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
         configurations=(ConfigurationData(entry=entry, flights=used),),
         **more,
     )
+
+
+def as_kind(kind, flights, **more):
+    """Return a dataset as one of a subclass that makes its bands otherwise."""
+    return kind(**{one.name: getattr(flights, one.name) for one in fields(Dataset)}, **more)
 
 
 def no_numbers(*names, values=(), half_width=(), excitation=None):

@@ -1,6 +1,6 @@
 """The deviations of the motors' timing, and the way to it, from fits that are made up."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,9 +11,8 @@ from scipy import stats
 import made_fit
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
-from rotorfit.estimation.factors import Factors, triangular_factors
+from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit.rows.row_fits import turn_ratios
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.onboard_filter import shape_fault
 from rotorfit.fit.timing.timing_fit import (
@@ -27,7 +26,6 @@ from rotorfit.fit.timing.timing_fit import (
     unidentifiable_timing,
 )
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
-from rotorfit.model.regressor import regressor
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, is_time_identifiable, skew_of
 
@@ -62,48 +60,10 @@ def dataset(*flights, motors=COMMANDED, given=None, **more):
     """Return flights that turn so much above the pilot's band that no gusts matter."""
     flights = flights or (made_fit.prepared(),)
     made = made_fit.dataset(*flights, motors=motors, **more)
-    values = {one.name: getattr(made, one.name) for one in fields(Dataset)}
-    return BandedFlights(**values, given=(STEERED,) if given is None else given)
+    return made_fit.as_kind(BandedFlights, made, given=(STEERED,) if given is None else given)
 
 
-def turned(*ratios, bands=((1.0, 2.0),)):
-    """Return blocks whose roll, pitch and yaw are explained by so much over the residual power.
-
-    The residual is orthogonal to all that the rows are explained by.
-    """
-    model = regressor(made_fit.QUAD)
-    layout = model.layout.names
-    turns = [layout.index(name) for name in ("dwx", "dwy", "dwz")]
-    rng = np.random.default_rng(0)
-    Z = rng.normal(size=(400, len(layout)))
-    Z[:, [i for i, name in enumerate(layout) if name.startswith("O2_")]] *= 1e5
-    body = {**made_fit.BODY, "mass": 1.4, "msx": 0.0, "msy": 0.0, "msz": 0.0}
-    body |= dict.fromkeys(("Ixy", "Ixz", "Iyz", "rotor_drag"), 0.0)
-    body["Iyy"] = body["Izz"] = body["Ixx"]
-    theta = np.array([body.get(name, 0.0) for name in model.names])
-    B = np.einsum("p,pjz->jz", theta, model.tensor)
-    Z[:, turns] = 0.0
-    Z[:, turns] = -np.linalg.solve(B[3:][:, turns], B[3:] @ Z.T).T
-    Q = np.linalg.qr(np.column_stack([Z, rng.normal(size=(400, 3))]))[0][:, -3:]
-    made = []
-    for ratio in ratios:
-        noisy = Z.copy()
-        noisy[:, turns] += Q * np.linalg.norm(Z[:, turns], axis=0) / np.sqrt(ratio)
-        made.append(noisy)
-    return Factors(
-        R=triangular_factors(np.array(made)),
-        rows=np.full(len(ratios), 400),
-        segment=np.zeros(len(ratios), dtype=int),
-        band=np.array(bands),
-    )
-
-
-STEERED = turned([9.0] * 3, [9.0] * 3, bands=[(1.0, 2.0), (3.0, 4.0)])
-
-
-def test_turns_are_explained_as_they_are_made():
-    found = turn_ratios(turned([1.0, 3.0, 2.0]), regressor(made_fit.QUAD), mass=1.4)
-    assert found == pytest.approx([1.0, 3.0, 2.0], rel=1e-6)
+STEERED = made_fit.turned([9.0] * 3, [9.0] * 3, bands=[(1.0, 2.0), (3.0, 4.0)])
 
 
 def fit_at(free, *, moved, covariance=None, influence=None):
@@ -372,7 +332,7 @@ def test_where_a_skew_does_not_settle_there_is_none(monkeypatch):
 @pytest.mark.parametrize(("pull", "known"), [(29.9, True), (30.1, False)])
 def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, pull, known):
     fits_to(monkeypatch, AT)
-    calm = (turned([0.150 / (pull * MS)] * 3),)
+    calm = (made_fit.turned([0.150 / (pull * MS)] * 3),)
     found = fitted_timing(dataset(given=calm), AT, BOTH, ())
     assert found.free == (BOTH if known else ())
     assert found.response == (AT if known else MotorResponse(lag=0.035))
@@ -563,7 +523,7 @@ def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, ga
 )
 def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(ratios, expected):
     """Of the turn and the configuration that are flown most; not beyond a rho of 0.1."""
-    whole = dataset(given=tuple(turned(own) for own in ratios))
+    whole = dataset(given=tuple(made_fit.turned(own) for own in ratios))
     whole = replace(whole, configurations=whole.configurations * len(ratios))
     assert gust_bias(whole) == pytest.approx(expected)
 
@@ -572,7 +532,7 @@ def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(ratios, expected):
 def test_a_turn_that_is_flown_above_the_pilots_band_is_not_pulled(yaw, bias):
     """And where none is, the ratios are those of the pilot's band alone."""
     bands = [(1.0, 2.0), (3.0, 4.0)]
-    factors = turned([1.0, 1.0, 1.0], [2.0, 2.0, yaw], bands=bands)
+    factors = made_fit.turned([1.0, 1.0, 1.0], [2.0, 2.0, yaw], bands=bands)
     assert gust_bias(dataset(given=(factors,))) == pytest.approx(bias)
 
 

@@ -20,7 +20,7 @@ lets the rotors differ by a little, as real ones do.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,7 +146,11 @@ def excited_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np
 
 def turn_ratios(factors: Factors, model: Regressor, *, mass: float) -> Float[np.ndarray, " 3"]:
     """Return explained over residual power of the three turns, by the first pass of the rows."""
-    fits = [_fit_row(factors, model, row, mass) for row in ROWS[1:]]
+    return explained_ratios([_fit_row(factors, model, row, mass) for row in ROWS[1:]])
+
+
+def explained_ratios(fits: Sequence[BandedFit]) -> Float[np.ndarray, " r"]:
+    """Compute explained over residual power of each fit, over all blocks."""
     signal = np.array([fit.known_power.sum() for fit in fits])
     residual = np.array([fit.residual_power.sum() for fit in fits])
     explained = np.maximum(signal - residual, 0.0)
