@@ -341,8 +341,9 @@ def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, p
     assert fitted_timing(measured, AT, ("motor_delay",), ()).free == ("motor_delay",)
 
 
-def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
-    fits_to(monkeypatch, MotorResponse(lag=0.0, delay=-0.001))
+@pytest.mark.parametrize("lag", [0.0, 0.0305])
+def test_motors_that_answer_before_their_command_are_untold(monkeypatch, lag):
+    fits_to(monkeypatch, MotorResponse(lag=lag, delay=-lag - 0.001))
     found = fitted_timing(dataset(), AT, BOTH, ())
     assert (found.free, found.response) == ((), MotorResponse(lag=0.035))
 
