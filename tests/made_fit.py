@@ -1,5 +1,6 @@
 """Small made-up problems with known answers: no flight is simulated, nothing is fitted."""
 
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,8 @@ import numpy as np
 from rotorfit.dataset.dataset import ConfigurationData, Dataset, LoadedFlight
 from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.estimate import Estimate
-from rotorfit.estimation.factors import Factors
+from rotorfit.estimation.factors import Factors, triangular_factors
+from rotorfit.estimation.feedback import ClosedLoopResponses, Feedback
 from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.experiment.experiment import (
     ConfigurationEntry,
@@ -58,6 +60,38 @@ def blocks(bands, *, rows=30, source=None, width=None):
     )
 
 
+def turned(*ratios, bands=((1.0, 2.0),)):
+    """Return blocks whose roll, pitch and yaw are explained by so much over the residual power.
+
+    The residual is orthogonal to all that the rows are explained by.
+    """
+    model = regressor(QUAD)
+    layout = model.layout.names
+    turns = [layout.index(name) for name in ("dwx", "dwy", "dwz")]
+    rng = np.random.default_rng(0)
+    Z = rng.normal(size=(400, len(layout)))
+    Z[:, [i for i, name in enumerate(layout) if name.startswith("O2_")]] *= 1e5
+    body = {**BODY, "mass": 1.4, "msx": 0.0, "msy": 0.0, "msz": 0.0}
+    body |= dict.fromkeys(("Ixy", "Ixz", "Iyz", "rotor_drag"), 0.0)
+    body["Iyy"] = body["Izz"] = body["Ixx"]
+    theta = np.array([body.get(name, 0.0) for name in model.names])
+    B = np.einsum("p,pjz->jz", theta, model.tensor)
+    Z[:, turns] = 0.0
+    Z[:, turns] = -np.linalg.solve(B[3:][:, turns], B[3:] @ Z.T).T
+    Q = np.linalg.qr(np.column_stack([Z, rng.normal(size=(400, 3))]))[0][:, -3:]
+    made = []
+    for ratio in ratios:
+        noisy = Z.copy()
+        noisy[:, turns] += Q * np.linalg.norm(Z[:, turns], axis=0) / np.sqrt(ratio)
+        made.append(noisy)
+    return Factors(
+        R=triangular_factors(np.array(made)),
+        rows=np.full(len(ratios), 400),
+        segment=np.zeros(len(ratios), dtype=int),
+        band=np.array(bands),
+    )
+
+
 def configuration(name="A", *, mass=1.4, vehicle=QUAD, factors=None, **more):
     return JointConfiguration(
         name=name,
@@ -104,6 +138,55 @@ def fit_of(configurations, *, std, influence=None, terms=("rotor_inertia",), pow
         problem=problem,
         residual=np.zeros((count, 1, 6)),
     )
+
+
+def with_known_variances(fit):
+    """Return a fit without equations, so that no estimated variance adds to its covariance."""
+    times = len(fit.problem.moving)
+    factors = tuple(
+        replace(f, slopes=np.zeros((len(f), times, *f.R.shape[1:])) if times else None)
+        for f in fit.problem.factors
+    )
+    return replace(
+        fit,
+        variance=np.full_like(fit.variance, np.inf),
+        problem=replace(fit.problem, factors=factors),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovingFeedback(Feedback):
+    """An autopilot of whose errors the scores are known, by the parameters of the one part."""
+
+    scores: np.ndarray
+
+    def slope(self, c, G, dG):
+        """Give all of the scores to the first block."""
+        every = np.zeros((len(self.responses[c].rows), *self.scores.shape))
+        every[0] = self.scores
+        return every
+
+
+def moved_by_responses(fit, shifts):
+    """Return the fit of one part with an autopilot whose errors move the parameters so far."""
+    scores = np.linalg.solve(fit.estimate.covariance, np.transpose(shifts)).T
+    errors, blocks = len(scores), len(fit.influence)
+    (part,) = fit.problem.every_part
+    nothing = np.zeros((blocks, errors))
+    response = ClosedLoopResponses(
+        rows=nothing.astype(int),
+        moves=nothing[:, :, None],
+        complementary_sensitivity=nothing,
+        uncertainty=nothing,
+        log_effect_slopes=np.zeros((blocks, len(fit.problem.moving))),
+    )
+    feedback = MovingFeedback(
+        errors=tuple(range(errors)),
+        inputs=(),
+        responses=(response,),
+        scores=scores[:, part.moved],
+    )
+    return replace(fit, problem=replace(fit.problem, feedback=feedback))
 
 
 def prepared(*, seconds=20.0, rate=100.0, motor_rate=100.0, speed=500.0, force=None, segments=None):
@@ -160,6 +243,11 @@ def dataset(*flights, mass=1.4, motors=None, vehicle=QUAD, **more):
         configurations=(ConfigurationData(entry=entry, flights=used),),
         **more,
     )
+
+
+def as_kind(kind, flights, **more):
+    """Return a dataset as one of a subclass that makes its bands otherwise."""
+    return kind(**{one.name: getattr(flights, one.name) for one in fields(Dataset)}, **more)
 
 
 def no_numbers(*names, values=(), half_width=(), excitation=None):

@@ -272,7 +272,7 @@ def flights_bound(flights: Mapping[str, SimulatedFlight], *, commanded: bool) ->
     """
     first = next(iter(flights.values()))
     physics = regressor(first.vehicle)
-    joint = [_joint_configuration(name, f, physics) for name, f in flights.items()]
+    joint = [joint_configuration(name, f, physics) for name, f in flights.items()]
     mapped = joint_map(joint)
     phi = true_phi(mapped, flights)
     model = LinearModel(
@@ -297,9 +297,10 @@ def flights_bound(flights: Mapping[str, SimulatedFlight], *, commanded: bool) ->
     return _physical_bound(information, mapped, phi, joint)
 
 
-def _joint_configuration(
+def joint_configuration(
     name: str, flight: SimulatedFlight, physics: Regressor
 ) -> JointConfiguration:
+    """Describe the body of a flight for the joint map; no equations are in it."""
     width = len(physics.layout)
     nothing = Factors(
         R=np.zeros((0, width, width)),

@@ -65,6 +65,11 @@ def test_the_score_foretells_by_how_much_the_likelihood_rises(offset):
     assert expected_gain(without, [body], ("torque_offset",)) == pytest.approx(gain, rel=0.1)
 
 
+def expecting(monkeypatch, gain):
+    """Let terms promise a gain of the likelihood that is made up."""
+    monkeypatch.setattr(term_choice, "expected_gain", gain)
+
+
 class Tried(Exception):  # noqa: N818
     """The fit with the term was made."""
 
@@ -78,7 +83,7 @@ def test_a_fit_is_tried_from_half_of_the_gain_that_is_asked_for(
 ):
     bodies = [made_fit.configuration(name) for name in "AB"[:configurations]]
     fit = made_fit.fit_of(bodies, std={})
-    monkeypatch.setattr(term_choice, "expected_gain", lambda *_: expected)
+    expecting(monkeypatch, lambda *_: expected)
 
     def refit(terms, begin):
         raise Tried
@@ -100,7 +105,7 @@ def test_the_best_term_is_tried_first_and_skipped_if_unsettled(
 ):
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={})
-    monkeypatch.setattr(term_choice, "expected_gain", only("torque_offset", "turn_damping"))
+    expecting(monkeypatch, only("torque_offset", "turn_damping"))
     tried = []
 
     def refit(terms, begin):
@@ -132,7 +137,7 @@ def test_a_term_enters_for_a_gain_of_50_a_configuration(monkeypatch, gain, added
     fit = made_fit.fit_of([body], std={})
     wide = made_fit.fit_of([body], std={}, terms=("rotor_inertia", "torque_offset"))
     wide = with_values(wide, {"torque_offset_x@A": 1.0}, gain)
-    monkeypatch.setattr(term_choice, "expected_gain", only("torque_offset"))
+    expecting(monkeypatch, only("torque_offset"))
     choice, found = chosen(None, fit, [body], refit=lambda terms, begin: wide)
     assert choice.least_gain == 50.0
     assert ("torque_offset" in choice.terms) is added

@@ -8,10 +8,10 @@ import made_fit
 from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.fit.joint.informative_bands import (
-    _with_counted,
     error_correlation,
     pushes,
     select_slow_bands,
+    with_counted_bands,
 )
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY
@@ -131,7 +131,7 @@ def test_bands_that_are_flown_are_answered_and_count():
     body = made_fit.configuration(factors=made_fit.blocks(bands, rows=rows))
     signal, residual = np.ones((5, 6)), np.ones((5, 6))
     signal[1:4, [ROLL, YAW]] = 1.0 + LEAST_RATIO + 0.1
-    steered = _with_counted(body, signal, residual, commanded=False)
+    steered = with_counted_bands(body, signal, residual, commanded=False)
     assert ANSWERED == ("dwx", "dwy", "dwz")
     roll = yaw = [False, True, True, True, False]
     assert steered.answered.T.tolist() == [roll, [False] * 5, yaw]

@@ -7,20 +7,25 @@ import pytest
 from scipy import stats
 
 import made_fit
-from rotorfit.estimation.banded import BandedProblem, banded, response_sensitivity
+from rotorfit.estimation.banded import (
+    BandedProblem,
+    banded,
+    covariance_with_noise_uncertainty,
+    response_sensitivity,
+)
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.estimation.parameter_map import parameter_map
 from rotorfit.experiment.payload import PointMass
 from rotorfit.fit.intervals import joint_numbers as module
 from rotorfit.fit.intervals.joint_numbers import (
     Numbers,
-    _between_phases,
-    _timing_shifts,
-    _with_systematic,
     coupling_uncertainty,
     excitation,
+    half_width_between_phases,
     joint_numbers,
     number_scale,
+    systematic_uncertainty,
+    timing_shifts,
     weighed_excitation,
 )
 from rotorfit.fit.joint.joint_problem import joint_problem
@@ -112,11 +117,19 @@ def jackknife(pulls):
     return m / (m - 1) * np.sum(np.square(pulls))
 
 
+def moving_without(monkeypatch, moves):
+    """Let kt move without some blocks by `moves` of these parts."""
+
+    def steps(fit, parts):
+        place = fit.estimate.names.index("kt")
+        return np.outer(moves(parts), np.eye(len(fit.estimate.names))[place])
+
+    monkeypatch.setattr(module, "steps_without", steps)
+
+
 def moving_as_they_pull(monkeypatch):
     """Let no phase have more of the information than the others."""
-    monkeypatch.setattr(
-        module, "steps_without", lambda fit, parts: np.zeros((len(parts), len(fit.estimate.names)))
-    )
+    moving_without(monkeypatch, lambda parts: np.zeros(len(parts)))
 
 
 @pytest.mark.parametrize(
@@ -164,12 +177,11 @@ def test_phase_influence_averages_jackknife_and_sandwich(monkeypatch, phases):
     fit = made_fit.fit_of([body], std={}, influence={"kt": np.repeat(p / 2, 2) + inside})
     place = fit.estimate.names.index("kt")
 
-    def without(fit, parts):
-        own = [int(*np.unique(factors_of(body).segment[blocks])) for blocks in parts]
-        return np.outer(d[own], np.eye(FREE)[place])
-
-    monkeypatch.setattr(module, "steps_without", without)
-    found = _between_phases(fit, np.eye(FREE))
+    segment = body.factors.segment
+    moving_without(
+        monkeypatch, lambda parts: d[[int(*np.unique(segment[blocks])) for blocks in parts]]
+    )
+    found = half_width_between_phases(fit, np.eye(FREE))
     expected = 1.96 * np.sqrt(np.sum(np.abs(p * d))) if phases > 2 else 0.0
     assert found[place] == pytest.approx(expected)
     assert np.delete(found, place) == pytest.approx(0.0)
@@ -184,11 +196,9 @@ def test_an_indispensable_phase_counts_four_times_at_most(monkeypatch, ratio, co
     fit = made_fit.fit_of([body], std={}, influence={"kt": pulls})
     place = fit.estimate.names.index("kt")
     moves = np.array([ratio, 1.0, 1.0, 1.0]) * np.where(pulls == 0.0, 1e-6, -pulls)
-    monkeypatch.setattr(
-        module, "steps_without", lambda fit, parts: np.outer(parts @ moves, np.eye(FREE)[place])
-    )
+    moving_without(monkeypatch, lambda parts: parts @ moves)
     expected = 1.96e-8 * np.sqrt(counted * 9.0 + 4.0 + 1.0)
-    assert _between_phases(fit, np.eye(FREE))[place] == pytest.approx(expected)
+    assert half_width_between_phases(fit, np.eye(FREE))[place] == pytest.approx(expected)
 
 
 def test_phases_that_differ_widen_an_interval(monkeypatch):
@@ -197,17 +207,8 @@ def test_phases_that_differ_widen_an_interval(monkeypatch):
     body = made_fit.configuration(factors=replace(factors, segment=np.repeat(np.arange(4), 3)))
     pulls = np.repeat([1e-8, -1e-8, 1e-8, -1e-8], 3)
     fit = made_fit.fit_of([body], std={}, influence={"kt": pulls})
-    place = fit.estimate.names.index("kt")
-    monkeypatch.setattr(
-        module,
-        "steps_without",
-        lambda fit, parts: np.outer(-4.0 * (parts @ pulls), np.eye(FREE)[place]),
-    )
+    moving_without(monkeypatch, lambda parts: -4.0 * (parts @ pulls))
     assert half_width(fit, [body]) == pytest.approx(1.96 * np.sqrt(4 * 4 * 9) * 1e-8, rel=1e-3)
-
-
-def factors_of(body):
-    return body.factors
 
 
 def test_phases_of_unequal_information_have_the_variance_of_hc2():
@@ -237,7 +238,7 @@ def test_phases_of_unequal_information_have_the_variance_of_hc2():
     leverage = information / information.sum()
     assert leverage.max() > 0.4
     hc2 = np.sum(scores**2 / (1.0 - leverage)) / information.sum() ** 2
-    found = _between_phases(fit, np.eye(1))
+    found = half_width_between_phases(fit, np.eye(1))
     assert found[0] == pytest.approx(1.96 * np.sqrt(hc2), rel=1e-3)
 
 
@@ -272,32 +273,29 @@ def test_a_fault_of_the_times_moves_what_goes_with_them():
     body, fit = timed_fit()
     K = np.linalg.inv([[1e-6, -3e-7], [-3e-7, 2.5e-7]])
     slopes = np.array([8e-12, -2e-12]) @ K
-    split, total = _timing_shifts(fit, body.timing)
+    split, total = timing_shifts(fit, body.timing)
     at = {name: fit.estimate.names.index(name) for name in ("kt", *TIMES.names)}
     assert split[at["kt"]] == pytest.approx(slopes @ [3e-4, -3e-4])
     assert total[at["kt"]] == pytest.approx(slopes @ [0.0, 1e-4])
     assert [split[at[n]] for n in TIMES.names] == pytest.approx([3e-4, -3e-4])
     assert [total[at[n]] for n in TIMES.names] == pytest.approx([0.0, 1e-4])
-    assert _timing_shifts(fit, None) == []
+    assert timing_shifts(fit, None) == []
 
 
 @pytest.mark.parametrize(("name", "slope"), [("motor_lag", 8e-6), ("motor_delay", -8e-6)])
 def test_a_lone_time_has_the_fault_of_the_sum(name, slope):
     body, fit = timed_fit((name,))
-    (shift,) = _timing_shifts(fit, body.timing)
+    (shift,) = timing_shifts(fit, body.timing)
     assert shift[fit.estimate.names.index("kt")] == pytest.approx(slope * 1e-4)
 
 
-def test_answers_and_faults_of_the_times_are_in_the_interval(monkeypatch):
+def test_answers_and_faults_of_the_times_are_in_the_interval():
     """Of the answers the sum over roll, pitch and yaw; of the faults 1.96 of each; as squares."""
     body, fit = timed_fit()
     place = fit.estimate.names.index("kt")
     shifts = np.zeros((3, len(fit.estimate.names)))
     shifts[:, place] = [4e-8, -3e-8, 1e-8]
-    monkeypatch.setattr(module, "response_sensitivity", lambda fit: shifts)
-    monkeypatch.setattr(
-        module, "covariance_with_noise_uncertainty", lambda fit: fit.estimate.covariance
-    )
+    fit = made_fit.moved_by_responses(made_fit.with_known_variances(fit), shifts)
     left = 12 / (12 - len(fit.estimate.names) / 6)
     chance = stats.t.ppf(0.975, 12 / left) * np.sqrt(left) * 2e-8
     slopes = np.array([8e-12, -2e-12]) @ np.linalg.inv([[1e-6, -3e-7], [-3e-7, 2.5e-7]])
@@ -305,27 +303,30 @@ def test_answers_and_faults_of_the_times_are_in_the_interval(monkeypatch):
     assert half_width(fit, [body]) == pytest.approx(np.linalg.norm(parts), rel=1e-4)
 
 
-def test_what_estimated_variances_leave_open_is_in_the_interval(monkeypatch):
+def test_what_estimated_variances_leave_open_is_in_the_interval():
+    """Rows whose errors are so small that the variance of kt is four times what the fit states."""
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={"kt": 2e-8})
-    known = half_width(fit, [body])
-    monkeypatch.setattr(
-        module, "covariance_with_noise_uncertainty", lambda fit: 4.0 * fit.estimate.covariance
-    )
-    assert half_width(fit, [body]) == pytest.approx(2.0 * known, rel=1e-3)
+    place = fit.estimate.names.index("kt")
+    stated = fit.estimate.covariance[place, place]
+
+    def added(fit):
+        return covariance_with_noise_uncertainty(fit)[place, place] - stated
+
+    wide = replace(fit, variance=fit.variance * added(fit) / (3.0 * stated))
+    assert added(wide) == pytest.approx(3.0 * stated)
+    known = half_width(made_fit.with_known_variances(fit), [body])
+    assert half_width(wide, [body]) == pytest.approx(2.0 * known, rel=1e-3)
 
 
-def test_what_shifts_two_numbers_at_once_makes_them_go_together(monkeypatch):
+def test_what_shifts_two_numbers_at_once_makes_them_go_together():
     """Apart by chance; a shift of three of its deviations each makes 1 / (1 + (1.96 / 3)^2)."""
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={"kt": 1e-8, "Ixx@A": 1e-4})
     places = [fit.estimate.names.index(name) for name in ("kt", "Ixx@A")]
     shifts = np.zeros((1, FREE))
     shifts[0, places] = [3e-8, -3e-4]
-    monkeypatch.setattr(module, "response_sensitivity", lambda fit: shifts)
-    monkeypatch.setattr(
-        module, "covariance_with_noise_uncertainty", lambda fit: fit.estimate.covariance
-    )
+    fit = made_fit.moved_by_responses(made_fit.with_known_variances(fit), shifts)
     numbers = joint_numbers(fit, [body], {"A": 0.0})
     own = numbers.index("kt"), numbers.index("Ixx@A")
     assert numbers.correlation[own] == pytest.approx(-1.0 / (1.0 + (1.96 / 3.0) ** 2), rel=1e-6)
@@ -382,7 +383,7 @@ def widened(entries, *, mass_std=0.0, rho=RHO, bodies=None, shifts=None):
     bodies = bodies or [made_fit.configuration()]
     stds = {c.name: mass_std for c in bodies} if isinstance(mass_std, float) else mass_std
     moved = np.array([(shifts or {}).get(name, 0.0) for name in numbers.names])
-    found = _with_systematic(numbers, bodies, stds, moved)
+    found = systematic_uncertainty(numbers, bodies, stds, moved)
     return dict(zip(found.names, found.half_width.tolist(), strict=True))
 
 
@@ -546,12 +547,12 @@ def half_of(numbers, name):
     return numbers.number(name)[1]
 
 
-def test_all_terms_stand_together_in_the_interval_of_a_flight(monkeypatch):
+def test_all_terms_stand_together_in_the_interval_of_a_flight():
     """Ixx of one body, its CoM in the origin: chance, answer and mass, as squares."""
     body = made_fit.configuration()
     fit = made_fit.fit_of([body], std={"Ixx@A": 1e-4, "msx@A": 1e-12})
     shifts = 2e-4 * np.eye(FREE)[[fit.estimate.names.index("Ixx@A")]]
-    monkeypatch.setattr(module, "response_sensitivity", lambda fit: shifts)
+    fit = made_fit.moved_by_responses(fit, shifts)
     origin = replace(fit.estimate, values=at_origin(fit))
     numbers = joint_numbers(replace(fit, estimate=origin), [body], {"A": 0.014})
     half = numbers.half_width[numbers.index("Ixx_com@A")]

@@ -9,8 +9,7 @@ import made_fit
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.estimation.reweighted import BandedFit
 from rotorfit.fit.intervals.numbers import Numbers
-from rotorfit.fit.rows import row_fits
-from rotorfit.fit.rows.row_fits import ROWS, RowFits, _excitation, turn_ratios
+from rotorfit.fit.rows.row_fits import ROWS, RowFits, explained_ratios, row_excitation, turn_ratios
 from rotorfit.fit.rows.row_parameters import number_scale, row_numbers
 from rotorfit.model.regressor import regressor
 
@@ -161,12 +160,18 @@ def row_fit(known, residual):
 def test_excitation_is_explained_over_residual_pilot_band_power():
     factors = made_fit.blocks([(0.0, 0.25), (0.35, 0.5), (2.0, 2.9), (3.1, 4.0)])
     made = row_fit([900.0, 15.0, 10.0, 700.0], [1.0, 2.0, 3.0, 50.0])
-    assert _excitation(made, factors) == pytest.approx(20.0 / 5.0)
-    assert _excitation(row_fit([1.0] * 4, [2.0] * 4), factors) == 0.0
+    assert row_excitation(made, factors) == pytest.approx(20.0 / 5.0)
+    assert row_excitation(row_fit([1.0] * 4, [2.0] * 4), factors) == 0.0
 
 
-def test_the_ratios_of_the_turns_are_over_all_blocks(monkeypatch):
-    powers = iter([([9.0, 3.0], [1.0, 2.0]), ([5.0, 5.0], [1.0, 1.0]), ([1.0], [2.0])])
-    monkeypatch.setattr(row_fits, "_fit_row", lambda *_: row_fit(*next(powers)))
-    found = turn_ratios(made_fit.blocks([(1.0, 2.0)]), regressor(made_fit.QUAD), mass=1.0)
+def test_the_ratios_of_the_turns_are_over_all_blocks():
+    powers = [([9.0, 3.0], [1.0, 2.0]), ([5.0, 5.0], [1.0, 1.0]), ([1.0], [2.0])]
+    found = explained_ratios([row_fit(*each) for each in powers])
     assert found == pytest.approx([3.0, 4.0, 0.0])
+
+
+def test_turns_are_explained_as_far_as_the_rotors_make_them():
+    """Two blocks of the same motion: the mean of their residuals counts."""
+    factors = made_fit.turned([1.0, 3.0, 2.0], [3.0, 3.0, 2.0], bands=[(1.0, 2.0), (2.0, 3.0)])
+    found = turn_ratios(factors, regressor(made_fit.QUAD), mass=1.4)
+    assert found == pytest.approx([1.5, 3.0, 2.0], rel=1e-6)

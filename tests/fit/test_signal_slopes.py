@@ -1,6 +1,6 @@
 """Signals that a fit moves: to first order as they would be made anew."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -123,44 +123,45 @@ BOTH = ("motor_lag", "motor_delay")
 ELSEWHERE = MotorResponse(lag=0.0402, delay=0.0101)
 
 
-def counted_bands(monkeypatch):
-    """Return a list that grows by one where signals are made anew."""
-    made, bands = [], Dataset.bands
+@dataclass(frozen=True, kw_only=True)
+class CountedFlights(Dataset):
+    """Flights that note the timing wherever signals are made anew."""
 
-    def counting(self, response=None, **more):
-        made.append(response)
-        return bands(self, response, **more)
+    made: list = field(default_factory=list)
 
-    monkeypatch.setattr(Dataset, "bands", counting)
-    return made
+    def bands(self, response=None, **more):
+        self.made.append(response)
+        return super().bands(response, **more)
 
 
-def test_times_beside_are_freed_without_new_signals(monkeypatch):
-    made = counted_bands(monkeypatch)
-    whole = made_fit.dataset(moving(2)).at(AT, BOTH, beside=("motor_skew",))
+def counted_flights():
+    return made_fit.as_kind(CountedFlights, made_fit.dataset(moving(2)))
+
+
+def test_times_beside_are_freed_without_new_signals():
+    whole = counted_flights().at(AT, BOTH, beside=("motor_skew",))
     freed = whole.freed()
     assert freed.free_timing == FreeTiming(at=AT, names=(*BOTH, "motor_skew"))
     assert freed.timed_bands[0].slopes.shape[1] == 3
-    assert made == [AT] and whole.timed_bands[0].slopes.shape[1] == 2
+    assert whole.made == [AT] and whole.timed_bands[0].slopes.shape[1] == 2
     plain = prepared_bands(moving(2), made_fit.QUAD, AT, free=FreeTiming(at=AT, names=BOTH))
     found = whole.timed_bands[0]
     np.testing.assert_allclose(found.gram, plain.gram, atol=1e-12 * plain.gram.max())
 
 
-def test_bands_of_the_timing_serve_the_same_flights_alone(monkeypatch):
-    made = counted_bands(monkeypatch)
-    whole = made_fit.dataset(moving(2)).at(AT, BOTH)
+def test_bands_of_the_timing_serve_the_same_flights_alone():
+    whole = counted_flights().at(AT, BOTH)
     timing = MotorTiming(response=ELSEWHERE, total_std=1e-3, free=BOTH, bands=whole.found_with())
     found = replace(whole, motor_timing=timing)
     assert found.timing == ELSEWHERE and found.free_timing.at == AT
-    assert found.timed_bands is whole.timed_bands and made == [AT]
+    assert found.timed_bands is whole.timed_bands and whole.made == [AT]
     for other in (
         replace(found, vehicle=longer_arms(made_fit.QUAD, 0.01)),
         replace(found, configurations=(replace(found.configurations[0]),)),
     ):
         assert other.free_timing.at == ELSEWHERE
         assert other.timed_bands is not whole.timed_bands
-    assert made == [AT, ELSEWHERE, ELSEWHERE]
+    assert whole.made == [AT, ELSEWHERE, ELSEWHERE]
 
 
 def with_slopes(rng, blocks):

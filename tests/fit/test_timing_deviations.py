@@ -1,6 +1,6 @@
 """The deviations of the motors' timing, and the way to it, from fits that are made up."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,19 +11,19 @@ from scipy import stats
 import made_fit
 from rotorfit.dataset.dataset import Dataset
 from rotorfit.errors import UnsettledError
+from rotorfit.estimation.factors import Factors
 from rotorfit.experiment.experiment import MotorsEntry
-from rotorfit.fit.intervals import joint_numbers
 from rotorfit.fit.timing import timing_fit, timing_search
 from rotorfit.fit.timing.onboard_filter import shape_fault
 from rotorfit.fit.timing.timing_fit import (
-    _begun,
-    _fitted,
-    _hold_fault,
-    _settled,
-    _unidentifiable,
-    _with_deviations,
     find_timing,
+    first_fit,
+    fitted_timing,
+    hold_fault,
+    settled_fit,
     timed_again,
+    timing_with_deviations,
+    unidentifiable_timing,
 )
 from rotorfit.fit.timing.timing_search import coarse_timing, gust_bias, liveliest
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
@@ -32,6 +32,8 @@ from rotorfit.reduction.motor_timing import FreeTiming, MotorTiming, is_time_ide
 MS = 1e-3
 COMMANDED = MotorsEntry(speed="commanded")
 AT = MotorResponse(lag=0.040, delay=0.010)
+TRIED = MotorResponse(lag=0.040)
+"""Where the search begins that finds all trials alike."""
 BOTH = ("motor_lag", "motor_delay")
 
 
@@ -39,8 +41,29 @@ def norm(*parts):
     return MS * np.sqrt(np.sum(np.square(parts)))
 
 
-def dataset(*, motors=COMMANDED, **more):
-    return made_fit.dataset(made_fit.prepared(), motors=motors, **more)
+@dataclass(frozen=True, kw_only=True)
+class BandedFlights(Dataset):
+    """Flights whose bands are given, one per configuration, at any timing of the motors."""
+
+    given: tuple[Factors, ...]
+
+    def bands(self, response=None, *, free=None, **more):
+        if free is None:
+            return self.given
+        times = len(free.names)
+        return tuple(
+            replace(one, slopes=np.zeros((len(one), times, *one.R.shape[1:]))) for one in self.given
+        )
+
+
+def dataset(*flights, motors=COMMANDED, given=None, **more):
+    """Return flights that turn so much above the pilot's band that no gusts matter."""
+    flights = flights or (made_fit.prepared(),)
+    made = made_fit.dataset(*flights, motors=motors, **more)
+    return made_fit.as_kind(BandedFlights, made, given=(STEERED,) if given is None else given)
+
+
+STEERED = made_fit.turned([9.0] * 3, [9.0] * 3, bands=[(1.0, 2.0), (3.0, 4.0)])
 
 
 def fit_at(free, *, moved, covariance=None, influence=None):
@@ -52,15 +75,9 @@ def fit_at(free, *, moved, covariance=None, influence=None):
     values[at] = MS * np.asarray(moved, dtype=float)
     if covariance is not None:
         spread[np.ix_(at, at)] = MS**2 * np.asarray(covariance)
-    return replace(fit, estimate=replace(fit.estimate, values=values, covariance=spread))
-
-
-@pytest.fixture(autouse=True)
-def variances_are_known(monkeypatch):
-    """What blocks' estimated variances add is tested elsewhere; these fits have no equations."""
-    monkeypatch.setattr(
-        joint_numbers, "covariance_with_noise_uncertainty", lambda fit: fit.estimate.covariance
-    )
+    moved = replace(fit, estimate=replace(fit.estimate, values=values, covariance=spread))
+    # What blocks' estimated variances add is tested elsewhere.
+    return made_fit.with_known_variances(moved)
 
 
 def chance(times):
@@ -76,21 +93,22 @@ COVARIANCE = [[16.0, -6.0], [-6.0, 9.0]]
 """Of lag and delay: 4 and 3 ms, and 13 ms^2 of their sum."""
 
 
-def deviations(monkeypatch, *, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence=None):
-    monkeypatch.setattr(timing_fit, "_hold_fault", lambda _: hold * MS)
+def deviations(*, names=BOTH, hold=0.0, shifts=None, motors=COMMANDED, influence=None):
+    """Return the timing where a command may hold longer by `hold` [ms]."""
     free = FreeTiming(at=AT, names=names)
     covariance = COVARIANCE if len(names) == 2 else [[16.0 if names[0] == "motor_lag" else 9.0]]
     fit = fit_at(free, moved=[0.5] * len(names), covariance=covariance, influence=influence)
     if shifts is not None:
         rows = np.zeros((len(shifts), len(fit.estimate.names)))
         rows[:, [fit.estimate.names.index(name) for name in names]] = MS * np.array(shifts)
-        monkeypatch.setattr(timing_fit, "response_sensitivity", lambda fit: rows)
-    return _with_deviations(dataset(motors=motors), free, fit)
+        fit = made_fit.moved_by_responses(fit, rows)
+    flight = made_fit.prepared(motor_rate=0.25 / (hold * MS) if hold else np.inf)
+    return timing_with_deviations(dataset(flight, motors=motors), free, fit)
 
 
-def test_lag_and_delay_deviations_add_fit_and_model_faults(monkeypatch):
+def test_lag_and_delay_deviations_add_fit_and_model_faults():
     """.1 ms of the sum and .3 ms of the split that no curvature shows."""
-    found = deviations(monkeypatch, hold=1.5)
+    found = deviations(hold=1.5)
     c = chance(2)
     assert c == pytest.approx(1.27, abs=0.01)
     assert found.lag_std == pytest.approx(norm(4 * c, 0.3), rel=1e-6)
@@ -100,36 +118,36 @@ def test_lag_and_delay_deviations_add_fit_and_model_faults(monkeypatch):
     assert found.free == BOTH
 
 
-def test_what_is_assumed_of_the_autopilot_is_in_the_deviations(monkeypatch):
+def test_what_is_assumed_of_the_autopilot_is_in_the_deviations():
     """Its answers' shifts over 1.96: of each time their sum, of lag plus delay that of both."""
-    found = deviations(monkeypatch, shifts=[[1.96, 3.92], [-1.96, 0.98]])
+    found = deviations(shifts=[[1.96, 3.92], [-1.96, 0.98]])
     c = chance(2)
     assert found.lag_std == pytest.approx(norm(4 * c, 2, 0.3), rel=1e-6)
     assert found.delay_std == pytest.approx(norm(3 * c, 2.5, 0.3), rel=1e-6)
     assert found.total_std == pytest.approx(norm(13**0.5 * c, 3.5, 0.1), rel=1e-6)
 
 
-def test_block_scatter_above_the_covariance_replaces_it(monkeypatch):
+def test_block_scatter_above_the_covariance_replaces_it():
     """12 blocks that pull by 2 ms either way: a deviation of sqrt(12 * 12/11) * 2 ms."""
     pulls = {"motor_delay": 2.0 * MS * np.tile([1.0, -1.0], 6)}
-    found = deviations(monkeypatch, influence=pulls)
+    found = deviations(influence=pulls)
     scatter = 2.0 * np.sqrt(144 / 11) * chance(2)
     assert found.delay_std == pytest.approx(norm(scatter, 0.3), rel=1e-6)
     assert found.lag_std == pytest.approx(norm(4 * chance(2), 0.3), rel=1e-6)
     assert found.total_std == pytest.approx(norm(scatter, 0.1), rel=1e-6)
 
 
-def test_a_lag_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
+def test_a_lag_alone_has_the_faults_of_the_sum_and_of_the_hold():
     """With the delay given, what a command held longer than logged is taken for lag."""
-    found = deviations(monkeypatch, names=("motor_lag",), hold=1.5)
+    found = deviations(names=("motor_lag",), hold=1.5)
     assert (
         found.lag_std == found.total_std == pytest.approx(norm(4 * chance(1), 0.1, 1.5), rel=1e-6)
     )
     assert found.delay_std is None
 
 
-def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
-    found = deviations(monkeypatch, names=("motor_delay",), hold=1.5, motors=MotorsEntry())
+def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold():
+    found = deviations(names=("motor_delay",), hold=1.5)
     assert (
         found.delay_std == found.total_std == pytest.approx(norm(3 * chance(1), 0.1, 1.5), rel=1e-6)
     )
@@ -137,12 +155,11 @@ def test_a_delay_alone_has_the_faults_of_the_sum_and_of_the_hold(monkeypatch):
 
 
 @pytest.mark.parametrize(("cutoffs", "fault"), [((None, 20.0), 1.125), ((40.0, None), 0.563)])
-def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, fault):
+def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(cutoffs, fault):
     """A tenth of its delay, sqrt(2) / (2 pi f), of each and of both; measured speeds have none."""
-    monkeypatch.setattr(timing_fit, "_hold_fault", lambda _: 0.0)
 
     def filtered(motors):
-        whole = dataset(motors=motors)
+        whole = dataset(made_fit.prepared(motor_rate=np.inf), motors=motors)
         (one,) = whole.configurations
         flights = [
             replace(f, log=replace(f.log, gyro_lowpass=cutoff))
@@ -153,7 +170,7 @@ def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, 
 
     free = FreeTiming(at=AT, names=BOTH)
     fit = fit_at(free, moved=[0.5, 0.5], covariance=COVARIANCE)
-    found = _with_deviations(filtered(COMMANDED), free, fit)
+    found = timing_with_deviations(filtered(COMMANDED), free, fit)
     c = chance(2)
     assert found.lag_std == pytest.approx(norm(4 * c, 0.3, fault), rel=1e-3)
     assert found.delay_std == pytest.approx(norm(3 * c, 0.3, fault), rel=1e-3)
@@ -161,24 +178,24 @@ def test_a_low_pass_on_board_is_neither_a_lag_nor_a_delay(monkeypatch, cutoffs, 
     assert shape_fault(filtered(MotorsEntry())) == 0.0
 
 
-def test_no_lag_is_less_sure_than_it_was_beforehand(monkeypatch):
+def test_no_lag_is_less_sure_than_it_was_beforehand():
     bench = MotorsEntry(speed="commanded", lag=0.04, lag_std=0.002)
-    found = deviations(monkeypatch, motors=bench)
+    found = deviations(motors=bench)
     assert found.lag_std == 0.002
     assert found.delay_std == pytest.approx(norm(3 * chance(2), 0.3))
 
 
-def test_hold_time_is_uncertain_by_a_quarter_of_a_slow_sample():
+def test_how_long_a_command_held_is_unknown_by_a_quarter_of_the_slowest_logs_sample():
     flights = made_fit.prepared(motor_rate=100.0), made_fit.prepared(motor_rate=50.0)
-    assert _hold_fault(made_fit.dataset(*flights, motors=COMMANDED)) == pytest.approx(0.005)
-    assert _hold_fault(made_fit.dataset(*flights)) == 0.0
+    assert hold_fault(made_fit.dataset(*flights, motors=COMMANDED)) == pytest.approx(0.005)
+    assert hold_fault(made_fit.dataset(*flights)) == 0.0
 
 
 def test_untold_motors_have_the_usual_lag_and_30_ms_of_delay():
-    both = _unidentifiable(dataset(), delay_free=True)
+    both = unidentifiable_timing(dataset(), delay_free=True)
     assert (both.lag_std, both.delay_std) == (0.03, 0.03)
     assert both.total_std == pytest.approx(0.03 * 2**0.5)
-    lag = _unidentifiable(dataset(), delay_free=False)
+    lag = unidentifiable_timing(dataset(), delay_free=False)
     assert (lag.lag_std, lag.delay_std, lag.total_std) == (0.03, None, 0.03)
     assert both.response == MotorResponse(lag=0.035)
     assert both.free == lag.free == ()
@@ -187,12 +204,22 @@ def test_untold_motors_have_the_usual_lag_and_30_ms_of_delay():
 # The way there: fits that move the times to where they are least.
 
 
-def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
-    """Let every fit move the times by a share of the way to the bottom; return where it was."""
+def fitting(monkeypatch, fit):
+    """Let this stand for the fit of all that the flights tell."""
+    monkeypatch.setattr(timing_fit, "joint_fit", fit)
+
+
+def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, before=None):
+    """Let every fit move the times by a share of the way to the bottom; return where it was.
+
+    `before` is called with the flights of each fit and its options.
+    """
     seen = []
 
-    def joint_fit(dataset, *, terms, begin=None, guess=None):
-        free = dataset.free_timing
+    def joint_fit(dataset, **options):
+        if before is not None:
+            before(dataset, options)
+        free, begin = dataset.free_timing, options.get("begin")
         seen.append((free, begin))
         way = {
             "motor_lag": bottom.mean_lag - free.at.mean_lag,
@@ -204,16 +231,14 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0):
         won = gain if "motor_skew" in free.names else 0.0
         return replace(fit, log_likelihood=5.0 + won), []
 
-    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    monkeypatch.setattr(timing_fit, "gust_bias", lambda *_: 0.0)
-    monkeypatch.setattr(Dataset, "bands", lambda *_, **more: ())
+    fitting(monkeypatch, joint_fit)
     return seen
 
 
-def test_a_fit_that_moved_far_restarts_there_without_its_times(monkeypatch):
+def test_a_fit_that_has_moved_far_begins_again_there_and_not_with_the_times(monkeypatch):
     """No further than 20 ms a round, which is how far the slopes reach; all times by one share."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
-    timed, fit = _settled(dataset().at(MotorResponse(lag=0.005), BOTH), ())
+    timed, fit = settled_fit(dataset().at(MotorResponse(lag=0.005), BOTH), ())
     places = [(free.at.lag, free.at.delay) for free, _ in seen]
     expected = [(0.005, 0.0), (0.025, 0.0048), (0.045, 0.0096), (0.055, 0.012)]
     assert np.array(places) == pytest.approx(np.array(expected))
@@ -232,20 +257,18 @@ def turning(rate):
 
 def test_of_many_flights_the_liveliest_settle_first(monkeypatch):
     """And where they settle all begin, but for what only a first fit of all can tell."""
-    many = made_fit.dataset(*(turning(k) for k in (3, 1, 6, 2, 5, 4)), motors=COMMANDED)
+    many = dataset(*(turning(k) for k in (3, 1, 6, 2, 5, 4)))
     few = liveliest(many).configurations[0].flights
     assert [f.prepared.data.angular_velocity[0, 0] for f in few] == [3, 6, 5, 4]
     one = dataset()
     assert liveliest(one) is one
-    seen, sizes = fits_to(monkeypatch, AT), []
-    plain = timing_fit.joint_fit
+    sizes = []
 
-    def joint_fit(dataset, **more):
-        sizes.append((len(dataset.configurations[0].flights), sorted(more)))
-        return plain(dataset, **more)
+    def note(dataset, options):
+        sizes.append((len(dataset.configurations[0].flights), sorted(options)))
 
-    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    timed, _ = timing_fit._begun(many, MotorResponse(lag=0.03), BOTH, ())
+    seen = fits_to(monkeypatch, AT, before=note)
+    timed, _ = first_fit(many, MotorResponse(lag=0.03), BOTH, ())
     assert sizes == [(4, ["guess", "terms"]), (4, ["begin", "terms"]), (6, ["guess", "terms"])]
     assert timed.timing == AT and seen[-1][0].at == AT
 
@@ -254,14 +277,14 @@ def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
     for off, rounds in ((0.29, 1), (0.31, 2)):
         seen = fits_to(monkeypatch, AT)
         start = MotorResponse(lag=AT.lag + off * MS, delay=AT.delay)
-        _settled(dataset().at(start, BOTH), ())
+        settled_fit(dataset().at(start, BOTH), ())
         assert len(seen) == rounds
 
 
-def test_a_timing_that_never_settles_is_taken_from_the_last_fit(monkeypatch):
+def test_a_timing_that_does_not_come_to_rest_is_where_the_last_fit_says(monkeypatch):
     """Steps of 5 ms for ever: ten of them, none counted twice."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.040, delay=10.0), share=5e-4)
-    timed, fit = _settled(dataset().at(AT, ("motor_delay",)), ())
+    timed, fit = settled_fit(dataset().at(AT, ("motor_delay",)), ())
     assert len(seen) == 10
     assert timed.free_timing.at == seen[-1][0].at
     moved = fit.estimate.value("motor_delay")
@@ -269,9 +292,9 @@ def test_a_timing_that_never_settles_is_taken_from_the_last_fit(monkeypatch):
 
 
 @pytest.mark.parametrize(("gain", "skewed"), [(9.9, False), (10.1, True)])
-def test_rising_and_falling_lags_are_separated_from_a_gain_of_10(monkeypatch, gain, skewed):
+def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, gain, skewed):
     fits_to(monkeypatch, AT, gain=gain, skew=0.3)
-    found = _fitted(dataset(), AT, BOTH, ())
+    found = fitted_timing(dataset(), AT, BOTH, ())
     assert ("motor_skew" in found.free) is skewed
     assert found.response.mean_lag == pytest.approx(0.040)
     assert skew_of(found.response) == pytest.approx(0.3 if skewed else 0.0)
@@ -282,7 +305,7 @@ def test_rising_and_falling_lags_are_separated_from_a_gain_of_10(monkeypatch, ga
 )
 def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, lag):
     seen = fits_to(monkeypatch, MotorResponse(lag=lag, delay=0.01), gain=1e3, skew=0.3)
-    found = _fitted(dataset(source=source), MotorResponse(lag=lag, delay=0.01), BOTH, ())
+    found = fitted_timing(dataset(source=source), MotorResponse(lag=lag, delay=0.01), BOTH, ())
     # Motors as quick as nothing are those of the autopilot's answer.
     assert found.free == (BOTH if source == "mocap" else ())
     assert [free.names for free, _ in seen] == [BOTH]
@@ -291,38 +314,37 @@ def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, l
 @pytest.mark.parametrize(("skew", "kept"), [(0.7, True), (0.9, False), (50.0, False)])
 def test_a_skew_of_more_than_there_is_has_lost_the_motion(monkeypatch, skew, kept):
     fits_to(monkeypatch, AT, gain=1e3, skew=skew)
-    found = _fitted(dataset(), AT, BOTH, ())
+    found = fitted_timing(dataset(), AT, BOTH, ())
     assert ("motor_skew" in found.free) is kept
     assert found.response.lag > 0.0
 
 
 def test_where_a_skew_does_not_settle_there_is_none(monkeypatch):
-    fits_to(monkeypatch, AT, gain=1e3, skew=0.3)
-    plain = timing_fit.joint_fit
 
-    def joint_fit(dataset, **more):
+    def refuse(dataset, options):
         if "motor_skew" in dataset.free_timing.names:
             raise UnsettledError("no")
-        return plain(dataset, **more)
 
-    monkeypatch.setattr(timing_fit, "joint_fit", joint_fit)
-    assert _fitted(dataset(), AT, BOTH, ()).free == BOTH
+    fits_to(monkeypatch, AT, gain=1e3, skew=0.3, before=refuse)
+    assert fitted_timing(dataset(), AT, BOTH, ()).free == BOTH
 
 
 @pytest.mark.parametrize(("pull", "known"), [(29.9, True), (30.1, False)])
-def test_a_gust_bias_of_30_ms_makes_the_lag_unidentifiable(monkeypatch, pull, known):
+def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, pull, known):
     fits_to(monkeypatch, AT)
-    monkeypatch.setattr(timing_fit, "gust_bias", lambda *_: pull * MS)
-    found = _fitted(dataset(), AT, BOTH, ())
+    calm = (made_fit.turned([0.150 / (pull * MS)] * 3),)
+    found = fitted_timing(dataset(given=calm), AT, BOTH, ())
     assert found.free == (BOTH if known else ())
     assert found.response == (AT if known else MotorResponse(lag=0.035))
     # Measured speeds have no lag that could be taken for the autopilot's answer.
-    assert _fitted(dataset(motors=MotorsEntry()), AT, ("motor_delay",), ()).free == ("motor_delay",)
+    measured = dataset(motors=MotorsEntry(), given=calm)
+    assert fitted_timing(measured, AT, ("motor_delay",), ()).free == ("motor_delay",)
 
 
-def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
-    fits_to(monkeypatch, MotorResponse(lag=0.0, delay=-0.001))
-    found = _fitted(dataset(), AT, BOTH, ())
+@pytest.mark.parametrize("lag", [0.0, 0.0305])
+def test_motors_that_answer_before_their_command_are_untold(monkeypatch, lag):
+    fits_to(monkeypatch, MotorResponse(lag=lag, delay=-lag - 0.001))
+    found = fitted_timing(dataset(), AT, BOTH, ())
     assert (found.free, found.response) == ((), MotorResponse(lag=0.035))
 
 
@@ -336,28 +358,27 @@ def test_motors_that_answer_before_their_command_are_untold(monkeypatch):
 )
 def test_times_beyond_any_motors_are_none(monkeypatch, bottom):
     fits_to(monkeypatch, bottom)
-    assert _fitted(dataset(), AT, BOTH, ()) is None
+    assert fitted_timing(dataset(), AT, BOTH, ()) is None
 
 
 @pytest.mark.parametrize("bottom", [MotorResponse(lag=0.19), MotorResponse(lag=0.04, delay=0.15)])
 def test_motors_may_be_as_slow_as_200_ms_and_as_late_as_160(monkeypatch, bottom):
     fits_to(monkeypatch, bottom)
-    found = _fitted(dataset(), AT, BOTH, ()).response
+    found = fitted_timing(dataset(), AT, BOTH, ()).response
     assert (found.lag, found.delay) == pytest.approx((bottom.lag, bottom.delay))
 
 
-def unsettled(monkeypatch, *, settles):
-    """Let fits settle only with these terms; return which were tried."""
+def unsettled(monkeypatch, *, settles, bottom=TRIED):
+    """Let fits settle only with these terms; return the times and terms of each that is begun."""
     tried = []
 
-    def fitted(dataset, start, names, terms):
-        tried.append((names, terms))
-        if terms != settles:
+    def note(dataset, options):
+        if "motor_skew" not in dataset.free_timing.names:
+            tried.append((dataset.free_timing.names, options["terms"]))
+        if options["terms"] != settles:
             raise UnsettledError("no")
-        return MotorTiming(response=AT, total_std=MS, free=names)
 
-    monkeypatch.setattr(timing_fit, "_fitted", fitted)
-    monkeypatch.setattr(timing_fit, "coarse_timing", lambda *_: AT)
+    fits_to(monkeypatch, bottom, before=note)
     return tried
 
 
@@ -370,15 +391,15 @@ def test_where_a_fit_does_not_settle_fewer_terms_are_tried(monkeypatch):
 def test_flights_that_settle_nowhere_tell_no_lag(monkeypatch):
     """None at all would say that commands are followed at once."""
     unsettled(monkeypatch, settles=None)
-    assert find_timing(dataset()) == _unidentifiable(dataset(), delay_free=True)
+    assert find_timing(dataset()) == unidentifiable_timing(dataset(), delay_free=True)
     bench = MotorsEntry(speed="commanded", delay=0.01)
-    assert find_timing(dataset(motors=bench)) == _unidentifiable(
+    assert find_timing(dataset(motors=bench)) == unidentifiable_timing(
         dataset(motors=bench), delay_free=False
     )
     assert find_timing(dataset(motors=MotorsEntry())) is None
 
 
-def test_new_terms_refit_the_timing_from_its_previous_value(monkeypatch):
+def test_with_other_terms_the_timing_is_found_again_from_where_it_was(monkeypatch):
     """Damping that the model lacks makes motors look quick; without a skew, to begin with."""
     terms = (*timing_fit.DEFAULT_TERMS, "turn_damping")
     found = MotorTiming(
@@ -387,7 +408,7 @@ def test_new_terms_refit_the_timing_from_its_previous_value(monkeypatch):
         free=(*BOTH, "motor_skew"),
     )
     whole = dataset(motor_timing=found)
-    tried = unsettled(monkeypatch, settles=terms)
+    tried = unsettled(monkeypatch, settles=terms, bottom=AT)
     again = timed_again(whole, terms)
     assert tried == [(BOTH, terms)]
     assert again.motor_timing.free == BOTH
@@ -413,7 +434,7 @@ def test_times_move_by_so_much_and_a_lag_not_below_zero(at, lag, delay):
 
 
 @given(mean=st.floats(0.01, 0.1), skew=st.floats(-0.5, 0.5), by=st.floats(-0.3, 0.3))
-def test_a_skew_speeds_rising_and_slows_falling_about_the_mean(mean, skew, by):
+def test_a_skew_makes_rising_quicker_and_falling_slower_about_their_mean(mean, skew, by):
     at = MotorResponse(lag=mean * (1 - skew), lag_down=mean * (1 + skew))
     free = FreeTiming(at=at, names=("motor_lag", "motor_skew"))
     moved = free.moved({"motor_skew": by, "motor_lag": 0.002})
@@ -422,7 +443,7 @@ def test_a_skew_speeds_rising_and_slows_falling_about_the_mean(mean, skew, by):
     assert free.moved({}).mean_lag == pytest.approx(mean)
 
 
-def test_the_lag_prior_is_relative_to_the_timing_of_the_signals():
+def test_what_is_known_of_a_lag_beforehand_is_seen_from_where_the_signals_were_made():
     assert FreeTiming(at=AT, names=BOTH).prior() == pytest.approx(
         {"motor_lag": pytest.approx((-0.005, 0.03))}
     )
@@ -433,7 +454,7 @@ def test_the_lag_prior_is_relative_to_the_timing_of_the_signals():
     assert dataset(motors=bench).at(AT, BOTH).free_timing.lag_prior == (0.05, 0.002)
 
 
-def test_faults_are_100_us_of_the_total_and_300_us_of_the_split():
+def test_times_may_be_off_by_a_tenth_and_their_split_by_three_tenths_of_a_millisecond():
     split, total = FreeTiming(at=AT, names=BOTH).faults()
     assert split == {"motor_lag": 3e-4, "motor_delay": -3e-4}
     assert total == {"motor_lag": 0.0, "motor_delay": 1e-4}
@@ -451,7 +472,7 @@ def test_a_timing_that_is_given_or_untold_is_not_moved():
 
 
 def costs(monkeypatch, cost):
-    monkeypatch.setattr(timing_search, "_cost", lambda dataset, response: cost(response))
+    monkeypatch.setattr(timing_search, "pilot_band_cost", lambda dataset, response: cost(response))
 
 
 @pytest.mark.parametrize(("bottom", "found"), [(0.045, 0.04), (0.001, 0.005), (0.13, None)])
@@ -462,7 +483,7 @@ def test_a_lag_begins_at_the_best_trial(monkeypatch, bottom, found):
     assert (start is None) if found is None else start == MotorResponse(lag=found)
 
 
-def test_the_lag_prior_decides_between_trials_that_fit_equally(monkeypatch):
+def test_what_is_known_of_the_lag_decides_between_trials_that_fit_alike(monkeypatch):
     costs(monkeypatch, lambda response: 0.0)
     assert coarse_timing(dataset(), ("lag",)).lag == 0.04
     # 100 ms are 2.2 deviations from the usual 35, and unlikelier by 2.3 than the best trial.
@@ -501,36 +522,19 @@ def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, ga
         ([[0.01] * 3], 1.5),
     ],
 )
-def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(monkeypatch, ratios, expected):
+def test_an_answer_to_gusts_moves_a_delay_by_150_ms_over_rho(ratios, expected):
     """Of the turn and the configuration that are flown most; not beyond a rho of 0.1."""
-    factors = made_fit.blocks([(1.0, 2.0)])
-    whole = dataset()
+    whole = dataset(given=tuple(made_fit.turned(own) for own in ratios))
     whole = replace(whole, configurations=whole.configurations * len(ratios))
-    told_ratios = iter(ratios)
-    monkeypatch.setattr(Dataset, "timed_bands", (factors,) * len(ratios))
-    monkeypatch.setattr(timing_search, "turn_ratios", lambda *_, mass: np.array(next(told_ratios)))
-    monkeypatch.setattr(
-        timing_search, "excited_turns", lambda *_, mass: np.ones((1, 3), dtype=bool)
-    )
     assert gust_bias(whole) == pytest.approx(expected)
 
 
-def test_an_axis_excited_above_the_pilots_band_is_not_biased(monkeypatch):
-    factors = made_fit.blocks([(1.0, 2.0), (3.0, 4.0)])
-    turns = np.array([[True] * 3, [False, False, True]])
-    seen = []
-
-    def ratios(factors, model, *, mass):
-        seen.append(factors.band.tolist())
-        return np.ones(3)
-
-    monkeypatch.setattr(Dataset, "timed_bands", (factors,))
-    monkeypatch.setattr(timing_search, "turn_ratios", ratios)
-    monkeypatch.setattr(timing_search, "excited_turns", lambda *_, mass: turns)
-    assert gust_bias(dataset()) == 0.0
-    turns[1] = False
-    assert gust_bias(dataset()) == 0.15
-    assert seen == [[[1.0, 2.0]]]
+@pytest.mark.parametrize(("yaw", "bias"), [(3.1, 0.0), (2.9, 0.15)])
+def test_an_axis_excited_above_the_pilots_band_is_not_biased(yaw, bias):
+    """And where none is, the ratios are those of the pilot's band alone."""
+    bands = [(1.0, 2.0), (3.0, 4.0)]
+    factors = made_fit.turned([1.0, 1.0, 1.0], [2.0, 2.0, yaw], bands=bands)
+    assert gust_bias(dataset(given=(factors,))) == pytest.approx(bias)
 
 
 @pytest.mark.parametrize(
@@ -542,7 +546,7 @@ def test_an_axis_excited_above_the_pilots_band_is_not_biased(monkeypatch):
         (0.100, 0.0511, False),
     ],
 )
-def test_a_time_is_known_if_half_its_interval_is_small_enough(value, std, known):
+def test_a_time_is_told_where_half_of_its_interval_is_under_its_size_or_35_ms(value, std, known):
     assert is_time_identifiable(value, std) is known
 
 
@@ -558,16 +562,14 @@ def test_a_fit_that_gets_lost_begins_at_another_lag(monkeypatch, lost, begun):
         away = 1e26 if any(abs(tried[-1] - lag) < 1e-6 for lag in lost) else 2.0
         return fit_at(dataset.free_timing, moved=[1.0, -away]), []
 
-    monkeypatch.setattr(timing_fit, "joint_fit", fit)
-    found, first = _begun(dataset(), MotorResponse(lag=0.04), BOTH, ())
+    fitting(monkeypatch, fit)
+    found, first = first_fit(dataset(), MotorResponse(lag=0.04), BOTH, ())
     assert 1e3 * found.timing.lag == pytest.approx(begun)
     assert first.estimate.value("motor_delay") == pytest.approx(-1e23 if len(lost) == 3 else -0.002)
     assert tried == pytest.approx([40.0, 20.0, 80.0][: min(len(lost) + 1, 3)])
 
 
 def test_without_a_lag_there_is_one_start(monkeypatch):
-    monkeypatch.setattr(
-        timing_fit, "joint_fit", lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), [])
-    )
-    found, _ = _begun(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
+    fitting(monkeypatch, lambda at, **_: (fit_at(at.free_timing, moved=[1e26]), []))
+    found, _ = first_fit(dataset(), MotorResponse(delay=0.01), ("motor_delay",), ())
     assert found.timing == MotorResponse(delay=0.01)

@@ -97,7 +97,7 @@ def true_phi(flights, joint):
 
 def test_information_is_the_curvature_of_the_expected_likelihood(stressed):
     physics = regressor(stressed["A"].vehicle)
-    joint = [bound._joint_configuration(name, f, physics) for name, f in stressed.items()]
+    joint = [bound.joint_configuration(name, f, physics) for name, f in stressed.items()]
     phi = true_phi(stressed, joint)
     model = bound.LinearModel(
         tensors=(physics.tensor,) * 2,

@@ -86,7 +86,7 @@ def joint_numbers(
     )
     formal = formal_covariance(fit, jacobian)
     answers = response_sensitivity(fit) @ jacobian.T
-    timings = np.reshape(_timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
+    timings = np.reshape(timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
     late = timings @ jacobian.T
     # What shifts all numbers at once makes them go together, as chance does.
     shared = answers.T @ answers / 1.96**2 + late.T @ late
@@ -100,7 +100,7 @@ def joint_numbers(
     pushed = error_correlation_shifts(fit) @ jacobian.T
     shifts = np.vstack([np.abs(answers).sum(axis=0), 1.96 * late, 1.96 * pushed])
     told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
-    told = _with_systematic(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
+    told = systematic_uncertainty(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
     told = inertia_uncertainty(told, configurations, np.sqrt(np.diagonal(formal + shared)))
     told = coupling_uncertainty(told, configurations)
     return replace(told, excitation=numbers.excitation)
@@ -135,7 +135,7 @@ def random_half_width(
     scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T
     shown = (
         t_half_width(formal, scatter, free) * np.sqrt(blocks / free),
-        _between_phases(fit, jacobian),
+        half_width_between_phases(fit, jacobian),
         _between_flights(fit, jacobian),
     )
     return np.maximum.reduce(shown)
@@ -165,8 +165,8 @@ def _between_flights(
     return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
 
 
-def _timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[np.ndarray, " f"]]:
-    """Return how far the parameters move where the motors' times are off by their faults."""
+def timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float[np.ndarray, " f"]]:
+    """Compute the shifts of the parameters where the motors' times are off by their faults."""
     if timing is None:
         return []
     names, covariance = fit.estimate.names, fit.estimate.covariance
@@ -178,10 +178,10 @@ def _timing_shifts(fit: BandedEstimate, timing: FreeTiming | None) -> list[Float
     return shifts
 
 
-def _between_phases(
+def half_width_between_phases(
     fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
 ) -> Float[np.ndarray, " q"]:
-    """Return the half-width that the phases of the flights show, all bands of one together.
+    """Compute the half-width that the phases of the flights show, all bands of one together.
 
     What a phase has to itself (the wind in its propellers, say) is common to its bands, so that
     their scatter does not show it. Each phase pulls the estimate by p, and without it the estimate
@@ -321,13 +321,13 @@ def _mean_ratios(
     return total / max(weight, 1.0)
 
 
-def _with_systematic(
+def systematic_uncertainty(
     numbers: Numbers,
     configurations: Sequence[JointConfiguration],
     mass_std: Mapping[str, float],
     shifts: Float[np.ndarray, " q"],
 ) -> Numbers:
-    """Return the numbers with the half-width of what no scatter within the flights shows.
+    """Widen the numbers by what no scatter within the flights shows.
 
     `shifts`: of what is assumed of autopilot and motors.
     """

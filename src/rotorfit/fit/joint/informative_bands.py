@@ -82,7 +82,7 @@ def select_informative_bands(
         for blocks in (signal_power(problem), power_of(every), every)
     )
     counted = [
-        _with_counted(*part, commanded=commanded)
+        with_counted_bands(*part, commanded=commanded)
         for part in zip(configurations, signal, residual, strict=True)
     ]
     return [
@@ -91,13 +91,14 @@ def select_informative_bands(
     ]
 
 
-def _with_counted(
+def with_counted_bands(
     configuration: JointConfiguration,
     signal: Float[np.ndarray, "b 6"],
     residual: Float[np.ndarray, "b 6"],
     *,
     commanded: bool,
 ) -> JointConfiguration:
+    """Mark the bands that count, and those that the autopilot answers."""
     factors, turns = configuration.factors, list(TURNS)
     flown = np.zeros_like(signal, dtype=bool)
     if commanded:

@@ -226,12 +226,12 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
     return Feedback(
         errors=tuple(NOISY.index(name) for name in ANSWERED),
         inputs=tuple(inputs),
-        responses=tuple(_answers(c) for c in configurations),
+        responses=tuple(autopilot_responses(c) for c in configurations),
     )
 
 
-def _answers(configuration: JointConfiguration) -> ClosedLoopResponses:
-    """Return what the autopilot does about roll, pitch and yaw errors in every block."""
+def autopilot_responses(configuration: JointConfiguration) -> ClosedLoopResponses:
+    """Model the response of the autopilot to roll, pitch and yaw errors in every block."""
     factors, counted = configuration.factors, configuration.counted
     answered = configuration.answered
     assert answered is not None and counted is not None
@@ -243,7 +243,7 @@ def _answers(configuration: JointConfiguration) -> ClosedLoopResponses:
     taken = np.stack([answer, answer, slow * YAW_BANDWIDTH / (1j * turn + YAW_BANDWIDTH)], axis=1)
     beyond = answer[:, None] * np.array(configuration.answer.beyond)
     timing = configuration.timing
-    late = [] if timing is None else [_lateness(name, turn, timing.at) for name in timing.names]
+    late = [] if timing is None else [lateness(name, turn, timing.at) for name in timing.names]
     return ClosedLoopResponses(
         rows=moving[:, None] * steered,
         moves=_mixed(configuration, turn),
@@ -260,10 +260,10 @@ def nominal_response(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]
     return through / (s**2 + through)
 
 
-def _lateness(
+def lateness(
     name: str, turn: Float[np.ndarray, " b"], at: MotorResponse
 ) -> Complex[np.ndarray, " b"]:
-    """Return the derivative of the logarithm of the motors' response by one of their times."""
+    """Differentiate the logarithm of the motors' response by one of their times."""
     if name == "motor_delay":
         return -1j * turn
     if name == "motor_lag":

@@ -20,7 +20,7 @@ lets the rotors differ by a little, as real ones do.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,7 +110,7 @@ def fit_rows(factors: Factors, model: Regressor, *, mass: float) -> RowFits:
     several = len(influence) > 1
     return RowFits(
         fits=fits,
-        excitation={row: _excitation(fits[row], factors) for row in ROWS[1:]},
+        excitation={row: row_excitation(fits[row], factors) for row in ROWS[1:]},
         covariance=scatter_covariance(influence) if several else formal,
         formal=formal,
     )
@@ -146,7 +146,11 @@ def excited_turns(factors: Factors, model: Regressor, *, mass: float) -> Bool[np
 
 def turn_ratios(factors: Factors, model: Regressor, *, mass: float) -> Float[np.ndarray, " 3"]:
     """Return explained over residual power of the three turns, by the first pass of the rows."""
-    fits = [_fit_row(factors, model, row, mass) for row in ROWS[1:]]
+    return explained_ratios([_fit_row(factors, model, row, mass) for row in ROWS[1:]])
+
+
+def explained_ratios(fits: Sequence[BandedFit]) -> Float[np.ndarray, " r"]:
+    """Compute explained over residual power of each fit, over all blocks."""
     signal = np.array([fit.known_power.sum() for fit in fits])
     residual = np.array([fit.residual_power.sum() for fit in fits])
     explained = np.maximum(signal - residual, 0.0)
@@ -268,8 +272,8 @@ def _fitted_row(model: Regressor, row: str, fit: BandedFit) -> Float[np.ndarray,
     return np.einsum("p,pz->z", theta, model.tensor[:, 3 + ROWS.index(row) - 1])
 
 
-def _excitation(fit: BandedFit, factors: Factors) -> float:
-    """Return explained over residual power of a row's angular acceleration."""
+def row_excitation(fit: BandedFit, factors: Factors) -> float:
+    """Compute the explained over the residual power of a row's angular acceleration."""
     low, high = PILOT_BAND
     inside = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
     residual = float(fit.residual_power[inside].sum())

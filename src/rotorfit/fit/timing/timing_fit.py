@@ -97,9 +97,11 @@ def find_timing(dataset: Dataset, *, lag: bool = True) -> MotorTiming | None:
     names = tuple(f"motor_{name}" for name in unknown)
     for terms in (DEFAULT_TERMS, FEWEST_TERMS):
         with suppress(UnsettledError):
-            return _fitted(dataset, start, names, terms)
+            return fitted_timing(dataset, start, names, terms)
     # Neither settles: the flights do not tell the lag, and without one they would be fitted wrong.
-    return _unidentifiable(dataset, delay_free="delay" in unknown) if "lag" in unknown else None
+    return (
+        unidentifiable_timing(dataset, delay_free="delay" in unknown) if "lag" in unknown else None
+    )
 
 
 def timed_again(dataset: Dataset, terms: Sequence[str]) -> Dataset:
@@ -114,17 +116,18 @@ def timed_again(dataset: Dataset, terms: Sequence[str]) -> Dataset:
     try:
         names = tuple(name for name in found.free if name != "motor_skew")
         start = MotorResponse(lag=found.response.mean_lag, delay=found.response.delay)
-        again = _fitted(dataset, start, names, tuple(terms))
+        again = fitted_timing(dataset, start, names, tuple(terms))
     except UnsettledError:
         return dataset
     return dataset if again is None else replace(dataset, motor_timing=again)
 
 
-def _fitted(
+def fitted_timing(
     dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> MotorTiming | None:
-    begun, first = _begun(dataset, start, names, terms)
-    timed, fit = _settled(begun, terms, first)
+    """Fit the timing from a start with these terms; None where the motion follows no motors."""
+    begun, first = first_fit(dataset, start, names, terms)
+    timed, fit = settled_fit(begun, terms, first)
     at = timed.timing
     if at is not None and _beside(timed, at, names):
         timed, fit = _with_skew(timed, fit, terms)
@@ -138,20 +141,20 @@ def _fitted(
     # Before the command no motor answers: there the autopilot answers the noise of its gyro.
     late = response.mean_lag > LEAST_LAG and total > 0.0
     if "motor_lag" in names and (pull > UNIDENTIFIABLE_BIAS or not late):
-        return _unidentifiable(dataset, delay_free="motor_delay" in names)
-    found = _with_deviations(dataset, free, fit)
+        return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
+    found = timing_with_deviations(dataset, free, fit)
     return replace(found, bands=timed.found_with()) if _near(free, fit) else found
 
 
-def _begun(
+def first_fit(
     dataset: Dataset, start: MotorResponse, names: tuple[str, ...], terms: tuple[str, ...]
 ) -> tuple[Dataset, BandedEstimate]:
-    """Return the first fit; of many flights, near where the liveliest few of them settle."""
+    """Make the first fit; of many flights, near where the liveliest few of them settle."""
     few, guess = liveliest(dataset), None
     if few is not dataset:
         with suppress(EstimationError):
-            begun, first = _begun(few, start, names, terms)
-            timed, fit = _settled(begun, terms, first, skew=False)
+            begun, first = first_fit(few, start, names, terms)
+            timed, fit = settled_fit(begun, terms, first, skew=False)
             free = timed.free_timing
             assert free is not None
             start, guess = _moved(free, fit), free.without_times(fit.estimate.by_name)
@@ -167,14 +170,14 @@ def _begun(
     return tried[0]
 
 
-def _settled(
+def settled_fit(
     dataset: Dataset,
     terms: tuple[str, ...],
     fit: BandedEstimate | None = None,
     *,
     skew: bool = True,
 ) -> tuple[Dataset, BandedEstimate]:
-    """Return the fit whose signals are made where it ends, and the flights at that timing.
+    """Fit until the signals are made where the fit ends; with the flights at that timing.
 
     `fit` is the one at the timing that the flights have, where it is there already; `skew`: slopes
     by the skew are made beside, too, where it may be asked for.
@@ -228,7 +231,7 @@ def _with_skew(
     try:
         first, _ = joint_fit(wide, terms=terms, begin=fit.estimate.by_name)
         gain = first.log_likelihood - fit.log_likelihood
-        found = _settled(wide, terms, first) if gain > LEAST_GAIN else (dataset, fit)
+        found = settled_fit(wide, terms, first) if gain > LEAST_GAIN else (dataset, fit)
     except EstimationError:
         return dataset, fit
     # Motors too quick to tell their rising from their falling lose the motion, step by step.
@@ -245,8 +248,8 @@ def _lost(dataset: Dataset, fit: BandedEstimate) -> bool:
     return still or free.at.mean_lag < LEAST_LAG or abs(skew_of(free.at)) >= LARGEST_SKEW
 
 
-def _unidentifiable(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
-    """Return what is known of lag and delay without the flights."""
+def unidentifiable_timing(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
+    """Take lag and delay as they are known without the flights."""
     lag, std = dataset.lag_prior
     return MotorTiming(
         response=MotorResponse(lag=lag, delay=dataset.declared.delay),
@@ -256,13 +259,13 @@ def _unidentifiable(dataset: Dataset, *, delay_free: bool) -> MotorTiming:
     )
 
 
-def _with_deviations(dataset: Dataset, free: FreeTiming, fit: BandedEstimate) -> MotorTiming:
-    """Return the timing with its deviations: of chance, of the autopilot's answer and of faults."""
+def timing_with_deviations(dataset: Dataset, free: FreeTiming, fit: BandedEstimate) -> MotorTiming:
+    """Add the deviations: of chance, of the autopilot's answer and of faults."""
     names = fit.estimate.names
     each = {n: np.eye(len(names))[names.index(n)] for n in free.names if n in SUMMED}
     std = _stds(fit, {**each, "total": np.sum(list(each.values()), axis=0)})
     lag, delay = (std.get(name) for name in SUMMED)
-    hold, shape, prior = _hold_fault(dataset), shape_fault(dataset), dataset.lag_prior[1]
+    hold, shape, prior = hold_fault(dataset), shape_fault(dataset), dataset.lag_prior[1]
     split = SPLIT_FAULT if lag is not None and delay is not None else SUM_FAULT
     # With a delay that is given, what a command held too long or too short is taken for lag.
     held = hold if delay is None else 0.0
@@ -286,8 +289,8 @@ def _stds(
     return dict(zip(combinations, (np.hypot(chance, answered) / 1.96).tolist(), strict=True))
 
 
-def _hold_fault(dataset: Dataset) -> float:
-    """Return the deviation of a delay by not knowing how long a logged command held [s].
+def hold_fault(dataset: Dataset) -> float:
+    """Estimate the deviation of a delay by not knowing how long a command held [s].
 
     It holds until the next one of the log or, where the log keeps only some of a faster loop's
     commands, is over sooner: up to half a sample of the log later on the whole.

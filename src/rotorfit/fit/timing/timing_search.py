@@ -89,7 +89,7 @@ def _coarse(dataset: Dataset, unknown: Collection[str]) -> MotorResponse | None:
     mean, std = dataset.lag_prior
     delay = dataset.declared.delay
     values = [
-        _cost(one, MotorResponse(lag=lag, delay=delay)) + 0.5 * ((lag - mean) / std) ** 2
+        pilot_band_cost(one, MotorResponse(lag=lag, delay=delay)) + 0.5 * ((lag - mean) / std) ** 2
         for lag in LAGS_TRIED
     ]
     best = int(np.argmin(values))
@@ -118,22 +118,22 @@ def _coarse_delay(dataset: Dataset) -> MotorResponse | None:
         return replace(dataset.declared, delay=float(delay))
 
     grid = np.linspace(low, high, trials)
-    values = [_cost(dataset, at(delay)) for delay in grid]
+    values = [pilot_band_cost(dataset, at(delay)) for delay in grid]
     best = int(np.argmin(values))
     if best in (0, trials - 1):
         # Speeds stamped late or early by more than usual: further out on that side.
         stride = float(grid[1] - grid[0]) * (1.0 if best else -1.0)
         edge, first = float(grid[best]), values[best]
         grid = edge + stride * np.arange(round(FURTHEST / abs(stride)))
-        values = [first, *(_cost(dataset, at(delay)) for delay in grid[1:])]
+        values = [first, *(pilot_band_cost(dataset, at(delay)) for delay in grid[1:])]
         best = int(np.argmin(values))
         if best in (0, len(grid) - 1) or first - values[best] < LEAST_GAIN:
             return None
     return at(grid[best])
 
 
-def _cost(dataset: Dataset, response: MotorResponse) -> float:
-    """Return minus the log-likelihood of the angular accelerations in the pilot's band."""
+def pilot_band_cost(dataset: Dataset, response: MotorResponse) -> float:
+    """Compute minus the log-likelihood of the angular accelerations in the pilot's band."""
     return -sum(
         angular_log_likelihood(f, dataset.model, mass=configured.mass, counted=slow_bands(f))
         for f, configured in zip(
