@@ -137,7 +137,7 @@ def counted_bands(monkeypatch):
 
 def test_times_beside_are_freed_without_new_signals(monkeypatch):
     made = counted_bands(monkeypatch)
-    whole = made_fit.dataset(moving(2)).at(AT, BOTH, beside=("motor_skew",))
+    whole = made_fit.dataset(moving(2)).at(AT, BOTH, additional=("motor_skew",))
     freed = whole.freed()
     assert freed.free_timing == FreeTiming(at=AT, names=(*BOTH, "motor_skew"))
     assert freed.timed_bands[0].slopes.shape[1] == 3

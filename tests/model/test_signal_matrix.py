@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-import newton_euler as ne
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import newton_euler as ne
 from rotorfit.errors import FlightError
 from rotorfit.model.regressor import regressor
 from rotorfit.model.signals import (
