@@ -171,19 +171,19 @@ def five(tmp_path_factory):
 
 def test_the_trim_of_each_flight_is_found(five):
     identified, truth = five
-    values = identified.factors.values
+    values = identified.fit.estimate.estimate.by_name
     found = [[values[f"trim_{m}@{k}"] for m in ("msx", "msy")] for k in range(5)]
     np.testing.assert_allclose(np.array(found) / truth.mass, PLACES, atol=4e-4)
 
 
 def test_the_air_of_each_flight_is_found(five):
-    values = five[0].factors.values
+    values = five[0].fit.estimate.estimate.by_name
     found = np.array([values[f"trim_air@{k}"] for k in range(5)])
     np.testing.assert_allclose(found, np.array(AIR), atol=3e-3)
 
 
 def test_flights_are_assumed_to_differ_as_they_do(five):
-    (body,) = five[0].factors.configurations
+    (body,) = five[0].fit.configurations
     moved = np.sqrt(PLACES.var(axis=0, ddof=1).mean()) / body.vehicle.arm
     assert body.scatter.moved == pytest.approx(moved, rel=0.1)
     known = np.sqrt((0.01**2 + 4.0 * np.var(AIR, ddof=1)) / 5.0)
