@@ -83,7 +83,7 @@ def _fly_one(name: str, kind: Any, study: Study, *, seed: int) -> SimulatedFligh
         seconds=study.seconds,
         sensors=sensors,
         thrust_to_weight=lift / (truth.mass * GRAVITY),
-        steered_by_gyro=study.steered_by_gyro,
+        gyro_noise_in_loop=study.steered_by_gyro,
     )
     return simulate_flight(truth, known, scenario, seed=seed)
 

@@ -78,11 +78,11 @@ def wrenches(comparison: WrenchComparison, *, axes: Sequence[Axes] | None = None
         Four to draw on; made if None.
     """
     series = series_of(comparison)
-    told = [name for name in SHOWN if f"{name} body" in series.values]
-    made = _made(len(told), axes, size=(9.0, 2.0 * len(told)))
+    components = [name for name in SHOWN if f"{name} body" in series.values]
+    made = _made(len(components), axes, size=(9.0, 2.0 * len(components)))
     breaks = np.flatnonzero(np.diff(series.time) > series.gap) + 1
     time = np.insert(series.time, breaks, np.nan)
-    for axis, name in zip(made, told, strict=False):
+    for axis, name in zip(made, components, strict=False):
         title, unit = COMPONENT[name]
         for side, colour in (("body", BLUE), ("rotor", ORANGE)):
             values = np.insert(series.values[f"{name} {side}"], breaks, np.nan)

@@ -50,7 +50,7 @@ def test_a_hover_on_commands_is_foreseen_at_the_usual_lag(run, here):
     """At the lag that fits best, an answer to the gyro's noise looks like a yaw response."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
     scenario = Scenario(
-        seconds=30.0, ground_seconds=2.0, sensors=sensors, sticks=STILL, steered_by_gyro=True
+        seconds=30.0, ground_seconds=2.0, sensors=sensors, sticks=STILL, gyro_noise_in_loop=True
     )
     flight = simulate_flight(truth, vehicle, scenario, seed=12)
     write_flight_table(flight, here / "hover.csv", channels=("gyro", "accel", "command"))

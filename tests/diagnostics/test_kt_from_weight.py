@@ -104,13 +104,13 @@ def test_propellers_may_deviate_8_percent_from_the_square_law(kt, apart):
     ],
 )
 def test_the_weight_is_surer_where_thrust_changes_are_uncertain(kt, std, timed, surer):
-    assert WEIGHED.is_surer_than(kt, std, timed=timed) is surer
+    assert WEIGHED.is_more_certain_than(kt, std, timed=timed) is surer
 
 
 def test_the_weight_must_be_twice_as_sure():
     vague = WeighedThrust(kt=1.0, std=0.1)
-    assert not vague.is_surer_than(1.0, 0.199, timed=True)
-    assert vague.is_surer_than(1.0, 0.201, timed=True)
+    assert not vague.is_more_certain_than(1.0, 0.199, timed=True)
+    assert vague.is_more_certain_than(1.0, 0.201, timed=True)
 
 
 def absorbed(bias, half=0.1, *, reads=G, source="imu", name="accel_bias_z@A"):

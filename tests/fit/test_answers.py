@@ -11,7 +11,7 @@ import made_fit
 from rotorfit.estimation.factors import Factors, triangular_factors
 from rotorfit.fit.joint.joint_problem import (
     NOISY,
-    autopilot_responses,
+    closed_loop_responses,
     joint_problem,
     lateness,
     nominal_response,
@@ -46,21 +46,21 @@ def hovering(vehicle=made_fit.QUAD):
 def steered(vehicle=made_fit.QUAD, **more):
     """A body whose roll is flown in the second band alone, pitch nowhere, yaw in both."""
     counted = np.ones((3, 6), dtype=bool)
-    answered = np.zeros((3, 3), dtype=bool)
-    answered[1, 0] = answered[1:, 2] = True
+    with_response = np.zeros((3, 3), dtype=bool)
+    with_response[1, 0] = with_response[1:, 2] = True
     counted[2, ROLL] = False
     return made_fit.configuration(
         vehicle=vehicle,
         factors=hovering(vehicle),
         counted=counted,
-        answered=answered,
+        with_response=with_response,
         **more,
     )
 
 
 def test_a_response_is_a_rate_loop_inside_an_attitude_loop():
     """Roll and pitch where they are flown; of yaw nothing is taken for granted over 0.3 Hz."""
-    share = autopilot_responses(steered()).complementary_sensitivity
+    share = closed_loop_responses(steered()).complementary_sensitivity
     loop = 25.0 / (1j * TURNS[1]) * (1.0 + 6.0 / (1j * TURNS[1]))
     assert share[:, 0] == pytest.approx([0.0, loop / (1.0 + loop), 0.0])
     assert (share[:, 1:] == 0.0).all()
@@ -70,7 +70,9 @@ def test_a_response_is_a_rate_loop_inside_an_attitude_loop():
 def test_every_autopilot_answers_slow_yaw():
     answered = np.zeros((3, 3), dtype=bool)
     answered[0, 2] = True
-    share = autopilot_responses(replace(steered(), answered=answered)).complementary_sensitivity
+    share = closed_loop_responses(
+        replace(steered(), with_response=answered)
+    ).complementary_sensitivity
     assert share[0, 2] == pytest.approx(3.0 / (3.0 + 1j * TURNS[0]))
     assert np.count_nonzero(share) == 1
 
@@ -83,17 +85,17 @@ def test_response_is_full_at_low_and_zero_at_high_frequency():
 def test_all_of_an_answer_is_in_doubt_of_every_axis_flown_or_not():
     answer = nominal_response(TURNS)
     np.testing.assert_allclose(
-        autopilot_responses(steered()).uncertainty, np.tile(answer[:, None], (1, 3))
+        closed_loop_responses(steered()).uncertainty, np.tile(answer[:, None], (1, 3))
     )
 
 
 def test_rows_that_count_may_be_answered_but_for_trim():
     """The first band has the mean beside nine other rows."""
-    assert autopilot_responses(steered()).rows.tolist() == [[9, 9, 9], [20, 20, 20], [0, 30, 30]]
+    assert closed_loop_responses(steered()).rows.tolist() == [[9, 9, 9], [20, 20, 20], [0, 30, 30]]
 
 
 def test_nobody_answers_where_that_was_not_looked_at():
-    assert joint_problem([replace(steered(), answered=None)]).feedback is None
+    assert joint_problem([replace(steered(), with_response=None)]).feedback is None
     feedback = joint_problem([steered()]).feedback
     layout = regressor(made_fit.QUAD).layout
     assert [NOISY[e] for e in feedback.errors] == ["dwx", "dwy", "dwz"]
@@ -120,11 +122,11 @@ def test_lateness_is_the_derivative_of_the_motors_response(turn, lag, delay, nam
 def test_every_free_time_has_its_lateness_in_its_own_place():
     """Of two lags the mean; a skew delays nothing."""
     names = ("motor_delay", "motor_skew", "motor_lag")
-    late = autopilot_responses(steered(timing=FreeTiming(at=AT, names=names))).log_effect_slopes
+    late = closed_loop_responses(steered(timing=FreeTiming(at=AT, names=names))).log_effect_slopes
     assert late[:, 0] == pytest.approx(-1j * TURNS)
     assert (late[:, 1] == 0.0).all()
     assert late[:, 2] == pytest.approx(-1j * TURNS / (1.0 + 0.04j * TURNS))
-    assert autopilot_responses(steered()).log_effect_slopes.shape == (3, 0)
+    assert closed_loop_responses(steered()).log_effect_slopes.shape == (3, 0)
 
 
 def moved_signals(vehicle, direction, turn):
@@ -149,7 +151,7 @@ def moved_signals(vehicle, direction, turn):
 def test_rotors_that_are_moved_move_the_signals_so(error, block):
     """Squared speeds by the mixer, and the spin-up that goes with them, phase and sign."""
     layout = regressor(made_fit.QUAD).layout
-    moves = autopilot_responses(steered()).moves[block, error]
+    moves = closed_loop_responses(steered()).moves[block, error]
     found = moved_signals(made_fit.QUAD, moves[:4].real, TURNS[block])
     inputs = [layout.index(f"O2_{i}") for i in (1, 2, 3, 4)] + [layout.index("dHz")]
     np.testing.assert_allclose(
@@ -163,7 +165,7 @@ def test_rotors_that_are_moved_move_the_signals_so(error, block):
 @pytest.mark.parametrize(("error", "other"), [(0, 1), (1, 0), (2, 0)])
 def test_an_answer_moves_its_own_axis_alone(error, other):
     """By torques of the arms and spins, which of a square of arms are orthogonal."""
-    moves = autopilot_responses(steered()).moves[1].real[:, :4]
+    moves = closed_loop_responses(steered()).moves[1].real[:, :4]
     assert moves[error] @ moves[other] == pytest.approx(0.0, abs=1e-12)
     assert moves.sum(axis=1) == pytest.approx(0.0, abs=1e-12)
     x, y = made_fit.QUAD.positions[:, :2].T
@@ -175,4 +177,4 @@ def test_rotors_that_lean_take_no_spin_up():
     tilted = replace(
         made_fit.QUAD, rotors=tuple(replace(r, axis=lean) for r in made_fit.QUAD.rotors)
     )
-    assert (autopilot_responses(steered(tilted)).moves[:, :, 4] == 0.0).all()
+    assert (closed_loop_responses(steered(tilted)).moves[:, :, 4] == 0.0).all()

@@ -24,7 +24,7 @@ PULLS = {"Ixx_com": INERTIA_BIAS, "Iyy": INERTIA_BIAS, "Izz": SCALE_BIAS, "kd": 
 
 
 @pytest.mark.parametrize(
-    ("name", "rho", "answered", "share"),
+    ("name", "rho", "with_response", "share"),
     [
         ("Ixx_com", 7.5, False, 0.25),  # 2.5 / (rho + 2.5)
         ("Iyy", 7.5, True, 1 / 8.5),  # 1 / (rho + 1)
@@ -41,9 +41,11 @@ PULLS = {"Ixx_com": INERTIA_BIAS, "Iyy": INERTIA_BIAS, "Izz": SCALE_BIAS, "kd": 
         ("Ixx", 1.51, False, 2.5 / 4.01),
     ],
 )
-def test_the_pulls_are_those_of_the_method(name, rho, answered, share):
+def test_the_pulls_are_those_of_the_method(name, rho, with_response, share):
     """In figures: a pull that is halved or doubled in the source is not what was measured."""
-    assert attenuation_allowance(name, -2.0, rho, answered=answered) == pytest.approx(2 * share)
+    assert attenuation_allowance(name, -2.0, rho, with_response=with_response) == pytest.approx(
+        2 * share
+    )
 
 
 def test_what_hangs_on_yaw_in_figures():
@@ -73,7 +75,7 @@ def test_a_pilot_flies_between_a_third_and_three_hertz():
 )
 def test_the_allowance_holds_the_truth_of_a_number_pulled_up(true, rho, share, name):
     found = true * (1.0 + share * PULLS[name] / rho)
-    allowed = attenuation_allowance(name, found, rho, answered=False)
+    allowed = attenuation_allowance(name, found, rho, with_response=False)
     assert found - true <= allowed * (1 + 1e-9)
 
 
@@ -85,15 +87,15 @@ def test_the_allowance_holds_the_truth_of_a_number_pulled_up(true, rho, share, n
 )
 def test_the_allowance_holds_the_truth_of_a_number_pulled_down(true, rho, share, name):
     found = true * (1.0 - share * RATIO_BIAS / rho)
-    allowed = attenuation_allowance(name, found, rho, answered=False)
+    allowed = attenuation_allowance(name, found, rho, with_response=False)
     assert true - found <= allowed * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("answered", [False, True])
+@pytest.mark.parametrize("with_response", [False, True])
 @pytest.mark.parametrize("name", sorted(AXIS_OF))
-def test_without_excitation_nothing_is_bounded(name, answered):
+def test_without_excitation_nothing_is_bounded(name, with_response):
     def allowed(size, rho):
-        return attenuation_allowance(name, size, rho, answered=answered)
+        return attenuation_allowance(name, size, rho, with_response=with_response)
 
     assert np.isinf(allowed(1.0, NO_EXCITATION))
     assert np.isinf(allowed(1.0, 0.0))
@@ -108,9 +110,9 @@ def test_without_excitation_nothing_is_bounded(name, answered):
 )
 def test_the_term_for_the_answer_leaves_less_to_allow_for(rho, share, name):
     found = 1.0 + share * CLOSED_LOOP_BIAS / rho
-    allowed = attenuation_allowance(name, found, rho, answered=True)
+    allowed = attenuation_allowance(name, found, rho, with_response=True)
     assert found - 1.0 <= allowed * (1 + 1e-9)
-    assert allowed < attenuation_allowance(name, found, rho, answered=False)
+    assert allowed < attenuation_allowance(name, found, rho, with_response=False)
 
 
 @pytest.mark.parametrize(

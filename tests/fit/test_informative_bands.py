@@ -14,7 +14,7 @@ from rotorfit.fit.joint.informative_bands import (
     with_counted_bands,
 )
 from rotorfit.fit.joint.joint_fit import joint_fit
-from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY
+from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS
 from rotorfit.identification.identify import load_dataset
 from rotorfit.reduction.frequency_bands import (
     EDGES,
@@ -67,15 +67,15 @@ def rng():
     return np.random.default_rng(5)
 
 
-def pushed(rng, share, *, push=1.0, answered=None):
+def pushed(rng, share, *, push=1.0, with_response=None):
     """What is tied of the errors of 12 blocks in which yaw has a share of the push along y."""
     size = np.array([push, 2.0 * push, push, 0.1, 0.1, 0.1])
     error = rng.normal(size=(12, 40, 6)) * size
     error[:, :, YAW] += share * error[:, :, 1]
     counted = np.ones((12, 6), dtype=bool)
-    answered = np.ones((12, 3), dtype=bool) if answered is None else answered
+    with_response = np.ones((12, 3), dtype=bool) if with_response is None else with_response
     factors = made_fit.blocks([(1.0, 2.0)] * 12, rows=40)
-    body = made_fit.configuration(factors=factors, counted=counted, answered=answered)
+    body = made_fit.configuration(factors=factors, counted=counted, with_response=with_response)
     return error_correlation([pushes(body, error)], body.vehicle)
 
 
@@ -98,7 +98,7 @@ def test_pushes_too_weak_to_tell_tie_nothing(rng):
 def test_an_axis_that_is_flown_nowhere_stays_as_it_is(rng):
     roll_alone = np.zeros((12, 3), dtype=bool)
     roll_alone[3, 0] = True
-    found = pushed(rng, -0.3, answered=roll_alone)
+    found = pushed(rng, -0.3, with_response=roll_alone)
     assert found[ROLL].any()
     assert not found[[PITCH, YAW]].any()
 
@@ -109,7 +109,7 @@ def test_bands_that_do_not_count_tie_nothing(rng):
     body = made_fit.configuration(
         factors=made_fit.blocks([(1.0, 2.0)] * 12, rows=40),
         counted=np.zeros((12, 6), dtype=bool),
-        answered=np.ones((12, 3), dtype=bool),
+        with_response=np.ones((12, 3), dtype=bool),
     )
     assert not error_correlation([pushes(body, error)], body.vehicle).any()
 
@@ -132,9 +132,9 @@ def test_bands_that_are_flown_are_answered_and_count():
     signal, residual = np.ones((5, 6)), np.ones((5, 6))
     signal[1:4, [ROLL, YAW]] = 1.0 + LEAST_RATIO + 0.1
     steered = with_counted_bands(body, signal, residual, commanded=False)
-    assert ANSWERED == ("dwx", "dwy", "dwz")
+    assert TURN_ERRORS == ("dwx", "dwy", "dwz")
     roll = yaw = [False, True, True, True, False]
-    assert steered.answered.T.tolist() == [roll, [False] * 5, yaw]
+    assert steered.with_response.T.tolist() == [roll, [False] * 5, yaw]
     assert steered.counted[:, ROLL].tolist() == [True, True, True, True, False]
     assert steered.counted[:, PITCH].all()
 
@@ -186,7 +186,7 @@ def test_bands_that_only_the_autopilot_moves_do_not_count(rolled):
 def test_an_axis_that_is_not_flown_counts_but_has_no_answer(rolled):
     """With an answer and no motion, an inertia of zero would be the likeliest."""
     assert rolled.counted[:, PITCH].all()
-    assert not rolled.answered[:, ANSWERED.index("dwy")].any()
-    answered = rolled.answered[:, ANSWERED.index("dwx")]
-    assert answered.any()
-    assert (answered <= rolled.counted[:, ROLL]).all()
+    assert not rolled.with_response[:, TURN_ERRORS.index("dwy")].any()
+    with_response = rolled.with_response[:, TURN_ERRORS.index("dwx")]
+    assert with_response.any()
+    assert (with_response <= rolled.counted[:, ROLL]).all()

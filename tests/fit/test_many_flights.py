@@ -10,7 +10,7 @@ import made_fit
 from rotorfit.estimation.estimate import Estimate
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.experiment.payload import PointMass
-from rotorfit.fit.joint.closed_loop import LEAST_OPEN, heard
+from rotorfit.fit.joint.closed_loop import LEAST_OPEN, response_from_scores
 from rotorfit.fit.joint.joint_problem import joint_problem, theta_of
 from rotorfit.fit.joint.trims import Scatter, scatters
 from rotorfit.identification.identify import identify_flights
@@ -131,19 +131,19 @@ RHO = np.array([10.0, 20.0, 40.0, 100.0, 300.0, 1000.0, 2000.0, 5000.0])
 
 def test_flights_of_different_rho_reveal_the_autopilot_response():
     true = np.array([0.4, -0.3, 0.0])
-    found = heard(*asked_apart(true, rho=RHO))
+    found = response_from_scores(*asked_apart(true, rho=RHO))
     np.testing.assert_allclose(found.beyond, true, atol=0.05)
     assert found.open == pytest.approx(tuple(LEAST_OPEN))
 
 
 def test_flights_of_one_rho_show_nothing_of_it():
-    found = heard(*asked_apart(np.array([0.4, -0.3, 0.0]), rho=np.full(8, 100.0)))
+    found = response_from_scores(*asked_apart(np.array([0.4, -0.3, 0.0]), rho=np.full(8, 100.0)))
     np.testing.assert_allclose(found.beyond, 0.0, atol=1e-3)
     assert found.open == pytest.approx((1.0, 1.0, 1.0), abs=1e-3)
 
 
 def test_flights_that_scatter_leave_it_open():
-    assert min(heard(*asked_apart(np.zeros(3), rho=RHO, scatter=20.0)).open) > 0.7
+    assert min(response_from_scores(*asked_apart(np.zeros(3), rho=RHO, scatter=20.0)).open) > 0.7
 
 
 @pytest.fixture(scope="module")
@@ -171,19 +171,19 @@ def five(tmp_path_factory):
 
 def test_the_trim_of_each_flight_is_found(five):
     identified, truth = five
-    values = identified.factors.values
+    values = identified.fit.estimate.estimate.by_name
     found = [[values[f"trim_{m}@{k}"] for m in ("msx", "msy")] for k in range(5)]
     np.testing.assert_allclose(np.array(found) / truth.mass, PLACES, atol=4e-4)
 
 
 def test_the_air_of_each_flight_is_found(five):
-    values = five[0].factors.values
+    values = five[0].fit.estimate.estimate.by_name
     found = np.array([values[f"trim_air@{k}"] for k in range(5)])
     np.testing.assert_allclose(found, np.array(AIR), atol=3e-3)
 
 
 def test_flights_are_assumed_to_differ_as_they_do(five):
-    (body,) = five[0].factors.configurations
+    (body,) = five[0].fit.configurations
     moved = np.sqrt(PLACES.var(axis=0, ddof=1).mean()) / body.vehicle.arm
     assert body.scatter.moved == pytest.approx(moved, rel=0.1)
     known = np.sqrt((0.01**2 + 4.0 * np.var(AIR, ddof=1)) / 5.0)

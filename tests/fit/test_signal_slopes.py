@@ -139,7 +139,7 @@ def counted_flights():
 
 
 def test_times_beside_are_freed_without_new_signals():
-    whole = counted_flights().at(AT, BOTH, beside=("motor_skew",))
+    whole = counted_flights().at(AT, BOTH, additional=("motor_skew",))
     freed = whole.freed()
     assert freed.free_timing == FreeTiming(at=AT, names=(*BOTH, "motor_skew"))
     assert freed.timed_bands[0].slopes.shape[1] == 3

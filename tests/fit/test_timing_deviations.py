@@ -185,7 +185,7 @@ def test_no_lag_is_less_sure_than_it_was_beforehand():
     assert found.delay_std == pytest.approx(norm(3 * chance(2), 0.3))
 
 
-def test_how_long_a_command_held_is_unknown_by_a_quarter_of_the_slowest_logs_sample():
+def test_hold_time_is_uncertain_by_a_quarter_of_a_slow_sample():
     flights = made_fit.prepared(motor_rate=100.0), made_fit.prepared(motor_rate=50.0)
     assert hold_fault(made_fit.dataset(*flights, motors=COMMANDED)) == pytest.approx(0.005)
     assert hold_fault(made_fit.dataset(*flights)) == 0.0
@@ -235,7 +235,7 @@ def fits_to(monkeypatch, bottom, *, gain=0.0, skew=0.0, share=1.0, before=None):
     return seen
 
 
-def test_a_fit_that_has_moved_far_begins_again_there_and_not_with_the_times(monkeypatch):
+def test_a_fit_that_moved_far_restarts_there_without_its_times(monkeypatch):
     """No further than 20 ms a round, which is how far the slopes reach; all times by one share."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.055, delay=0.012))
     timed, fit = settled_fit(dataset().at(MotorResponse(lag=0.005), BOTH), ())
@@ -281,7 +281,7 @@ def test_three_tenths_of_a_deviation_need_no_other_round(monkeypatch):
         assert len(seen) == rounds
 
 
-def test_a_timing_that_does_not_come_to_rest_is_where_the_last_fit_says(monkeypatch):
+def test_a_timing_that_never_settles_is_taken_from_the_last_fit(monkeypatch):
     """Steps of 5 ms for ever: ten of them, none counted twice."""
     seen = fits_to(monkeypatch, MotorResponse(lag=0.040, delay=10.0), share=5e-4)
     timed, fit = settled_fit(dataset().at(AT, ("motor_delay",)), ())
@@ -292,7 +292,7 @@ def test_a_timing_that_does_not_come_to_rest_is_where_the_last_fit_says(monkeypa
 
 
 @pytest.mark.parametrize(("gain", "skewed"), [(9.9, False), (10.1, True)])
-def test_rising_and_falling_lags_are_told_apart_from_a_gain_of_10(monkeypatch, gain, skewed):
+def test_rising_and_falling_lags_are_separated_from_a_gain_of_10(monkeypatch, gain, skewed):
     fits_to(monkeypatch, AT, gain=gain, skew=0.3)
     found = fitted_timing(dataset(), AT, BOTH, ())
     assert ("motor_skew" in found.free) is skewed
@@ -330,7 +330,7 @@ def test_where_a_skew_does_not_settle_there_is_none(monkeypatch):
 
 
 @pytest.mark.parametrize(("pull", "known"), [(29.9, True), (30.1, False)])
-def test_from_a_pull_of_30_ms_the_flights_tell_nothing_of_the_lag(monkeypatch, pull, known):
+def test_a_gust_bias_of_30_ms_makes_the_lag_unidentifiable(monkeypatch, pull, known):
     fits_to(monkeypatch, AT)
     calm = (made_fit.turned([0.150 / (pull * MS)] * 3),)
     found = fitted_timing(dataset(given=calm), AT, BOTH, ())
@@ -399,7 +399,7 @@ def test_flights_that_settle_nowhere_tell_no_lag(monkeypatch):
     assert find_timing(dataset(motors=MotorsEntry())) is None
 
 
-def test_with_other_terms_the_timing_is_found_again_from_where_it_was(monkeypatch):
+def test_new_terms_refit_the_timing_from_its_previous_value(monkeypatch):
     """Damping that the model lacks makes motors look quick; without a skew, to begin with."""
     terms = (*timing_fit.DEFAULT_TERMS, "turn_damping")
     found = MotorTiming(
@@ -434,7 +434,7 @@ def test_times_move_by_so_much_and_a_lag_not_below_zero(at, lag, delay):
 
 
 @given(mean=st.floats(0.01, 0.1), skew=st.floats(-0.5, 0.5), by=st.floats(-0.3, 0.3))
-def test_a_skew_makes_rising_quicker_and_falling_slower_about_their_mean(mean, skew, by):
+def test_a_skew_speeds_rising_and_slows_falling_about_the_mean(mean, skew, by):
     at = MotorResponse(lag=mean * (1 - skew), lag_down=mean * (1 + skew))
     free = FreeTiming(at=at, names=("motor_lag", "motor_skew"))
     moved = free.moved({"motor_skew": by, "motor_lag": 0.002})
@@ -443,7 +443,7 @@ def test_a_skew_makes_rising_quicker_and_falling_slower_about_their_mean(mean, s
     assert free.moved({}).mean_lag == pytest.approx(mean)
 
 
-def test_what_is_known_of_a_lag_beforehand_is_seen_from_where_the_signals_were_made():
+def test_the_lag_prior_is_relative_to_the_timing_of_the_signals():
     assert FreeTiming(at=AT, names=BOTH).prior() == pytest.approx(
         {"motor_lag": pytest.approx((-0.005, 0.03))}
     )
@@ -454,7 +454,7 @@ def test_what_is_known_of_a_lag_beforehand_is_seen_from_where_the_signals_were_m
     assert dataset(motors=bench).at(AT, BOTH).free_timing.lag_prior == (0.05, 0.002)
 
 
-def test_times_may_be_off_by_a_tenth_and_their_split_by_three_tenths_of_a_millisecond():
+def test_faults_are_100_us_of_the_total_and_300_us_of_the_split():
     split, total = FreeTiming(at=AT, names=BOTH).faults()
     assert split == {"motor_lag": 3e-4, "motor_delay": -3e-4}
     assert total == {"motor_lag": 0.0, "motor_delay": 1e-4}
@@ -483,7 +483,7 @@ def test_a_lag_begins_at_the_best_trial(monkeypatch, bottom, found):
     assert (start is None) if found is None else start == MotorResponse(lag=found)
 
 
-def test_what_is_known_of_the_lag_decides_between_trials_that_fit_alike(monkeypatch):
+def test_the_lag_prior_decides_between_trials_that_fit_equally(monkeypatch):
     costs(monkeypatch, lambda response: 0.0)
     assert coarse_timing(dataset(), ("lag",)).lag == 0.04
     # 100 ms are 2.2 deviations from the usual 35, and unlikelier by 2.3 than the best trial.
@@ -546,7 +546,7 @@ def test_an_axis_excited_above_the_pilots_band_is_not_biased(yaw, bias):
         (0.100, 0.0511, False),
     ],
 )
-def test_a_time_is_told_where_half_of_its_interval_is_under_its_size_or_35_ms(value, std, known):
+def test_a_time_is_known_if_half_its_interval_is_small_enough(value, std, known):
     assert is_time_identifiable(value, std) is known
 
 

@@ -130,7 +130,7 @@ def hovered_in_gusts():
     """Return a hover whose rotors do nothing but answer gusts and the noise of the gyro."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
     scenario = Scenario(
-        seconds=30.0, ground_seconds=2.0, sensors=sensors, sticks=STILL, steered_by_gyro=True
+        seconds=30.0, ground_seconds=2.0, sensors=sensors, sticks=STILL, gyro_noise_in_loop=True
     )
     return simulate_flight(truth, vehicle, scenario, seed=12)
 
@@ -158,7 +158,7 @@ def test_hovers_that_do_not_settle_tell_nothing_either(tmp_path, seed):
     """One fit runs away to bodies without end, which no rotor moves; the other to late motors."""
     (truth, vehicle), sensors = variant(paper_vehicle("A"), "real")
     scenario = Scenario(
-        seconds=30.0, ground_seconds=2.0, sensors=sensors, sticks=STILL, steered_by_gyro=True
+        seconds=30.0, ground_seconds=2.0, sensors=sensors, sticks=STILL, gyro_noise_in_loop=True
     )
     result = commanded(tmp_path, simulate_flight(truth, vehicle, scenario, seed=seed), "")
     assert result.parameter("motor_lag").verdict == "not-identified"

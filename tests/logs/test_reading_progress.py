@@ -6,7 +6,7 @@ from rosbag_writers import messages_of, write_messages_ros2
 
 from flown import simulated
 from rotorfit.logs import read_log
-from rotorfit.logs.progress import tell, watched
+from rotorfit.logs.progress import report_progress, watched
 
 SMALL = {
     "rotorfit.logs.delimited.PIECE_BYTES": 20_000,
@@ -67,5 +67,5 @@ def test_a_recording_of_several_files_is_gone_through_once(flight, tmp_path):
 def test_nobody_is_told_outside_of_reading():
     told = []
     with watched(lambda file, done: told.append(done)):
-        tell(1, 2)
+        report_progress(1, 2)
     assert told == []

@@ -16,7 +16,7 @@ def runs(tmp_path_factory):
         "disturbed",
         seeds=SEEDS,
         seconds=60.0,
-        steered_by_gyro=True,
+        gyro_noise_in_loop=True,
         physics_rate=200.0,
     )
 
@@ -48,7 +48,7 @@ def commanded(tmp_path_factory):
     found = []
     for seed in (1, 2, 3):
         flight = flown.simulated(
-            "A", "real", seed=seed, seconds=45.0, steered_by_gyro=True, physics_rate=200.0
+            "A", "real", seed=seed, seconds=45.0, gyro_noise_in_loop=True, physics_rate=200.0
         )
         log = folder / f"{seed}.csv"
         write_flight_table(flight, log, channels=IMU_AND_COMMAND)

@@ -276,7 +276,7 @@ def test_an_autopilot_that_hears_its_gyro_answers_its_noise():
     """The command of a sample goes with the noise of its gyro, and only if it is told so."""
     shares = {}
     for hears in (False, True):
-        scenario = Scenario(seconds=10.0, sensors=TYPICAL, steered_by_gyro=hears)
+        scenario = Scenario(seconds=10.0, sensors=TYPICAL, gyro_noise_in_loop=hears)
         flight = simulate_flight(*paper_vehicle("A"), scenario, seed=6)
         noise = (flight.gyro - flight.angular_velocity)[:, 0]
         assert noise.std() == pytest.approx(TYPICAL.gyro_std, rel=0.1)

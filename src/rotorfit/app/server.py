@@ -99,9 +99,9 @@ def ready(*, port: int = 0, most_bytes: int = MOST_BYTES) -> Served:
 
 def serve(served: Served) -> None:
     """Run a server until a signal ends it, then remove all of its pages."""
-    hang_up = getattr(signal, "SIGHUP", None)  # the terminal was closed; Windows has none
-    if hang_up is not None:
-        signal.signal(hang_up, served.server.handle_exit)
+    hangup_signal = getattr(signal, "SIGHUP", None)  # the terminal was closed; Windows has none
+    if hangup_signal is not None:
+        signal.signal(hangup_signal, served.server.handle_exit)
     try:
         served.server.run(sockets=served.sockets)
     finally:

@@ -136,16 +136,16 @@ def _layout_or_order(
         return str(shown)
     question = f"{key.capitalize()} ({', '.join(choices)})"
     only = choices[0] if len(choices) == 1 else None
-    answer = given or only or _ask_choice(choices, question, default, f"--{key}")
-    if answer not in choices:
-        near = get_close_matches(answer, choices, n=1, cutoff=0.5)
+    reply = given or only or _ask_choice(choices, question, default, f"--{key}")
+    if reply not in choices:
+        near = get_close_matches(reply, choices, n=1, cutoff=0.5)
         hint = f"; did you mean {near[0]}?" if near else ""
-        raise ExperimentError(f"{key} {answer!r}; expected one of {', '.join(choices)}{hint}")
-    if seen.borne_out and shown not in (None, answer):
+        raise ExperimentError(f"{key} {reply!r}; expected one of {', '.join(choices)}{hint}")
+    if seen.borne_out and shown not in (None, reply):
         print_status(
-            f"the flight responds like {key} {shown}, not {answer}: make sure that it is right"
+            f"the flight responds like {key} {shown}, not {reply}: make sure that it is right"
         )
-    return answer
+    return reply
 
 
 def _parse_spacing(given: str | None) -> tuple[float, float]:
@@ -165,9 +165,9 @@ def _parse_spacing(given: str | None) -> tuple[float, float]:
 def _ask_spacing(question: str, default: str | None) -> float:
     """Ask for a spacing in mm until it is one; return it in m."""
     while True:
-        answer = _ask(question, default, "--spacing X,Y")
+        reply = _ask(question, default, "--spacing X,Y")
         try:
-            return _parse_millimetres(answer)
+            return _parse_millimetres(reply)
         except ExperimentError as error:
             print_status(str(error))
 
@@ -188,9 +188,9 @@ def _parse_millimetres(text: str) -> float:
 
 def _ask_choice(choices: list[str], question: str, default: str, option: str) -> str:
     """Ask a question until the answer is one of the choices."""
-    while (answer := _ask(question, default, option)) not in choices:
-        print_status(f"{answer!r} is none of {', '.join(choices)}")
-    return answer
+    while (reply := _ask(question, default, option)) not in choices:
+        print_status(f"{reply!r} is none of {', '.join(choices)}")
+    return reply
 
 
 def _ask(question: str, default: str | None, option: str) -> str:
@@ -201,10 +201,10 @@ def _ask(question: str, default: str | None, option: str) -> str:
     line = sys.stdin.readline()
     if not line:
         raise OutputError(f"no answer to {question.strip()!r}: answer it, or give {option}")
-    answer = line.strip() or default
-    if answer is None:
+    reply = line.strip() or default
+    if reply is None:
         raise OutputError(f"no answer to {question.strip()!r}: a number is needed")
-    return answer
+    return reply
 
 
 def airframe_text(

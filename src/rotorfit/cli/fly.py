@@ -183,7 +183,7 @@ def _outcome(
             {label: side.timed for label, side in sides.items()},
             others=flights,
             log_number=log_number,
-            tell=report_progress,
+            report=report_progress,
         )
         manoeuvres: dict[str, tuple[ModelFlight, ...]] = {}
         notes = [WITHOUT_MUJOCO]

@@ -48,7 +48,7 @@ from rotorfit.reduction.frequency_bands import EDGES, banded_data, flight_bands
 from rotorfit.reduction.motor_timing import LAG_PRIOR, FreeTiming, MotorTiming, TimedBands
 from rotorfit.reduction.reduce import Lines, body_lines, yaw_factors
 
-NOT_ANSWERING: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
+UNRESPONSIVE: Final[tuple[State, ...]] = ("dead", "swapped", "apart", "stuck")
 """States of a measured speed from which no law can be learnt."""
 
 
@@ -187,13 +187,13 @@ class Dataset:
         response: MotorResponse,
         free: tuple[str, ...] = (),
         *,
-        beside: tuple[str, ...] = (),
+        additional: tuple[str, ...] = (),
     ) -> "Dataset":
         """Return the same with the motors timed so, and what a fit may move of it.
 
-        With `beside`, what it may move after a call of `freed`.
+        With `additional`, what it may move after a call of `freed`.
         """
-        timing = MotorTiming(response=response, total_std=0.0, free=free, additional=beside)
+        timing = MotorTiming(response=response, total_std=0.0, free=free, additional=additional)
         return dataclasses.replace(self, motor_timing=timing)
 
     def freed(self) -> "Dataset":
@@ -311,7 +311,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
     motors = motors if speeds_commanded else completed_motors(motors, log)
     motor_model = motor_model_of(motors)
     seen = telemetry(log) if motors.speed == "measured" else None
-    responses = () if seen is None else command_responses(log, excluded=_not_answering(seen))
+    responses = () if seen is None else command_responses(log, excluded=_unresponsive_rotors(seen))
     if entry.mocap is not None:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
@@ -354,16 +354,16 @@ def completed_motors(motors: MotorsEntry, log: FlightLog) -> MotorsEntry:
     log
         Whose ``motors`` fill what is not declared.
     """
-    told = log.motors
-    if motors.speed == "measured" or told is None or "command" not in log.channels:
+    logged = log.motors
+    if motors.speed == "measured" or logged is None or "command" not in log.channels:
         return motors
-    law = motors.law or law_entry_of(told.law)
-    return motors.model_copy(update={"law": law, "lag_on": motors.lag_on or told.lag_on})
+    law = motors.law or law_entry_of(logged.law)
+    return motors.model_copy(update={"law": law, "lag_on": motors.lag_on or logged.lag_on})
 
 
-def _not_answering(seen: Telemetry) -> list[int]:
+def _unresponsive_rotors(seen: Telemetry) -> list[int]:
     """Return the rotors, from 0, whose speed is not what their command makes it."""
-    return [r.rotor - 1 for r in seen.rotors if r.state in NOT_ANSWERING]
+    return [r.rotor - 1 for r in seen.rotors if r.state in UNRESPONSIVE]
 
 
 def _voltage(battery: Channel | None, flown: Sequence[tuple[float, float]]) -> float | None:

@@ -70,13 +70,13 @@ def unlike_rotor(numbers: Numbers, vehicle: Vehicle) -> str | None:
     if any(r.group is not None for r in vehicle.rotors) or not set(names) <= set(numbers.names):
         return None
     own = np.array([numbers.number(name)[0] for name in names])
-    apart = own / np.median(own) - 1.0
-    worst = int(np.argmax(np.abs(apart)))
-    if abs(apart[worst]) < LEAST_UNLIKE:
+    excess = own / np.median(own) - 1.0
+    worst = int(np.argmax(np.abs(excess)))
+    if abs(excess[worst]) < LEAST_UNLIKE:
         return None
     return (
-        f"rotor {worst + 1} makes {100 * abs(apart[worst]):.0f} % "
-        f"{'more' if apart[worst] > 0 else 'less'} thrust than the others at the same speed: its "
+        f"rotor {worst + 1} makes {100 * abs(excess[worst]):.0f} % "
+        f"{'more' if excess[worst] > 0 else 'less'} thrust than the others at the same speed: its "
         "speed has another scale (poles), or its propeller is damaged or of another type; until "
         "this is fixed do not trust kt and the centre of mass"
     )

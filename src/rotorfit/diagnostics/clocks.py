@@ -21,7 +21,7 @@ from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.preprocessing.signals import smooth, whole_samples
 from rotorfit.reduction.frequency_bands import retimed
 
-APART: Final = 0.008
+LEAST_DELAY: Final = 0.008
 """Between accelerometer and gyro from which it is said [s]. Sound real logs have up to 1 ms, an
 accelerometer stamped 30 ms late 28, a gyro behind a low-pass of 5 Hz 50, one of 20 Hz 12."""
 UNEXPLAINED: Final = 0.1
@@ -55,24 +55,24 @@ def accelerometer_delay(fit: Fit) -> Iterator[Finding]:
     dataset = fit.dataset
     flights = [f for c in dataset.configurations for f in c.flights if dataset.source == "imu"]
     for flight in flights:
-        apart = _apart(flight, dataset)
-        if apart is not None:
-            sentence = _apart_sentence(Path(flight.entry.file).name, apart)
+        delay = _delay(flight, dataset)
+        if delay is not None:
+            sentence = _delay_sentence(Path(flight.entry.file).name, delay)
             yield doubt("imu-clocks", sentence, flights=(flight.entry.written,))
             return
 
 
-def _apart_sentence(name: str, apart: float) -> str:
-    late, early = ("accelerometer", "gyro") if apart > 0 else ("gyro", "accelerometer")
+def _delay_sentence(name: str, delay: float) -> str:
+    late, early = ("accelerometer", "gyro") if delay > 0 else ("gyro", "accelerometer")
     return (
-        f"{name}: the {late} follows the rotors {1e3 * abs(apart):.0f} ms later than the {early}, "
+        f"{name}: the {late} follows the rotors {1e3 * abs(delay):.0f} ms later than the {early}, "
         f"though both respond at once: the {late} is stamped late, or passes a low-pass filter "
-        f"of about {FILTERED / abs(apart):.0f} Hz that the {early} does not; log both unfiltered "
+        f"of about {FILTERED / abs(delay):.0f} Hz that the {early} does not; log both unfiltered "
         "with one clock. Until then do not trust kt and inertia"
     )
 
 
-def _apart(flight: LoadedFlight, dataset: Dataset) -> float | None:
+def _delay(flight: LoadedFlight, dataset: Dataset) -> float | None:
     """Measure by how much the accelerometer responds later than the gyro [s]; None where unsure."""
     data = retimed(flight.prepared, dataset.timing)
     if data.seconds_used < SHORTEST:
@@ -81,8 +81,8 @@ def _apart(flight: LoadedFlight, dataset: Dataset) -> float | None:
     turn = max(turns, key=lambda found: found.share)
     if force.share < EXPLAINED_FORCE or turn.share < EXPLAINED_TURN:
         return None
-    apart = force.seconds - turn.seconds
-    return apart if abs(apart) > max(APART, UNEXPLAINED * (1.0 - turn.share)) else None
+    delay = force.seconds - turn.seconds
+    return delay if abs(delay) > max(LEAST_DELAY, UNEXPLAINED * (1.0 - turn.share)) else None
 
 
 def latenesses(data: FlightData, vehicle: Vehicle) -> list[Lateness]:

@@ -42,7 +42,9 @@ def odd_flight(fit: Fit) -> Iterator[Finding]:
         for k, own in alone.items():
             others = [numbers for other, numbers in alone.items() if other != k]
             file = Path(configured.flights[k].entry.file).name
-            found += [(size, f"{c.name}: {file}{words}") for size, words in _apart(c, own, others)]
+            found += [
+                (size, f"{c.name}: {file}{words}") for size, words in _outlying(c, own, others)
+            ]
     if found:
         size, words = max(found)
         yield doubt(
@@ -63,7 +65,7 @@ def _alone(
         own = c.factors.recording == k
         if own.sum() * len(fit.problem.noisy) < EQUATIONS_EACH * free:
             continue
-        one = only(replace(c, answer=NOMINAL_RESPONSE), own)
+        one = only(replace(c, response=NOMINAL_RESPONSE), own)
         try:
             alone = joint_estimate([one], [], begin=begin, close=NEAR)
             yield k, joint_numbers(alone, [one], {c.name: 0.0})
@@ -77,7 +79,7 @@ def _is_of(name: str, configuration: str) -> bool:
     return not name.startswith(TRIM) and owner in ("", configuration)
 
 
-def _apart(
+def _outlying(
     c: JointConfiguration, own: Numbers, others: Sequence[Numbers]
 ) -> Iterator[tuple[float, str]]:
     """Yield the deviations by which a flight differs from the mean of the others, and a phrase."""

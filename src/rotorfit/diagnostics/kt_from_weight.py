@@ -84,10 +84,10 @@ class WeighedThrust:
 
     def contradicts(self, kt: float, std: float) -> bool:
         """Whether another estimate differs by more than chance and the model's own faults."""
-        apart = abs(kt - self.kt)
-        return apart > max(LEAST_CONFLICT * self.kt, LIKELY * float(np.hypot(std, self.std)))
+        difference = abs(kt - self.kt)
+        return difference > max(LEAST_CONFLICT * self.kt, LIKELY * float(np.hypot(std, self.std)))
 
-    def is_surer_than(self, kt: float, std: float, *, timed: bool) -> bool:
+    def is_more_certain_than(self, kt: float, std: float, *, timed: bool) -> bool:
         """Whether another estimate leaves open what the weight tells.
 
         Where the motors' timing is not told, changes of thrust are seen at a wrong time, and the
@@ -109,14 +109,14 @@ def hold_at_weight(fit: Fit) -> Fit:
     if weighed is None:
         return fit
     contradicts = weighed.contradicts(*found)
-    surer = weighed.is_surer_than(*found, timed=dataset.timing_identifiable)
-    if not (contradicts or surer or bias is not None):
+    more_certain = weighed.is_more_certain_than(*found, timed=dataset.timing_identifiable)
+    if not (contradicts or more_certain or bias is not None):
         return _reach_weight(fit)
     held = held_at(fit, weighed)
     if contradicts:
         sentence = contradiction(weighed, found[0], dataset.motors, dataset.source)
         kind = "weight-contradicts-thrust"
-    elif surer or bias is None:
+    elif more_certain or bias is None:
         kind, sentence = "weight-is-surer", vagueness(weighed, *found)
     else:
         estimated = velocity_estimated(dataset)
@@ -154,8 +154,8 @@ def _reach_weight(fit: Fit) -> Fit:
         at_weight = refit(fit, fit.dataset, begin=begin, known={"kt": (at, HELD_TO * at)})
     except UnsettledError:
         return fit
-    apart = np.abs(fit.numbers.values - at_weight.numbers.values)
-    wider = fit.with_half_width(fit.numbers.half_width + apart)
+    difference = np.abs(fit.numbers.values - at_weight.numbers.values)
+    wider = fit.with_half_width(fit.numbers.half_width + difference)
     return wider.found(doubt("thrust-misses-weight", small_miss(ratio, kt), numbers=("kt",)))
 
 
@@ -209,13 +209,13 @@ def absorbed_weight(dataset: Dataset, numbers: Numbers) -> AbsorbedWeight | None
         if name not in numbers.names or read is None:
             continue
         fitted, half = numbers.number(name)
-        apart = abs(fitted - read.ratio * GRAVITY)
+        difference = abs(fitted - read.ratio * GRAVITY)
         chance = float(np.hypot(OWN_SHARE * half, 1.96 * read.std * GRAVITY))
-        if apart > max(LARGEST_BIAS, chance):
+        if difference > max(LARGEST_BIAS, chance):
             wrong = AbsorbedWeight(
                 configuration=configured.entry.name, fitted=fitted, read=read.ratio * GRAVITY
             )
-            found.append((apart, wrong))
+            found.append((difference, wrong))
     return max(found, key=lambda one: one[0])[1] if found else None
 
 

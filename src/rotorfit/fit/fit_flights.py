@@ -92,6 +92,6 @@ def widen_by_settings(fit: Fit, **settings: Any) -> Fit:
 
 def widen_to_reach(fit: Fit, other: Fit, *, with_interval: bool) -> Fit:
     """Widen the intervals so that they hold the numbers of another model, or their intervals."""
-    apart = np.abs(fit.numbers.values - other.numbers.values)
-    reach = apart + other.numbers.half_width if with_interval else apart
+    difference = np.abs(fit.numbers.values - other.numbers.values)
+    reach = difference + other.numbers.half_width if with_interval else difference
     return fit.with_half_width(np.maximum(fit.numbers.half_width, reach))

@@ -214,7 +214,7 @@ def _with_common_correlation(
 
     def with_shares(load: Load) -> FittedFactors:
         fitted = load()
-        one = [replace(c, tied=shares) for c in fitted.configurations]
+        one = [replace(c, error_correlation=shares) for c in fitted.configurations]
         return replace(fitted, configurations=tuple(one))
 
     return [partial(with_shares, load) for load in flights]

@@ -290,7 +290,12 @@ def factor_arrays(fitted: FittedFactors, dataset: Dataset) -> dict[str, np.ndarr
         "name": one.name,
         "values": dict(fitted.values),
     }
-    given = {"counted": one.counted, "answered": one.answered, "tied": one.tied, **factors}
+    given = {
+        "counted": one.counted,
+        "answered": one.with_response,
+        "tied": one.error_correlation,
+        **factors,
+    }
     arrays = {name: np.asarray(array) for name, array in given.items() if array is not None}
     return {**arrays, "fit": np.frombuffer(json.dumps(fit).encode(), dtype=np.uint8)}
 
@@ -313,8 +318,8 @@ def fitted_factors(arrays: Mapping[str, np.ndarray], experiment: Experiment) -> 
         model=regressor(vehicle, added=signals_named(fit["signals"])),
         vehicle=vehicle,
         counted=arrays.get("counted"),
-        answered=arrays.get("answered"),
-        tied=arrays.get("tied"),
+        with_response=arrays.get("answered"),
+        error_correlation=arrays.get("tied"),
         timing=None if fit["timing"] is None else _timing(fit["timing"]),
     )
     return FittedFactors(configurations=(one,), terms=tuple(fit["terms"]), values=fit["values"])

@@ -238,7 +238,7 @@ def kt_by_weight(data: FlightData, vehicle: Vehicle) -> WeighedThrust | None:
 def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
     """Predict the half-width of the number of an axis, over its value."""
     name = {"roll": "Ixx", "pitch": "Iyy", "yaw": "kd_over_Izz"}[axis]
-    bias = attenuation_allowance(name, 1.0, fits.excitation[axis], answered=True)
+    bias = attenuation_allowance(name, 1.0, fits.excitation[axis], with_response=True)
     value, random = _with_width(fits, "yaw.kd" if axis == "yaw" else f"{axis}.kt")
     if axis == "yaw":
         return _finite(float(np.hypot(_relative(random, value), bias)))

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from rotorfit.errors import LogError
 from rotorfit.logs.files import Content, let_go
 from rotorfit.logs.flight_log import pieces
-from rotorfit.logs.progress import tell
+from rotorfit.logs.progress import report_progress
 
 MAGIC: Final = 0xBC
 VERSIONS: Final[Mapping[int, tuple[str, float]]] = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
@@ -258,7 +258,7 @@ def _run(walk: _Walk, position: int, last: float | None) -> tuple[int, float | N
         found += n
         if count == LARGEST_BLOCK:
             let_go(walk.content)
-            tell(first + n * size, walk.stop)
+            report_progress(first + n * size, walk.stop)
         last = float(times[n - 1]) if n else last
         if n < block:
             return found, last

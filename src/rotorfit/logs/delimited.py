@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from rotorfit.errors import LogError
 from rotorfit.logs.files import Content, let_go
-from rotorfit.logs.progress import tell
+from rotorfit.logs.progress import report_progress
 
 _DELIMITERS: Final = (",", ";", "\t", "|")
 _COMMENTS: Final = ("#", "%")
@@ -174,7 +174,7 @@ def fast_numbers(table: DelimitedText, columns: Sequence[int]) -> Float[np.ndarr
         known = len(numbers)
         numbers.resize((known + len(found), len(columns)), refcheck=False)
         numbers[known:] = found
-        tell(end, len(table.text))
+        report_progress(end, len(table.text))
     return numbers if len(numbers) else None
 
 
@@ -280,7 +280,7 @@ def _rows(table: DelimitedText) -> Iterator[tuple[int, list[str]]]:
         split = _quoted_rows(lines, table.delimiter, table.first_line)
     for number, cells in split:
         if number % _LINES_PER_WORD == 0:
-            tell(number - table.first_line, len(lines))
+            report_progress(number - table.first_line, len(lines))
         blank = not any(cell.strip() for cell in cells) and len(cells) < 2
         if not blank and not cells[0].lstrip().startswith(_COMMENTS):
             yield number, cells

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import LogError
-from rotorfit.logs.progress import tell
+from rotorfit.logs.progress import report_progress
 
 MAGIC: Final = b"PAR1"
 """The first four bytes of every Parquet file, and the last four."""
@@ -51,7 +51,7 @@ class ParquetTable:
                 columns = [_as_float(name, piece.column(name)) for name in names]
                 values[done : done + piece.num_rows] = np.stack(columns, axis=1)
                 done += piece.num_rows
-                tell(done, rows)
+                report_progress(done, rows)
             return values[:done]
         except LogError:
             raise

@@ -56,7 +56,7 @@ def read_for(path: Path, progress: Progress | None) -> Generator[None]:
         _progress.reset(before)
 
 
-def tell(done: int, size: int) -> None:
+def report_progress(done: int, size: int) -> None:
     """Tell, as a reader, that so many of a file's bytes were gone through."""
     progress = _progress.get()
     if progress is not None and size > 0:

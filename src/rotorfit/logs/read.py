@@ -65,7 +65,7 @@ def read_log(
 
 def _read(path: Path, chosen: ReadOptions) -> FlightLog:
     """Read a file by the row of its format, refusing options that the format does not take."""
-    form = _format_named(chosen.format) if chosen.format is not None else _format_told(path)
+    form = _format_named(chosen.format) if chosen.format is not None else _recognised_format(path)
     if form.map_format and chosen.columns:
         form = BY_NAME[form.map_format]
     if form.map_refusal and (chosen.columns or chosen.axes != "FLU"):
@@ -82,7 +82,7 @@ def _format_named(name: str) -> Format:
     return BY_NAME[name]
 
 
-def _format_told(path: Path) -> Format:
+def _recognised_format(path: Path) -> Format:
     """Find the format of a file or folder, or raise with what it is instead."""
     found = _format_of_folder(path) if path.is_dir() else None
     if found is not None:

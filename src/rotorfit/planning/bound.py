@@ -291,7 +291,7 @@ def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
             size = max(
                 abs(value), number_scale(numbers, name, mass=bare.mass, vehicle=bare.vehicle)
             )
-            extra[i] = attenuation_allowance(base, size, rho, answered=True)
+            extra[i] = attenuation_allowance(base, size, rho, with_response=True)
         if EVERY[base].mass_power:
             weighed = 0.5 * problem.assumed.mass_step / bare.mass
             extra[i] = np.hypot(extra[i], weighed * value)

@@ -70,7 +70,7 @@ def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
     """
     sections = [
         [line for words in _title(plan) for line in textwrap.wrap(words, width)],
-        _answer(plan, width),
+        _conclusion(plan, width),
         _missing(plan, width),
         _steps(plan, width),
         _table(plan, width),
@@ -96,7 +96,7 @@ def _title(plan: FlightPlan) -> list[str]:
     ]
 
 
-def _answer(plan: FlightPlan, width: int) -> list[str]:
+def _conclusion(plan: FlightPlan, width: int) -> list[str]:
     if plan.enough:
         return _wrapped(width, "Nothing more to fly: the result reaches this already.")
     if plan.recommended is not None:

@@ -101,7 +101,7 @@ def joint_result(fit: Fit, experiment: Experiment) -> IdentificationResult:
 
 def _response_setting(c: JointConfiguration) -> dict[str, dict[str, tuple[float, ...]]]:
     """Return the autopilot's response beyond the nominal one, where the flights show it."""
-    response = c.answer
+    response = c.response
     if response == NOMINAL_RESPONSE:
         return {}
     return {"autopilot_answer": {"beyond_usual": response.beyond, "half_width": response.open}}

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Final
 
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
-from rotorfit.fit.intervals.numbers import moments_beside
+from rotorfit.fit.intervals.numbers import moments_of_product
 from rotorfit.model.parameters import EVERY, INERTIA_COM
 from rotorfit.model.terms.body import product_scale
 from rotorfit.model.terms.term import Motion
@@ -154,8 +154,8 @@ def _size(derived: Derived, kin: Mapping[str, Derived]) -> float | None:
     """Return the size of an inertia that matters; None for a product without its two moments."""
     if derived.name in INERTIA_COM[:3]:
         return 0.0
-    beside = [kin.get(f"{name}_com") for name in moments_beside(derived.name)]
-    known = [value for d in beside if d is not None and (value := _known(d.value)) is not None]
+    moments = [kin.get(f"{name}_com") for name in moments_of_product(derived.name)]
+    known = [value for d in moments if d is not None and (value := _known(d.value)) is not None]
     return product_scale(known[0], known[1]) if len(known) == 2 else None
 
 

@@ -75,8 +75,8 @@ class Scenario:
         Full thrust over weight.
     gains
         Of the autopilot.
-    steered_by_gyro
-        Whether the autopilot hears the noise of its gyro, as real ones do, or knows the true rates.
+    gyro_noise_in_loop
+        Whether the autopilot acts on the noise of its gyro, as real ones do, or on the true rates.
     """
 
     seconds: float = 75.0
@@ -87,7 +87,7 @@ class Scenario:
     physics_rate: float = 400.0
     thrust_to_weight: float = 2.5
     gains: Gains = field(default_factory=Gains)
-    steered_by_gyro: bool = False
+    gyro_noise_in_loop: bool = False
 
     def __post_init__(self) -> None:
         if self.seconds * self.sample_rate < 3 or self.ground_seconds < 0:
@@ -161,7 +161,7 @@ def simulate_flight(
     machine = _machine(truth, vehicle, scenario)
     sensor_seed = int(sensing.generate_state(1)[0])
     rate_noise = (
-        gyro_noise(scenario.sensors, len(plan), seed=sensor_seed) * scenario.steered_by_gyro
+        gyro_noise(scenario.sensors, len(plan), seed=sensor_seed) * scenario.gyro_noise_in_loop
     )
     moments = _fly(
         machine,

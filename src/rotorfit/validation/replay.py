@@ -320,7 +320,7 @@ def replay_flights(
     others: Sequence[Path] = (),
     log_number: int | None = None,
     seconds: float = WINDOW,
-    tell: Callable[[str], None] | None = None,
+    report: Callable[[str], None] | None = None,
 ) -> list[Replay]:
     """Replay a configuration's flights, of the fit and kept apart, or other logs in their place.
 
@@ -332,8 +332,8 @@ def replay_flights(
     entries = [named_flight(path, log_number=log_number) for path in others]
     replays: list[Replay] = []
     for entry in entries or _flights_of(experiment, owner):
-        if tell is not None:
-            tell(f"replaying {Path(entry.file).name}")
+        if report is not None:
+            report(f"replaying {Path(entry.file).name}")
         used = load_flight(entry, experiment) if entries else _unchanged(result, experiment, entry)
         replays.append(
             replay(

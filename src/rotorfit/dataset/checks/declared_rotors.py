@@ -96,7 +96,7 @@ def free_response(factors: Factors, vehicle: Vehicle) -> Response:
     squares = R[:, _square_columns(vehicle)]
     thrust = squares @ vehicle.axes[:, 2]
     shares = [
-        _share(_apart(R[:, [layout.index(name)]], thrust)[:, 0], _apart(squares, thrust))
+        _share(_rejection(R[:, [layout.index(name)]], thrust)[:, 0], _rejection(squares, thrust))
         for name in ("dwx", "dwy", "dwz")
     ]
     return Response(roll=shares[0], pitch=shares[1], yaw=shares[2])
@@ -159,7 +159,7 @@ def _inside(factors: Factors) -> Factors:
     return factors.select(inside) if inside.any() else factors
 
 
-def _apart(columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]) -> np.ndarray:
+def _rejection(columns: Float[np.ndarray, "z k"], from_: Float[np.ndarray, " z"]) -> np.ndarray:
     """Return columns without what is parallel to another one."""
     size = float(from_ @ from_)
     return columns if size == 0.0 else columns - np.outer(from_, from_ @ columns / size)
@@ -279,14 +279,14 @@ def turn_about_z(
     layout = signal_layout(vehicle)
     squares = R[:, _square_columns(vehicle)]
     thrust = squares @ vehicle.axes[:, 2]
-    torque = _apart(squares @ np.cross(vehicle.positions, vehicle.axes)[:, :2], thrust)
-    turned = _apart(R[:, [layout.index("dwx"), layout.index("dwy")]], thrust)
-    answer: Float[np.ndarray, "2 2"] = scipy.linalg.pinv(torque, rtol=1e-9) @ turned
-    left = ((turned - torque @ answer) ** 2).sum(axis=0)
+    torque = _rejection(squares @ np.cross(vehicle.positions, vehicle.axes)[:, :2], thrust)
+    turned = _rejection(R[:, [layout.index("dwx"), layout.index("dwy")]], thrust)
+    response: Float[np.ndarray, "2 2"] = scipy.linalg.pinv(torque, rtol=1e-9) @ turned
+    left = ((turned - torque @ response) ** 2).sum(axis=0)
     total = np.maximum((turned**2).sum(axis=0), np.finfo(float).tiny)
     roll, pitch = (1.0 - left / total).tolist()
     # A vector reads turned back in axes that are turned.
-    angle = np.arctan2(answer[1, 0] - answer[0, 1], answer[0, 0] + answer[1, 1])
+    angle = np.arctan2(response[1, 0] - response[0, 1], response[0, 0] + response[1, 1])
     return float(angle), (roll, pitch)
 
 

@@ -71,11 +71,11 @@ def gyration(factors: Factors, vehicle: Vehicle) -> float | None:
     if not thrust.any():
         return None
     per_square, _ = _slope(R[:, layout.index("az")], thrust)
-    answers = [
-        _slope(_apart(R[:, layout.index(name)], thrust), _apart(torques[:, k], thrust))
+    responses = [
+        _slope(_rejection(R[:, layout.index(name)], thrust), _rejection(torques[:, k], thrust))
         for k, name in enumerate(("dwx", "dwy"))
     ]
-    slope, share = max(answers, key=lambda answer: answer[1])
+    slope, share = max(responses, key=lambda response: response[1])
     if share < EXPLAINED or slope <= 0.0 or per_square <= 0.0:
         return None
     return float(np.sqrt(per_square / slope)) / vehicle.arm
@@ -90,7 +90,7 @@ def _slope(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> tuple[floa
     return slope, slope**2 * size / total
 
 
-def _apart(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
+def _rejection(y: Float[np.ndarray, " z"], x: Float[np.ndarray, " z"]) -> Float[np.ndarray, " z"]:
     """Return what of y does not go with x: thrust turns a vehicle whose CoM is off the centre."""
     return y - x * (float(x @ y) / float(x @ x))
 

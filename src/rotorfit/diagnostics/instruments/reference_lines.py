@@ -9,7 +9,7 @@ from jaxtyping import Bool, Complex, Float, Int
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
 from rotorfit.estimation.banded_problem import solved
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.joint.joint_problem import ANSWERED, NOISY, JointConfiguration, theta_of
+from rotorfit.fit.joint.joint_problem import NOISY, TURN_ERRORS, JointConfiguration, theta_of
 from rotorfit.model.signals import signal_matrix
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import banded_data
@@ -49,7 +49,8 @@ def reference_lines(fit: Fit) -> Iterator[tuple[str, ReferenceLines | None]]:
         zip(dataset.configurations, fit.configurations, strict=True)
     ):
         G, _ = solved(c.model.tensor, theta[k], estimate.problem.noisy)
-        yield c.name, _lines(configured, c, dataset, G[[NOISY.index(name) for name in ANSWERED]])
+        turns = [NOISY.index(name) for name in TURN_ERRORS]
+        yield c.name, _lines(configured, c, dataset, G[turns])
 
 
 def _lines(
@@ -59,7 +60,8 @@ def _lines(
     G: Float[np.ndarray, "3 z"],
 ) -> ReferenceLines | None:
     """Compute the lines of one configuration; `G` maps its signals to errors."""
-    if c.answered is None or all(f.prepared.data.reference is None for f in configured.flights):
+    logged = any(f.prepared.data.reference is not None for f in configured.flights)
+    if c.with_response is None or not logged:
         return None
     rows: list[Complex[np.ndarray, "l 9"]] = []
     blocks: list[Int[np.ndarray, " l"]] = []
@@ -83,7 +85,7 @@ def _lines(
         predicted=every[:, 3:6],
         error=every[:, 6:],
         block=block,
-        excited=(c.answered & moving[:, None])[block],
+        excited=(c.with_response & moving[:, None])[block],
     )
 
 

@@ -10,7 +10,7 @@ from rotorfit.fit.fit import Fit
 from rotorfit.fit.intervals.joint_numbers import AXES
 from rotorfit.fit.intervals.numbers import Numbers
 
-TELLING: Final = 0.2
+INFORMATIVE: Final = 0.2
 """Half-width of the ratio, beyond which the reference is not informative."""
 UNLIKELY: Final = 1e-3
 """Probability by chance of what is called a contradiction."""
@@ -29,7 +29,7 @@ def response_findings(
     configuration: str, found: Mapping[str, Instrumented], numbers: Numbers
 ) -> Iterator[Finding]:
     """Yield what the responses of a configuration say of its numbers, by axis."""
-    informative = {axis: one for axis, one in found.items() if one.half_width < TELLING}
+    informative = {axis: one for axis, one in found.items() if one.half_width < INFORMATIVE}
     count = Evidence(name=f"reference_axes@{configuration}", value=float(len(informative)))
     yield Finding(kind="reference", severity="passed", evidence=(count,))
     for axis, one in found.items():

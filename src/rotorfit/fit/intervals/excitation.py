@@ -50,7 +50,7 @@ alike: what the model lacks in all of them. Measured on 20 simulated flights wit
 vehicles: k_t and kd_over_Izz .2 to .5 and 1 % too small."""
 
 
-def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool) -> float:
+def attenuation_allowance(name: str, size: float, rho: float, *, with_response: bool) -> float:
     """Return the half-width that lack of excitation adds, infinite where it bounds nothing.
 
     Parameters
@@ -61,14 +61,14 @@ def attenuation_allowance(name: str, size: float, rho: float, *, answered: bool)
         Of the number as found, or a size of it that matters where it is near zero.
     rho
         Explained over residual power of the axis' angular acceleration.
-    answered
+    with_response
         Of the joint fit, whose likelihood has a term for the autopilot's answer: about what the
         fit itself finds (`banded.response_sensitivity`), for a flight that is not there to fit.
     """
     size, rho = float(size), float(rho)
     if not rho > NO_EXCITATION:
         return float("inf")
-    if answered:
+    if with_response:
         return CLOSED_LOOP_BIAS / (rho + CLOSED_LOOP_BIAS) * abs(size)
     too_small = RATIO_BIAS / (rho - RATIO_BIAS)
     if AXIS_OF[name] != "yaw":

@@ -85,11 +85,11 @@ def joint_numbers(
         estimate.std,
     )
     formal = formal_covariance(fit, jacobian)
-    answers = response_sensitivity(fit) @ jacobian.T
+    response_shifts = response_sensitivity(fit) @ jacobian.T
     timings = np.reshape(timing_shifts(fit, configurations[0].timing), (-1, len(estimate.names)))
     late = timings @ jacobian.T
     # What shifts all numbers at once makes them go together, as chance does.
-    shared = answers.T @ answers / 1.96**2 + late.T @ late
+    shared = response_shifts.T @ response_shifts / 1.96**2 + late.T @ late
     numbers = Numbers(
         names=names,
         values=values,
@@ -98,12 +98,17 @@ def joint_numbers(
         excitation=excitation(fit, configurations),
     )
     pushed = error_correlation_shifts(fit) @ jacobian.T
-    shifts = np.vstack([np.abs(answers).sum(axis=0), 1.96 * late, 1.96 * pushed])
-    told = replace(numbers, excitation=_telling(numbers, weighed_excitation(fit, configurations)))
-    told = systematic_uncertainty(told, configurations, mass_std, np.linalg.norm(shifts, axis=0))
-    told = inertia_uncertainty(told, configurations, np.sqrt(np.diagonal(formal + shared)))
-    told = coupling_uncertainty(told, configurations)
-    return replace(told, excitation=numbers.excitation)
+    shifts = np.vstack([np.abs(response_shifts).sum(axis=0), 1.96 * late, 1.96 * pushed])
+    widened = replace(
+        numbers,
+        excitation=_informative_excitation(numbers, weighed_excitation(fit, configurations)),
+    )
+    widened = systematic_uncertainty(
+        widened, configurations, mass_std, np.linalg.norm(shifts, axis=0)
+    )
+    widened = inertia_uncertainty(widened, configurations, np.sqrt(np.diagonal(formal + shared)))
+    widened = coupling_uncertainty(widened, configurations)
+    return replace(widened, excitation=numbers.excitation)
 
 
 def formal_covariance(
@@ -155,11 +160,13 @@ def _between_flights(
         source = factors.recording
         own = fit.influence[first : first + len(source)]
         first += len(source)
-        pulls = np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T
-        m = len(pulls)
+        influences = (
+            np.array([own[source == k].sum(axis=0) for k in np.unique(source)]) @ jacobian.T
+        )
+        m = len(influences)
         if m < FEWEST_FLIGHTS:
             continue
-        variance += m / (m - 1.0) * ((pulls - pulls.mean(axis=0)) ** 2).sum(axis=0)
+        variance += m / (m - 1.0) * ((influences - influences.mean(axis=0)) ** 2).sum(axis=0)
         if m >= ENOUGH_FLIGHTS:
             degrees = min(degrees, m - 1)
     return float(stats.t.ppf(0.975, degrees)) * np.sqrt(variance)
@@ -192,11 +199,11 @@ def half_width_between_phases(
     parts = _phases(fit)
     if len(parts) < FEWEST_PHASES:
         return np.zeros(len(jacobian))
-    pulls = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
+    influences = np.array([fit.influence[own].sum(axis=0) for own in parts]) @ jacobian.T
     moves = steps_without(fit, parts) @ jacobian.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        leverage = np.clip(np.nan_to_num(np.abs(moves / pulls), nan=1.0), 1.0, MOST_LEVERAGE)
-    return 1.96 * np.sqrt((leverage * pulls**2).sum(axis=0))
+        leverage = np.clip(np.nan_to_num(np.abs(moves / influences), nan=1.0), 1.0, MOST_LEVERAGE)
+    return 1.96 * np.sqrt((leverage * influences**2).sum(axis=0))
 
 
 def _phases(fit: BandedEstimate) -> list[Bool[np.ndarray, " b"]]:
@@ -274,7 +281,7 @@ def weighed_excitation(
     return _ratios(fit, configurations, lambda factors: np.arange(len(factors)))
 
 
-def _telling(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
+def _informative_excitation(numbers: Numbers, weighed: Mapping[str, float]) -> dict[str, float]:
     """Return the excitation by weight where that is enough, else over the whole flights."""
     plain = numbers.excitation
     return {key: rho if rho > LEAST_EXCITATION else plain[key] for key, rho in weighed.items()}
@@ -342,7 +349,7 @@ def systematic_uncertainty(
         if rho is not None and not rho > LEAST_EXCITATION:
             c = by_name[owner] if owner else configurations[0]
             size = max(value, number_scale(numbers, name, mass=c.mass, vehicle=c.vehicle))
-            parts.append(attenuation_allowance(base, size, rho, answered=False))
+            parts.append(attenuation_allowance(base, size, rho, with_response=False))
         if base in YAW_PRODUCTS:
             parts.append(product_allowance(value, numbers.excitation[f"yaw@{owner}"]))
         if EVERY[base].mass_power:
@@ -376,9 +383,9 @@ def inertia_uncertainty(
             rho = numbers.rho(numbers.names[own])
             if rho is None or rho > LEAST_EXCITATION or not std[own] > 0.0:
                 continue
-            pull = inertia_bias(float(numbers.values[own]), rho)
+            bias = inertia_bias(float(numbers.values[own]), rho)
             slopes = numbers.correlation[own, scaled] * std[scaled] / std[own]
-            squares[scaled] += (slopes * pull) ** 2
+            squares[scaled] += (slopes * bias) ** 2
     return replace(numbers, half_width=np.sqrt(numbers.half_width**2 + squares))
 
 
@@ -393,8 +400,8 @@ def coupling_uncertainty(numbers: Numbers, configurations: Sequence[JointConfigu
     for i, name in enumerate(numbers.names):
         base, _, owner = name.partition("@")
         link = numbers.link(owner if base in HEIGHTS and not weighed else None)
-        hangs = base in HEIGHTS or (base in SCALED and not weighed)
-        if hangs and not link > LEAST_EXCITATION:
+        depends = base in HEIGHTS or (base in SCALED and not weighed)
+        if depends and not link > LEAST_EXCITATION:
             half[i] = np.hypot(half[i], link_allowance(float(numbers.values[i]), link))
     return replace(numbers, half_width=half * _stretches(numbers, half))
 

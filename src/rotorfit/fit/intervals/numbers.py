@@ -124,6 +124,6 @@ def relevant_size(name: str, size: Size) -> float:
     return 0.0 if relevant is None else relevant(size)
 
 
-def moments_beside(product: str) -> tuple[str, str]:
+def moments_of_product(product: str) -> tuple[str, str]:
     """Return the two moments of inertia about the axes of a product: Ixx and Izz of Ixz."""
     return f"I{product[1] * 2}", f"I{product[2] * 2}"

@@ -66,10 +66,10 @@ def estimated_response(fit: BandedEstimate) -> ClosedLoopResponse:
     fit
         Of all flights, each with factors of its own, made with the usual answer.
     """
-    return heard(*_asked_apart(fit))
+    return response_from_scores(*_flight_scores(fit))
 
 
-def heard(
+def response_from_scores(
     H: Float[np.ndarray, "m f f"],
     s: Float[np.ndarray, "m f"],
     G: Float[np.ndarray, "m f e"],
@@ -94,11 +94,11 @@ def heard(
     information[f:, f:] += np.eye(e) / UNIDENTIFIABLE**2
     covariance = pseudo_inverse(information)
     # The prior's own pull is the rest of all scores: they sum to nothing.
-    pull = np.concatenate([-s.sum(axis=0), np.zeros(e)])
-    found = covariance @ (np.einsum("kif,kf->i", weighed, s) + pull)
+    prior_score = np.concatenate([-s.sum(axis=0), np.zeros(e)])
+    found = covariance @ (np.einsum("kif,kf->i", weighed, s) + prior_score)
     left = s - X @ found
-    pulls = np.einsum("ij,kjf,kf->ki", covariance, weighed, left)[:, f:]
-    scatter = flights / (flights - 1.0) * (pulls**2).sum(axis=0)
+    influences = np.einsum("ij,kjf,kf->ki", covariance, weighed, left)[:, f:]
+    scatter = flights / (flights - 1.0) * (influences**2).sum(axis=0)
     few = float(stats.t.ppf(0.975, flights - 1)) / 1.96
     variance = few**2 * np.maximum(np.diagonal(covariance)[f:], scatter)
     gain = BEFORE**2 / (BEFORE**2 + variance)
@@ -106,7 +106,7 @@ def heard(
     return ClosedLoopResponse(beyond=tuple((gain * found[f:]).tolist()), open=tuple(half.tolist()))
 
 
-def _asked_apart(
+def _flight_scores(
     fit: BandedEstimate,
 ) -> tuple[
     Float[np.ndarray, "m f f"],

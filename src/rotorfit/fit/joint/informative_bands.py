@@ -21,8 +21,8 @@ from rotorfit.estimation.banded_equations import evaluated
 from rotorfit.estimation.banded_problem import power_of, signal_power, split_blocks
 from rotorfit.experiment.model_terms import DEFAULT_TERMS
 from rotorfit.fit.joint.joint_problem import (
-    ANSWERED,
     NOISY,
+    TURN_ERRORS,
     JointConfiguration,
     at_values,
     error_correlation_std,
@@ -86,7 +86,7 @@ def select_informative_bands(
         for part in zip(configurations, signal, residual, strict=True)
     ]
     return [
-        replace(c, tied=error_correlation([pushes(c, e)], c.vehicle))
+        replace(c, error_correlation=error_correlation([pushes(c, e)], c.vehicle))
         for c, e in zip(counted, errors, strict=True)
     ]
 
@@ -104,8 +104,10 @@ def with_counted_bands(
     if commanded:
         flown[:, THRUST] = _followed(configuration)
     flown[:, turns] = excited_bands(factors, signal[:, turns], residual[:, turns])
-    answered = flown[:, [NOISY.index(name) for name in ANSWERED]]
-    return replace(configuration, counted=counted_bands(factors, flown), answered=answered)
+    with_response = flown[:, [NOISY.index(name) for name in TURN_ERRORS]]
+    return replace(
+        configuration, counted=counted_bands(factors, flown), with_response=with_response
+    )
 
 
 def _followed(configuration: JointConfiguration) -> Bool[np.ndarray, " b"]:
@@ -143,12 +145,12 @@ def pushes(configuration: JointConfiguration, error: Float[np.ndarray, "b m 6"])
 
     Of an axis that is flown in no band none: it tells nothing, and would tell k_t that by its ties.
     """
-    counted, answered = configuration.counted, configuration.answered
-    assert counted is not None and answered is not None
+    counted, with_response = configuration.counted, configuration.with_response
+    assert counted is not None and with_response is not None
     found: list[Pushes] = []
     for axis, turn in enumerate(TURNS):
         own = counted[:, turn] & (configuration.factors.band[:, 0] > 0.0)
-        own &= bool(answered[:, axis].any())
+        own &= bool(with_response[:, axis].any())
         X, y = error[own][:, :, list(FORCES)], error[own][:, :, turn]
         found.append(
             Pushes(

@@ -109,27 +109,27 @@ def _fit_from(
     """Return the fit of what counts, from where that can be told, and its configurations."""
     joint = select_informative_bands(joint, begin, commanded=commanded, **more)
     fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
-    if not _apart(joint):
+    if not _several_flights(joint):
         return fit, joint  # one flight each
-    answer, differ = _response(fit, joint), _scatters(fit, joint)
+    response, differ = _response(fit, joint), _scatters(fit, joint)
     joint = [
-        replace(c, answer=answer, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
+        replace(c, response=response, scatter=differ.get(k, c.scatter)) for k, c in enumerate(joint)
     ]
     return joint_estimate(joint, [], begin=fit.estimate.by_name, **more), joint
 
 
-def _apart(joint: Sequence[JointConfiguration], least: int = 2) -> bool:
+def _several_flights(joint: Sequence[JointConfiguration], least: int = 2) -> bool:
     """Return whether any configuration has so many flights."""
     return any(len(flights_of(c.factors)) >= least for c in joint)
 
 
 def _close(joint: Sequence[JointConfiguration]) -> float:
     """Return how near its end a fit is brought before the last."""
-    return NEAR if _apart(joint) else SMALLEST_STEP
+    return NEAR if _several_flights(joint) else SMALLEST_STEP
 
 
 def _response(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> ClosedLoopResponse:
-    return estimated_response(fit) if _apart(joint, ENOUGH_FLIGHTS) else NOMINAL_RESPONSE
+    return estimated_response(fit) if _several_flights(joint, ENOUGH_FLIGHTS) else NOMINAL_RESPONSE
 
 
 def _scatters(fit: BandedEstimate, joint: Sequence[JointConfiguration]) -> dict[int, Scatter]:

@@ -36,11 +36,11 @@ class JointConfiguration:
     """One configuration as the joint estimate sees it.
 
     With `payload_of`, its body is that of the named configuration plus the known `payload`: it has
-    no first moments and inertia of its own to estimate. `counted` and `answered` are those of
-    `steering.py`: which errors of each block count, and which of those of the turns the autopilot
-    answers; `answer` how far; `tied` (also from there) how much of the errors of the turns comes
-    with those of the forces. `timing` is what a fit may move of the motors' timing. `scatter`:
-    by how much its flights differ.
+    no first moments and inertia of its own to estimate. `counted` and `with_response` are those of
+    `informative_bands.py`: which errors of each block count, and to which of those of the turns the
+    autopilot responds; `response` how far; `error_correlation` (also from there) how much of the
+    errors of the turns comes with those of the forces. `timing` is what a fit may move of the
+    motors' timing. `scatter`: by how much its flights differ.
     """
 
     name: str
@@ -51,10 +51,10 @@ class JointConfiguration:
     payload: tuple[PointMass, ...] = ()
     payload_of: str | None = None
     counted: Bool[np.ndarray, "b 6"] | None = None
-    answered: Bool[np.ndarray, "b e"] | None = None
-    tied: Float[np.ndarray, "6 6"] | None = None
+    with_response: Bool[np.ndarray, "b e"] | None = None
+    error_correlation: Float[np.ndarray, "6 6"] | None = None
     timing: FreeTiming | None = None
-    answer: ClosedLoopResponse = NOMINAL_RESPONSE
+    response: ClosedLoopResponse = NOMINAL_RESPONSE
     scatter: Scatter = UNSEEN
 
 

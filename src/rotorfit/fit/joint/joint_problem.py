@@ -46,7 +46,7 @@ from rotorfit.preprocessing.motors.motor_model import MotorResponse
 
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
-ANSWERED = ("dwx", "dwy", "dwz")
+TURN_ERRORS = ("dwx", "dwy", "dwz")
 """The errors that an autopilot answers."""
 BANDWIDTH = 25.0
 """[rad/s] up to which an autopilot answers roll and pitch errors: that of the simulated one's rate
@@ -174,9 +174,13 @@ def joint_problem(
         prior_std={**prior, **{name: std for name, (_, std) in known.items()}},
         moving=() if timing is None else timing.names,
         counted=tuple(c.counted for c in configurations if c.counted is not None),
-        error_correlation=tuple(c.tied for c in configurations if c.tied is not None),
+        error_correlation=tuple(
+            c.error_correlation for c in configurations if c.error_correlation is not None
+        ),
         error_correlation_std=tuple(
-            error_correlation_std(c.vehicle) for c in configurations if c.tied is not None
+            error_correlation_std(c.vehicle)
+            for c in configurations
+            if c.error_correlation is not None
         ),
         feedback=_feedback(flights),
     )
@@ -197,12 +201,12 @@ def separate_flights(
 
 def only(configuration: JointConfiguration, blocks: Bool[np.ndarray, " b"]) -> JointConfiguration:
     """Return some blocks of a configuration."""
-    counted, answered = configuration.counted, configuration.answered
+    counted, with_response = configuration.counted, configuration.with_response
     return replace(
         configuration,
         factors=configuration.factors.select(blocks),
         counted=None if counted is None else counted[blocks],
-        answered=None if answered is None else answered[blocks],
+        with_response=None if with_response is None else with_response[blocks],
     )
 
 
@@ -218,37 +222,39 @@ def theta_of(
 
 def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
     """Return where the autopilot answers by the rotors; None where that was not looked at."""
-    if any(c.answered is None for c in configurations):
+    if any(c.with_response is None for c in configurations):
         return None
     layout = configurations[0].model.layout
     inputs = [i for i, name in enumerate(layout.names) if name.startswith("O2_")]
     inputs.append(layout.index("dHz"))
     return Feedback(
-        errors=tuple(NOISY.index(name) for name in ANSWERED),
+        errors=tuple(NOISY.index(name) for name in TURN_ERRORS),
         inputs=tuple(inputs),
-        responses=tuple(autopilot_responses(c) for c in configurations),
+        responses=tuple(closed_loop_responses(c) for c in configurations),
     )
 
 
-def autopilot_responses(configuration: JointConfiguration) -> ClosedLoopResponses:
-    """Model the response of the autopilot to roll, pitch and yaw errors in every block."""
+def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopResponses:
+    """Return what the autopilot does about roll, pitch and yaw errors in every block."""
     factors, counted = configuration.factors, configuration.counted
-    answered = configuration.answered
-    assert answered is not None and counted is not None
+    with_response = configuration.with_response
+    assert with_response is not None and counted is not None
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
-    steered = counted[:, [NOISY.index(name) for name in ANSWERED]]
+    counted_turns = counted[:, [NOISY.index(name) for name in TURN_ERRORS]]
     moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
-    answer = nominal_response(turn)
+    response = nominal_response(turn)
     slow = turn < 2.0 * np.pi * SLOW_YAW
-    taken = np.stack([answer, answer, slow * YAW_BANDWIDTH / (1j * turn + YAW_BANDWIDTH)], axis=1)
-    beyond = answer[:, None] * np.array(configuration.answer.beyond)
+    taken = np.stack(
+        [response, response, slow * YAW_BANDWIDTH / (1j * turn + YAW_BANDWIDTH)], axis=1
+    )
+    beyond = response[:, None] * np.array(configuration.response.beyond)
     timing = configuration.timing
     late = [] if timing is None else [lateness(name, turn, timing.at) for name in timing.names]
     return ClosedLoopResponses(
-        rows=moving[:, None] * steered,
+        rows=moving[:, None] * counted_turns,
         moves=_mixed(configuration, turn),
-        complementary_sensitivity=taken * answered + beyond,
-        uncertainty=answer[:, None] * np.array(configuration.answer.open),
+        complementary_sensitivity=taken * with_response + beyond,
+        uncertainty=response[:, None] * np.array(configuration.response.open),
         log_effect_slopes=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
 

@@ -154,7 +154,7 @@ def _systematic(
             parts.append(MOST_DRAG * lean / vehicle.arm * value)
         if rho is not None:
             size = max(value, number_scale(numbers, name, mass=mass, arm=vehicle.arm))
-            parts.append(attenuation_allowance(name, size, rho, answered=False))
+            parts.append(attenuation_allowance(name, size, rho, with_response=False))
         if EVERY[name].mass_power:
             parts.append(weighed * value)
         result[i] = quadrature(parts)

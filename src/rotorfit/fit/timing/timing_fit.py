@@ -129,18 +129,18 @@ def fitted_timing(
     begun, first = first_fit(dataset, start, names, terms)
     timed, fit = settled_fit(begun, terms, first)
     at = timed.timing
-    if at is not None and _beside(timed, at, names):
+    if at is not None and _additional_times(timed, at, names):
         timed, fit = _with_skew(timed, fit, terms)
     free = timed.free_timing
     assert free is not None
     response = _moved(free, fit)
     if response.mean_lag >= LONGEST_LAG or abs(response.delay) >= LONGEST_DELAY:
         return None  # the motion does not follow these commands at all
-    pull = gust_bias(timed)
+    bias = gust_bias(timed)
     total = response.mean_lag + response.delay
     # Before the command no motor answers: there the autopilot answers the noise of its gyro.
     late = response.mean_lag > LEAST_LAG and total > 0.0
-    if "motor_lag" in names and (pull > UNIDENTIFIABLE_BIAS or not late):
+    if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
         return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
     found = timing_with_deviations(dataset, free, fit)
     return replace(found, bands=timed.found_with()) if _near(free, fit) else found
@@ -159,10 +159,10 @@ def first_fit(
             assert free is not None
             start, guess = _moved(free, fit), free.without_times(fit.estimate.by_name)
     # Begun where few flights settle it is likely to stay there, and the skew is asked for next.
-    beside = _beside(dataset, start, names) if guess is not None else ()
+    additional = _additional_times(dataset, start, names) if guess is not None else ()
     tried: list[tuple[Dataset, BandedEstimate]] = []
     for share in STARTS if start.lag > 0.0 else STARTS[:1]:
-        begun = dataset.at(replace(start, lag=share * start.lag), names, beside=beside)
+        begun = dataset.at(replace(start, lag=share * start.lag), names, additional=additional)
         fit, _ = joint_fit(begun, terms=terms, guess=guess)
         if max(abs(fit.estimate.value(name)) for name in names) < LOST:
             return begun, fit
@@ -189,8 +189,8 @@ def settled_fit(
         if _near(free, fit):
             break
         moved = _moved(free, fit)
-        beside = _beside(dataset, moved, free.names) if skew else ()
-        dataset = dataset.at(moved, free.names, beside=beside)
+        additional = _additional_times(dataset, moved, free.names) if skew else ()
+        dataset = dataset.at(moved, free.names, additional=additional)
         fit, _ = joint_fit(dataset, terms=terms, begin=free.without_times(fit.estimate.by_name))
     return dataset, fit
 
@@ -202,7 +202,9 @@ def _near(free: FreeTiming, fit: BandedEstimate) -> bool:
     return bool((np.abs(fit.estimate.values[at]) <= enough).all())
 
 
-def _beside(dataset: Dataset, at: MotorResponse, names: tuple[str, ...]) -> tuple[str, ...]:
+def _additional_times(
+    dataset: Dataset, at: MotorResponse, names: tuple[str, ...]
+) -> tuple[str, ...]:
     """Return the skew where rising and falling speed may get a lag each, and have none yet."""
     # Low-passed beside motion capture, motor data rise and fall alike.
     lagging = "motor_lag" in names and at.mean_lag > LEAST_LAG
@@ -285,8 +287,8 @@ def _stds(
     """Return the deviations of combinations of parameters."""
     rows = np.array(list(combinations.values()))
     chance = random_half_width(fit, rows, formal_covariance(fit, rows))
-    answered = np.abs(response_sensitivity(fit) @ rows.T).sum(axis=0)
-    return dict(zip(combinations, (np.hypot(chance, answered) / 1.96).tolist(), strict=True))
+    by_response = np.abs(response_sensitivity(fit) @ rows.T).sum(axis=0)
+    return dict(zip(combinations, (np.hypot(chance, by_response) / 1.96).tolist(), strict=True))
 
 
 def hold_fault(dataset: Dataset) -> float:

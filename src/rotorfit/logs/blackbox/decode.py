@@ -31,7 +31,7 @@ from rotorfit.logs.blackbox.scan import (
     Window,
     scan_frames,
 )
-from rotorfit.logs.progress import tell
+from rotorfit.logs.progress import report_progress
 
 MAX_TIME_JUMP: Final = 10_000_000
 """Longest credible time between consecutive main frames [us]."""
@@ -206,7 +206,7 @@ def _read(
         for letters in kinds:
             parts[letters].append(_read_window(letters, window, whole, kept, stretches))
         events.extend(window.events)
-        tell(window.stop, whole.stop - whole.data_start)
+        report_progress(window.stop, whole.stop - whole.data_start)
         stretches += int((window.letters == DAMAGE).sum())
         skipped += window.skipped_bytes
         if len(events) > MAX_EVENTS:

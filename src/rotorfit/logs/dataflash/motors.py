@@ -217,9 +217,9 @@ def _escs(messages: Messages) -> dict[int, tuple[Float[np.ndarray, " _"], Float[
 def _esc_order(numbers: list[int], outputs: tuple[int, ...]) -> tuple[list[int], str]:
     """Assign an ESC to each motor, and say how it is known; none where it is not."""
     if len(numbers) < len(outputs) or not outputs:
-        heard = ", ".join(str(n + 1) for n in numbers)
+        received = ", ".join(str(n + 1) for n in numbers)
         return [], (
-            f"ESC telemetry comes from {len(numbers)} ESCs ({heard}), the motors are "
+            f"ESC telemetry comes from {len(numbers)} ESCs ({received}), the motors are "
             f"{len(outputs) or 'not known'}: check its wiring, SERVO_BLH_MASK and SERVO_BLH_BDMASK"
         )
     # ESCs are counted by output, on some boards from the first of the auxiliary ones.

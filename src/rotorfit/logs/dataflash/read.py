@@ -22,7 +22,7 @@ from rotorfit.logs.flight_log import (
     seconds_of,
     simulated_sentence,
 )
-from rotorfit.logs.progress import tell
+from rotorfit.logs.progress import report_progress
 
 BLOCK: Final = 4 << 20
 CHOICE: Final = Wanted(
@@ -72,7 +72,7 @@ def _blocks(path: Path, turn: tuple[float, float]) -> Iterator[bytes]:
             size = os.fstat(file.fileno()).st_size
             while block := file.read(BLOCK):
                 yield block
-                tell(round(size * turn[0] + file.tell() * turn[1]), size)
+                report_progress(round(size * turn[0] + file.tell() * turn[1]), size)
     except OSError as error:
         raise LogError(f"cannot be read ({error}): check the path and the disk") from error
 

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from jaxtyping import Float, Int
 
-from rotorfit.logs.progress import tell
+from rotorfit.logs.progress import report_progress
 
 Encoding = Literal["ros1", "cdr"]
 
@@ -84,7 +84,7 @@ class Tally:
 
     def reached(self, place: int) -> None:
         """Tell how much of the recording was gone through, up to a place in the file."""
-        tell(self.before + min(place, self.file_size), self.recording_size)
+        report_progress(self.before + min(place, self.file_size), self.recording_size)
 
     def declare(self, topic: Topic) -> Topic:
         """Note a topic, and return it."""

@@ -17,7 +17,7 @@ from jaxtyping import Int, UInt8
 from rotorfit.errors import LogError
 from rotorfit.logs.files import read_head
 from rotorfit.logs.flight_log import in_order
-from rotorfit.logs.progress import tell
+from rotorfit.logs.progress import report_progress
 from rotorfit.logs.ulog import MAGIC
 from rotorfit.logs.ulog.messages import (
     HEADER_BYTES,
@@ -348,7 +348,7 @@ def _read_sections(file: BinaryIO, edges: list[int], reading: _Reading) -> None:
         for block in read_blocks(file, begin, end, judge=reading):
             reading.keep(block)
             refuse_ruin(reading.places)
-            tell(file.tell(), edges[-1])
+            report_progress(file.tell(), edges[-1])
 
 
 def _appended(head: bytes, size: int) -> tuple[list[int], list[str]]:
