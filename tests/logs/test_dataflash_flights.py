@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pymavlink.DFReader import DFReader_binary
 
-from rotorfit.cli.inspect import inspect_log
+from rotorfit.inspection.inspect_log import inspect_log
 from rotorfit.logs import read_log
 from rotorfit.logs.dataflash.columns import columns
 from rotorfit.logs.dataflash.messages import find_messages
