@@ -172,13 +172,13 @@ def moved_by_responses(fit, shifts):
     scores = np.linalg.solve(fit.estimate.covariance, np.transpose(shifts)).T
     errors, blocks = len(scores), len(fit.influence)
     (part,) = fit.problem.every_part
-    nothing = np.zeros((blocks, errors))
+    nothing = np.zeros((blocks, errors), dtype=complex)
     response = ClosedLoopResponses(
-        rows=nothing.astype(int),
+        rows=np.zeros((blocks, errors), dtype=int),
         moves=nothing[:, :, None],
         complementary_sensitivity=nothing,
         uncertainty=nothing,
-        log_effect_slopes=np.zeros((blocks, len(fit.problem.moving))),
+        log_effect_slopes=np.zeros((blocks, len(fit.problem.moving)), dtype=complex),
     )
     feedback = MovingFeedback(
         errors=tuple(range(errors)),

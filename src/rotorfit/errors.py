@@ -5,7 +5,7 @@ A message says what was met, what was expected, and what to do next.
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from rotorfit.findings import Finding
 
@@ -16,7 +16,7 @@ class RotorfitError(Exception):
     kind: ClassVar[str] = "refused"
     _about: Mapping[str, Any] = {}
 
-    def about(self, **fields: Any) -> Self:
+    def about(self, **fields: Any) -> "RotorfitError":
         """Return the error itself, with fields of its `Finding`, such as its kind."""
         self._about = fields
         return self
