@@ -34,7 +34,10 @@ import json, resource, sys, time, warnings
 from pathlib import Path
 warnings.simplefilter("ignore")
 from rotorfit.experiment.experiment import load_experiment
-from rotorfit.dataset.dataset import load_flight
+try:
+    from rotorfit.dataset.dataset import load_flight
+except ModuleNotFoundError:  # a version before the rooms of today
+    from rotorfit.fit.flights import load_flight
 from rotorfit.identification.identify import identify
 experiment = load_experiment(Path(sys.argv[1]))
 start = time.process_time()
