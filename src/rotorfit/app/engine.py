@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rotorfit import version
-from rotorfit.app.exports import missing_numbers
+from rotorfit.app.exports import exported, missing_numbers
 from rotorfit.app.files import (
     Progress,
     dropped,
@@ -157,8 +157,6 @@ class Engine:
 
     def export(self, argument: Mapping[str, Any], progress: Progress) -> JsonObject:
         """Export the result as the file of another tool."""
-        from rotorfit.app.exports import exported
-
         progress("writing the file", None)
         return exported(self.folder, argument)
 

@@ -9,18 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rotorfit.errors import MissingNumbersError, OutputError
-from rotorfit.export.result_numbers import number_warnings, parse_assumptions, unit_of
 from rotorfit.export.targets import OFFERED, RANDOM_TARGETS
-from rotorfit.export.write import drawn_sentence, export, randomised
-from rotorfit.results.sound_result import load_sound
-
-
-def targets() -> list[dict[str, str]]:
-    """List every target with its title, and how its file ends."""
-    return [
-        {"target": name, "suffix": target.suffix, "title": target.title}
-        for name, target in OFFERED.items()
-    ]
 
 
 def exported(folder: Path, argument: Mapping[str, Any]) -> dict[str, Any]:
@@ -28,6 +17,10 @@ def exported(folder: Path, argument: Mapping[str, Any]) -> dict[str, Any]:
 
     The argument holds ``target``, and where wanted ``configuration``, ``assume`` and ``project``.
     """
+    from rotorfit.export.result_numbers import number_warnings
+    from rotorfit.export.write import drawn_sentence, export, randomised
+    from rotorfit.results.sound_result import load_sound
+
     target = argument["target"]
     if target not in OFFERED:
         raise OutputError(f"no target {target!r}; targets: {', '.join(OFFERED)}")
@@ -60,10 +53,14 @@ def exported(folder: Path, argument: Mapping[str, Any]) -> dict[str, Any]:
 
 def missing_numbers(error: MissingNumbersError) -> list[dict[str, str]]:
     """List the numbers that the user may supply, with their units."""
+    from rotorfit.export.result_numbers import unit_of
+
     return [{"name": name, "unit": unit_of(name)} for name in error.names]
 
 
 def _assumed(given: Mapping[str, Any]) -> dict[str, float]:
+
+    from rotorfit.export.result_numbers import parse_assumptions
 
     try:
         return parse_assumptions([f"{name}={value}" for name, value in given.items()])
