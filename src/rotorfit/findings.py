@@ -43,7 +43,8 @@ class Finding:
     sentence
         What was met, what was expected and what to do; empty where the check passed.
     numbers
-        Full names of the numbers it is about, such as ``kt`` or ``Ixx@A``; empty: all.
+        Names of the numbers it is about, such as ``kt`` or ``Ixx@A``; ``Ixx`` is that of every
+        configuration; empty: all.
     flights
         Files of the flights it is about; empty: all.
     evidence
@@ -52,6 +53,9 @@ class Finding:
         What to do, where that is not in the sentence alone.
     withheld_because
         Why the numbers are withheld from the result; None where they are not.
+    doubtful_because
+        Why the numbers may be outside their intervals, which makes them `doubtful`; None where the
+        intervals cover what the check found.
     """
 
     kind: str
@@ -62,11 +66,16 @@ class Finding:
     evidence: tuple[Evidence, ...] = ()
     next_step: str | None = None
     withheld_because: str | None = None
+    doubtful_because: str | None = None
 
     @property
     def diagnostics(self) -> dict[str, float]:
         """The measured quantities by name."""
         return {one.name: one.value for one in self.evidence}
+
+    def is_about(self, full_name: str) -> bool:
+        """Whether it names a number such as ``Ixx@A``, or its like of every configuration."""
+        return full_name in self.numbers or full_name.partition("@")[0] in self.numbers
 
 
 def doubt(kind: str, sentence: str, **about: Any) -> Finding:

@@ -3,8 +3,9 @@
 import numpy as np
 
 from rotorfit.findings import Finding
-from rotorfit.results.assemble import with_diagnosis
-from rotorfit.results.result import Derived, IdentificationResult, Parameter
+from rotorfit.report.text import result_text
+from rotorfit.results.assemble import mark_doubtful, with_diagnosis
+from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
 
 
 def a_number(name, value, **more):
@@ -12,14 +13,14 @@ def a_number(name, value, **more):
             "std": 0.1, "interval": (value - 0.2, value + 0.2), "unit": "", **more}  # fmt: skip
 
 
-def test_the_scale_of_yaw_is_withheld_and_its_ratio_stays():
-    parameters = tuple(
-        Parameter(**a_number(name, 1.0, verdict="identified")) for name in ("kt", "kd", "Izz")
-    )
-    result = IdentificationResult(
+def a_result(**verdicts):
+    verdicts = {"kt": "identified", "kd": "identified", "Izz": "identified", **verdicts}
+    return IdentificationResult(
         name="made",
         method="banded",
-        parameters=parameters,
+        parameters=tuple(
+            Parameter(**a_number(name, 1.0, verdict=verdict)) for name, verdict in verdicts.items()
+        ),
         derived=tuple(Derived(**a_number(name, 2.0)) for name in ("Izz_com", "kd_over_Izz")),
         flights=(),
         covariance_names=("kt", "kd", "Izz@A"),
@@ -27,6 +28,39 @@ def test_the_scale_of_yaw_is_withheld_and_its_ratio_stays():
         settings={},
         versions={},
     )
+
+
+def a_late_gyro(*numbers, **more):
+    return Finding(
+        kind="late", severity="doubt", sentence="late", numbers=numbers,
+        doubtful_because="the gyro is late", next_step="log it raw", **more,
+    )  # fmt: skip
+
+
+def test_a_number_that_a_finding_disowns_is_doubtful():
+    found = mark_doubtful(a_result().found(a_late_gyro("Izz")))
+    kt, kd, Izz = found.parameters
+    assert (kt.verdict, kd.verdict, Izz.verdict) == ("identified", "identified", "doubtful")
+    assert Izz.reason == "may be outside its interval, because the gyro is late"
+    assert Izz.advice == "log it raw"
+    assert verdict_of(found, found.derived_value("Izz_com")) == "doubtful"
+    assert "doubtful" in result_text(found)
+
+
+def test_what_is_not_known_anyway_is_not_called_doubtful():
+    late = a_late_gyro("kt", "kd", "Izz@B")
+    found = mark_doubtful(a_result(kt="given", kd="not-identified").found(late))
+    assert [p.verdict for p in found.parameters] == ["given", "not-identified", "identified"]
+
+
+def test_a_doubt_that_intervals_cover_changes_no_verdict():
+    covered = Finding(kind="late", severity="doubt", sentence="late", numbers=("kt",))
+    assert mark_doubtful(a_result().found(covered)).parameters == a_result().parameters
+
+
+def test_the_scale_of_yaw_is_withheld_and_its_ratio_stays():
+    result = a_result()
+    parameters = result.parameters
     finding = Finding(
         kind="no-coupling",
         severity="doubt",

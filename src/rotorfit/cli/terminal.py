@@ -66,6 +66,7 @@ def terminal_width() -> int:
 COLOURS: Final = {
     "identified": "32",
     "weak": "33",
+    "doubtful": "31",
     "ratio-only": "33",
     "not-identified": "31",
     "given": "2",
@@ -78,7 +79,7 @@ Colour = Literal["auto", "always", "never"]
 COLOUR: ContextVar[Colour] = ContextVar("colour", default="auto")
 _VERDICT: Final = re.compile(
     r"^(?P<row>  [A-Za-z]\S* .* )"
-    r"(?P<verdict>not-identified|identified|weak|ratio-only|given|removed)(?= with \S+$|$)"
+    r"(?P<verdict>not-identified|identified|weak|doubtful|ratio-only|given|removed)(?= with \S+$|$)"
     r"|\b(?P<stand>better|WORSE)\b(?= \(error)",
     re.MULTILINE,
 )

@@ -27,7 +27,9 @@ from rotorfit.results.command_units import effective_unit
 from rotorfit.results.result import Derived, IdentificationResult, Parameter
 from rotorfit.results.verdicts import body_verdict, relative_width, twin_of
 
-Origin = Literal["identified", "weak", "given", "removed", "assumed", "from-ratio", "law"]
+Origin = Literal[
+    "identified", "weak", "doubtful", "given", "removed", "assumed", "from-ratio", "law"
+]
 
 FULL_COMMAND: Final = "of full command"
 ROTOR_KT: Final = tuple(f"kt_{i}" for i in range(1, MOST_ROTORS + 1))
@@ -35,7 +37,7 @@ REPLACED: Final = {"kt": ROTOR_KT, "motor_lag": ("motor_lag_up", "motor_lag_down
 """Numbers of single rotors or directions that an assumed number replaces."""
 RATIOS: Final = {"kd": "kd_over_Izz", "Jr": "Jr_over_Izz"}
 """Ratios that the yaw equation gives even where the number alone is lost."""
-DOUBTFUL: Final[tuple[Origin, ...]] = ("weak", "removed", "assumed", "from-ratio")
+DOUBTFUL: Final[tuple[Origin, ...]] = ("weak", "doubtful", "removed", "assumed", "from-ratio")
 MAY_BE_REMOVED: Final = (*COM, *INERTIA_COM[3:], "Jr")
 """Parameters that are zero where the paper's method took them out; of the others, zero is wrong."""
 POSITIVE: Final = (
@@ -188,7 +190,7 @@ def _of_parameter(p: Parameter) -> Number | Missing:
         unit=p.unit,
         origin=origin,
         interval=p.interval,
-        remark=p.reason if origin == "weak" else None,
+        remark=p.reason if origin in ("weak", "doubtful") else None,
     )
 
 
@@ -229,8 +231,13 @@ def _about_com(
 def _marked(
     number: Number | Missing, of: Derived, twin: Parameter | None, kin: Mapping[str, Derived]
 ) -> Number | Missing:
-    """Mark a number about the CoM as weak where the report has it so."""
-    if isinstance(number, Missing) or body_verdict(of, twin, kin) != "weak":
+    """Mark a number about the CoM as weak or doubtful where the report has it so."""
+    if isinstance(number, Missing):
+        return number
+    verdict = body_verdict(of, twin, kin)
+    if verdict == "doubtful":
+        return replace(number, origin=verdict, remark=None if twin is None else twin.reason)
+    if verdict != "weak":
         return number
     relative = relative_width(of, kin)
     if relative is None:
@@ -259,7 +266,7 @@ def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number |
         ms = np.array([known[moment].value for moment in FIRST_MOMENTS])
         steiner = inertia_about(np.zeros(6), m, ms / m)
         value = twin.value - float(steiner[INERTIA.index(twin_of(name))])
-    weak = next((part for part in known.values() if part.origin == "weak"), None)
+    weak = next((part for part in known.values() if part.origin in ("weak", "doubtful")), None)
     info = DERIVED[name]
     return Number(
         name=name,
@@ -267,7 +274,7 @@ def _computed(name: str, parameters: Mapping[str, Number | Missing]) -> Number |
         unit=f"{info.unit} per kg"
         if info.mass_power and twin.unit.endswith(" per kg")
         else info.unit,
-        origin="weak" if weak is not None and twin.origin != "removed" else twin.origin,
+        origin=weak.origin if weak is not None and twin.origin != "removed" else twin.origin,
         remark=weak.remark if weak is not None else f"from {twin_of(name)} at the origin",
     )
 

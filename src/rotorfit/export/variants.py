@@ -12,7 +12,7 @@ from rotorfit.model.parameters import COM, INERTIA_COM, inertia_matrix
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.samples import Samples
 
-DRAWN: Final = ("identified", "weak")
+DRAWN: Final = ("identified", "weak", "doubtful")
 """Origins of numbers that a draw replaces; given, assumed and computed ones stand."""
 
 

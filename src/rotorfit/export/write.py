@@ -26,6 +26,7 @@ from rotorfit.results.result import IdentificationResult
 ORIGINS: Final = {
     "identified": "identified",
     "weak": "WEAK",
+    "doubtful": "DOUBTFUL",
     "given": "given",
     "removed": "REMOVED",
     "assumed": "ASSUMED",

@@ -24,7 +24,7 @@ from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
 from rotorfit.fit.fit_flights import fit_flights, widen_by_settings
 from rotorfit.fit.timing.timing_fit import time_motors
-from rotorfit.results.assemble import with_diagnosis, with_setting
+from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
 from rotorfit.results.command_units import in_command_units
 from rotorfit.results.joint_tables import joint_result
 from rotorfit.results.law_tables import add_motor_law
@@ -117,7 +117,7 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
     dataset = dataset if fit is None else fit.dataset
     joint = () if fit is None else fit.configurations
     result = with_setting(result, hangs_on=list(assumptions(result, dataset, joint)))
-    result = _describe_units(result, experiment)
+    result = mark_doubtful(_describe_units(result, experiment))
     _warn(result)
     result = _validate(result, experiment, report)
     return Identified(result=result, dataset=dataset, fit=fit)

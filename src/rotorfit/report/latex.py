@@ -26,15 +26,15 @@ SYMBOLS: Final = {
     **{f"com_{a}": f"c_{a}" for a in "xyz"},
     **{f"I{a}{b}_com": f"I_{{{a}{b}}}" for a in "xyz" for b in "xyz"},
 }
-MARKS: Final = {"weak": r"$^{w}$", "given": r"$^{g}$"}
+MARKS: Final = {"weak": r"$^{w}$", "doubtful": r"$^{d}$", "given": r"$^{g}$"}
 
 
 def latex_table(result: IdentificationResult) -> str:
     r"""Return a result as a LaTeX table for a paper; it needs the package booktabs.
 
     One column a configuration; rotors first, then mass, centre of mass and the inertia about it.
-    What the flights do not determine is a dash; weak and given numbers are marked, and the caption
-    says so.
+    What the flights do not determine is a dash; weak, doubtful and given numbers are marked, and
+    the caption says so.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def _caption(result: IdentificationResult) -> str:
     return (
         f"{_escaped(result.name)}: identified from {count} flight{'' if count == 1 else 's'}, "
         f"{seconds:.0f} s in the air; $\\pm$ is half of the 95\\,\\% interval; "
-        "$^{w}$ weak, $^{g}$ given; --: not determined."
+        "$^{w}$ weak, $^{d}$ doubtful, $^{g}$ given; --: not determined."
     )
 
 

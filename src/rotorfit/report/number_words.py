@@ -9,6 +9,7 @@ TITLES = {name: info.title for name, info in EVERY.items()}
 VERDICT_MEANING = {
     "identified": "uncertainty up to 25 % of the value or its relevant size (docs/method.md)",
     "weak": "uncertainty over 25 % of value and relevant size, or mostly prior (marked so)",
+    "doubtful": "may be outside its interval: a check contradicts it, the reason is given",
     "ratio-only": "known only together with another parameter",
     "not-identified": "this flight does not show it",
     "given": "given to rotorfit, not estimated",

@@ -140,7 +140,7 @@ def _finding(
         verdict=verdict,
         subject=subject[0].upper() + subject[1:],
         words=_words(number, verdict, twin, ratios),
-        advice=twin.advice if verdict in ("weak", "ratio-only", "not-identified") else None,
+        advice=None if verdict in ("identified", "given", "removed") else twin.advice,
     )
 
 
@@ -154,11 +154,13 @@ def _words(
         return f"known only as a ratio to the {other}{_ratio(twin, ratios)}"
     if verdict == "removed":
         return "left out as unessential"
-    if verdict not in ("identified", "weak"):
+    if verdict not in ("identified", "weak", "doubtful"):
         return "not known"
     share, shown = percent(number), _number(number)
     if share is None:
         return shown
+    if verdict == "doubtful":
+        return f"{shown}, which {twin.reason}" if twin.reason else shown
     narrow = share <= 100.0 * WEAK
     if verdict == "weak" and narrow and number is twin and twin.reason:
         return f"{shown}: {twin.reason}"
@@ -193,7 +195,10 @@ def _com(derived: dict[str, Derived], parameters: dict[str, Parameter]) -> Findi
         else:
             margin = "" if half is None else f" ± {_mm(half)}"
             words.append(f"{_mm(abs(value))}{margin} mm {positive if value >= 0 else negative}")
-    order = ("not-identified", "ratio-only", "removed", "weak", "identified", "given")
+    order = (
+        *("not-identified", "ratio-only", "removed"),
+        *("doubtful", "weak", "identified", "given"),
+    )
     worst = min(verdicts, key=order.index)
     advice = [
         p.advice for n in DIRECTIONS if (p := parameters.get(twin_of(n))) is not None and p.advice

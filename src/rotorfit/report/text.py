@@ -15,7 +15,7 @@ from rotorfit.results.result import Derived, IdentificationResult, Parameter, co
 from rotorfit.results.verdicts import WEAK, twin_of
 
 ROTOR_DERIVED = ("motor_lag_total", "kd_over_kt", "kd_over_Izz", "Jr_over_Izz", "hover_speed")
-DOUBTFUL = ("weak", "ratio-only", "not-identified", "removed")
+DOUBTFUL = ("weak", "doubtful", "ratio-only", "not-identified", "removed")
 """Verdicts that need a word of explanation, and mostly of advice."""
 WIDTH = 100
 UNEXPLAINED = "Flights kept apart: what is left unexplained"

@@ -88,12 +88,12 @@ def withheld(result: IdentificationResult, finding: Finding) -> IdentificationRe
     """Withhold the numbers of a finding; those known as a ratio get that verdict."""
     ratios = {(d.name, d.configuration) for d in result.derived if d.value is not None}
     parameters = tuple(
-        _without_value(p, ratios, finding) if p.full_name in finding.numbers else p
+        _without_value(p, ratios, finding) if finding.is_about(p.full_name) else p
         for p in result.parameters
     )
     derived = tuple(
         dataclasses.replace(d, value=None, std=None, interval=None)
-        if d.full_name in finding.numbers
+        if finding.is_about(d.full_name)
         else d
         for d in result.derived
     )
@@ -126,6 +126,28 @@ def _without_value(
         partner=partner if own else None,
         reason=finding.withheld_because,
         advice=finding.next_step,
+    )
+
+
+def mark_doubtful(result: IdentificationResult) -> IdentificationResult:
+    """Give the verdict `doubtful` to numbers that a finding says not to trust."""
+    disowning = [one for one in result.findings if one.doubtful_because is not None]
+    parameters = tuple(_judged_again(p, disowning) for p in result.parameters)
+    return dataclasses.replace(result, parameters=parameters)
+
+
+def _judged_again(parameter: Parameter, disowning: Sequence[Finding]) -> Parameter:
+    """Return a parameter as doubtful where one of the findings is about it."""
+    about = [one for one in disowning if one.is_about(parameter.full_name)]
+    if not about or parameter.verdict not in ("identified", "weak"):
+        return parameter
+    reasons = " and ".join(dict.fromkeys(str(one.doubtful_because) for one in about))
+    steps = [one.next_step for one in about if one.next_step]
+    return dataclasses.replace(
+        parameter,
+        verdict="doubtful",
+        reason=f"may be outside its interval, because {reasons}",
+        advice=steps[0] if steps else parameter.advice,
     )
 
 

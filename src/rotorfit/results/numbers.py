@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-Verdict = Literal["identified", "weak", "ratio-only", "not-identified", "given", "removed"]
+Verdict = Literal[
+    "identified", "weak", "doubtful", "ratio-only", "not-identified", "given", "removed"
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,8 +19,9 @@ class Parameter:
     value, std, interval
         SI; None where the flight does not give them. The interval is 95 %.
     verdict
-        ``identified``, ``weak`` (interval wide), ``ratio-only`` (only together with the parameter
-        `partner`), ``not-identified``, ``given``, ``removed`` (an unessential parameter).
+        ``identified``, ``weak`` (interval wide), ``doubtful`` (may be outside its interval, as a
+        finding says), ``ratio-only`` (only together with the parameter `partner`),
+        ``not-identified``, ``given``, ``removed`` (an unessential parameter).
     partner
         Named under ``with`` in the file.
     reason, advice

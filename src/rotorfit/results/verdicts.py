@@ -128,6 +128,8 @@ def body_verdict(
     verdict = None if twin is None else twin.verdict
     if _known(derived.value) is None:
         return verdict if verdict in ("ratio-only", "removed") else "not-identified"
+    if verdict == "doubtful":
+        return verdict
     relative = relative_width(derived, kin or {})
     if relative is None or verdict == "given":
         return verdict if verdict in ("weak", "given") else "identified"
