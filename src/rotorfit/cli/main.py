@@ -19,6 +19,7 @@ from rotorfit.cli.fleet import fleet
 from rotorfit.cli.fly import fly
 from rotorfit.cli.identify import identify
 from rotorfit.cli.inspect import inspect
+from rotorfit.cli.loop import loop
 from rotorfit.cli.plan import plan
 from rotorfit.cli.simulate import simulate
 from rotorfit.cli.terminal import (
@@ -43,6 +44,7 @@ COMMANDS: Final[dict[str, tuple[Callable[..., None], str]]] = {
     "compare": (compare, "imu.json mocap.json"),
     "export": (export, "result.json --to urdf -o quad.urdf"),
     "fly": (fly, "result.json --report fly.html"),
+    "loop": (loop, "result.json flight.ulg"),
     "plan": (plan, "airframe.toml --mass 1.285 --card card.html"),
     "simulate": (simulate, "single -o flights --seconds 20"),
     "demo": (demo, "-o demo"),

@@ -3,11 +3,14 @@
 import hashlib
 import mmap
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from rotorfit.errors import LogError, OutputError
+from rotorfit.logs.progress import report_progress
+
+BLOCK = 4 << 20
 
 Content = bytes | mmap.mmap
 """Of a file: in memory, or mapped."""
@@ -29,6 +32,21 @@ def open_mapped(path: Path) -> Content:
 def file_name(path: str) -> str:
     """Return the last part of a path of any system; folders are nobody else's business."""
     return path.replace("\\", "/").rstrip("/").rsplit("/", maxsplit=1)[-1] or path
+
+
+def read_blocks(path: Path, turn: tuple[float, float] = (0.0, 1.0)) -> Iterator[bytes]:
+    """Yield a file in pieces: a log need not fit into the memory.
+
+    The turn is what was read before of all that is to be read, and what share this is.
+    """
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            while block := file.read(BLOCK):
+                yield block
+                report_progress(round(size * turn[0] + file.tell() * turn[1]), size)
+    except OSError as error:
+        raise LogError(f"cannot be read ({error}): check the path and the disk") from error
 
 
 def let_go(data: Content) -> None:

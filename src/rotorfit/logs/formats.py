@@ -90,6 +90,8 @@ class Format:
         Whose motor numbering the log usually has, of `model.layouts`.
     velocity_estimated
         Whether the velocity is an autopilot's estimate.
+    controller
+        From a path to the `ControllerLog` of its rate controller.
     """
 
     name: str
@@ -110,6 +112,7 @@ class Format:
     notes_filters: bool = False
     motor_order: str | None = None
     velocity_estimated: bool = False
+    controller: str = ""
 
 
 FORMATS: Final = (
@@ -152,6 +155,7 @@ FORMATS: Final = (
         notes_filters=True,
         motor_order="px4",
         velocity_estimated=True,
+        controller="ulog.controller:read_controller",
     ),
     Format(
         name="dataflash",
@@ -167,6 +171,7 @@ FORMATS: Final = (
         notes_filters=True,
         motor_order="ardupilot",
         velocity_estimated=True,
+        controller="dataflash.controller:read_controller",
     ),
     Format(
         name="rosbag",

@@ -1,7 +1,6 @@
 """DataFlash files to FlightLog."""
 
-import os
-from collections.abc import Container, Iterator
+from collections.abc import Container
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +13,7 @@ from rotorfit.logs.dataflash.firmware import lack_notes, too_slow
 from rotorfit.logs.dataflash.frames import Frame, airframe_text, frame_of, frame_words
 from rotorfit.logs.dataflash.messages import Messages, Wanted, find_messages
 from rotorfit.logs.dataflash.parameters import Parameters, read_parameters
-from rotorfit.logs.files import read_head, sha256_of
+from rotorfit.logs.files import read_blocks, read_head, sha256_of
 from rotorfit.logs.flight_log import (
     CHANNELS,
     Channel,
@@ -22,9 +21,7 @@ from rotorfit.logs.flight_log import (
     seconds_of,
     simulated_sentence,
 )
-from rotorfit.logs.progress import report_progress
 
-BLOCK: Final = 4 << 20
 CHOICE: Final = Wanted(
     names=frozenset((*imu.CHOICE_NAMES, *parameters.NAMES)), glimpsed=frozenset(imu.GLIMPSED)
 )
@@ -62,21 +59,6 @@ def read_dataflash(path: Path) -> FlightLog:
         raise LogError(f"{path}: {error}") from error
 
 
-def _blocks(path: Path, turn: tuple[float, float]) -> Iterator[bytes]:
-    """Yield a file in pieces: a log need not fit into the memory.
-
-    The turn is what was read before of all that is to be read, and what share this is.
-    """
-    try:
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            while block := file.read(BLOCK):
-                yield block
-                report_progress(round(size * turn[0] + file.tell() * turn[1]), size)
-    except OSError as error:
-        raise LogError(f"cannot be read ({error}): check the path and the disk") from error
-
-
 LEAST_MOVED: Final = 0.05
 """Change of a command, of full output, by which motors were driven."""
 
@@ -86,12 +68,12 @@ def _flight_log(path: Path, sha256: str) -> FlightLog:
 
     The file is gone through twice: what the other IMUs recorded would fill most of the memory.
     """
-    glimpse = find_messages(_blocks(path, (0.0, 0.4)), wanted=CHOICE)
+    glimpse = find_messages(read_blocks(path, (0.0, 0.4)), wanted=CHOICE)
     settings, texts = read_parameters(glimpse), parameters.texts(glimpse)
     choice = imu.choose_imu(glimpse, settings)
     del glimpse
     names = frozenset((*NAMES, *choice.names))
-    messages = find_messages(_blocks(path, (0.4, 0.6)), wanted=_wanted(choice, names))
+    messages = find_messages(read_blocks(path, (0.4, 0.6)), wanted=_wanted(choice, names))
     frame = frame_of(settings, texts)
     wired = motors.wiring(settings, frame)
     # Messages are let go of when their channel is made: all of both would fill the memory.

@@ -1,0 +1,292 @@
+"""Judge the loop that flew: margins with intervals, their proof, and what other gains would do."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from rotorfit.control_loop.controllers import AXES, rate_controller
+from rotorfit.control_loop.margins import Margins, margins
+from rotorfit.control_loop.plant import Plant
+from rotorfit.control_loop.proof import (
+    Band,
+    LoopError,
+    ReplayedOutput,
+    closed_loop_bands,
+    loop_error,
+    replay_output,
+)
+from rotorfit.control_loop.rate_controller import RateController
+from rotorfit.control_loop.vehicle import Flown, flown, heard, plant
+from rotorfit.logs import read_log
+from rotorfit.logs.controller_log import read_controller_log
+from rotorfit.logs.flight_log import FlightLog
+from rotorfit.results.result import IdentificationResult
+
+DRAWS: Final = 200
+POINTS: Final = 400
+LOWEST: Final = 0.1
+"""Of the frequencies [Hz]."""
+FACTORS: Final = (0.8, 1.0, 1.25, 1.5)
+"""Of the rate gains in the table of what a gain would do."""
+NEAR: Final = 2.0
+"""Factor about the crossover in which the closed loop must be proved."""
+PROVED_AXES: Final = (0, 1)
+"""Yaw's closed loop is not predicted well enough to be proved."""
+SIDES: Final = (0.025, 0.975)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """A number of the loop with its 95 % interval; NaN where the loop has none."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopMeasures:
+    """Crossover [Hz], phase [deg], gain [1] and delay margin [s], peak of the sensitivity [1].
+
+    `stable`: share of the vehicles that the flights leave open in which the closed loop is stable.
+    """
+
+    crossover: Measure
+    phase: Measure
+    gain: Measure
+    delay: Measure
+    sensitivity: Measure
+    stable: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisLoop:
+    """What is said of one axis.
+
+    Attributes
+    ----------
+    axis
+        ``roll``, ``pitch`` or ``yaw``.
+    controller
+        As flown.
+    replay
+        Of its output.
+    rate_loop, with_attitude
+        Cut at the torque command: the rate loop alone, and with the attitude loop around it.
+    bands, error
+        Of the measured closed loop, and what they say of effectiveness and delay.
+    doubts
+        Why no margin of it is proved; empty where it is.
+    gains
+        Factor of P, I and D, and the peak of the sensitivity that 97.5 % of the vehicles stay
+        below; infinite where more oscillate.
+    frequency, open_loop
+        [Hz], and the nominal response with its attitude loop, for pictures.
+    """
+
+    axis: str
+    controller: RateController
+    replay: ReplayedOutput
+    rate_loop: LoopMeasures
+    with_attitude: LoopMeasures
+    bands: tuple[Band, ...]
+    error: LoopError
+    doubts: tuple[str, ...]
+    gains: tuple[tuple[float, float], ...]
+    frequency: Float[np.ndarray, " f"]
+    open_loop: Complex[np.ndarray, "D f"]
+
+    @property
+    def proved(self) -> tuple[float, float] | None:
+        """The frequencies between which the log proves the closed loop [Hz]."""
+        good = [band for band in self.bands if band.proved]
+        return (good[0].low, good[-1].high) if good and not self.doubts else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopOutcome:
+    """The loops of a flight, and what to know of them."""
+
+    name: str
+    configuration: str
+    autopilot: str
+    firmware: str
+    axes: tuple[AxisLoop, ...]
+    notes: tuple[str, ...]
+
+
+def judge_loop(
+    result: IdentificationResult, owner: str, path: Path, *, draws: int = DRAWS, seed: int = 0
+) -> LoopOutcome:
+    """Judge the rate loops of a flight with an identified vehicle.
+
+    Parameters
+    ----------
+    result
+        Of `identify`, from commands.
+    owner
+        Configuration that flew.
+    path
+        Log of PX4 or ArduCopter.
+    draws, seed
+        Vehicles that the flights leave open.
+
+    Raises
+    ------
+    LogError
+        If the log does not show the controller.
+    EstimationError
+        If the result does not know what the loop needs.
+    """
+    controller, log = read_controller_log(path), read_log(path)
+    flight = flown(log, controller, result)
+    axes = [_axis(result, owner, log, flight, i, draws, seed) for i in range(len(AXES))]
+    return LoopOutcome(
+        name=result.name,
+        configuration=owner,
+        autopilot=controller.autopilot,
+        firmware=controller.firmware,
+        axes=tuple(axes),
+        notes=tuple(_notes(flight, log, result)),
+    )
+
+
+def _axis(
+    result: IdentificationResult,
+    owner: str,
+    log: FlightLog,
+    flight: Flown,
+    axis: int,
+    draws: int,
+    seed: int,
+) -> AxisLoop:
+    controller = rate_controller(flight.log, axis)
+    frequency = np.geomspace(LOWEST, 0.45 / controller.period, POINTS)
+    body = plant(
+        result, owner, flight, axis=axis, gyro_lowpass=log.gyro_lowpass, draws=draws, seed=seed
+    )
+    filtered = heard(log, flight, axis, frequency)
+    inner = _rate_loops(controller, body, filtered, frequency)
+    closed = inner[0] / (1.0 + inner[0])
+    closed *= controller.from_set_point(frequency) / controller.from_rate(frequency)
+    bands = closed_loop_bands(frequency, closed, inner[0], controller, flight, axis)
+    predicted = _measures(margins(frequency, inner))
+    error = loop_error(bands, predicted.crossover.value)
+    replay = replay_output(controller, flight, axis)
+    doubts = _doubts(axis, replay, predicted, bands, error, body)
+    if not doubts:
+        inner = _rate_loops(controller, error.corrected(body, seed), filtered, frequency)
+    outer = inner * (1.0 + controller.from_angle(frequency) / controller.from_rate(frequency))
+    gains = [(factor, _peak(margins(frequency, factor * outer))) for factor in FACTORS]
+    return AxisLoop(
+        axis=AXES[axis],
+        controller=controller,
+        replay=replay,
+        rate_loop=_measures(margins(frequency, inner)),
+        with_attitude=_measures(margins(frequency, outer)),
+        bands=tuple(bands),
+        error=error,
+        doubts=tuple(doubts),
+        gains=tuple(gains),
+        frequency=frequency,
+        open_loop=outer,
+    )
+
+
+def _rate_loops(
+    controller: RateController,
+    vehicles: Plant,
+    filtered: Complex[np.ndarray, " f"],
+    frequency: Float[np.ndarray, " f"],
+) -> Complex[np.ndarray, "D f"]:
+    """Compute the open rate loops, cut at the torque command."""
+    response = vehicles.response(frequency, controller.period)
+    return controller.from_rate(frequency) * filtered * response
+
+
+def _measures(found: Margins) -> LoopMeasures:
+    return LoopMeasures(
+        crossover=_measure(found.crossover),
+        phase=_measure(found.phase),
+        gain=_measure(found.gain),
+        delay=_measure(found.delay),
+        sensitivity=_measure(found.sensitivity),
+        stable=float(found.stable.mean()),
+    )
+
+
+def _measure(values: Float[np.ndarray, " D"]) -> Measure:
+    """Return the nominal number, which comes first, and the interval of all."""
+    known = values[np.isfinite(values)]
+    if not np.isfinite(values[0]):
+        return Measure(value=np.nan, low=np.nan, high=np.nan)
+    low, high = np.quantile(known, SIDES)
+    return Measure(value=float(values[0]), low=float(low), high=float(high))
+
+
+def _peak(found: Margins) -> float:
+    """Return the peak of the sensitivity that 97.5 % of the vehicles stay below."""
+    peaks = np.where(found.stable, found.sensitivity, np.inf)
+    return float(np.sort(peaks)[int(np.ceil(SIDES[1] * len(peaks))) - 1])
+
+
+def _doubts(
+    axis: int,
+    replay: ReplayedOutput,
+    loop: LoopMeasures,
+    bands: Sequence[Band],
+    error: LoopError,
+    vehicles: Plant,
+) -> list[str]:
+    """Say why the margins of an axis are not proved."""
+    if axis not in PROVED_AXES:
+        return ["unproven: drag torque and the rotors' inertia act together"]
+    doubts: list[str] = []
+    if not replay.is_right:
+        doubts.append(
+            f"the logged output is {replay.slope:.2f} times that of the controller as its "
+            "parameters set it: a filter or a gain is not what they say, or changed in flight"
+        )
+    if error.is_wrong(vehicles):
+        gain, late = error.half_widths
+        when = "later" if error.delay > 0.0 else "earlier"
+        doubts.append(
+            f"this flight's closed loop has {error.gain:.2f} +- {gain:.2f} times the predicted "
+            f"effectiveness and answers {1e3 * abs(error.delay):.1f} +- {1e3 * late:.1f} ms {when}:"
+            " the vehicle, its delay or a filter is another than the result has it"
+        )
+    at = loop.crossover.value
+    near = [b for b in bands if b.high > at and b.low < at * NEAR]
+    if not doubts and not (error.is_sharp and any(b.proved for b in near)):
+        doubts.append(
+            f"the flight shows too little of the closed loop about the crossover at {at:.1f} Hz: "
+            "fly 30 s of quick roll and pitch steps"
+        )
+    return doubts
+
+
+def _notes(flight: Flown, log: FlightLog, result: IdentificationResult) -> list[str]:
+    """Say what the loops rest on."""
+    battery = log.channels.get("battery")
+    notes = [
+        "the loops are those of hover at the speeds of this flight; fast flight and another load "
+        "change them"
+    ]
+    if battery is not None:
+        notes.append(
+            f"at {float(np.nanmean(battery.values)):.1f} V: without compensation by the autopilot "
+            "the gain falls with the battery's voltage"
+        )
+    if log.gyro_lowpass is not None:
+        notes.append(
+            f"the gyro's low-pass of {log.gyro_lowpass:g} Hz is in the log, and counted once"
+        )
+    changed = [n for n in flight.log.changed if n.startswith(("MC_", "ATC_RAT", "ATC_ANG", "IMU_"))]
+    if changed:
+        notes.append(f"{', '.join(changed[:4])} changed within the log: the last values are taken")
+    del result
+    return notes

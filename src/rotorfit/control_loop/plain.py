@@ -1,0 +1,61 @@
+"""The outcome of a loop as JSON."""
+
+import json
+import math
+from dataclasses import asdict
+from typing import Any
+
+from rotorfit.control_loop.loop import AxisLoop, LoopMeasures, LoopOutcome
+
+
+def loop_to_json(outcome: LoopOutcome) -> str:
+    """Return the outcome as JSON text; null where there is no number."""
+    plain = {
+        "name": outcome.name,
+        "configuration": outcome.configuration,
+        "autopilot": outcome.autopilot,
+        "firmware": outcome.firmware,
+        "notes": list(outcome.notes),
+        "axes": [_axis(loop) for loop in outcome.axes],
+    }
+    return json.dumps(_finite(plain), indent=1, allow_nan=False) + "\n"
+
+
+def _axis(loop: AxisLoop) -> dict[str, Any]:
+    gain, late = loop.error.half_widths
+    return {
+        "axis": loop.axis,
+        "controller": asdict(loop.controller),
+        "replay": asdict(loop.replay),
+        "rate_loop": _measures(loop.rate_loop),
+        "with_attitude": _measures(loop.with_attitude),
+        "bands": [
+            {
+                "low": band.low,
+                "high": band.high,
+                "ratio": band.ratio,
+                "degrees": band.degrees,
+                "uncertainty": band.uncertainty,
+                "proved": band.proved,
+            }
+            for band in loop.bands
+        ],
+        "effectiveness": {"value": loop.error.gain, "half_width": gain},
+        "later": {"value": loop.error.delay, "half_width": late},
+        "proved": None if loop.proved is None else list(loop.proved),
+        "doubts": list(loop.doubts),
+        "gains": [{"factor": factor, "sensitivity": peak} for factor, peak in loop.gains],
+    }
+
+
+def _measures(found: LoopMeasures) -> dict[str, Any]:
+    return asdict(found)
+
+
+def _finite(value: Any) -> Any:
+    """Replace numbers that JSON does not have by null."""
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}  # pyright: ignore
+    if isinstance(value, list):
+        return [_finite(one) for one in value]  # pyright: ignore
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,236 @@
+"""From a result and a log to the plant of each axis, with what the flights leave open of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+from scipy import signal
+
+from rotorfit.control_loop.plant import Plant
+from rotorfit.errors import EstimationError, LogError
+from rotorfit.experiment.declared_vehicle import motor_model_of, vehicle_of
+from rotorfit.experiment.experiment import experiment_of_settings
+from rotorfit.logs.controller_log import ControllerLog
+from rotorfit.logs.flight_log import FlightLog
+from rotorfit.logs.speed_law import speed_from_command
+from rotorfit.results.result import IdentificationResult
+
+FLYING = 0.5
+"""Of the median squared speed, above which a vehicle flies."""
+SEGMENT = 1024
+"""Samples of the spectra by which the two records of the gyro are compared."""
+SAME = 0.9
+"""Coherence above which they show the filter between them."""
+INERTIA = ("Ixx_over_kt", "Iyy_over_kt")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flown:
+    """The rows of a controller's log in flight, and the squared speeds that it commanded.
+
+    Attributes
+    ----------
+    log
+        Of the controller, flying rows only.
+    squares
+        Squared speed of each rotor, in the result's units.
+    """
+
+    log: ControllerLog
+    squares: Float[np.ndarray, "n N"]
+
+
+def flown(log: FlightLog, controller: ControllerLog, result: IdentificationResult) -> Flown:
+    """Select the rows in flight, with the squared speeds that were commanded."""
+    motors = experiment_of_settings(result.settings).motors
+    command = log.channels.get("command")
+    if command is None or motors.speed != "commanded":
+        raise LogError(
+            f"{log.path}: the loop goes through the motors' commands: identify with [motors] speed "
+            '= "commanded" from a log that has them, and give that result'
+        )
+    law = motor_model_of(motors).law
+    values = command.values
+    if law is not None:
+        battery = log.channels.get("battery")
+        volts = (
+            None
+            if battery is None
+            else np.interp(command.time, battery.time, battery.values[:, 0])[:, None]
+        )
+        values = speed_from_command(values, law, battery=volts)
+    # The mixer runs behind the controller: its command is the first one from then on.
+    row = np.searchsorted(command.time, controller.time - 0.1 * controller.period)
+    squares = values[np.minimum(row, len(values) - 1)] ** 2
+    mean = squares.mean(axis=1)
+    flying = (mean > FLYING * np.median(mean)) & (row < len(values))
+    flying &= np.isfinite(squares).all(axis=1)
+    begin, end = _longest(flying)
+    rows = slice(begin, end)
+    return Flown(
+        log=ControllerLog(
+            autopilot=controller.autopilot,
+            firmware=controller.firmware,
+            parameters=controller.parameters,
+            changed=controller.changed,
+            time=controller.time[rows],
+            set_point=controller.set_point[rows],
+            rate=controller.rate[rows],
+            output=controller.output[rows],
+            slope=None if controller.slope is None else controller.slope[rows],
+        ),
+        squares=squares[rows],
+    )
+
+
+def _longest(flying: np.ndarray) -> tuple[int, int]:
+    """Find the longest stretch of flight."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))
+    if len(edges) == 0:
+        raise LogError("no flight is in the log: the motors never ran")
+    lengths = edges[1::2] - edges[::2]
+    best = int(np.argmax(lengths))
+    return int(edges[2 * best]), int(edges[2 * best + 1])
+
+
+def mix(flight: Flown) -> Float[np.ndarray, "3 N"]:
+    """Measure the change of each rotor's squared speed by the output of each axis."""
+    output = flight.log.output
+    columns = np.column_stack([output, flight.squares.mean(axis=1), np.ones(len(output))])
+    found, *_ = np.linalg.lstsq(columns, flight.squares, rcond=None)
+    return found[:3]
+
+
+def plant(
+    result: IdentificationResult,
+    owner: str,
+    flight: Flown,
+    *,
+    axis: int,
+    gyro_lowpass: float | None,
+    draws: int,
+    seed: int = 0,
+) -> Plant:
+    """Build one axis of the vehicle, and draws of it within the result's uncertainty.
+
+    Raises
+    ------
+    EstimationError
+        If the result does not know the axis.
+    """
+    random = np.random.default_rng([seed, axis])
+    normal = random.standard_normal((3, 1 + draws))
+    normal[:, 0] = 0.0
+    torque = _torque(result, owner, flight, axis)
+    if axis == 2:
+        gain = torque * _drawn(result, "kd_over_Izz", owner, normal[0])
+        damping = np.zeros_like(gain)
+    else:
+        moment = _drawn(result, INERTIA[axis], owner, normal[0])
+        gain = torque / moment
+        damping = _damping(result, owner, axis) / moment
+    lag, delay = _times(result, normal[1:])
+    filtered = 0.0 if gyro_lowpass is None else np.sqrt(2.0) / (2.0 * np.pi * gyro_lowpass)
+    return Plant(
+        gain=gain,
+        damping=damping,
+        lag=np.maximum(lag + np.minimum(delay - filtered, 0.0), 0.0),
+        delay=np.maximum(delay - filtered, 0.0),
+    )
+
+
+def _torque(result: IdentificationResult, owner: str, flight: Flown, axis: int) -> float:
+    """Compute the torque over k_t (or k_d, about z) per output, with the arms about the CoM."""
+    experiment = experiment_of_settings(result.settings)
+    vehicle = vehicle_of(experiment.airframe, experiment.identification.source)
+    factors = mix(flight)[axis]
+    if axis == 2:
+        return float(-vehicle.spins @ factors)
+    other = 1 - axis
+    place = vehicle.positions[:, other] - _value(result, ("com_x", "com_y")[other], owner)
+    if vehicle.imu_position is None:
+        name = ("rotor_center_x", "rotor_center_y")[other]
+        place = place + _value(result, name, owner)
+    kt = _value(result, "kt", None) or 1.0
+    share = [(_value(result, f"kt_{i + 1}", None) or kt) / kt for i in range(len(factors))]
+    return float((place if axis == 0 else -place) @ (share * factors))
+
+
+def _damping(result: IdentificationResult, owner: str, axis: int) -> float:
+    """Read the damping of a turn over k_t; 0 where the model has none."""
+    kt = _value(result, "kt", None)
+    return _value(result, f"turn_damping_{'xy'[axis]}", owner) / kt if kt else 0.0
+
+
+def _value(result: IdentificationResult, name: str, owner: str | None) -> float:
+    """Read a number; 0 where the result has none."""
+    for number in (*result.parameters, *result.derived):
+        if number.name == name and number.configuration in (None, owner):
+            return number.value or 0.0
+    return 0.0
+
+
+def _drawn(
+    result: IdentificationResult, name: str, owner: str, normal: Float[np.ndarray, " D"]
+) -> Float[np.ndarray, " D"]:
+    number = next((d for d in result.derived if d.name == name and d.configuration == owner), None)
+    if number is None or number.value is None or number.interval is None:
+        raise EstimationError(
+            f"{name} of configuration {owner} is not known from these flights: the loop of that "
+            "axis has no gain; fly the axis briskly and identify again"
+        )
+    half = 0.5 * (number.interval[1] - number.interval[0])
+    return number.value * (1.0 + half / 1.96 / abs(number.value) * normal)
+
+
+def _times(
+    result: IdentificationResult, normal: Float[np.ndarray, "2 D"]
+) -> tuple[Float[np.ndarray, " D"], Float[np.ndarray, " D"]]:
+    """Draw lag and delay with the correlation that the deviation of their sum gives [s]."""
+    numbers = {n.name: n for n in (*result.parameters, *result.derived)}
+    lag, delay = numbers["motor_lag"], numbers.get("motor_delay")
+    if lag.value is None:
+        raise EstimationError(
+            "the motor lag is not known from these flights: nobody can say how late the loop is; "
+            "fly roll and pitch briskly and identify again"
+        )
+    total = numbers.get("motor_lag_total")
+    first = lag.std or 0.0
+    second = 0.0 if delay is None else delay.std or 0.0
+    summed = first if total is None or total.std is None else total.std
+    tie = 0.0
+    if first > 0.0 and second > 0.0:
+        tie = float(np.clip((summed**2 - first**2 - second**2) / (2 * first * second), -1.0, 1.0))
+    mean_delay = 0.0 if delay is None else delay.value or 0.0
+    across = tie * normal[0] + np.sqrt(1.0 - tie**2) * normal[1]
+    return lag.value + first * normal[0], mean_delay + second * across
+
+
+def heard(
+    log: FlightLog, flight: Flown, axis: int, frequency: Float[np.ndarray, " f"]
+) -> Complex[np.ndarray, " f"]:
+    """Compute the response of the controller's rate to the gyro that identified the vehicle.
+
+    Of the low-pass that the logged samples went through already, by its cut-off; what the
+    controller's rate went through beyond them, by comparing the two records.
+    """
+    gyro, rows = log.channels["gyro"], flight.log
+    at = np.arange(rows.time[0], rows.time[-1], rows.period)
+    one = np.interp(at, gyro.time, gyro.values[:, axis])
+    two = np.interp(at, rows.time, rows.rate[:, axis])
+    grid, cross = signal.csd(one, two, 1.0 / rows.period, nperseg=SEGMENT)
+    power = signal.welch(one, 1.0 / rows.period, nperseg=SEGMENT)[1]
+    same = signal.coherence(one, two, 1.0 / rows.period, nperseg=SEGMENT)[1] > SAME
+    same[0] = False
+    if not same.any():
+        raise LogError(
+            f"{log.path}: the gyro and the rate that the controller heard are not of one flight"
+        )
+    seen = cross[same] / power[same]
+    size = np.interp(frequency, grid[same], np.abs(seen))
+    late = np.interp(frequency, grid[same], -np.unwrap(np.angle(seen)) / (2 * np.pi * grid[same]))
+    response = size * np.exp(-2j * np.pi * frequency * late)
+    if log.gyro_lowpass is not None:
+        s = 1j * frequency / log.gyro_lowpass
+        response = response / (1.0 + np.sqrt(2.0) * s + s * s)
+    return response

@@ -1,0 +1,70 @@
+"""Margins of open loops against python-control, filters against SciPy's own responses."""
+
+import control
+import numpy as np
+import pytest
+from scipy import signal
+
+from rotorfit.control_loop.filters import delays, first_order, integral, second_order, smoothing
+from rotorfit.control_loop.margins import margins
+
+GRID = np.geomspace(0.05, 90.0, 1500)
+S = 2j * np.pi * GRID
+
+
+def plant_response(*, gain, lag, angle):
+    """Rate loop P with an attitude loop around it, and the same as transfer function."""
+    s = control.tf("s")
+    system = gain / s / (1 + lag * s) * (1 + angle / s)
+    return gain / S / (1 + lag * S) * (1 + angle / S), system
+
+
+@pytest.mark.parametrize(("gain", "lag", "angle"), [(30.0, 0.03, 4.0), (12.0, 0.06, 0.0)])
+@pytest.mark.parametrize("delay", [0.004, 0.012])
+def test_margins_are_those_of_python_control(gain, lag, angle, delay):
+    response, system = plant_response(gain=gain, lag=lag, angle=angle)
+    top, bottom = control.pade(delay, 10)
+    whole = system * control.tf(top, bottom)
+    gm, pm, sm, _, wc, _ = control.stability_margins(whole)
+    found = margins(GRID, (response * np.exp(-S * delay))[None, :])
+    assert found.crossover[0] == pytest.approx(wc / (2 * np.pi), rel=2e-3)
+    assert found.phase[0] == pytest.approx(pm, abs=0.1)
+    assert found.gain[0] == pytest.approx(gm, rel=2e-3)
+    assert found.delay[0] == pytest.approx(np.radians(pm) / wc, rel=2e-3)
+    assert found.sensitivity[0] == pytest.approx(1.0 / sm, rel=2e-2)
+    assert found.stable[0]
+
+
+def test_a_loop_beyond_its_delay_margin_is_unstable():
+    response, _ = plant_response(gain=30.0, lag=0.03, angle=0.0)
+    left = margins(GRID, response[None, :]).delay[0]
+    late = [response * np.exp(-S * factor * left) for factor in (0.9, 1.1)]
+    assert margins(GRID, np.array(late)).stable.tolist() == [True, False]
+
+
+def test_a_loop_at_its_gain_margin_oscillates():
+    response, _ = plant_response(gain=20.0, lag=0.05, angle=3.0)
+    response = response * np.exp(-S * 0.01)
+    gain = margins(GRID, response[None, :]).gain[0]
+    near = margins(GRID, np.array([0.95 * gain * response, 1.05 * gain * response]))
+    assert near.stable.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("cutoff", [5.0, 20.0, 60.0])
+def test_low_passes_are_those_of_scipy(cutoff):
+    period = 1 / 250
+    z = delays(GRID, period)
+    b, a = signal.butter(2, cutoff, fs=250)
+    _, expected = signal.freqz(b, a, GRID, fs=250)
+    assert np.allclose(second_order(z, cutoff, period), expected)
+    alpha = smoothing(cutoff, period)
+    _, expected = signal.freqz([alpha], [1, alpha - 1], GRID, fs=250)
+    assert np.allclose(first_order(z, cutoff, period), expected)
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_running_sum_is_that_of_scipy(late):
+    z = delays(GRID, 0.004)
+    b = [0.0, 0.004] if late else [0.004]
+    _, expected = signal.freqz(b, [1, -1], GRID, fs=250)
+    assert np.allclose(integral(z, 0.004, late=late), expected)
