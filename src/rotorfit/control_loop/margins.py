@@ -56,16 +56,19 @@ def _margins(
     frequency: Float[np.ndarray, " f"], loop: Complex[np.ndarray, " f"]
 ) -> tuple[float, float, float, float, float, bool]:
     """Return crossover, phase, gain and delay margin, peak of the sensitivity, whether stable."""
-    size, phase = np.log(np.abs(loop)), np.unwrap(np.angle(loop))
+    size: Float[np.ndarray, " f"] = np.log(np.abs(loop))
+    phase = np.asarray(np.unwrap(np.angle(loop)), dtype=float)
     # From -180 degrees of two integrators, or -90 of one, downwards; never a full turn off.
     phase = phase - 2.0 * np.pi * np.round((phase[0] + 0.75 * np.pi) / (2.0 * np.pi))
     at = np.log(frequency)
     crossings = [_between(at, size, i) for i in _changes(size)]
-    left = [np.pi + np.interp(x, at, phase) for x in crossings]
+    left = [np.pi + float(np.interp(x, at, phase)) for x in crossings]
     turns = [_between(at, phase + np.pi, i) for i in _changes(phase + np.pi)]
     gains = [-float(np.interp(x, at, size)) for x in turns]
     above = [gain for gain in gains if gain > 0.0]
-    later = [margin / (2.0 * np.pi * np.exp(x)) for x, margin in zip(crossings, left, strict=True)]
+    later = [
+        margin / (2.0 * np.pi * float(np.exp(x))) for x, margin in zip(crossings, left, strict=True)
+    ]
     last = crossings[-1] if crossings else np.nan
     beyond = [gain for x, gain in zip(turns, gains, strict=True) if crossings and x > last]
     stable = bool(crossings) and left[-1] > 0.0 and all(gain > 0.0 for gain in beyond)

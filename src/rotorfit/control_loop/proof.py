@@ -169,11 +169,12 @@ def closed_loop_bands(
     asked, rate = (np.interp(at, log.time, values[:, axis]) for values in (log.set_point, log.rate))
     instrument = np.gradient(asked, log.period) + controller.angle * rate
     length = min(round(LONGEST / log.period), len(at) // 8)
-    settings = {"fs": 1.0 / log.period, "nperseg": length}
-    grid, zr = signal.csd(instrument, asked, **settings)
-    zy = signal.csd(instrument, rate, **settings)[1]
-    zz, rr, yy = (signal.welch(v, **settings)[1] for v in (instrument, asked, rate))
-    ry = signal.csd(asked, rate, **settings)[1]
+    grid, zr = cross_spectrum(instrument, asked, log.period, length)
+    _, zy = cross_spectrum(instrument, rate, log.period, length)
+    _, ry = cross_spectrum(asked, rate, log.period, length)
+    zz, rr, yy = (
+        np.real(cross_spectrum(v, v, log.period, length)[1]) for v in (instrument, asked, rate)
+    )
     count = WINDOWS * (2 * len(at) / length - 1)
     bands: list[Band] = []
     for low, high in itertools.pairwise(EDGES):
@@ -181,7 +182,7 @@ def closed_loop_bands(
         if not own.any() or high > frequency[-1]:
             continue
         at_bins = grid[own]
-        model = np.interp(at_bins, frequency, predicted)
+        model: Complex[np.ndarray, " b"] = np.interp(at_bins, frequency, predicted)
         ratio = zy[own].sum() / (model * zr[own]).sum()
         found = ratio * model
         left = yy[own] - 2.0 * np.real(np.conj(found) * ry[own]) + np.abs(found) ** 2 * rr[own]
@@ -201,6 +202,14 @@ def closed_loop_bands(
     return bands
 
 
+def cross_spectrum(
+    x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], period: float, length: int
+) -> tuple[Float[np.ndarray, " b"], Complex[np.ndarray, " b"]]:
+    """Compute frequencies [Hz] and cross-spectrum of two records, by windows of a length."""
+    found = signal.csd(x, y, fs=1.0 / period, nperseg=length)
+    return np.asarray(found[0], dtype=float), np.asarray(found[1], dtype=complex)
+
+
 def loop_error(bands: list[Band], crossover: float) -> LoopError:
     """Estimate by how much effectiveness and delay differ from the predicted ones.
 
@@ -210,11 +219,12 @@ def loop_error(bands: list[Band], crossover: float) -> LoopError:
     used = [b for b in bands if b.low < ABOVE * crossover and b.ratio > 0.0]
     if len(used) < 2:
         return LoopError(gain=1.0, delay=0.0, covariance=UNKNOWN)
-    slopes = np.array([[b.by_gain, b.by_delay] for b in used])
-    off = np.log([b.complex_ratio for b in used])
+    slopes: Complex[np.ndarray, "b 2"] = np.array([[b.by_gain, b.by_delay] for b in used])
+    off: Complex[np.ndarray, " b"] = np.log(np.array([b.complex_ratio for b in used]))
     std = np.array([np.hypot(b.uncertainty / 1.96 / b.ratio, MODEL) for b in used])
-    rows = np.concatenate([slopes.real, slopes.imag]) / np.tile(std, 2)[:, None]
-    found, *_ = np.linalg.lstsq(rows, np.concatenate([off.real, off.imag]) / np.tile(std, 2))
+    rows = np.concatenate([np.real(slopes), np.imag(slopes)]) / np.tile(std, 2)[:, None]
+    right = np.concatenate([np.real(off), np.imag(off)]) / np.tile(std, 2)
+    found, *_ = np.linalg.lstsq(rows, right)
     # Each bin's complex variance stands in both of its parts: half of it in each.
     return LoopError(
         gain=float(np.exp(found[0])),

@@ -65,7 +65,8 @@ def _used(
     if finite.sum() < 2:
         return np.full((len(time), 3), np.nan)
     at = time - float(np.median(np.diff(time)))
-    return np.column_stack([np.interp(at, published[finite], v) for v in set_points[finite].T])
+    columns = [np.interp(at, published[finite], set_points[finite, i]) for i in range(3)]
+    return np.stack(columns, axis=1)
 
 
 def _topic(scan: Scan, name: str, path: Path) -> Topic:
