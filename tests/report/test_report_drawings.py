@@ -18,8 +18,8 @@ from rotorfit.errors import OutputError
 from rotorfit.formatting.digits import number_of
 from rotorfit.formatting.series import Series, column_starts, extremes, thinned
 from rotorfit.report.chart import encoded, encoded_time, path_of
-from rotorfit.report.number_words import percent_words
 from rotorfit.report.pages import HINT
+from rotorfit.report.parameters import percent_words
 from rotorfit.report.result_page import figure_texts, write_figures
 from rotorfit.report.scene import scene_of
 from rotorfit.report.svg import nice_step, tick_label, ticks

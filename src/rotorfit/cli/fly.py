@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorfit.cli.options import AsJson, Assume, Figures, Force, LogNumber, Page, ResultFile
-from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import (
     coloured,
     print_result,
     print_status,
     refuse_output_file,
     refuse_output_folder,
+    steps,
     terminal_width,
 )
 from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning

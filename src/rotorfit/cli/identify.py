@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import typer
 
 from rotorfit.cli.options import AsJson, End, Figures, Force, LogNumber, Page, Speed, Start
-from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import (
     coloured,
     print_result,
     print_status,
     refuse_output_file,
     refuse_output_folder,
+    steps,
     terminal_width,
 )
 from rotorfit.errors import ExperimentError, RotorfitWarning

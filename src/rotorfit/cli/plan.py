@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorfit.cli.options import AsJson, Force, Speed
-from rotorfit.cli.progress import counted
 from rotorfit.cli.terminal import (
     coloured,
+    counted,
     print_result,
     print_status,
     refuse_output_file,

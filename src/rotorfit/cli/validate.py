@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorfit.cli.options import AsJson, End, LogNumber, ResultFile, Start
-from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import print_result, terminal_width
+from rotorfit.cli.terminal import print_result, steps, terminal_width
 from rotorfit.errors import RotorfitWarning
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ def validate(
 
 def validation_text(comparisons: "list[WrenchComparison]") -> str:
     """Format the relative errors as a table, in percent."""
-    from rotorfit.report.number_words import NOTHING_PREDICTED, PREDICTED_WELL
+    from rotorfit.report.parameters import NOTHING_PREDICTED, PREDICTED_WELL
     from rotorfit.validation.wrench_comparison import SHOWN
 
     width = max(len(c.flight) for c in comparisons)

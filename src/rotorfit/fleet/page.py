@@ -25,8 +25,8 @@ from rotorfit.fleet.records import FlightRecord, RefusedLog
 from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics
 from rotorfit.formatting.digits import number_of
 from rotorfit.logs.files import file_name
-from rotorfit.report.number_words import unit_words
 from rotorfit.report.pages import render_page
+from rotorfit.report.parameters import unit_words
 
 Rendered = dict[str, object]
 """Part of the page, by the names of its template."""

@@ -33,14 +33,15 @@ from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_pr
 from rotorfit.model.parameters import EVERY, SHARED
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.term import Size
-from rotorfit.planning.noise import (
+from rotorfit.planning.vehicle import (
     REFERENCE_RATE,
     Assumptions,
+    RoughVehicle,
     disturbance_std,
     hover_speed,
+    loaded,
     row_variances,
 )
-from rotorfit.planning.vehicle import RoughVehicle, loaded
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import EDGES, PILOT_BAND, STRETCH
 from rotorfit.reduction.reduce import BandPlan, band_factors

@@ -37,10 +37,11 @@ from rotorfit.planning.bound import (
     planned_problem,
     predicted,
 )
-from rotorfit.planning.noise import Assumptions, assumptions_for
 from rotorfit.planning.vehicle import (
     GUESSABLE,
+    Assumptions,
     RoughVehicle,
+    assumptions_for,
     default_payload,
     payload_pair,
     rough_vehicle,

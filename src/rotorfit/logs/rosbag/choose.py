@@ -17,9 +17,8 @@ from rotorfit.logs.axes import (
 )
 from rotorfit.logs.columns import EULER, ColumnSpec, Group, complete_groups, quantity_of, unit_of
 from rotorfit.logs.flight_log import Channel
-from rotorfit.logs.rosbag.clocks import Timing
 from rotorfit.logs.rosbag.messages import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
-from rotorfit.logs.rosbag.stream import Recorded
+from rotorfit.logs.rosbag.stream import Recorded, Timing
 from rotorfit.logs.units import conversion
 
 _RPM: Final = 2.0 * np.pi / 60.0

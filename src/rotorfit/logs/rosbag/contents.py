@@ -22,12 +22,21 @@ from rotorfit.logs.rosbag.definitions import (
     are_numbers,
     taken_by,
 )
-from rotorfit.logs.rosbag.edge import ZSTD_MAGIC, DamageError, decoded
-from rotorfit.logs.rosbag.mcap import scan_mcap
 from rotorfit.logs.rosbag.messages import MESSAGES, STAMPS
 from rotorfit.logs.rosbag.ros1 import scan_ros1
-from rotorfit.logs.rosbag.sqlite import scan_sqlite
-from rotorfit.logs.rosbag.stream import Contents, Encoding, Messages, Recorded, Tally, Topic, Wanted
+from rotorfit.logs.rosbag.ros2 import scan_mcap, scan_sqlite
+from rotorfit.logs.rosbag.stream import (
+    ZSTD_MAGIC,
+    Contents,
+    DamageError,
+    Encoding,
+    Messages,
+    Recorded,
+    Tally,
+    Topic,
+    Wanted,
+    decoded,
+)
 
 _LARGEST_TIME: Final = 2**63 - 1
 _LARGEST_MESSAGE: Final = 1 << 18

@@ -18,8 +18,7 @@ from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
-from rotorfit.logs.rosbag.edge import DamageError, decoded
-from rotorfit.logs.rosbag.stream import Encoding, Topic, kind_of
+from rotorfit.logs.rosbag.stream import DamageError, Encoding, Topic, decoded, kind_of
 
 _LARGEST_TEXT: Final = 1 << 20
 _LONGEST_LINES: Final = 1 << 16
