@@ -6,42 +6,9 @@ its gyroscopic torque and reaction included. Nothing but casadi is needed to use
 
 from collections.abc import Sequence
 
-from rotorfit.export.file_format import hash_comment, listed, text, with_notes
+from rotorfit.export.file_format import hash_comment, listed, template_text, text, with_notes
 from rotorfit.export.vehicle import VehicleModel, refuse_no_lag
 from rotorfit.preprocessing.airborne import GRAVITY
-
-FUNCTION = '''
-def dynamics():
-    """Return the CasADi function (state, command) -> rate of change of the state.
-
-    state: position of the CoM and its velocity, world axes with z up [m, m/s]; quaternion w, x, y,
-    z, body to world; body rates [rad/s]; rotor speeds [rad/s]. command: rotor speeds [rad/s].
-    """
-    N = len(KT)
-    v, q, w, O = ca.SX.sym("v", 3), ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("O", N)
-    p, command = ca.SX.sym("p", 3), ca.SX.sym("command", N)
-    tau = ca.if_else(command > O, LAG_UP, LAG_DOWN)
-    dO = (command - O) / tau
-    force, torque = ca.SX.zeros(3), ca.SX.zeros(3)
-    H, dH = ca.SX.zeros(3), ca.SX.zeros(3)
-    for i in range(N):
-        n, r = ca.DM(AXES[i]), ca.DM(ARMS[i])
-        thrust = KT[i] * O[i] ** 2 * n
-        force += thrust
-        torque += ca.cross(r, thrust) - SPINS[i] * KD * O[i] ** 2 * n
-        H += SPINS[i] * JR * O[i] * n
-        dH += SPINS[i] * JR * dO[i] * n
-    inertia = ca.DM(INERTIA)
-    torque += -dH - ca.cross(w, H)
-    dw = ca.solve(inertia, torque - ca.cross(w, inertia @ w))
-    qw, qv = q[0], q[1:]
-    rotated = force + 2 * ca.cross(qv, ca.cross(qv, force) + qw * force)
-    dv = rotated / MASS + ca.DM([0, 0, -GRAVITY])
-    dq = 0.5 * ca.vertcat(-ca.dot(qv, w), qw * w + ca.cross(qv, w))
-    state = ca.vertcat(p, v, q, w, O)
-    rate = ca.vertcat(v, dv, dq, dw, dO)
-    return ca.Function("dynamics", [state, command], [rate], ["state", "command"], ["rate"])
-'''
 
 
 def write_casadi(model: VehicleModel, head: Sequence[str]) -> str:
@@ -65,7 +32,8 @@ def write_casadi(model: VehicleModel, head: Sequence[str]) -> str:
         ("SPINS", listed([rotor.spin for rotor in model.rotors])),
     )
     lines = "".join(f"{name} = {value}\n" for name, value in constants)
-    return hash_comment(comment) + f"import casadi as ca\n\n{lines}\n{FUNCTION}"
+    begin = f"{hash_comment(comment)}import casadi as ca\n\n{lines}\n"
+    return begin + template_text("casadi_dynamics.py.txt")
 
 
 def _rows(values: Sequence[Sequence[float]]) -> str:

@@ -214,7 +214,9 @@ def contents_of(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> Cont
         key = (topic.name, topic.kind)
         if key in decoders:
             return True
-        quantities = _quantities(topic, mapped)
+        kind = MESSAGES.get(topic.kind)
+        known = {} if kind is None else {name: q.paths for name, q in kind.channels.items()}
+        quantities = {**known, **mapped_paths(topic.name, mapped)}
         if not quantities or topic.encoding is None or len(decoders) >= _MOST_TOPICS_READ:
             others[key] = topic
             return False
@@ -233,13 +235,6 @@ def contents_of(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> Cont
         cause = cause or decoder.cause
     recorded = [decoder.finish() for decoder in decoders.values()]
     return Contents(topics=recorded, others=list(others.values()), damage=damage, cause=cause)
-
-
-def _quantities(topic: Topic, mapped: Mapping[str, ColumnSpec]) -> dict[str, tuple[str, ...]]:
-    """Select the paths that are read of a topic's messages."""
-    kind = MESSAGES.get(topic.kind)
-    known = {} if kind is None else {name: q.paths for name, q in kind.channels.items()}
-    return {**known, **mapped_paths(topic.name, mapped)}
 
 
 def _scan(path: Path, wanted: Wanted, tally: Tally) -> Messages:

@@ -1,7 +1,9 @@
 """What each type of message gives: channel, where its numbers stand, unit and axes."""
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal
 
 Form = Literal[
@@ -30,96 +32,32 @@ class Quantity:
 class MessageKind:
     """A type of message that is read, by channels.
 
-    With `frd` its axes are FRD and north-east-down whatever the user says (PX4).
+    With `frd` its axes are FRD and north-east-down whatever the user says (PX4). Of several
+    `definitions` for files that hold none, the one whose size is that of the messages is taken.
     """
 
     channels: Mapping[str, Quantity]
-    frd: bool = False
+    frd: bool
+    definitions: tuple[str, ...]
 
 
-_QUATERNION: Final = ("x", "y", "z", "w")
-
-
-def _xyz(path: str) -> tuple[str, ...]:
-    return tuple(f"{path}.{axis}" for axis in "xyz")
-
-
-def _pose(position: str, orientation: str) -> dict[str, Quantity]:
+def _read() -> dict[str, MessageKind]:
+    """Read the table beside this module."""
+    text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
     return {
-        "position": Quantity(paths=_xyz(position), form="position"),
-        "attitude": Quantity(
-            paths=tuple(f"{orientation}.{axis}" for axis in _QUATERNION), form="xyzw"
-        ),
+        kind: MessageKind(
+            channels={
+                name: Quantity(paths=tuple(one["paths"]), form=one["form"])
+                for name, one in row["channels"].items()
+            },
+            frd=row.get("frd", False),
+            definitions=tuple(row.get("definitions", ("",))),
+        )
+        for kind, row in tomllib.loads(text).items()
     }
 
 
-MESSAGES: Final[Mapping[str, MessageKind]] = {
-    "sensor_msgs/Imu": MessageKind(
-        channels={
-            "gyro": Quantity(paths=_xyz("angular_velocity"), form="vector"),
-            "accel": Quantity(paths=_xyz("linear_acceleration"), form="vector"),
-            "attitude": Quantity(
-                paths=tuple(f"orientation.{axis}" for axis in _QUATERNION), form="xyzw"
-            ),
-        }
-    ),
-    "geometry_msgs/PoseStamped": MessageKind(
-        channels=_pose("pose.position", "pose.orientation"),
-    ),
-    "geometry_msgs/PoseWithCovarianceStamped": MessageKind(
-        channels=_pose("pose.pose.position", "pose.pose.orientation"),
-    ),
-    "geometry_msgs/TransformStamped": MessageKind(
-        channels=_pose("transform.translation", "transform.rotation"),
-    ),
-    "nav_msgs/Odometry": MessageKind(
-        channels={
-            **_pose("pose.pose.position", "pose.pose.orientation"),
-            "velocity": Quantity(paths=_xyz("twist.twist.linear"), form="vector"),
-        },
-    ),
-    "sensor_msgs/BatteryState": MessageKind(
-        channels={"battery": Quantity(paths=("voltage",), form="volt")}
-    ),
-    "mavros_msgs/RCOut": MessageKind(
-        channels={"command": Quantity(paths=("channels",), form="outputs")}
-    ),
-    "mavros_msgs/ESCStatus": MessageKind(
-        channels={"rotor_speed": Quantity(paths=("esc_status[].rpm",), form="rpm")}
-    ),
-    "mavros_msgs/ESCTelemetry": MessageKind(
-        channels={"rotor_speed": Quantity(paths=("esc_telemetry[].rpm",), form="rpm")}
-    ),
-    "mav_msgs/Actuators": MessageKind(
-        channels={
-            "rotor_speed": Quantity(paths=("angular_velocities",), form="rad/s"),
-            "command": Quantity(paths=("normalized",), form="fraction"),
-        }
-    ),
-    "px4_msgs/SensorCombined": MessageKind(
-        channels={
-            "gyro": Quantity(paths=("gyro_rad",), form="vector"),
-            "accel": Quantity(paths=("accelerometer_m_s2",), form="vector"),
-        },
-        frd=True,
-    ),
-    "px4_msgs/ActuatorMotors": MessageKind(
-        channels={"command": Quantity(paths=("control",), form="fraction")}, frd=True
-    ),
-    "px4_msgs/ActuatorOutputs": MessageKind(
-        channels={"command": Quantity(paths=("output",), form="outputs")}, frd=True
-    ),
-    "px4_msgs/EscStatus": MessageKind(
-        channels={"rotor_speed": Quantity(paths=("esc[].esc_rpm",), form="rpm")}, frd=True
-    ),
-    "px4_msgs/VehicleOdometry": MessageKind(
-        channels={
-            "position": Quantity(paths=("position",), form="position"),
-            "attitude": Quantity(paths=("q",), form="wxyz"),
-        },
-        frd=True,
-    ),
-}
+MESSAGES: Final[Mapping[str, MessageKind]] = _read()
 """What is read without a columns map."""
 
 NOT_MOTORS: Final[Mapping[str, str]] = {
