@@ -8,8 +8,9 @@ import re
 import shutil
 import sys
 import time
+import warnings
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from io import TextIOWrapper
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Final, Literal, NoReturn, cast, get_args
 
 import typer
 
-from rotorfit.errors import OutputError
+from rotorfit.errors import OutputError, RotorfitWarning
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -153,6 +154,18 @@ def refuse_output_file(path: Path, *, inputs: Iterable[Path], force: bool) -> No
         raise OutputError(f"{path} exists; choose another name, or pass --force to overwrite it")
 
 
+def refuse_output_files(
+    files: Mapping[str, Path | None], *, inputs: Iterable[Path], force: bool
+) -> None:
+    """Raise if files, by the options that name them, cannot be written or are the same one."""
+    paths = [path for path in files.values() if path is not None]
+    sources = list(inputs)
+    for path in paths:
+        refuse_output_file(path, inputs=sources, force=force)
+    if len(set(paths)) < len(paths):
+        raise typer.BadParameter(f"{' and '.join(files)} name the same file")
+
+
 def refuse_output_folder(folder: Path, names: Iterable[str], *, force: bool) -> None:
     """Make a folder where it is missing; raise if it cannot be, or holds files of these names."""
     try:
@@ -164,6 +177,29 @@ def refuse_output_folder(folder: Path, names: Iterable[str], *, force: bool) -> 
         raise OutputError(
             f"{folder} already holds {', '.join(existing)}; name another folder, or pass --force"
         )
+
+
+def write_pictures(
+    report: Path | None,
+    figures: Path | None,
+    *,
+    page: Callable[[], str],
+    drawings: Callable[[], Mapping[str, str]],
+    force: bool,
+) -> None:
+    """Write the page and the figures that are asked for, and print their names."""
+    # jinja2 is not worth its time to those who want numbers only.
+    from rotorfit.logs.files import write_whole
+    from rotorfit.report.pages import HINT, can_write_png, write_drawings
+
+    if report is not None:
+        write_whole(report, page(), force=force)
+        print_status(f"wrote {report}")
+    if figures is not None:
+        paths = write_drawings(figures, drawings(), force=force)
+        print_status(f"wrote {len(paths)} files to {figures}")
+        if not can_write_png():
+            print_status(HINT)
 
 
 def exit_refused(error: Exception) -> NoReturn:
@@ -267,6 +303,14 @@ def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
             status.step, status.share = f"reading {path.name}", done
 
     with _shown(status, every), watched(report_reading):
+        yield report
+
+
+@contextmanager
+def quiet_steps() -> Generator[Callable[[str], None]]:
+    """Show the step at work, without warnings: the result has them already."""
+    with warnings.catch_warnings(), steps() as report:
+        warnings.simplefilter("ignore", RotorfitWarning)
         yield report
 
 

@@ -2,15 +2,13 @@
 
 import json
 import textwrap
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rotorfit.cli.options import AsJson, End, LogNumber, ResultFile, Start
-from rotorfit.cli.terminal import print_result, steps, terminal_width
-from rotorfit.errors import RotorfitWarning
+from rotorfit.cli.terminal import print_result, quiet_steps, terminal_width
 
 if TYPE_CHECKING:
     from rotorfit.validation.wrench_comparison import WrenchComparison
@@ -42,8 +40,7 @@ def validate(
 
     loaded = load_sound(result)
     comparisons: list[WrenchComparison] = []
-    with warnings.catch_warnings(), steps() as report_progress:
-        warnings.simplefilter("ignore", RotorfitWarning)
+    with quiet_steps() as report_progress:
         for flight in flights:
             report_progress(f"reading {flight.name}")
             comparison = validate_file(

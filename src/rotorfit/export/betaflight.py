@@ -18,9 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.export.effectiveness import effectiveness, spread
 from rotorfit.export.file_format import RPM, hash_comment, with_notes
-from rotorfit.export.vehicle import VehicleModel, required_law
+from rotorfit.export.vehicle import VehicleModel, effectiveness, required_law, spread
 from rotorfit.preprocessing.motors.thrust_curve import betaflight_linear, thrust_curve
 
 

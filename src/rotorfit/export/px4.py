@@ -31,10 +31,9 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.export.effectiveness import Spread, spread
 from rotorfit.export.file_format import elements, frd, hash_comment, inertia_frd, text, with_notes
 from rotorfit.export.targets import TARGETS
-from rotorfit.export.vehicle import VehicleModel, refuse_no_lag
+from rotorfit.export.vehicle import Spread, VehicleModel, refuse_no_lag, spread
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
 from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
 from rotorfit.preprocessing.airborne import GRAVITY

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from rotorfit.fleet.changes import NORMAL_95
 from rotorfit.fleet.compared import IN_METRES
 from rotorfit.fleet.statistics import NumberStatistics
-from rotorfit.report.svg import decimal, drawing, label, tag, text, tick_label, ticks
+from rotorfit.report.pages import decimal, drawing, label, tag, text, tick_label, ticks
 
 MOST_POINTS: Final = 60
 """Of a drawing; more flights are put together, neighbours in time."""

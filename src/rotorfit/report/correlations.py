@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
-from rotorfit.report.svg import drawing, label, tag, text
+from rotorfit.report.pages import drawing, label, tag, text
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.weak_directions import condition_words
 

@@ -7,7 +7,7 @@ from typing import Final
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
 from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
 from rotorfit.model.terms.air import DRAG_MOMENTS
-from rotorfit.report.svg import drawing, tag
+from rotorfit.report.pages import drawing, tag
 from rotorfit.results.result import (
     Derived,
     IdentificationResult,

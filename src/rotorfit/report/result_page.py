@@ -8,11 +8,10 @@ from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
 from rotorfit.report.motor_law import law_picture, law_section
-from rotorfit.report.pages import render_page, template_text, write_drawings
+from rotorfit.report.pages import render_page, standalone, template_text
 from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
 from rotorfit.report.parameters import PREDICTED_WELL, VERDICT_MEANING, parameter_tables
 from rotorfit.report.summary import METHODS, provenance_of, summary_of, used_flights
-from rotorfit.report.svg import standalone
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.wrenches import (
     TOO_SHORT,
@@ -95,17 +94,6 @@ def write_report(
     """
     html = report_html(result, comparisons=comparisons, paper=paper)
     write_whole(path, html, force=force)
-
-
-def write_figures(
-    folder: Path,
-    result: IdentificationResult,
-    comparisons: Sequence[WrenchComparison] = (),
-    *,
-    force: bool = False,
-) -> list[Path]:
-    """Write every drawing of a report as SVG, and as PNG where `can_write_png`, all or none."""
-    return write_drawings(folder, figure_texts(result, comparisons), force=force)
 
 
 def figure_texts(

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 from rotorfit.formatting.digits import known, number_of
 from rotorfit.logs.files import file_name
+from rotorfit.report.pages import drawing, label, labelled_ticks, tag, text
 from rotorfit.report.parameters import (
     VERDICT_MEANING,
     half_width,
@@ -15,7 +16,6 @@ from rotorfit.report.parameters import (
     title_of,
     unit_words,
 )
-from rotorfit.report.svg import drawing, label, labelled_ticks, tag, text
 from rotorfit.results.result import (
     Derived,
     FlightRecord,

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float
 
 from rotorfit.logs.axes import vectors_to_flu
 from rotorfit.logs.flight_log import Channel
+from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan
-from rotorfit.logs.ulog.topic import Topic
 
 _SIGNAL: Final = ("timestamp", "timestamp_sample", "xyz")
 _FIFO: Final = (

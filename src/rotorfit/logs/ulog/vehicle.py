@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.logs.flight_log import GAZEBO, PX4_OTHER, SIH, Circumstances, LoggedMotors, in_air
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
+from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.motors import (
     commanded_law,
     is_vtol,
@@ -18,7 +19,6 @@ from rotorfit.logs.ulog.motors import (
     thrust_curve,
 )
 from rotorfit.logs.ulog.scan import Scan
-from rotorfit.logs.ulog.topic import Topic
 
 _GPS: Final = ("vehicle_gps_position", "sensor_gps")
 TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
