@@ -161,7 +161,7 @@ def inertia_at_origin(model: VehicleModel) -> Float[np.ndarray, "3 3"]:
 
 
 def required_law(model: VehicleModel, target: str) -> SpeedLaw:
-    """Return the law of the motors; OutputError where there is none."""
+    """Find the law of the motors; OutputError where there is none."""
     if model.law is None:
         raise OutputError(
             f"no law from command to rotor speed is known, and {target} is written from it: "

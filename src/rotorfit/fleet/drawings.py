@@ -97,7 +97,7 @@ def small_svg(number: NumberStatistics, place: int, scale: Scale, name: str) -> 
 
 
 def mark_class(number: NumberStatistics, place: int) -> str:
-    """Return how a vehicle is marked: an outlier, changed, or like the others."""
+    """Choose how a vehicle is marked: an outlier, changed, or like the others."""
     return "apart" if number.outlying[place] else "changed" if number.changes[place] else "like"
 
 

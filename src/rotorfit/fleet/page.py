@@ -171,7 +171,7 @@ def _sections(statistics: FleetStatistics, found: Sequence[VehicleFinding]) -> l
 def _section(
     number: NumberStatistics, names: Sequence[str], first: Sequence[int], most: int
 ) -> Rendered:
-    """Return small drawings of one number, one a vehicle."""
+    """Draw small charts of one number, one a vehicle."""
     scale = scale_of(number)
     order = sorted(number.vehicles, key=lambda v: (v not in first, v))[:most]
     order.sort()

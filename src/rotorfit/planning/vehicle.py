@@ -216,7 +216,7 @@ def _check_inertia(body: Mapping[str, float]) -> None:
 
 
 def _nearest(vehicle: Vehicle) -> float:
-    """Return the smallest distance between two rotors, seen from above [m]."""
+    """Compute the smallest distance between two rotors, seen from above [m]."""
     places: Float[np.ndarray, "N 2"] = vehicle.positions[:, :2]
     distances = np.linalg.norm(places[:, None] - places[None, :], axis=2)
     return float(distances[~np.eye(len(places), dtype=bool)].min())
@@ -282,7 +282,7 @@ def hover_speed(truth: Truth, vehicle: Vehicle) -> float:
 def disturbance_std(
     assumed: Assumptions, truth: Truth, vehicle: Vehicle, *, commanded: bool
 ) -> Float[np.ndarray, " 6"]:
-    """Return the deviation of the disturbing force [N] and torque [N m]; body axes.
+    """Compute the deviation of the disturbing force [N] and torque [N m]; body axes.
 
     With commands the motors' errors come in, independent for each rotor.
     """
@@ -303,7 +303,7 @@ def row_variances(
     disturbance: Float[np.ndarray, " 6"],
     sample_rate: float,
 ) -> Float[np.ndarray, "b 6"]:
-    """Return the variance of the six accelerations' errors per row of each band.
+    """Compute the variance of the six accelerations' errors per row of each band.
 
     A row is the real or the imaginary part of a line scaled to unit window energy: of a process
     with the one-sided density S it has the variance S times the sample rate over four.

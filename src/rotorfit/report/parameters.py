@@ -56,7 +56,7 @@ def half_width(number: Parameter | Derived) -> float | None:
 
 
 def percent(number: Parameter | Derived) -> float | None:
-    """Return the half-width relative to the value [%]; silly where the value is near zero."""
+    """Compute the half-width relative to the value [%]; silly where the value is near zero."""
     half, value = half_width(number), known(number.value)
     return None if half is None or not value else 100.0 * half / abs(value)
 
@@ -344,7 +344,7 @@ MARKS: Final = {"weak": r"$^{w}$", "given": r"$^{g}$"}
 
 
 def latex_table(result: IdentificationResult) -> str:
-    r"""Return a result as a LaTeX table for a paper; it needs the package booktabs.
+    r"""Format a result as a LaTeX table for a paper; it needs the package booktabs.
 
     One column a configuration; rotors first, then mass, centre of mass and the inertia about it.
     What the flights do not determine is a dash; weak and given numbers are marked, and the caption

@@ -99,7 +99,7 @@ def write_report(
 def figure_texts(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison] = ()
 ) -> dict[str, str]:
-    """Return every drawing as an SVG document, by a name that any file system takes.
+    """Draw everything as SVG documents, by names that any file system takes.
 
     Parameters
     ----------

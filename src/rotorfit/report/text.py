@@ -24,7 +24,7 @@ Line = tuple[Parameter | Derived, str]
 
 
 def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
-    """Return a result as text for a terminal: every number with unit, interval and verdict.
+    """Format a result as text for a terminal: every number with unit, interval and verdict.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ def wrench_spectra(comparisons: Sequence[WrenchComparison]) -> WrenchSpectra | N
 def _coherence_and_ratio(
     densities: Float[np.ndarray, "4 f"],
 ) -> tuple[Float[np.ndarray, " f"], Float[np.ndarray, " f"]]:
-    """Return the coherence, and rotor wrench over difference, at most a million."""
+    """Compute the coherence, and rotor wrench over difference, at most a million."""
     body, rotor, real, imaginary = densities
     left = body + rotor - 2.0 * real
     coherence = np.hypot(real, imaginary) ** 2 / np.maximum(body * rotor, TINY)

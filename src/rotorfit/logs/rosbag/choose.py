@@ -46,7 +46,7 @@ class Candidate:
 def candidates(
     topics: Sequence[Recorded], clocks: Sequence[Timing], axes: Axes
 ) -> dict[str, list[Candidate]]:
-    """Return the topics that can give each channel."""
+    """Select the topics that can give each channel."""
     found: dict[str, list[Candidate]] = {}
     for recorded, timing in zip(topics, clocks, strict=True):
         kind = MESSAGES.get(recorded.topic.kind)
@@ -112,7 +112,7 @@ def _turned(axes: Axes) -> str:
 
 
 def _until_last_used(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n m"]:
-    """Return the columns up to the last one that is ever other than zero."""
+    """Select the columns up to the last one that is ever other than zero."""
     used = np.flatnonzero((np.nan_to_num(values) != 0).any(axis=0))
     return values[:, : int(used[-1]) + 1 if len(used) else 0]
 
@@ -125,7 +125,7 @@ def _fractions(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m
 
 
 def _motor_outputs(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m"], str]:
-    """Return the outputs that move, as commands: pulses from 1000 to 2000 us, or fractions."""
+    """Select the outputs that move, as commands: pulses from 1000 to 2000 us, or fractions."""
     known = np.nan_to_num(values)
     if len(known) == 0:
         return known[:, :0], ""
@@ -166,7 +166,7 @@ def chosen(
 def _without_aims(
     found: Mapping[str, list[Candidate]], taken: Mapping[str, Candidate]
 ) -> tuple[dict[str, list[Candidate]], list[str]]:
-    """Return the candidates without set-points of what is measured, and notes on these.
+    """Select the candidates without set-points of what is measured, and notes on these.
 
     What an autopilot was asked for is no motion. Motors may be known by what was asked of them
     alone, and a topic that the user names is taken.
@@ -216,7 +216,7 @@ def _take_pair(
 def _best(
     name: str, options: Sequence[Candidate], taken: Mapping[str, Candidate]
 ) -> Candidate | None:
-    """Return the candidate of the best kind, the fastest of these."""
+    """Select the candidate of the best kind, the fastest of these."""
     if name == "velocity":
         place = taken.get("position")
         options = [o for o in options if place is not None and o.topic == place.topic]
@@ -328,7 +328,7 @@ def _home(
     clocks: Sequence[Timing],
     columns: Mapping[str, ColumnSpec],
 ) -> tuple[Recorded, Timing]:
-    """Return the topic that has all columns of a channel."""
+    """Select the topic that has all columns of a channel."""
     for recorded, timing in zip(topics, clocks, strict=True):
         have = [name for name in group.names if recorded.values.get(name, _NONE).shape[1] == 1]
         if len(have) == len(group.names):

@@ -151,7 +151,7 @@ def _aims(taken: Mapping[str, Candidate]) -> list[str]:
 
 
 def _sha256(files: Sequence[Path]) -> str:
-    """Return the SHA-256 of the files one after the other."""
+    """Compute the SHA-256 of the files one after the other."""
     digest = hashlib.sha256()
     for file in files:
         with file.open("rb") as opened:

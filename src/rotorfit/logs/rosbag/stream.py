@@ -132,7 +132,7 @@ class Timing:
 
 
 def timings(topics: Sequence[Recorded], start: int) -> list[Timing]:
-    """Return the clock of each topic."""
+    """Choose the clock of each topic."""
     offsets = [_offset(topic) for topic in topics]
     return [
         _timing(topic, offset, _shared(offset, offsets), start)
@@ -141,7 +141,7 @@ def timings(topics: Sequence[Recorded], start: int) -> list[Timing]:
 
 
 def _offset(topic: Recorded) -> float | None:
-    """Return by how much stamps are to be moved [s]: 0 or more than that; None: no good stamps."""
+    """Compute by how much stamps are to be moved [s]: 0 or more than that; None: no good stamps."""
     stamps, received = topic.stamps, topic.received
     if len(stamps) == 0 or (stamps <= 0).any():
         return None

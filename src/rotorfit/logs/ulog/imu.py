@@ -66,7 +66,7 @@ class Imu:
 
 
 def rate_of(channel: Channel | None) -> float:
-    """Return the median rate of a channel [Hz]; 0 where there is none."""
+    """Compute the median rate of a channel [Hz]; 0 where there is none."""
     if channel is None or len(channel.time) < 2:
         return 0.0
     return 1.0 / max(float(np.median(np.diff(channel.time))), 1e-6)

@@ -192,7 +192,7 @@ class Row:
 
 
 def parse_format(text: str) -> tuple[str, tuple[Field, ...]] | None:
-    """Return name and fields of a format such as ``a:uint64_t timestamp;float[3] x;``.
+    """Parse name and fields of a format such as ``a:uint64_t timestamp;float[3] x;``.
 
     None where it is no format.
     """

@@ -80,7 +80,7 @@ def _off_and_limit(
 
 
 def _returns(values: Float[np.ndarray, "n k"], i: int, limit: Float[np.ndarray, " n"]) -> bool:
-    """Return whether all is smooth about frame `i` once it is replaced: it jumped alone."""
+    """Test whether all is smooth about frame `i` once it is replaced: it jumped alone."""
     first, stop = max(i - 2 * REACH, 0), min(i + 2 * REACH + 1, len(values))
     trial = values[first:stop].copy()
     trial[i - first] = CUBIC @ values[i - REACH : i + REACH + 1]
