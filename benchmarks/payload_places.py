@@ -23,8 +23,7 @@ from rotorfit.planning.bound import (
     planned_problem,
     predicted,
 )
-from rotorfit.planning.noise import assumptions_for
-from rotorfit.planning.vehicle import rough_vehicle
+from rotorfit.planning.vehicle import assumptions_for, rough_vehicle
 from rotorfit.simulation.pilot import Manoeuvre
 
 MASS, SECONDS, TOTAL = 1.285, 40.0, 0.16

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rotorfit.report.svg import NAMESPACE, drawing, label, tag
+from rotorfit.report.pages import NAMESPACE, drawing, label, tag
 
 TITLES: Final = {
     "kt": "thrust, k_t",

@@ -15,7 +15,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Final
 
-from rotorfit.report.svg import NAMESPACE, drawing, label, tag
+from rotorfit.report.pages import NAMESPACE, drawing, label, tag
 
 ROOT: Final = Path(__file__).parents[2]
 SOURCE: Final = ROOT / "src" / "rotorfit"

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from rotorfit.preprocessing.motors.motor_model import MotorModel as MotorModel
     from rotorfit.preprocessing.prepare import PreparedFlight as PreparedFlight
     from rotorfit.preprocessing.prepare import prepare as prepare
-    from rotorfit.report.latex import latex_table as latex_table
+    from rotorfit.report.parameters import latex_table as latex_table
     from rotorfit.report.plan_card import write_card as write_card
     from rotorfit.report.plan_text import plan_text as plan_text
     from rotorfit.report.result_page import figure_texts as figure_texts
@@ -119,7 +119,7 @@ else:
         "rotorfit.model.layouts": ("layout_rotors",),
         "rotorfit.model.vehicle": ("Rotor", "Vehicle"),
         "rotorfit.report.result_page": ("figure_texts", "write_report"),
-        "rotorfit.report.latex": ("latex_table",),
+        "rotorfit.report.parameters": ("latex_table",),
         "rotorfit.report.plan_card": ("write_card",),
         "rotorfit.report.plan_text": ("plan_text",),
         "rotorfit.report.text": ("result_text",),

@@ -14,7 +14,7 @@ from rotorfit.errors import OutputError
 from rotorfit.export.vehicle_model import owner_of
 from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.report.correlations import correlation
-from rotorfit.report.number_words import unit_words
+from rotorfit.report.parameters import unit_words
 from rotorfit.report.wrenches import COMPONENT, series_of
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, verdict_of
 from rotorfit.validation.fly_outcome import AXES, IDENTIFIED

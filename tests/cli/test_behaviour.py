@@ -21,8 +21,7 @@ from command_line import EXPERIMENT
 
 from rotorfit import __version__
 from rotorfit.cli.main import main
-from rotorfit.cli.progress import paced, steps
-from rotorfit.cli.terminal import COLOUR, colour_from, coloured
+from rotorfit.cli.terminal import COLOUR, colour_from, coloured, paced, steps
 from rotorfit.errors import EstimationError
 from rotorfit.experiment.experiment import load_experiment
 from rotorfit.identification.identify import identify

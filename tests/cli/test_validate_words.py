@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rotorfit.cli.validate import validation_text
-from rotorfit.report.number_words import NOTHING_PREDICTED
+from rotorfit.report.parameters import NOTHING_PREDICTED
 from rotorfit.validation.wrench_comparison import WrenchComparison
 
 

@@ -26,8 +26,8 @@ from export_material import (
 from pyulog import ULog
 
 from rotorfit.errors import OutputError
-from rotorfit.export.effectiveness import effectiveness
-from rotorfit.export.px4_setpoints import newton_per_unit, scaled_mix
+from rotorfit.export.px4 import newton_per_unit, scaled_mix
+from rotorfit.export.vehicle import effectiveness
 from rotorfit.export.vehicle_model import vehicle_model
 from rotorfit.model.parameters import PARAMETERS
 from rotorfit.results.command_units import effective_unit

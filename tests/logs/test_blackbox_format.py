@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rotorfit.errors import LogError
-from rotorfit.logs.blackbox import predict, scan
+from rotorfit.logs.blackbox import encodings, scan
 from rotorfit.logs.blackbox.decode import decode
 from rotorfit.logs.blackbox.read import list_blackbox_logs, read_blackbox
 from rotorfit.logs.flight_log import FlightLog
@@ -426,7 +426,7 @@ def frames_without_change(encoding: int, fields: int, per_group: int) -> bytes:
 )
 def test_memory_grows_with_the_file_and_no_more(scratch, monkeypatch, data, ratio):
     monkeypatch.setattr(scan, "WINDOW", 1 << 14)  # what is worked on at a time is the constant part
-    monkeypatch.setattr(predict, "_BLOCK_FRAMES", 1 << 10)
+    monkeypatch.setattr(encodings, "_BLOCK_FRAMES", 1 << 10)
     scratch.write_bytes(data)
     tracemalloc.start()
     with contextlib.suppress(LogError):

@@ -18,8 +18,7 @@ from rotorfit.logs import read_log
 from rotorfit.logs.flight_log import CHANNELS, FlightLog
 from rotorfit.logs.rosbag.contents import Decoder
 from rotorfit.logs.rosbag.definitions import Definitions, parsed
-from rotorfit.logs.rosbag.edge import LARGEST_CHUNK
-from rotorfit.logs.rosbag.stream import Topic
+from rotorfit.logs.rosbag.stream import LARGEST_CHUNK, Topic
 
 MCAP = b"\x89MCAP0\r\n"
 IMU = "sensor_msgs/msg/Imu"

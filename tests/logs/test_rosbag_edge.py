@@ -19,8 +19,8 @@ from rosbags.typesys.store import Typestore
 
 from rotorfit.errors import LogError
 from rotorfit.logs import read_log
-from rotorfit.logs.rosbag import definitions, mcap
-from rotorfit.logs.rosbag.edge import DamageError, decoded
+from rotorfit.logs.rosbag import definitions, ros2
+from rotorfit.logs.rosbag.stream import DamageError, decoded
 
 STRAYS = [
     ReaderError1("a"),
@@ -114,7 +114,7 @@ SITES = {
     ),
     "a record of ROS 1": ("bag", Header, "get_time", raising, "a message is damaged (3 times)"),
     "a record of MCAP": (
-        *("mcap", mcap, "read_bytes", raising),
+        *("mcap", ros2, "read_bytes", raising),
         "the description of a topic is damaged",
     ),
     "a chunk": ("zstd", zstd, "ZstdDecompressor", decompressor, "a chunk is damaged (1 times)"),

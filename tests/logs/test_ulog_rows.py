@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rotorfit.logs.ulog.topic import appended
+from rotorfit.logs.ulog.messages import appended
 
 ESC = np.dtype([("timestamp", "<u8"), ("esc_rpm", "<i4"), ("esc_voltage", "<f4")])
 STATUS = np.dtype([("timestamp", "<u8"), ("counter", "<u2"), ("esc", ESC, (8,))])

@@ -23,9 +23,14 @@ from rotorfit.planning.bound import (
     planned_problem,
     predicted,
 )
-from rotorfit.planning.noise import Assumptions, assumptions_for, disturbance_std
 from rotorfit.planning.plan import PlanRequest, plan
-from rotorfit.planning.vehicle import payload_pair, rough_vehicle
+from rotorfit.planning.vehicle import (
+    Assumptions,
+    assumptions_for,
+    disturbance_std,
+    payload_pair,
+    rough_vehicle,
+)
 from rotorfit.planning.wanted import wanted_accuracy
 from rotorfit.reduction.frequency_bands import EDGES, STRETCH
 from rotorfit.reduction.reduce import BandPlan, band_factors

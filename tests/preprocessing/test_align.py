@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
-from rotorfit.preprocessing.mocap.align import align
-from rotorfit.preprocessing.mocap.joined_poses import with_poses
+from rotorfit.preprocessing.mocap.align import align, with_poses
 from rotorfit.simulation import Scenario, Sticks, paper_vehicle, simulate_flight, to_flight_log
 
 MOUNTING = Rotation.from_euler("ZYX", [170.0, -4.0, 7.0], degrees=True)

@@ -8,7 +8,7 @@ import flown
 from hand_made_logs import channel, flight_log
 from rotorfit.errors import FlightError
 from rotorfit.logs import read_log
-from rotorfit.preprocessing.mocap.pose_velocity import velocity_of_pose
+from rotorfit.preprocessing.mocap.camera import velocity_of_pose
 from rotorfit.preprocessing.prepare import prepare
 from rotorfit.simulation import write_flight_table
 

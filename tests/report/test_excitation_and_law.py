@@ -10,7 +10,7 @@ from rotorfit.report.motor_law import law_picture, law_section
 from rotorfit.report.result_page import figure_texts, report_html
 from rotorfit.report.wrenches import excitation_chart, excitation_figure, excitation_sentences
 from rotorfit.results.command_law import CommandLaw, LawNumber, LawPoint
-from rotorfit.validation.wrench_spectra import wrench_spectra
+from rotorfit.validation.wrench_comparison import wrench_spectra
 
 TOLD = {
     "airframe": {"rotors": ROTORS},

@@ -2,7 +2,7 @@
 
 from report_material import a_result
 
-from rotorfit.report.latex import latex_table
+from rotorfit.report.parameters import latex_table
 
 
 def test_the_table_of_two_configurations():

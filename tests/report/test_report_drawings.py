@@ -18,11 +18,10 @@ from rotorfit.errors import OutputError
 from rotorfit.formatting.digits import number_of
 from rotorfit.formatting.series import Series, column_starts, extremes, thinned
 from rotorfit.report.chart import encoded, encoded_time, path_of
-from rotorfit.report.number_words import percent_words
-from rotorfit.report.pages import HINT
-from rotorfit.report.result_page import figure_texts, write_figures
+from rotorfit.report.pages import HINT, nice_step, tick_label, ticks, write_drawings
+from rotorfit.report.parameters import percent_words
+from rotorfit.report.result_page import figure_texts
 from rotorfit.report.scene import scene_of
-from rotorfit.report.svg import nice_step, tick_label, ticks
 from rotorfit.report.vehicle import SIDE, TOP, whole_view
 from rotorfit.report.wrenches import series_of
 
@@ -193,7 +192,7 @@ def test_figures_are_svg_files_that_stand_alone(
 ) -> None:
     monkeypatch.setitem(sys.modules, "resvg_py", None)
     comparison = a_comparison(flight="../<odd> name.csv", seconds=5)
-    paths = write_figures(tmp_path / "figures", a_result(), [comparison])
+    paths = write_drawings(tmp_path / "figures", figure_texts(a_result(), [comparison]))
     assert [p.name for p in paths] == [
         "vehicle-top.svg", "vehicle-side.svg", "center-top.svg", "center-side.svg",
         "wrench-1-A-odd-name.svg", "correlations.svg",
@@ -204,15 +203,18 @@ def test_figures_are_svg_files_that_stand_alone(
         assert float(root.attrib["width"]) > 100
         assert root.find(f"{SVG}style") is not None
     with pytest.raises(OutputError, match=r"already holds vehicle-top\.svg"):
-        write_figures(tmp_path / "figures", a_result(), [comparison])
-    assert write_figures(tmp_path / "figures", a_result(), [comparison], force=True) == paths
+        write_drawings(tmp_path / "figures", figure_texts(a_result(), [comparison]))
+    assert (
+        write_drawings(tmp_path / "figures", figure_texts(a_result(), [comparison]), force=True)
+        == paths
+    )
     assert 'pip install "rotorfit[figures]"' in HINT
 
 
 def test_png_stands_beside_svg_where_the_renderer_is_installed(tmp_path: Path) -> None:
     pytest.importorskip("resvg_py", reason='PNG needs the extra: pip install "rotorfit[figures]"')
     assert importlib.import_module("resvg_py")
-    paths = write_figures(tmp_path, a_result(), [a_comparison(seconds=5)])
+    paths = write_drawings(tmp_path, figure_texts(a_result(), [a_comparison(seconds=5)]))
     png = [p for p in paths if p.suffix == ".png"]
     assert len(png) == 6
     assert all(p.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" for p in png)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.report.fly_text import meaning
+from rotorfit.report.fly import meaning
 from rotorfit.validation.fly_outcome import FlyOutcome, horizon, steady_share
 from rotorfit.validation.replay import Predicted, Replay
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
-from rotorfit.validation.wrench_spectra import wrench_spectra
+from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison, wrench_spectra
 
 
 def compared(*, noise, seconds=240.0, rate=100.0, cut=0.0, components=SHOWN):

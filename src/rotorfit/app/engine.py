@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from rotorfit import version
-from rotorfit.app.exports import exported, missing_numbers
 from rotorfit.app.files import (
     Progress,
     dropped,
@@ -23,6 +22,7 @@ from rotorfit.app.files import (
     save_description,
 )
 from rotorfit.app.form import described, form_of_file
+from rotorfit.app.outcome import exported, missing_numbers
 from rotorfit.errors import (
     ExperimentError,
     MissingNumbersError,
@@ -32,7 +32,7 @@ from rotorfit.export.targets import OFFERED
 from rotorfit.logs.files import write_whole
 from rotorfit.logs.formats import FORMATS
 from rotorfit.model.layouts import LAYOUTS, layout_rotors
-from rotorfit.report.number_words import VERDICT_MEANING
+from rotorfit.report.parameters import VERDICT_MEANING
 
 JsonObject = dict[str, Any]
 ACCEPTS: Final = (

@@ -46,7 +46,11 @@ def _response(
     engine: Engine, name: str, argument: dict[str, Any], progress: Progress, sent: Bytes | None
 ) -> JsonObject:
     if name == "document":
-        return _document(engine, argument)
+        path = engine.document(argument["kind"], argument.get("name"))
+        if path is None:
+            return {"refused": "there is no such document yet"}
+        kind = "text/html" if path.suffix == ".html" else "text/plain"
+        return {"text": path.read_text(encoding="utf-8"), "type": f"{kind};charset=utf-8"}
     if name == "follow" or name not in CALLS:
         return {"refused": f"no call {name!r} here"}
     if sent is not None:
@@ -67,11 +71,3 @@ def _received(engine: Engine, name: str, content: bytes) -> str:
     new_name, path = engine.receive(name)
     path.write_bytes(content)
     return new_name
-
-
-def _document(engine: Engine, argument: dict[str, Any]) -> JsonObject:
-    path = engine.document(argument["kind"], argument.get("name"))
-    if path is None:
-        return {"refused": "there is no such document yet"}
-    kind = "text/html" if path.suffix == ".html" else "text/plain"
-    return {"text": path.read_text(encoding="utf-8"), "type": f"{kind};charset=utf-8"}

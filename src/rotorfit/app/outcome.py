@@ -1,5 +1,6 @@
 """The identification of a form, its outcome as the page shows it, and the next flight."""
 
+import base64
 import dataclasses
 import json
 import warnings
@@ -11,9 +12,10 @@ from threadpoolctl import threadpool_limits
 
 from rotorfit.app.files import Progress, json_with_shown_names, with_shown_names
 from rotorfit.app.form import SOURCE, experiment_of, rows, table, text_of
-from rotorfit.errors import ExperimentError, RotorfitWarning
+from rotorfit.errors import ExperimentError, MissingNumbersError, OutputError, RotorfitWarning
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.experiment.experiment import airframe_of_tables
+from rotorfit.export.targets import OFFERED, RANDOM_TARGETS
 from rotorfit.formatting.digits import finite_interval, known
 from rotorfit.identification.identify import identify
 from rotorfit.logs.files import write_whole
@@ -21,8 +23,7 @@ from rotorfit.logs.progress import watched
 from rotorfit.planning.after import check_same_vehicle, result_mass
 from rotorfit.planning.plan import PlanRequest, plan
 from rotorfit.planning.wanted import wanted_accuracy
-from rotorfit.report.number_words import PREDICTED_WELL
-from rotorfit.report.parameters import ParameterTable, Row, parameter_tables
+from rotorfit.report.parameters import PREDICTED_WELL, ParameterTable, Row, parameter_tables
 from rotorfit.report.plan_card import card_html
 from rotorfit.report.plan_text import plan_text
 from rotorfit.report.result_page import report_html
@@ -188,3 +189,59 @@ def _mass(form: Mapping[str, Any]) -> float:
     if not isinstance(mass, int | float):
         raise ExperimentError("a plan needs the mass of the vehicle as it flies: weigh it")
     return float(mass)
+
+
+def exported(folder: Path, argument: Mapping[str, Any]) -> dict[str, Any]:
+    """Make the file of a target from the page's result.
+
+    The argument holds ``target``, and where wanted ``configuration``, ``assume`` and ``project``.
+    """
+    from rotorfit.export.result_numbers import number_warnings
+    from rotorfit.export.write import drawn_sentence, export, randomised
+    from rotorfit.results.sound_result import load_sound
+
+    target = argument["target"]
+    if target not in OFFERED:
+        raise OutputError(f"no target {target!r}; targets: {', '.join(OFFERED)}")
+    path = folder / "result.json"
+    if not path.exists():
+        raise OutputError("there is no result yet: identify first")
+    result = load_sound(path)
+    assumed = _assumed(argument.get("assume") or {})
+    configuration = argument.get("configuration")
+    name = f"{target}{OFFERED[target].suffix}"
+    if target in RANDOM_TARGETS:
+        content, found = randomised(
+            result, target, Path(name), configuration=configuration, assumed=assumed
+        )
+        data = base64.b64encode(content).decode()
+        return {"name": name, "base64": data, "notes": [drawn_sentence(found)]}
+    made = export(
+        result,
+        target,
+        configuration=configuration,
+        assumed=assumed,
+        project=argument.get("project") is True,
+    )
+    return {
+        "name": name,
+        "text": made.text,
+        "notes": [*number_warnings(made.model.numbers), *made.model.notes],
+    }
+
+
+def missing_numbers(error: MissingNumbersError) -> list[dict[str, str]]:
+    """List the numbers that the user may supply, with their units."""
+    from rotorfit.export.result_numbers import unit_of
+
+    return [{"name": name, "unit": unit_of(name)} for name in error.names]
+
+
+def _assumed(given: Mapping[str, Any]) -> dict[str, float]:
+
+    from rotorfit.export.result_numbers import parse_assumptions
+
+    try:
+        return parse_assumptions([f"{name}={value}" for name, value in given.items()])
+    except ValueError as error:
+        raise OutputError(str(error)) from error

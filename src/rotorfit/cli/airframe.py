@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from rotorfit.cli.options import Force, LogNumber, OutputFile, Speed
-from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import print_result, print_status, refuse_output_file
+from rotorfit.cli.terminal import print_result, print_status, refuse_output_file, steps
 from rotorfit.errors import ExperimentError, OutputError
 
 if TYPE_CHECKING:

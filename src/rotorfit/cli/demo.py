@@ -10,9 +10,8 @@ import typer
 
 from rotorfit.cli.identify import identify_quietly
 from rotorfit.cli.options import AsJson, Force, Seed
-from rotorfit.cli.progress import steps
 from rotorfit.cli.simulate import simulate_into
-from rotorfit.cli.terminal import print_result, print_status, refuse_output_folder
+from rotorfit.cli.terminal import print_result, print_status, refuse_output_folder, steps
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import Experiment

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, cast, get_args
 import typer
 
 from rotorfit.cli.options import AsJson, Assume, Force, OutputFile, ResultFile
-from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import (
     print_result,
     refuse_output_file,
     refuse_output_folder,
+    steps,
     terminal_width,
 )
 from rotorfit.errors import OutputError, RotorfitWarning

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rotorfit.cli.options import AsJson, Force
-from rotorfit.cli.progress import paced, steps
-from rotorfit.cli.terminal import print_result, print_status
+from rotorfit.cli.terminal import paced, print_result, print_status, steps
 from rotorfit.errors import LogError
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,17 +9,27 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorfit.cli.options import AsJson, Assume, Figures, Force, LogNumber, Page, ResultFile
-from rotorfit.cli.progress import steps
+from rotorfit.cli.options import (
+    AsJson,
+    Assume,
+    Figures,
+    Force,
+    LogNumber,
+    Page,
+    ResultFile,
+    json_file,
+)
 from rotorfit.cli.terminal import (
     coloured,
     print_result,
     print_status,
-    refuse_output_file,
+    quiet_steps,
+    refuse_output_files,
     refuse_output_folder,
     terminal_width,
+    write_pictures,
 )
-from rotorfit.errors import OutputError, RotorfitError, RotorfitWarning
+from rotorfit.errors import OutputError, RotorfitError
 
 if TYPE_CHECKING:
     from rotorfit.export.vehicle import VehicleModel
@@ -60,7 +69,7 @@ Bench = Annotated[
 ]
 Output = Annotated[
     Path | None,
-    typer.Option("-o", "--output", metavar="FILE", help="Write the numbers as JSON here."),
+    json_file("the numbers"),
 ]
 
 
@@ -95,13 +104,16 @@ def fly(
     from threadpoolctl import threadpool_limits
 
     from rotorfit.export.vehicle_model import owner_of
-    from rotorfit.report.fly_text import fly_text
+    from rotorfit.logs.files import write_whole
+    from rotorfit.report.fly import fly_figures, fly_html, fly_text
     from rotorfit.results.sound_result import load_sound
 
     assumed = _parse_numbers(assume or [], "--assume")
     bench_numbers = _parse_numbers(bench or [], "--bench")
     inputs = [result, *(against or []), *(flight or [])]
-    _refuse_outputs(inputs, output, report, figures, force=force)
+    refuse_output_files({"-o": output, "--report": report}, inputs=inputs, force=force)
+    if figures is not None:
+        refuse_output_folder(figures, FIGURES, force=force)
     if log is not None and not flight:
         raise typer.BadParameter("--log needs a --flight, which names the file")
     loaded = load_sound(result)
@@ -109,7 +121,16 @@ def fly(
         owner = owner_of(loaded, configuration)
         sides = _sides(loaded, owner, assumed, bench_numbers, against or [])
         outcome = _outcome(loaded, owner, sides, bench_numbers, flight or [], log)
-    _write(outcome, output, report, figures, force=force)
+    if output is not None:
+        write_whole(output, outcome.to_json(), force=force)
+        print_status(f"wrote {output}")
+    write_pictures(
+        report,
+        figures,
+        page=lambda: fly_html(outcome),
+        drawings=lambda: fly_figures(outcome),
+        force=force,
+    )
     text = coloured(fly_text(outcome, width=terminal_width()))
     print_result((outcome.to_json() if as_json else text).rstrip())
 
@@ -121,23 +142,6 @@ def _parse_numbers(texts: list[str], option: str) -> dict[str, float]:
         return parse_assumptions(texts)
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint=option) from error
-
-
-def _refuse_outputs(
-    inputs: list[Path],
-    output: Path | None,
-    report: Path | None,
-    figures: Path | None,
-    *,
-    force: bool,
-) -> None:
-    if output is not None and output == report:
-        raise typer.BadParameter("-o and --report name the same file")
-    for path in (output, report):
-        if path is not None:
-            refuse_output_file(path, inputs=inputs, force=force)
-    if figures is not None:
-        refuse_output_folder(figures, FIGURES, force=force)
 
 
 def _sides(
@@ -175,8 +179,7 @@ def _outcome(
     from rotorfit.validation.replay import WINDOW, replay_flights
 
     identified = sides[IDENTIFIED]
-    with warnings.catch_warnings(), steps() as report_progress:
-        warnings.simplefilter("ignore", RotorfitWarning)  # the result has them already
+    with quiet_steps() as report_progress:
         replays = replay_flights(
             result,
             owner,
@@ -322,29 +325,3 @@ def replay_notes(
     if drag:
         notes.append("the result knows the frame's drag; replay and MuJoCo leave it out")
     return notes
-
-
-def _write(
-    outcome: FlyOutcome,
-    output: Path | None,
-    report: Path | None,
-    figures: Path | None,
-    *,
-    force: bool,
-) -> None:
-    # jinja2 is not worth its time to those who want numbers only.
-    from rotorfit.logs.files import write_whole
-    from rotorfit.report.fly_page import write_fly_figures, write_fly_page
-    from rotorfit.report.pages import HINT, can_write_png
-
-    if output is not None:
-        write_whole(output, outcome.to_json(), force=force)
-        print_status(f"wrote {output}")
-    if report is not None:
-        write_fly_page(report, outcome, force=force)
-        print_status(f"wrote {report}")
-    if figures is not None:
-        paths = write_fly_figures(figures, outcome, force=force)
-        print_status(f"wrote {len(paths)} files to {figures}")
-        if not can_write_png():
-            print_status(HINT)

@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 
-from rotorfit.cli.options import AsJson, End, Figures, Force, LogNumber, Page, Speed, Start
-from rotorfit.cli.progress import steps
+from rotorfit.cli.options import (
+    AsJson,
+    End,
+    Figures,
+    Force,
+    LogNumber,
+    Page,
+    Speed,
+    Start,
+    json_file,
+)
 from rotorfit.cli.terminal import (
     coloured,
     print_result,
     print_status,
-    refuse_output_file,
+    quiet_steps,
+    refuse_output_files,
     refuse_output_folder,
     terminal_width,
+    write_pictures,
 )
-from rotorfit.errors import ExperimentError, RotorfitWarning
+from rotorfit.errors import ExperimentError
 
 if TYPE_CHECKING:
     from rotorfit.experiment.experiment import Experiment, FlightEntry, IdentificationEntry
@@ -35,7 +45,7 @@ Source = Annotated[
 ]
 Output = Annotated[
     Path | None,
-    typer.Option("-o", "--output", metavar="FILE", help="Write the result as JSON here."),
+    json_file("the result"),
 ]
 Mass = Annotated[
     str | None, typer.Option(metavar="KG", help='With a log: weighed mass in kg, or "unknown".')
@@ -93,7 +103,11 @@ def identify(
     chosen = {"source": motion, "method": method, "preset": preset}
     experiment = _with_options(experiment, chosen, speed, window)
     inputs = [source, *([airframe] if airframe else []), *_flight_files(experiment)]
-    _refuse_outputs(inputs, output, report, figures, force=force)
+    refuse_output_files({"-o": output, "--report": report}, inputs=inputs, force=force)
+    if figures is not None:
+        from rotorfit.report.result_page import ALWAYS
+
+        refuse_output_folder(figures, ALWAYS, force=force)
     result = identify_quietly(experiment)
     if output is not None:
         result.save(output, force=force)
@@ -108,8 +122,7 @@ def identify_quietly(experiment: Experiment) -> IdentificationResult:
     """Identify with a progress display; doubts are printed with the result, not as warnings."""
     from rotorfit.identification.identify import identify
 
-    with warnings.catch_warnings(), steps() as report_progress:
-        warnings.simplefilter("ignore", RotorfitWarning)
+    with quiet_steps() as report_progress:
         return identify(experiment, progress=report_progress)
 
 
@@ -201,25 +214,6 @@ def _flight_files(experiment: Experiment) -> list[Path]:
     ]
 
 
-def _refuse_outputs(
-    inputs: list[Path],
-    output: Path | None,
-    report: Path | None,
-    figures: Path | None,
-    *,
-    force: bool,
-) -> None:
-    for path in (output, report):
-        if path is not None:
-            refuse_output_file(path, inputs=inputs, force=force)
-    if output is not None and output == report:
-        raise typer.BadParameter("-o and --report name the same file")
-    if figures is not None:
-        from rotorfit.report.result_page import ALWAYS
-
-        refuse_output_folder(figures, ALWAYS, force=force)
-
-
 def _write_pictures(
     result: IdentificationResult,
     experiment: Experiment,
@@ -228,21 +222,16 @@ def _write_pictures(
     *,
     force: bool,
 ) -> None:
-    """Write the page and the figures, and print their names."""
-    # jinja2 is not worth its time to those who want numbers only.
-    from rotorfit.report.pages import HINT, can_write_png
-    from rotorfit.report.result_page import write_figures, write_report
+    from rotorfit.report.result_page import figure_texts, report_html
     from rotorfit.validation.validate import drawn_comparisons
 
-    with warnings.catch_warnings(), steps() as report_progress:
-        warnings.simplefilter("ignore", RotorfitWarning)
+    with quiet_steps() as report_progress:
         report_progress("drawing")
         comparisons = drawn_comparisons(result, experiment)
-    if report is not None:
-        write_report(report, result, comparisons=comparisons, force=force)
-        print_status(f"wrote {report}")
-    if figures is not None:
-        paths = write_figures(figures, result, comparisons, force=force)
-        print_status(f"wrote {len(paths)} files to {figures}")
-        if not can_write_png():
-            print_status(HINT)
+    write_pictures(
+        report,
+        figures,
+        page=lambda: report_html(result, comparisons=comparisons),
+        drawings=lambda: figure_texts(result, comparisons),
+        force=force,
+    )

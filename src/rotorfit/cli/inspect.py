@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rotorfit.cli.options import AsJson, Force, LogNumber
-from rotorfit.cli.progress import steps
 from rotorfit.cli.terminal import (
     coloured,
     print_refusal,
     print_result,
     print_status,
     refuse_output_file,
+    steps,
     terminal_width,
 )
 from rotorfit.errors import ExperimentError, RotorfitError

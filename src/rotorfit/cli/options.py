@@ -1,7 +1,7 @@
 """Options and arguments that several commands share."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -51,3 +51,8 @@ Figures = Annotated[
     typer.Option(metavar="DIR", help="Write each figure as a file into this folder (SVG, PNG)."),
 ]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Another seed gives another flight.")]
+
+
+def json_file(what: str) -> Any:
+    """Declare the option for the file that a command writes besides what it prints."""
+    return typer.Option("-o", "--output", metavar="FILE", help=f"Write {what} as JSON here.")

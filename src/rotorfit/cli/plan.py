@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rotorfit.cli.options import AsJson, Force, Speed
-from rotorfit.cli.progress import counted
+from rotorfit.cli.options import AsJson, Force, Speed, json_file
 from rotorfit.cli.terminal import (
     coloured,
+    counted,
     print_result,
     print_status,
-    refuse_output_file,
+    refuse_output_files,
     terminal_width,
 )
 from rotorfit.errors import ExperimentError
@@ -79,7 +79,7 @@ Card = Annotated[
 ]
 Output = Annotated[
     Path | None,
-    typer.Option("-o", "--output", metavar="FILE", help="Write the plan as JSON here."),
+    json_file("the plan"),
 ]
 
 
@@ -106,7 +106,10 @@ def plan(
     from rotorfit.planning.wanted import wanted_accuracy
     from rotorfit.results.sound_result import load_sound
 
-    _refuse_outputs([airframe, *([after] if after else [])], output, card, force=force)
+    inputs = [airframe, *([after] if after else [])]
+    refuse_output_files({"-o": output, "--card": card}, inputs=inputs, force=force)
+    if card is not None and card.suffix.lower() not in (".html", ".txt"):
+        raise typer.BadParameter("a card is a .html or a .txt file", param_hint="--card")
     result = None if after is None else load_sound(after)
     if mass is None and result is None:
         raise typer.BadParameter(
@@ -153,18 +156,6 @@ def _plan_and_write(
         print_status(f"wrote {card}")
     text = coloured(plan_text(flights, width=terminal_width()))
     print_result((flights.to_json() if as_json else text).rstrip())
-
-
-def _refuse_outputs(
-    inputs: list[Path], output: Path | None, card: Path | None, *, force: bool
-) -> None:
-    for path in (output, card):
-        if path is not None:
-            refuse_output_file(path, inputs=inputs, force=force)
-    if card is not None and card.suffix.lower() not in (".html", ".txt"):
-        raise typer.BadParameter("a card is a .html or a .txt file", param_hint="--card")
-    if output is not None and output == card:
-        raise typer.BadParameter("-o and --card name the same file")
 
 
 def _declared(airframe: Path) -> tuple[Vehicle, MotorsEntry]:

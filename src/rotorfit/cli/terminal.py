@@ -1,19 +1,30 @@
-"""Output and end of a command: printing, files that may be written, refusals, interruptions."""
+"""Output and end of a command: printing, progress, files that may be written, refusals.
+
+Progress is one line on stderr where a person is watching, else a plain line every few seconds.
+"""
 
 import os
 import re
 import shutil
 import sys
-from collections.abc import Generator, Iterable
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Final, Literal, NoReturn, cast, get_args
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Final, Literal, NoReturn, cast, get_args
 
 import typer
 
-from rotorfit.errors import OutputError
+from rotorfit.errors import OutputError, RotorfitWarning
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
 
 DEBUG = "ROTORFIT_DEBUG"
 WIDEST = 100
@@ -144,6 +155,18 @@ def refuse_output_file(path: Path, *, inputs: Iterable[Path], force: bool) -> No
         raise OutputError(f"{path} exists; choose another name, or pass --force to overwrite it")
 
 
+def refuse_output_files(
+    files: Mapping[str, Path | None], *, inputs: Iterable[Path], force: bool
+) -> None:
+    """Raise if files, by the options that name them, cannot be written or are the same one."""
+    paths = [path for path in files.values() if path is not None]
+    sources = list(inputs)
+    for path in paths:
+        refuse_output_file(path, inputs=sources, force=force)
+    if len(set(paths)) < len(paths):
+        raise typer.BadParameter(f"{' and '.join(files)} name the same file")
+
+
 def refuse_output_folder(folder: Path, names: Iterable[str], *, force: bool) -> None:
     """Make a folder where it is missing; raise if it cannot be, or holds files of these names."""
     try:
@@ -155,6 +178,29 @@ def refuse_output_folder(folder: Path, names: Iterable[str], *, force: bool) -> 
         raise OutputError(
             f"{folder} already holds {', '.join(existing)}; name another folder, or pass --force"
         )
+
+
+def write_pictures(
+    report: Path | None,
+    figures: Path | None,
+    *,
+    page: Callable[[], str],
+    drawings: Callable[[], Mapping[str, str]],
+    force: bool,
+) -> None:
+    """Write the page and the figures that are asked for, and print their names."""
+    # jinja2 is not worth its time to those who want numbers only.
+    from rotorfit.logs.files import write_whole
+    from rotorfit.report.pages import HINT, can_write_png, write_drawings
+
+    if report is not None:
+        write_whole(report, page(), force=force)
+        print_status(f"wrote {report}")
+    if figures is not None:
+        paths = write_drawings(figures, drawings(), force=force)
+        print_status(f"wrote {len(paths)} files to {figures}")
+        if not can_write_png():
+            print_status(HINT)
 
 
 def exit_refused(error: Exception) -> NoReturn:
@@ -199,3 +245,148 @@ def _drop_stdout() -> None:
     """Send the rest nowhere: Python would complain once more when it flushes at the end."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+BAR_WIDTH = 20
+EVERY = 5.0
+"""Between the plain lines [s]."""
+WINDOW = 60.0
+"""Over which a pace is taken [s]."""
+Clock = Callable[[], float]
+
+
+class _Status:
+    """The step at work, its share done (0 to 1; None: unknown), and the pace at the moment."""
+
+    def __init__(
+        self, step: str, pace: Callable[[], str] = lambda: "", clock: Clock = time.monotonic
+    ) -> None:
+        self.step = step
+        self.share: float | None = None
+        self._pace, self._clock = pace, clock
+        self._began = clock()
+
+    def text(self) -> str:
+        """Format the step in one line, with the time that has passed."""
+        share = "" if self.share is None else f", {100 * self.share:.0f} %"
+        return f"{self.step}{self._pace()}{share} ({self._clock() - self._began:.0f} s so far)"
+
+    def __rich__(self) -> "RenderableType":
+        """Draw the step with a bar."""
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+        from rich.text import Text
+
+        if self.share is None:
+            return Text(self.text())
+        line = Table.grid(padding=(0, 1))
+        bar = ProgressBar(total=1.0, completed=self.share, width=BAR_WIDTH)
+        line.add_row(bar, Text(self.text()))
+        return line
+
+
+@contextmanager
+def steps(*, every: float = EVERY) -> Generator[Callable[[str], None]]:
+    """Yield a function that shows the step at work, with a bar for every log that is read."""
+    from rotorfit.logs.progress import watched
+
+    status = _Status("starting")
+    step = status.step
+
+    def report(new_step: str) -> None:
+        nonlocal step
+        step, status.step, status.share = new_step, new_step, None
+
+    def report_reading(path: Path, done: float) -> None:
+        if done >= 1.0:
+            status.step, status.share = step, None
+        else:
+            status.step, status.share = f"reading {path.name}", done
+
+    with _shown(status, every), watched(report_reading):
+        yield report
+
+
+@contextmanager
+def quiet_steps() -> Generator[Callable[[str], None]]:
+    """Show the step at work, without warnings: the result has them already."""
+    with warnings.catch_warnings(), steps() as report:
+        warnings.simplefilter("ignore", RotorfitWarning)
+        yield report
+
+
+@contextmanager
+def counted(step: str) -> Generator[Callable[[int, int], None]]:
+    """Yield a function that shows how many of how many are done."""
+    status = _Status(step)
+
+    def report(done: int, total: int) -> None:
+        status.step, status.share = f"{step}, {done} of {total}", done / total
+
+    with _shown(status):
+        yield report
+
+
+@contextmanager
+def paced(
+    step: str, *, every: float = EVERY, clock: Clock = time.monotonic
+) -> Generator[Callable[[int, int], None]]:
+    """Yield a function that shows how many of how many are done, how fast, and how long it takes.
+
+    The pace is until now, not until the last that was done: one may take long.
+    """
+    recent, left = deque([(clock(), 0)]), 0
+
+    def pace() -> str:
+        (first, before), (_, done) = recent[0], recent[-1]
+        rate = (done - before) / max(clock() - first, 1e-3)
+        if rate <= 0.0:
+            return ""
+        speed = f"{rate:.1f} a second" if rate >= 0.5 else f"{60 * rate:.1f} a minute"
+        return f", {speed}, {_remaining(left / rate)}"
+
+    status = _Status(step, pace, clock)
+
+    def report(done: int, total: int) -> None:
+        nonlocal left
+        recent.append((clock(), done))
+        while len(recent) > 2 and recent[-1][0] - recent[0][0] > WINDOW:
+            recent.popleft()
+        left = total - done
+        status.step, status.share = f"{step}, {done} of {total}", done / total
+
+    with _shown(status, every):
+        yield report
+
+
+def _remaining(seconds: float) -> str:
+    """Format roughly how long it still takes."""
+    if seconds < 90.0:
+        return f"about {seconds:.0f} s left"
+    if seconds < 5400.0:
+        return f"about {seconds / 60:.0f} min left"
+    return f"about {seconds / 3600:.1f} h left"
+
+
+@contextmanager
+def _shown(status: _Status, every: float = EVERY) -> Generator[None]:
+    """Show the status meanwhile: on a terminal with rich, elsewhere as plain lines."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+
+        with Console(stderr=True).status(status):
+            yield
+        return
+    ended = Event()
+    lines = Thread(target=_plain_lines, args=(status, ended, every), daemon=True)
+    lines.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        lines.join()
+
+
+def _plain_lines(status: _Status, ended: Event, every: float) -> None:
+    while not ended.wait(every):
+        print_status(f"rotorfit: {status.text()}")

@@ -2,16 +2,13 @@
 
 import json
 import textwrap
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rotorfit.cli.options import AsJson, End, LogNumber, ResultFile, Start
-from rotorfit.cli.progress import steps
-from rotorfit.cli.terminal import print_result, terminal_width
-from rotorfit.errors import RotorfitWarning
+from rotorfit.cli.terminal import print_result, quiet_steps, terminal_width
 
 if TYPE_CHECKING:
     from rotorfit.validation.wrench_comparison import WrenchComparison
@@ -43,8 +40,7 @@ def validate(
 
     loaded = load_sound(result)
     comparisons: list[WrenchComparison] = []
-    with warnings.catch_warnings(), steps() as report_progress:
-        warnings.simplefilter("ignore", RotorfitWarning)
+    with quiet_steps() as report_progress:
         for flight in flights:
             report_progress(f"reading {flight.name}")
             comparison = validate_file(
@@ -59,7 +55,7 @@ def validate(
 
 def validation_text(comparisons: "list[WrenchComparison]") -> str:
     """Format the relative errors as a table, in percent."""
-    from rotorfit.report.number_words import NOTHING_PREDICTED, PREDICTED_WELL
+    from rotorfit.report.parameters import NOTHING_PREDICTED, PREDICTED_WELL
     from rotorfit.validation.wrench_comparison import SHOWN
 
     width = max(len(c.flight) for c in comparisons)

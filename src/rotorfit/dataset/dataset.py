@@ -34,7 +34,7 @@ from rotorfit.model.regressor import Regressor
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.decimate import AsRecorded, as_recorded, decimated
 from rotorfit.preprocessing.imu_tilt import ImuTilt, levelled
-from rotorfit.preprocessing.mocap.joined_poses import with_poses
+from rotorfit.preprocessing.mocap.align import with_poses
 from rotorfit.preprocessing.mocap.prepare_mocap import prepare_mocap
 from rotorfit.preprocessing.motors.command_response import (
     MeasuredResponse,

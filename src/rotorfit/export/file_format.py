@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -74,6 +75,11 @@ def identifier(name: str) -> str:
     """Make a name that every target takes for a model: letters, digits and underscores."""
     plain = "".join(c if c.isascii() and c.isalnum() else "_" for c in name).strip("_")
     return plain if plain and not plain[0].isdigit() else f"vehicle_{plain}".rstrip("_")
+
+
+def template_text(name: str) -> str:
+    """Read the part of a file that is the same for every vehicle."""
+    return (Path(__file__).parent / "templates" / name).read_text(encoding="utf-8")
 
 
 def with_notes(head: Sequence[str], *remarks: str) -> list[str]:

@@ -16,33 +16,13 @@ the package index: its class is evaluated in the tests by its own formulas.
 """
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from rotorfit.export.file_format import hash_comment, with_notes
+from rotorfit.export.file_format import hash_comment, template_text, with_notes
 from rotorfit.export.variants import Variants
 from rotorfit.export.vehicle import VehicleModel
-
-_USE: Final = '''
-
-def event_terms(asset_cfg):
-    """Return the terms of an event manager, for a SceneEntityCfg of the vehicle's body."""
-    from isaaclab.envs import mdp
-    from isaaclab.managers import EventTermCfg
-
-    missing = [term["func"] for term in EVENTS.values() if not hasattr(mdp, term["func"])]
-    if missing:
-        raise ImportError(f"this Isaac Lab has no {missing}: update it, or delete it from EVENTS")
-    return {
-        name: EventTermCfg(
-            func=getattr(mdp, term["func"]),
-            mode="startup",
-            params={"asset_cfg": asset_cfg, **term["params"]},
-        )
-        for name, term in EVENTS.items()
-    }
-'''
 
 
 def write_isaac_lab(found: Variants, head: Sequence[str]) -> bytes:
@@ -60,7 +40,7 @@ def write_isaac_lab(found: Variants, head: Sequence[str]) -> bytes:
         "the inertia term needs an Isaac Lab with randomize_rigid_body_inertia (2.3 has none)",
     )
     body = f"\nEVENTS = {_written(_events(found))}\n\nTHRUSTER = {_written(_thruster(found))}\n"
-    return (hash_comment(remarks) + body + _USE).encode()
+    return (hash_comment(remarks) + body + template_text("isaac_lab_events.py.txt")).encode()
 
 
 def _events(found: Variants) -> dict[str, Any]:

@@ -15,9 +15,8 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from rotorfit.errors import OutputError
-from rotorfit.export.effectiveness import effectiveness, spread
 from rotorfit.export.file_format import text, with_notes, xml_comment
-from rotorfit.export.vehicle import VehicleModel
+from rotorfit.export.vehicle import VehicleModel, effectiveness, spread
 from rotorfit.preprocessing.motors.thrust_curve import speeds
 
 FULL: Final = 9600.0

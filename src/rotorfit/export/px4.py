@@ -1,4 +1,4 @@
-"""PX4 parameters, as QGroundControl loads and saves them.
+"""PX4: parameters as QGroundControl loads and saves them, its own simulation, its setpoints.
 
 Sources, PX4-Autopilot: src/modules/control_allocator/module.yaml (CA_ROTORn_*: positions in body
 axes FRD; KM: torque = KM thrust, positive for ccw; CT: thrust = CT u^2) and
@@ -7,16 +7,36 @@ from the CoM, and AX, AY, AZ point along the thrust); src/lib/mixer_module/funct
 FunctionMotors.hpp (THR_MDL_FAC: thrust = f x^2 + (1 - f) x); init.d-posix/airframes/4001_gz_x500
 (SIM_GZ_EC_*: the output from MIN to MAX is the rotor speed in rad/s). Types of parameters: 6
 integer, 9 float (MAVLink MAV_PARAM_TYPE).
+
+Newton and newton metre per unit of vehicle_thrust_setpoint and vehicle_torque_setpoint: also
+ControlAllocationPseudoInverse.cpp (the pseudo-inverse of that matrix, its
+columns scaled: roll and pitch together by the larger of |column| / sqrt(rotors / 2), yaw by its
+largest element, thrust by its mean; elements below 1e-3 are 0); what the allocation asks
+of a motor is thrust over full thrust.
+
+Simulation in hardware, SIH_* of a quadrotor: src/modules/simulation/simulator_sih (sih_params,
+sih.cpp): thrust = T_MAX u
+and torque = Q_MAX u for a motor signal u from 0 to 1 that follows its command with T_TAU; roll
+moment L_ROLL T_MAX (-u0 + u1 + u2 - u3), pitch L_PITCH T_MAX (u0 - u1 + u2 - u3), yaw Q_MAX
+(u0 + u1 - u2 - u3), body axes FRD: motors front right ccw, rear left ccw, front left cw, rear right
+cw, even about the CoM.
 """
 
+import json
 from collections.abc import Sequence
+from itertools import permutations
+from typing import Any, Final
 
 import numpy as np
+from jaxtyping import Float
 
 from rotorfit.errors import OutputError
-from rotorfit.export.file_format import frd, hash_comment, text, with_notes
-from rotorfit.export.vehicle import VehicleModel
+from rotorfit.export.file_format import elements, frd, hash_comment, inertia_frd, text, with_notes
+from rotorfit.export.targets import TARGETS
+from rotorfit.export.vehicle import Spread, VehicleModel, refuse_no_lag, spread
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw
+from rotorfit.model.terms.air import DRAG_NAMES, TURN_DAMPING
+from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.motors.thrust_curve import ThrustCurve, speeds, thrust_curve
 
 MOST_ROTORS = 12
@@ -171,3 +191,167 @@ def _simulation_remarks(model: VehicleModel) -> list[str]:
             f"to {linear.factor:.3g} there{escs}"
         )
     return remarks
+
+
+ROLL, PITCH, YAW, FORWARD, RIGHT, DOWN = range(6)
+ROWS: Final = {
+    **dict.fromkeys(("roll", "pitch", "yaw"), "N m per unit"),
+    "thrust": "N per unit",
+    "hover_thrust_setpoint": "1, upwards",
+}
+SMALL: Final = 1e-3
+"""Elements of the mix below this count as zero in PX4."""
+
+
+def write_px4_setpoints(
+    model: VehicleModel, head: Sequence[str], drawn: Sequence[VehicleModel] = ()
+) -> str:
+    """Write as JSON what a unit of each setpoint is, with intervals."""
+    found = spread(_per_unit, model, drawn)
+    curve = None if model.law is None else thrust_curve(model.law)
+    about = with_notes(
+        head,
+        "for PX4 with the CA_ROTOR parameters of rotorfit export --to px4; body axes FRD",
+        "vehicle_thrust_setpoint.xyz[2] = -F / thrust (F: newton upwards); "
+        "vehicle_torque_setpoint.xyz = torque / (roll, pitch, yaw); until a motor is at 0 or 1",
+        "THR_MDL_FAC has to be as here: a motor's thrust is proportional to what is asked of it"
+        + (
+            "; no law is known, rotor speed is taken as proportional to the command"
+            if curve is None
+            else f", within {100 * curve.error:.2g} % of full thrust"
+        ),
+    )
+    plain: dict[str, Any] = {
+        "about": about,
+        **{name: _entry(found, i, unit) for i, (name, unit) in enumerate(ROWS.items())},
+        "thr_mdl_fac": 1.0 if curve is None else round(curve.factor, 6),
+    }
+    return json.dumps(plain, indent=1, allow_nan=False) + "\n"
+
+
+def _entry(found: Spread, i: int, unit: str) -> dict[str, Any]:
+    ends = (found.low, found.high)
+    interval = [_digits(end[i, 0]) for end in ends if end is not None]
+    return {"value": _digits(found.value[i, 0]), "interval": interval or None, "unit": unit}
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def newton_per_unit(model: VehicleModel) -> Float[np.ndarray, " 4"]:
+    """Compute torque about x, y, z [N m] and thrust [N] of one unit of their setpoints."""
+    full = np.array([rotor.kt for rotor in model.rotors]) * model.max_speed**2
+    per_newton = _wrench_per_newton(model)
+    # PX4 knows the rotors by CT, in newtons, or takes them for equal.
+    coefficients = full if has_coefficients(model) else np.ones_like(full)
+    mix = scaled_mix(per_newton * coefficients)
+    unit = np.diag(per_newton * full @ mix)
+    return np.array([unit[ROLL], unit[PITCH], unit[YAW], unit[DOWN]])
+
+
+def _per_unit(model: VehicleModel) -> Float[np.ndarray, "5 1"]:
+    units = newton_per_unit(model)
+    return np.array([*units, model.mass * GRAVITY / units[3]])[:, None]
+
+
+def _wrench_per_newton(model: VehicleModel) -> Float[np.ndarray, "6 N"]:
+    """Compute torque and force of each rotor per newton of its thrust, FRD."""
+    axes = frd(np.array([rotor.axis for rotor in model.rotors]))
+    ratios = np.array([rotor.spin * model.kd / rotor.kt for rotor in model.rotors])[:, None]
+    return np.hstack([np.cross(frd(model.arms), axes) - ratios * axes, axes]).T
+
+
+def scaled_mix(effect: Float[np.ndarray, "6 N"]) -> Float[np.ndarray, "N 6"]:
+    """Compute PX4's mix of a matrix of effectiveness: what each motor is asked per unit."""
+    mix = np.linalg.pinv(effect, rcond=1e-6)
+    counts = [max(int((np.abs(mix[:, i]) > SMALL).sum()), 1) for i in (ROLL, PITCH)]
+    norms = [
+        float(np.linalg.norm(mix[:, i]) / np.sqrt(count / 2.0))
+        for i, count in zip((ROLL, PITCH), counts, strict=True)
+    ]
+    scale = np.ones(6)
+    scale[[ROLL, PITCH]] = max(norms)
+    scale[YAW] = mix[:, YAW].max()
+    for i in (DOWN, RIGHT, FORWARD):
+        used = np.abs(mix[:, i]) > np.finfo(np.float32).eps
+        scale[i] = np.abs(mix[:, i]).sum() / used.sum() if used.any() else scale[DOWN]
+    mix = mix / np.where(scale > np.finfo(np.float32).eps, scale, 1.0)
+    return np.where(np.abs(mix) < SMALL, 0.0, mix)
+
+
+SEATS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0), (-1.0, -1.0, -1.0))
+"""Of SIH's motors, FLU: sign of x, sign of y, spin."""
+
+
+def write_px4_sih(model: VehicleModel, head: Sequence[str]) -> str:
+    """Write the parameters of PX4's own quadrotor simulation."""
+    refuse_no_lag(model, "SIH")
+    _refuse_other_layouts(model)
+    full = model.kt * model.max_speed**2
+    arms = np.abs(model.arms[:, :2]).mean(axis=0)
+    inertia = elements(inertia_frd(model.inertia_com))
+    names = ("SIH_IXX", "SIH_IYY", "SIH_IZZ", "SIH_IXY", "SIH_IXZ", "SIH_IYZ")
+    parameters: list[Parameter] = [
+        ("SIH_VEHICLE_TYPE", 0.0, INTEGER),
+        ("SIH_MASS", model.mass, FLOAT),
+        *((name, value, FLOAT) for name, value in zip(names, inertia, strict=True)),
+        ("SIH_T_MAX", full, FLOAT),
+        ("SIH_Q_MAX", model.kd * model.max_speed**2, FLOAT),
+        ("SIH_L_ROLL", float(arms[1]), FLOAT),
+        ("SIH_L_PITCH", float(arms[0]), FLOAT),
+        ("SIH_T_TAU", model.mean_lag, FLOAT),
+        ("SIH_KDV", float(np.mean([model.air.get(name, 0.0) for name in DRAG_NAMES])), FLOAT),
+        ("SIH_KDW", float(np.mean(_damping(model))), FLOAT),
+        ("THR_MDL_FAC", 0.0, FLOAT),
+        *hover_parameter(model),
+    ]
+    return params_file(with_notes(head, *_remarks(model)), parameters)
+
+
+def _damping(model: VehicleModel) -> list[float]:
+    """Collect the damping of roll, pitch and yaw [N m s], the last from the rotors in hover."""
+    carried = model.hover_speed * float((model.arms[:, :2] ** 2).sum())
+    return [
+        *(model.air.get(name, 0.0) for name in TURN_DAMPING.names),
+        model.air.get("rotor_drag", 0.0) * carried,
+    ]
+
+
+def _remarks(model: VehicleModel) -> list[str]:
+    off = 1e3 * (np.array([r.position for r in model.rotors]).mean(axis=0) - model.com)
+    return [
+        "inertia about the CoM in body axes FRD: the signs of xy and xz are opposite to the above",
+        "SIH_T_MAX = kt max_speed^2, SIH_Q_MAX = kd max_speed^2; thrust is proportional to the "
+        "motor signal in SIH, for which THR_MDL_FAC is 0",
+        "SIH puts the CoM in the middle of the rotors; here the rotors' middle is "
+        f"{off[0]:.2g} mm forward and {off[1]:.2g} mm left of it, which SIH leaves out; as are Jr "
+        "and differences between rotors",
+        "SIH_T_TAU acts on thrust there, in steps of SIH's loop: the lag that flies is half a step "
+        "shorter (2 ms at 250 Hz)",
+        _air_remark(model),
+    ]
+
+
+def _air_remark(model: VehicleModel) -> str:
+    known = [name for name in TARGETS["px4-sih"].terms if name in model.air]
+    if not known:
+        return "SIH_KDV and SIH_KDW (drag and damping) are 0: these flights do not show them"
+    return (
+        "SIH_KDV is the mean of drag along the three axes, SIH_KDW that of damping about them, "
+        f"0 where these flights show none ({', '.join(known)} are shown)"
+    )
+
+
+def _refuse_other_layouts(model: VehicleModel) -> None:
+    """Raise unless the rotors, in any order, are those of SIH's quadrotor."""
+    arms = model.arms_from_middle
+    seats = [
+        (float(np.sign(round(x, 6))), float(np.sign(round(y, 6))), rotor.spin)
+        for (x, y, _), rotor in zip(arms.tolist(), model.rotors, strict=True)
+    ]
+    if not model.vertical or tuple(seats) not in set(permutations(SEATS)):
+        raise OutputError(
+            "SIH simulates a quadrotor in X with front right and rear left ccw and upright rotors; "
+            "these rotors are others: export to gazebo or mujoco instead"
+        )

@@ -32,7 +32,7 @@ def flight_comparisons(
 
 
 def columns_of(comparison: WrenchComparison, result: IdentificationResult) -> Columns:
-    """Return body wrench, rotor wrench and their difference, of the components that are known.
+    """Tabulate body wrench, rotor wrench and their difference, of the components that are known.
 
     Per kilogram, and named so, where the mass is unknown.
     """
@@ -63,7 +63,7 @@ def table_files(path: Path, comparisons: Sequence[WrenchComparison]) -> list[Pat
 
 
 def csv_text(columns: Columns) -> str:
-    """Return columns as CSV."""
+    """Write columns as CSV."""
     rows = np.column_stack(list(columns.values()))
     lines = [",".join(columns)]
     lines += [",".join(f"{value:.9g}" for value in row) for row in rows.tolist()]
@@ -71,7 +71,7 @@ def csv_text(columns: Columns) -> str:
 
 
 def parquet_bytes(columns: Columns, head: Sequence[str]) -> bytes:
-    """Return columns as Parquet, the head of the file as metadata ``rotorfit``.
+    """Write columns as Parquet, the head of the file as metadata ``rotorfit``.
 
     Raises
     ------

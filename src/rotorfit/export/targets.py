@@ -1,11 +1,13 @@
-"""The targets of `rotorfit export`: the one table of their names, needs, writers and consumers.
+"""The targets of `rotorfit export`: names, and the table `targets.toml` of needs and writers.
 
 The command line and the page offer the names at once; a writer is imported when its file is made.
 """
 
-from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Final, Literal
 
 TargetName = Literal[
@@ -40,9 +42,11 @@ ROTORS: Final = ("kt", "kd", "Izz_com")
 LAG: Final = ("motor_lag",)
 SPEED: Final = ("max_speed",)
 ALL: Final = (*BODY, *ROTORS, *LAG, *SPEED)
+_GROUPS: Final = dict(MASS=MASS, BODY=BODY, ROTORS=ROTORS, LAG=LAG, SPEED=SPEED, ALL=ALL)
+"""By their names in the file."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
     """A kind of file.
 
@@ -69,125 +73,23 @@ class Target:
     title: str
     consumer: str
     suffix: str
-    _: KW_ONLY
     needs: tuple[str, ...]
     module: str
     speed: Speed = "rad/s"
-    terms: tuple[str, ...] = ()
+    terms: Sequence[str] = ()
     intervals: bool = False
 
 
-TARGETS: Final[Mapping[TargetName, Target]] = {
-    "gazebo": Target("Gazebo: a whole model (SDF)", "gz-sim", ".sdf", needs=ALL, module="gazebo"),
-    "gazebo-motors": Target(
-        "Gazebo: motor plugins to paste into a model",
-        "gz-sim",
-        ".xml",
-        needs=(*ROTORS, *LAG, *SPEED),
-        module="gazebo",
-    ),
-    "px4": Target(
-        "PX4: control allocation and thrust curve",
-        "PX4",
-        ".params",
-        needs=(*MASS, *ROTORS),
-        module="px4",
-        speed="full-command",
-    ),
-    "px4-sih": Target(
-        "PX4: simulation in hardware",
-        "PX4",
-        ".params",
-        needs=ALL,
-        module="px4_sih",
-        speed="full-command",
-        terms=("drag_x", "drag_y", "drag_z", "turn_damping_x", "turn_damping_y", "rotor_drag"),
-    ),
-    "px4-setpoints": Target(
-        "PX4: newton per unit of the setpoints",
-        "PX4",
-        ".json",
-        needs=(*MASS, *ROTORS, *SPEED),
-        module="px4_setpoints",
-        speed="full-command",
-        intervals=True,
-    ),
-    "mujoco": Target("MuJoCo: MJCF", "MuJoCo", ".xml", needs=ALL, module="mjcf"),
-    "urdf": Target(
-        "URDF, gym-pybullet-drones",
-        "gym-pybullet-drones",
-        ".urdf",
-        needs=(*BODY, *ROTORS),
-        module="urdf",
-    ),
-    "rotorpy": Target("RotorPy: quad_params", "RotorPy", ".py", needs=ALL, module="rotorpy"),
-    "ardupilot": Target(
-        "ArduPilot: thrust curve and hover throttle",
-        "ArduPilot",
-        ".parm",
-        needs=("mass", *ROTORS, *SPEED),
-        module="ardupilot",
-    ),
-    "ardupilot-sitl": Target(
-        "ArduPilot: frame of its simulator",
-        "ArduPilot",
-        ".json",
-        needs=(*BODY, *ROTORS),
-        module="ardupilot",
-        speed="full-command",
-    ),
-    "betaflight": Target(
-        "Betaflight: thrust_linear", "Betaflight", ".txt", needs=SPEED, module="betaflight"
-    ),
-    "indiflight": Target(
-        "INDIflight: control effectiveness",
-        "INDIflight",
-        ".txt",
-        needs=(*BODY, *ROTORS, *SPEED),
-        module="indiflight",
-        intervals=True,
-    ),
-    "paparazzi": Target(
-        "Paparazzi: control effectiveness",
-        "Paparazzi",
-        ".xml",
-        needs=(*BODY, *ROTORS, *SPEED),
-        module="paparazzi",
-        intervals=True,
-    ),
-    "crazyflow": Target(
-        "Crazyflow: params.toml", "Crazyflow", ".toml", needs=ALL, module="crazyflow"
-    ),
-    "casadi": Target(
-        "CasADi: dynamics in Python", "CasADi", ".py", needs=(*BODY, *ROTORS, *LAG), module="casadi"
-    ),
-}
-RANDOM_TARGETS: Final[Mapping[RandomTargetName, Target]] = {
-    "samples": Target(
-        "Vehicles drawn from the result (NumPy arrays)",
-        "NumPy",
-        ".npz",
-        needs=(*BODY, *ROTORS),
-        module="samples",
-    ),
-    "isaac-lab": Target(
-        "Isaac Lab: ranges to randomise", "Isaac Lab", ".py", needs=ALL, module="isaac_sim"
-    ),
-    "pegasus": Target(
-        "Pegasus: drawn vehicles",
-        "Pegasus",
-        ".py",
-        needs=(*BODY, *ROTORS, *SPEED),
-        module="isaac_sim",
-    ),
-    "crazyflow-worlds": Target(
-        "Crazyflow: drawn worlds",
-        "Crazyflow",
-        ".npz",
-        needs=(*BODY, *ROTORS, *LAG),
-        module="crazyflow",
-    ),
-}
+def _targets(kind: str) -> dict[Any, Target]:
+    """Read the targets of vehicles or of random ones, their groups of needs written out."""
+    rows = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))[kind]
+    for row in rows.values():
+        row["needs"] = tuple(name for one in row["needs"] for name in _GROUPS.get(one, (one,)))
+    return {name: Target(**row) for name, row in rows.items()}
+
+
+TARGETS: Final[Mapping[TargetName, Target]] = _targets("vehicle")
+RANDOM_TARGETS: Final[Mapping[RandomTargetName, Target]] = _targets("random")
 OFFERED: Final[Mapping[str, Target]] = {**TARGETS, **RANDOM_TARGETS}
 """What can be made of a result alone, without its flights."""
 

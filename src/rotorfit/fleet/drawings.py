@@ -10,7 +10,7 @@ from jaxtyping import Float
 from rotorfit.fleet.changes import NORMAL_95
 from rotorfit.fleet.compared import IN_METRES
 from rotorfit.fleet.statistics import NumberStatistics
-from rotorfit.report.svg import decimal, drawing, label, tag, text, tick_label, ticks
+from rotorfit.report.pages import decimal, drawing, label, tag, text, tick_label, ticks
 
 MOST_POINTS: Final = 60
 """Of a drawing; more flights are put together, neighbours in time."""
@@ -97,7 +97,7 @@ def small_svg(number: NumberStatistics, place: int, scale: Scale, name: str) -> 
 
 
 def mark_class(number: NumberStatistics, place: int) -> str:
-    """Return how a vehicle is marked: an outlier, changed, or like the others."""
+    """Choose how a vehicle is marked: an outlier, changed, or like the others."""
     return "apart" if number.outlying[place] else "changed" if number.changes[place] else "like"
 
 

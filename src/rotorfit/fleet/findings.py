@@ -17,7 +17,7 @@ from rotorfit.fleet.compared import IN_METRES, ROTORS, THRUST
 from rotorfit.fleet.records import KT_WEIGHT, TRIM, FlightRecord
 from rotorfit.fleet.statistics import FleetStatistics, LoadingDifference, NumberStatistics
 from rotorfit.logs.files import file_name
-from rotorfit.report.number_words import TITLES, title_of
+from rotorfit.report.parameters import TITLES, title_of
 
 CHANGE: Final = "change"
 OUTLIER: Final = "apart"

@@ -25,8 +25,8 @@ from rotorfit.fleet.records import FlightRecord, RefusedLog
 from rotorfit.fleet.statistics import FleetStatistics, NumberStatistics
 from rotorfit.formatting.digits import number_of
 from rotorfit.logs.files import file_name
-from rotorfit.report.number_words import unit_words
 from rotorfit.report.pages import render_page
+from rotorfit.report.parameters import unit_words
 
 Rendered = dict[str, object]
 """Part of the page, by the names of its template."""
@@ -171,7 +171,7 @@ def _sections(statistics: FleetStatistics, found: Sequence[VehicleFinding]) -> l
 def _section(
     number: NumberStatistics, names: Sequence[str], first: Sequence[int], most: int
 ) -> Rendered:
-    """Return small drawings of one number, one a vehicle."""
+    """Draw small charts of one number, one a vehicle."""
     scale = scale_of(number)
     order = sorted(number.vehicles, key=lambda v: (v not in first, v))[:most]
     order.sort()

@@ -28,7 +28,7 @@ Columns = dict[str, list[Any]]
 
 
 def has_parquet() -> bool:
-    """Return whether tables can be written as Parquet."""
+    """Test whether tables can be written as Parquet."""
     return find_spec("pyarrow") is not None
 
 

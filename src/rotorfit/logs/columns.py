@@ -91,7 +91,7 @@ _LISTED_COLUMNS: Final = 12
 
 
 def quantity_of(canonical: str) -> Quantity | None:
-    """Return what a canonical name stands for; None if the name is not canonical."""
+    """Find the quantity of a canonical name; None if the name is not canonical."""
     numbered = _NUMBERED.fullmatch(canonical)
     return ROTORS[numbered[1]][1] if numbered else _QUANTITIES.get(canonical)
 
@@ -134,7 +134,7 @@ def resolve(
 def complete_groups(
     resolved: Iterable[str], mapped: Iterable[str]
 ) -> tuple[list[Group], list[str]]:
-    """Return the groups with all their columns, and a note on each one left out."""
+    """Select the groups with all their columns, and a note on each one left out."""
     have, asked = set(resolved), set(mapped)
     groups: list[Group] = []
     notes: list[str] = []
@@ -168,7 +168,7 @@ def _one_attitude(
 
 
 def _rotor_groups(names: Iterable[str]) -> list[Group]:
-    """Return the numbered groups, from 1 to the highest number that occurs."""
+    """Select the numbered groups, from 1 to the highest number that occurs."""
     highest: dict[str, int] = {}
     for name in names:
         if numbered := _NUMBERED.fullmatch(name):
@@ -235,7 +235,7 @@ def _suggestion(in_file: Sequence[str]) -> str:
 
 
 def _nearest(canonical: str, in_file: Sequence[str]) -> str | None:
-    """Return the file's column that most likely holds a canonical quantity."""
+    """Find the file's column that most likely holds a canonical quantity."""
     lowered = {name.lower(): name for name in reversed(in_file)}
     for candidate in (canonical, *_OTHER_NAMES.get(canonical, ())):
         if candidate in lowered:

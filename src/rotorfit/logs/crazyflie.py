@@ -138,7 +138,11 @@ def read_crazyflie(path: Path, *, event: str | None = None) -> FlightLog:
         format="crazyflie",
         channels={name: one.channel for name, one in found.items()},
         seconds=float(recording.time[-1] - recording.time[0]),
-        metadata=_metadata(records, chosen),
+        metadata={
+            "log version": str(records.header.version),
+            "event": ascii(chosen.name)[1:-1],
+            "events recorded": _event_counts(records),
+        },
         notes=_notes(recording, found),
         warnings=_damage(records, unordered),
         circumstances=_circumstances(recording),
@@ -363,14 +367,6 @@ def _no_channels(recording: _Recording, event: Event) -> str:
 def _listed(names: list[str]) -> str:
     more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     return ", ".join(names[:_LISTED]) + more
-
-
-def _metadata(records: Records, event: Event) -> dict[str, str]:
-    return {
-        "log version": str(records.header.version),
-        "event": ascii(event.name)[1:-1],
-        "events recorded": _event_counts(records),
-    }
 
 
 def _circumstances(recording: _Recording) -> Circumstances:

@@ -82,7 +82,7 @@ def read_head(path: Path, size: int) -> bytes:
 
 
 def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file."""
+    """Compute the SHA-256 of a file."""
     read_head(path, 1)  # refuses what cannot be read
     try:
         with path.open("rb") as file:

@@ -146,7 +146,7 @@ class Circumstances:
 def in_air(
     pressure: Float[np.ndarray, " n"], temperature: Float[np.ndarray, " n"]
 ) -> tuple[float | None, float | None]:
-    """Return the medians of pressure [Pa] and temperature [K] where they can be those of air."""
+    """Compute the medians of pressure [Pa] and temperature [K] where they can be those of air."""
     good = (pressure > 2e4) & (pressure < 1.2e5) & (temperature > 220.0) & (temperature < 350.0)
     if not good.any():
         return None, None
@@ -262,7 +262,7 @@ def _columns(name: str, channel: Channel) -> list[str]:
 
 
 def _sheet(log: FlightLog) -> Sheet:
-    """Return what a log shows of itself: its channels and how often each was sampled."""
+    """Tabulate a log: its channels and how often each was sampled."""
     which = f", log {log.log_number} of {log.logs_in_file}" if log.logs_in_file > 1 else ""
     return Sheet(
         heading=f"{log.path.name}{which}: {log.format}, {log.seconds:.1f} s",
@@ -305,5 +305,5 @@ LEAVES_OUT: Final[dict[str, str]] = {
 
 
 def simulated_sentence(simulator: str) -> str:
-    """Return that a flight is none of a real vehicle, and what its simulator leaves out."""
+    """State that a flight is none of a real vehicle, and what its simulator leaves out."""
     return f"flown in {simulator}, a simulator: {LEAVES_OUT[simulator]}"

@@ -130,7 +130,7 @@ def logs_in_file(path: Path) -> tuple[LogEntry, ...]:
 
 
 def kind_of(path: Path) -> str | None:
-    """Return what a file is, in words: a flight log, or one of rotorfit's own; None if neither.
+    """Name the kind of a file: a flight log, or one of rotorfit's own; None if neither.
 
     Never raises: it is asked when something else is wrong already.
     """

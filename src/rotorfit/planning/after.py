@@ -305,7 +305,7 @@ def _planned_over_found(result: IdentificationResult, name: str, problem: Proble
 def _ratio_information(
     result: IdentificationResult, configuration: str, problem: Problem
 ) -> Float[np.ndarray, "f f"]:
-    """Return the information of k_d / Izz and J_r / Izz where they are not known separately."""
+    """Compute the information of k_d / Izz and J_r / Izz where they are not known separately."""
     names, phi = problem.mapped.names, problem.phi
     total = np.zeros((len(names), len(names)))
     Izz = names.index(f"Izz@{BARE}")

@@ -33,14 +33,15 @@ from rotorfit.fit.joint.joint_problem import NOISY, JointConfiguration, joint_pr
 from rotorfit.model.parameters import EVERY, SHARED
 from rotorfit.model.regressor import regressor
 from rotorfit.model.terms.term import Size
-from rotorfit.planning.noise import (
+from rotorfit.planning.vehicle import (
     REFERENCE_RATE,
     Assumptions,
+    RoughVehicle,
     disturbance_std,
     hover_speed,
+    loaded,
     row_variances,
 )
-from rotorfit.planning.vehicle import RoughVehicle, loaded
 from rotorfit.preprocessing.flight_data import FlightData
 from rotorfit.reduction.frequency_bands import EDGES, PILOT_BAND, STRETCH
 from rotorfit.reduction.reduce import BandPlan, band_factors
@@ -197,7 +198,7 @@ def fly(problem: Problem, manoeuvre: Manoeuvre, configuration: str) -> FlightDat
 
 
 def evidence(problem: Problem, data: FlightData, configuration: str) -> Evidence:
-    """Return what a second of an exact flight tells, on average."""
+    """Compute the mean information of a second of an exact flight."""
     c = [own.name for own in problem.configurations].index(configuration)
     own = problem.configurations[c]
     noisy = tuple(own.model.layout.index(name) for name in NOISY)
@@ -224,7 +225,7 @@ def combined(parts: Sequence[tuple[Evidence, float]]) -> Evidence:
 def predicted(
     problem: Problem, flown: Evidence, known: Float[np.ndarray, "f f"] | None = None
 ) -> Numbers:
-    """Return the numbers with the half-widths that `identify` would state.
+    """Compute the numbers with the half-widths that `identify` would state.
 
     Parameters
     ----------
@@ -253,7 +254,7 @@ def predicted(
 def bound(
     problem: Problem, flown: Evidence, known: Float[np.ndarray, "f f"] | None = None
 ) -> dict[str, float]:
-    """Return the Cramér-Rao standard deviation of every physical number."""
+    """Compute the Cramér-Rao standard deviation of every physical number."""
     covariance, jacobian = _covariance(problem, flown, known), problem.jacobian
     variance = np.einsum("if,fg,ig->i", jacobian, covariance, jacobian)
     std = np.sqrt(np.maximum(variance, 0.0)).tolist()
@@ -263,7 +264,7 @@ def bound(
 def _covariance(
     problem: Problem, flown: Evidence, known: Float[np.ndarray, "f f"] | None
 ) -> Float[np.ndarray, "f f"]:
-    """Return the inverse of all information, in units of each parameter's size."""
+    """Compute the inverse of all information, in units of each parameter's size."""
     total = flown.information + np.diag(prior_std(problem) ** -2.0)
     if known is not None:
         total = total + known
@@ -272,7 +273,7 @@ def _covariance(
 
 
 def prior_std(problem: Problem) -> Float[np.ndarray, " f"]:
-    """Return what the default estimate takes for known beforehand; else a vague deviation."""
+    """Collect the prior deviations of the default estimate, vague where it has none."""
     sizes = dict(zip(problem.mapped.names, problem.scale.tolist(), strict=True))
     # With nothing flown yet, the prior of what all share is that of the guessed vehicle.
     known = {name: sizes[name] for name in SHARED if name in sizes and EVERY[name].prior}
@@ -281,7 +282,7 @@ def prior_std(problem: Problem) -> Float[np.ndarray, " f"]:
 
 
 def _systematic(problem: Problem, numbers: Numbers) -> Float[np.ndarray, " q"]:
-    """Return half-widths for lack of excitation, and for the scale's step."""
+    """Compute half-widths for lack of excitation, and for the scale's step."""
     bare = problem.configurations[0]
     extra = np.zeros(len(numbers.names))
     for i, (name, value) in enumerate(zip(numbers.names, numbers.values.tolist(), strict=True)):
@@ -326,7 +327,7 @@ def _variances(problem: Problem, model: Linearised, factors: Factors) -> Float[n
 def _power(
     factors: Factors, variance: Float[np.ndarray, "b 6"], noisy: tuple[int, ...]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return explained and residual power of the angular accelerations where a pilot flies."""
+    """Compute explained and residual power of the angular accelerations where a pilot flies."""
     low, high = PILOT_BAND
     chosen = (factors.band[:, 1] > low) & (factors.band[:, 0] < high)
     R = factors.R[chosen][:, :, list(noisy[3:])]

@@ -37,10 +37,11 @@ from rotorfit.planning.bound import (
     planned_problem,
     predicted,
 )
-from rotorfit.planning.noise import Assumptions, assumptions_for
 from rotorfit.planning.vehicle import (
     GUESSABLE,
+    Assumptions,
     RoughVehicle,
+    assumptions_for,
     default_payload,
     payload_pair,
     rough_vehicle,
@@ -229,7 +230,7 @@ class _Study:
 
 
 def _sheet(plan: FlightPlan) -> Sheet:
-    """Return what a plan shows of itself: what to fly, and what each candidate would give."""
+    """Tabulate a plan: what to fly, and what each candidate would give."""
     outcome = "enough is known already" if plan.enough else f"fly {candidate_title(plan.chosen)}"
     reached = plan.enough or plan.recommended is not None
     return Sheet(

@@ -38,7 +38,7 @@ class Wanted:
         return self.worst(half_widths, values) <= 1.0
 
     def worst(self, half_widths: Mapping[str, float], values: Mapping[str, float]) -> float:
-        """Return the largest half-width in parts of its limit; what has no number is infinite."""
+        """Compute the largest half-width in parts of its limit; what has no number is infinite."""
         shares = [
             shown_width(name, half_widths.get(name, math.inf), values.get(name, 1.0)) / limit
             for name, limit in self.limits.items()
@@ -52,7 +52,7 @@ def shown_width(name: str, half_width: float, value: float) -> float:
 
 
 def wanted_accuracy(text: str) -> Wanted:
-    """Return the accuracy of words such as ``5`` or ``kd=2,Izz=3,com_x=1``.
+    """Parse the accuracy of words such as ``5`` or ``kd=2,Izz=3,com_x=1``.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Candidate:
 
 
 def worst(candidate: Candidate, wanted: Wanted) -> float:
-    """Return the largest half-width in parts of what is wanted."""
+    """Compute the largest half-width in parts of what is wanted."""
     numbers = candidate.numbers.values()
     return wanted.worst({n.name: n.half_width for n in numbers}, {n.name: n.value for n in numbers})
 

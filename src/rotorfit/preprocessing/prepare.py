@@ -45,7 +45,7 @@ from rotorfit.preprocessing.flight_checks import (
     refuse_wrong_gravity,
 )
 from rotorfit.preprocessing.flight_data import FlightData, Segment
-from rotorfit.preprocessing.mocap.pose_velocity import known_velocity
+from rotorfit.preprocessing.mocap.camera import known_velocity
 from rotorfit.preprocessing.motors.motor_model import (
     MotorModel,
     clock_jumps,

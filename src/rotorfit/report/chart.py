@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.formatting.series import Series, column_starts, extremes, middles
-from rotorfit.report.svg import (
+from rotorfit.report.pages import (
     drawing,
     label,
     labelled_ticks,

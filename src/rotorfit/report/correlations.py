@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
-from rotorfit.report.svg import drawing, label, tag, text
+from rotorfit.report.pages import drawing, label, tag, text
 from rotorfit.results.result import IdentificationResult
 from rotorfit.results.weak_directions import condition_words
 
@@ -65,7 +65,15 @@ def correlation_section(result: IdentificationResult) -> CorrelationSection:
         heat_map=heat_map(names, matrix) if 1 < len(names) <= MOST else None,
         pairs=_pairs(names, matrix),
         directions=_directions(names, matrix),
-        excitations=_excitations(result),
+        excitations=tuple(
+            Excitation(
+                axis=name.removeprefix("excitation_").replace("@", " "),
+                ratio=value,
+                enough=value >= LEAST_EXCITATION,
+            )
+            for name, value in result.diagnostics.items()
+            if name.startswith("excitation_") and math.isfinite(value)
+        ),
         conditions=_conditions(result),
     )
 
@@ -117,18 +125,6 @@ def _directions(names: list[str], matrix: Float[np.ndarray, "p p"]) -> tuple[Dir
         terms = tuple(f"{'+' if sign * vector[i] > 0 else '−'} {names[i]}" for i in main[:5])
         out.append(Direction(terms=terms, share=100.0 * value / len(names)))
     return tuple(out)
-
-
-def _excitations(result: IdentificationResult) -> tuple[Excitation, ...]:
-    return tuple(
-        Excitation(
-            axis=name.removeprefix("excitation_").replace("@", " "),
-            ratio=value,
-            enough=value >= LEAST_EXCITATION,
-        )
-        for name, value in result.diagnostics.items()
-        if name.startswith("excitation_") and math.isfinite(value)
-    )
 
 
 def _conditions(result: IdentificationResult) -> tuple[tuple[str, str], ...]:

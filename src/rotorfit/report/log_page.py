@@ -39,8 +39,8 @@ from rotorfit.report.chart import (
     time_axis,
 )
 from rotorfit.report.log_report import KNOW, sections, spans_phrase
-from rotorfit.report.number_words import unit_words
 from rotorfit.report.pages import render_page
+from rotorfit.report.parameters import unit_words
 
 TITLES: Final = {
     "gyro": "Gyro",

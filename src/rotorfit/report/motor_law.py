@@ -13,8 +13,8 @@ from rotorfit.experiment.law_table import speed_law_of
 from rotorfit.formatting.digits import Number, number_of
 from rotorfit.logs.speed_law import SpeedLaw
 from rotorfit.preprocessing.motors.thrust_curve import speeds
-from rotorfit.report.number_words import unit_words
-from rotorfit.report.svg import drawing, label, tag, text, tick_label, ticks
+from rotorfit.report.pages import drawing, label, tag, text, tick_label, ticks
+from rotorfit.report.parameters import unit_words
 from rotorfit.results.command_law import CommandLaw, LawPoint
 from rotorfit.results.result import IdentificationResult
 from rotorfit.validation.wrench_comparison import WrenchComparison

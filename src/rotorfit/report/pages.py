@@ -1,4 +1,4 @@
-"""Pages and drawings as files: templates filled with what is escaped, SVG, and PNG from it.
+"""Pages and drawings: templates filled with what is escaped, elements of SVG, and PNG from it.
 
 PNG comes from resvg (`pip install "rotorfit[figures]"`): one wheel of 3 MB without further
 dependencies. Matplotlib would draw everything a second time, and cairosvg needs the system's cairo.
@@ -6,14 +6,16 @@ dependencies. Matplotlib would draw everything a second time, and cairosvg needs
 
 import base64
 import hashlib
+import math
+import re
 from collections.abc import Mapping
 from functools import cache
+from html import escape
 from pathlib import Path
 from typing import Any, Final
 
 from rotorfit.errors import OutputError
 from rotorfit.logs.files import write_whole
-from rotorfit.report.svg import clean
 
 FOLDER: Final = Path(__file__).parent / "templates"
 HINT: Final = 'for PNG beside the SVG files: pip install "rotorfit[figures]"'
@@ -82,3 +84,93 @@ def _png(svg: str) -> bytes:
 
     render = import_module("resvg_py").svg_to_bytes
     return bytes(render(svg_string=svg, zoom=2, background="#ffffff"))
+
+
+NAMESPACE = "http://www.w3.org/2000/svg"
+Attributes = Mapping[str, str | float | int]
+
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def clean(words: str) -> str:
+    """Replace what neither XML nor UTF-8 can hold (control and half characters)."""
+    return _FORBIDDEN.sub("\ufffd", words)
+
+
+def tag(name: str, attributes: Attributes, *children: str) -> str:
+    """Write one element; children are elements already, or escaped text."""
+    inside = "".join(
+        f' {key}="{escape(clean(value)) if isinstance(value, str) else decimal(value)}"'
+        for key, value in attributes.items()
+    )
+    return f"<{name}{inside}>{''.join(children)}</{name}>" if children else f"<{name}{inside}/>"
+
+
+def text(words: str) -> str:
+    """Escape the text of an element."""
+    return escape(clean(words))
+
+
+def label(words: str, attributes: Attributes) -> str:
+    """Write a text element."""
+    return tag("text", attributes, text(words))
+
+
+def drawing(width: float, height: float, attributes: Attributes, *children: str) -> str:
+    """Write an SVG to stand inside a page; it scales with the width it is given."""
+    box = f"0 0 {decimal(width)} {decimal(height)}"
+    return tag("svg", {"viewBox": box, **attributes}, *children)
+
+
+def standalone(inline: str, style: str) -> str:
+    """Write an SVG of a page as a file of its own, with its style and a white ground."""
+    head, rest = inline.split(">", maxsplit=1)
+    box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', head)
+    size = (
+        ""
+        if box is None
+        else f' width="{box[1]}" height="{box[2]}" style="max-width:100%;height:auto"'
+    )
+    ground = '<rect width="100%" height="100%" fill="#fff"/>'
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n{head} xmlns="{NAMESPACE}"{size}>'
+        f"<style>{escape(style, quote=False)}</style>{ground}{rest}\n"
+    )
+
+
+def decimal(value: float | int) -> str:
+    """Write a coordinate with at most two decimals."""
+    digits = f"{value:.2f}".rstrip("0").rstrip(".")
+    return "0" if digits == "-0" else digits
+
+
+def nice_step(span: float, count: int) -> float:
+    """Choose 1, 2, 4 or 5 times a power of ten that divides a span into about `count` steps."""
+    if not (math.isfinite(span) and span > 0):
+        return 1.0
+    raw = span / count
+    power = 10.0 ** math.floor(math.log10(raw))
+    return power * next(f for f in (1.0, 2.0, 4.0, 5.0, 10.0) if raw <= f * power * (1 + 1e-9))
+
+
+def ticks(low: float, high: float, count: int) -> list[float]:
+    """Choose round numbers between two ends, about `count` of them and at least two."""
+    step = nice_step(high - low, count)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    if last <= first and count < 20 and high > low:
+        return ticks(low, high, 2 * count)
+    return [i * step for i in range(first, last + 1)]
+
+
+def labelled_ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
+    """Choose round numbers between two ends, with the decimals that their distance needs."""
+    values = ticks(low, high, count)
+    step = values[1] - values[0] if len(values) > 1 else 1.0
+    return [(value, tick_label(value, step)) for value in values]
+
+
+def tick_label(value: float, step: float) -> str:
+    """Write a tick's number with the decimals that its step needs."""
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    digits = f"{value:.{decimals}f}"
+    return digits.replace("-", "\u2212") if float(digits) else f"{0:.{decimals}f}"

@@ -11,7 +11,7 @@ from typing import Any, Final, cast
 
 from rotorfit.formatting.digits import known
 from rotorfit.logs.files import file_name
-from rotorfit.report.number_words import title_of, unit_words
+from rotorfit.report.parameters import title_of, unit_words
 from rotorfit.report.wrenches import error_percent
 from rotorfit.results.result import IdentificationResult, Parameter, configuration_names
 from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison

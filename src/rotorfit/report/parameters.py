@@ -1,15 +1,75 @@
-"""Section 1: what was identified; one table for the rotors, and per configuration its body."""
+"""Numbers and verdicts in words, and their tables: section 1 of the page, and LaTeX for a paper."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from rotorfit.formatting.digits import Number, finite_interval, known, number_of
-from rotorfit.model.parameters import COM, INERTIA_COM
+from rotorfit.model.parameters import COM, EVERY, INERTIA_COM
 from rotorfit.model.terms.air import DRAG_MOMENTS
-from rotorfit.report.number_words import title_of, unit_words
-from rotorfit.report.svg import drawing, tag
-from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
+from rotorfit.report.pages import drawing, tag
+from rotorfit.results.result import (
+    Derived,
+    IdentificationResult,
+    Parameter,
+    configuration_names,
+    verdict_of,
+)
 from rotorfit.results.verdicts import ADVICE, body_verdict, motion_for, relative_width, twin_of
+
+TITLES = {name: info.title for name, info in EVERY.items()}
+
+VERDICT_MEANING = {
+    "identified": "uncertainty up to 25 % of the value or its relevant size (docs/method.md)",
+    "weak": "uncertainty over 25 % of value and relevant size, or mostly prior (marked so)",
+    "doubtful": "may be outside its interval: a check contradicts it, the reason is given",
+    "ratio-only": "known only together with another parameter",
+    "not-identified": "this flight does not show it",
+    "given": "given to rotorfit, not estimated",
+    "removed": "taken out of the model as unessential",
+}
+
+PREDICTED_WELL = (
+    "Good: Fz up to 5 % (the weight is in it), moments up to 30 % (a tenth of their power is left)."
+)
+"""What relative errors on flights kept apart are worth."""
+NOTHING_PREDICTED = (
+    "At 100 % and over the model predicts nothing of that component: the rotors hardly moved it "
+    "in this flight (validate on one that does), or the parameters do not hold for it (vehicle "
+    "changed since, wrong configuration; identify from both flights)."
+)
+
+
+def title_of(name: str) -> str:
+    """Return a parameter's name in words."""
+    return TITLES.get(name, name)
+
+
+def unit_words(unit: str) -> str:
+    """Return a unit with raised powers; nothing for a plain number."""
+    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
+
+
+def half_width(number: Parameter | Derived) -> float | None:
+    """Return half of the interval."""
+    interval = finite_interval(number.interval)
+    return None if interval is None else 0.5 * (interval[1] - interval[0])
+
+
+def percent(number: Parameter | Derived) -> float | None:
+    """Compute the half-width relative to the value [%]; silly where the value is near zero."""
+    half, value = half_width(number), known(number.value)
+    return None if half is None or not value else 100.0 * half / abs(value)
+
+
+def percent_words(value: float) -> str:
+    """Return a percentage with two digits, or whole above 10."""
+    if value >= 9.5:
+        return f"{value:.0f} %"
+    if value < 0.001:
+        return "0.001 %"
+    return f"{float(f'{value:.1g}' if value < 1 else f'{value:.2g}'):g} %"
+
 
 WIDTH, HEIGHT, MARGIN = 132.0, 18.0, 5.0
 
@@ -266,3 +326,97 @@ def interval_bar(
         ),
         tag("circle", {"class": "value", "cx": place(value), "cy": middle, "r": 2.4}),
     )
+
+
+ROTORS: Final = ("kt", "kd", "Jr", "motor_lag", "motor_lag_up", "motor_lag_down", "motor_delay")
+SYMBOLS: Final = {
+    "kt": "k_t",
+    "kd": "k_d",
+    "Jr": "J_r",
+    "motor_lag": r"\tau",
+    "motor_lag_up": r"\tau_\uparrow",
+    "motor_lag_down": r"\tau_\downarrow",
+    "motor_delay": "T",
+    "mass": "m",
+    **{f"com_{a}": f"c_{a}" for a in "xyz"},
+    **{f"I{a}{b}_com": f"I_{{{a}{b}}}" for a in "xyz" for b in "xyz"},
+}
+MARKS: Final = {"weak": r"$^{w}$", "doubtful": r"$^{d}$", "given": r"$^{g}$"}
+
+
+def latex_table(result: IdentificationResult) -> str:
+    r"""Format a result as a LaTeX table for a paper; it needs the package booktabs.
+
+    One column a configuration; rotors first, then mass, centre of mass and the inertia about it.
+    What the flights do not determine is a dash; weak, doubtful and given numbers are marked, and
+    the caption says so.
+
+    Parameters
+    ----------
+    result
+        What `identify` returned, or `IdentificationResult.load`.
+    """
+    owners = configuration_names(result)
+    found = {(e.name, e.configuration): e for e in (*result.parameters, *result.derived)}
+    verdicts = {(n, o): verdict_of(result, e) for (n, o), e in found.items()}
+    rows: list[str] = []
+    for name in (*ROTORS, "mass", *COM_FIRST):
+        own = [None] if name in ROTORS else owners
+        entries = [found.get((name, owner)) for owner in own]
+        if not any(entries):
+            continue
+        cells = [_cell(e, verdicts.get((name, o), "")) for e, o in zip(entries, own, strict=True)]
+        if own == [None]:
+            cells = [rf"\multicolumn{{{len(owners)}}}{{c}}{{{cells[0]}}}"]
+        unit = next(e.unit for e in entries if e is not None)
+        title = TITLES.get(name, name)
+        rows.append(rf"{title} & ${SYMBOLS[name]}$ & {' & '.join(cells)} & {_unit(unit)} \\")
+    heads = " & ".join(_escaped(name) for name in owners)
+    return (
+        "\\begin{table}\n\\centering\n"
+        + rf"\caption{{{_caption(result)}}}"
+        + f"\n\\begin{{tabular}}{{ll{'r' * len(owners)}l}}\n\\toprule\n"
+        + rf"Parameter & Symbol & {heads} & Unit \\"
+        + "\n\\midrule\n"
+        + "\n".join(rows)
+        + "\n\\bottomrule\n\\end{tabular}\n\\end{table}\n"
+    )
+
+
+def _caption(result: IdentificationResult) -> str:
+    seconds = sum(flight.seconds_used for flight in result.flights)
+    count = len(result.flights)
+    return (
+        f"{_escaped(result.name)}: identified from {count} flight{'' if count == 1 else 's'}, "
+        f"{seconds:.0f} s in the air; $\\pm$ is half of the 95\\,\\% interval; "
+        "$^{w}$ weak, $^{d}$ doubtful, $^{g}$ given; --: not determined."
+    )
+
+
+def _cell(entry: Parameter | Derived | None, verdict: str) -> str:
+    number = None if entry is None else number_of(entry.value, entry.interval)
+    return "--" if number is None else f"${_digits(number)}${MARKS.get(verdict, '')}"
+
+
+def _digits(number: Number) -> str:
+    body = number.value
+    if number.low:
+        body += f"\\ ({number.low}\\ \\text{{to}}\\ {number.high})"
+    elif number.half:
+        body += f" \\pm {number.half}"
+    if number.exponent:
+        body = f"({body})" if number.half else body
+        body += f" \\times 10^{{{number.exponent}}}"
+    return body.replace("−", "-")
+
+
+def _unit(unit: str) -> str:
+    """Write a unit upright, powers raised: ``N s^2/rad^2``."""
+    plain = "" if unit == "1" else unit
+    return f"$\\mathrm{{{plain.replace(' ', chr(92) + ',')}}}$" if plain else ""
+
+
+def _escaped(words: str) -> str:
+    """Escape a name for LaTeX."""
+    special = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    return "".join(special.get(c, f"\\{c}" if c in "&%$#_{}" else c) for c in words)

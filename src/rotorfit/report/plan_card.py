@@ -10,7 +10,7 @@ import numpy as np
 from rotorfit.logs.files import write_whole
 from rotorfit.planning.plan import FlightPlan
 from rotorfit.planning.wanted import WANTABLE
-from rotorfit.report.pages import render_page
+from rotorfit.report.pages import drawing, label, render_page, tag
 from rotorfit.report.plan_text import (
     Step,
     flight_phrase,
@@ -24,7 +24,6 @@ from rotorfit.report.plan_text import (
     wanted_phrase,
     width_text,
 )
-from rotorfit.report.svg import drawing, label, tag
 
 WIDTH: Final = 78
 PLAIN_NAMES: Final = {

@@ -59,7 +59,7 @@ class Step:
 
 
 def plan_text(plan: FlightPlan, *, width: int = WIDTH) -> str:
-    """Return a plan as text for a terminal.
+    """Format a plan as text for a terminal.
 
     Parameters
     ----------

@@ -8,13 +8,10 @@ from rotorfit.logs.files import file_name, write_whole
 from rotorfit.report.chart import chart_svg
 from rotorfit.report.correlations import correlation_section
 from rotorfit.report.motor_law import law_picture, law_section
-from rotorfit.report.number_words import PREDICTED_WELL, VERDICT_MEANING
-from rotorfit.report.pages import render_page, template_text, write_drawings
+from rotorfit.report.pages import render_page, standalone, template_text
 from rotorfit.report.paper_tables import is_paper_vehicle, paper_section
-from rotorfit.report.parameters import parameter_tables
-from rotorfit.report.provenance import METHODS, provenance_of, used_flights
-from rotorfit.report.summary import summary_of
-from rotorfit.report.svg import standalone
+from rotorfit.report.parameters import PREDICTED_WELL, VERDICT_MEANING, parameter_tables
+from rotorfit.report.summary import METHODS, provenance_of, summary_of, used_flights
 from rotorfit.report.vehicle import vehicle_drawings
 from rotorfit.report.wrenches import (
     TOO_SHORT,
@@ -26,8 +23,7 @@ from rotorfit.report.wrenches import (
     wrench_svg,
 )
 from rotorfit.results.result import IdentificationResult, configuration_names
-from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
-from rotorfit.validation.wrench_spectra import wrench_spectra
+from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison, wrench_spectra
 
 ALWAYS = ("vehicle-top.svg", "vehicle-side.svg", "correlations.svg")
 """Files that nearly every report writes: where one is there, so is an earlier report."""
@@ -100,21 +96,10 @@ def write_report(
     write_whole(path, html, force=force)
 
 
-def write_figures(
-    folder: Path,
-    result: IdentificationResult,
-    comparisons: Sequence[WrenchComparison] = (),
-    *,
-    force: bool = False,
-) -> list[Path]:
-    """Write every drawing of a report as SVG, and as PNG where `can_write_png`, all or none."""
-    return write_drawings(folder, figure_texts(result, comparisons), force=force)
-
-
 def figure_texts(
     result: IdentificationResult, comparisons: Sequence[WrenchComparison] = ()
 ) -> dict[str, str]:
-    """Return every drawing as an SVG document, by a name that any file system takes.
+    """Draw everything as SVG documents, by names that any file system takes.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from rotorfit.experiment.airframe_table import AirframeEntry
 from rotorfit.experiment.declared_vehicle import vehicle_of
 from rotorfit.formatting.digits import known
 from rotorfit.model.vehicle import Vehicle
-from rotorfit.report.number_words import half_width
+from rotorfit.report.parameters import half_width
 from rotorfit.results.result import IdentificationResult, configuration_names
 
 Point = tuple[float, float, float]

@@ -9,8 +9,7 @@ from rotorfit.logs.files import file_name
 from rotorfit.model.parameters import NUISANCE
 from rotorfit.model.terms.air import DRAG_MOMENTS
 from rotorfit.report.motor_law import formula_of, law_sentences, motors_lines
-from rotorfit.report.number_words import VERDICT_MEANING, percent
-from rotorfit.report.parameters import COM_FIRST, Entry, body_entry
+from rotorfit.report.parameters import COM_FIRST, VERDICT_MEANING, Entry, body_entry, percent
 from rotorfit.results.result import Derived, IdentificationResult, Parameter, configuration_names
 from rotorfit.results.verdicts import WEAK, twin_of
 
@@ -25,7 +24,7 @@ Line = tuple[Parameter | Derived, str]
 
 
 def result_text(result: IdentificationResult, *, width: int = WIDTH) -> str:
-    """Return a result as text for a terminal: every number with unit, interval and verdict.
+    """Format a result as text for a terminal: every number with unit, interval and verdict.
 
     Parameters
     ----------

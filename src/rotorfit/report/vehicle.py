@@ -6,8 +6,8 @@ from math import cos, pi, sin
 
 import numpy as np
 
+from rotorfit.report.pages import drawing, label, nice_step, tag
 from rotorfit.report.scene import Body, Point, Scene, scene_of
-from rotorfit.report.svg import drawing, label, nice_step, tag
 from rotorfit.results.result import IdentificationResult
 
 Axes = tuple[tuple[int, float], tuple[int, float]]

@@ -22,8 +22,13 @@ from rotorfit.report.chart import (
     time_axis,
 )
 from rotorfit.results.result import IdentificationResult
-from rotorfit.validation.wrench_comparison import SHOWN, WrenchComparison
-from rotorfit.validation.wrench_spectra import WINDOW_SECONDS, WrenchSpectra, wrench_spectra
+from rotorfit.validation.wrench_comparison import (
+    SHOWN,
+    WINDOW_SECONDS,
+    WrenchComparison,
+    WrenchSpectra,
+    wrench_spectra,
+)
 
 NAMES: Final = {"Fz": "thrust", "Mx": "roll", "My": "pitch", "Mz": "yaw"}
 HEIGHT: Final = 150.0

@@ -54,22 +54,22 @@ class ModelFlight:
 
 
 def is_lost(flight: ModelFlight) -> bool:
-    """Return whether the vehicle turned over, or flew no number any more."""
+    """Test whether the vehicle turned over, or its state is no number any more."""
     return not np.isfinite(flight.flown).all() or float(flight.tilt.max()) > LOST
 
 
 def departure(flight: ModelFlight) -> float:
-    """Return how far the height got from what was asked of it in hover [m]."""
+    """Compute how far the height got from what was asked of it in hover [m]."""
     return float(np.abs(flight.flown - flight.asked).max())
 
 
 def overshoot(flight: ModelFlight) -> float:
-    """Return how far a step went beyond what was asked, as a share of it."""
+    """Compute how far a step went beyond what was asked, as a share of it."""
     return max(float(flight.flown.max()) / float(flight.asked[-1]) - 1.0, 0.0)
 
 
 def settling_time(flight: ModelFlight) -> float | None:
-    """Return the time from a step until it stays within a tenth of what was asked [s].
+    """Compute the time from a step until it stays within a tenth of what was asked [s].
 
     None where it does not within the time flown.
     """
@@ -123,12 +123,12 @@ def reported_times(outcome: FlyOutcome) -> tuple[float, ...]:
 
 
 def rate_errors(outcome: FlyOutcome, label: str, time: float) -> Float[np.ndarray, " 3"]:
-    """Return the rms error of the rates so long after the start of a window [rad/s]."""
+    """Compute the rms error of the rates so long after the start of a window [rad/s]."""
     return _at(outcome, error_growth(outcome.replays, label), time)
 
 
 def band(outcome: FlyOutcome, time: float) -> Float[np.ndarray, " 3"]:
-    """Return the half-width that the intervals of the parameters give the rates [rad/s]."""
+    """Compute the half-width that the intervals of the parameters give the rates [rad/s]."""
     return _at(outcome, band_growth(outcome.replays, IDENTIFIED), time)
 
 
@@ -139,7 +139,7 @@ def _at(
 
 
 def ratio_to(outcome: FlyOutcome, label: str, time: float) -> Float[np.ndarray, " 3"]:
-    """Return the error of the identified parameters over that of other ones, per axis."""
+    """Compute the error of the identified parameters over that of other ones, per axis."""
     other = np.maximum(rate_errors(outcome, label, time), np.finfo(float).tiny)
     return rate_errors(outcome, IDENTIFIED, time) / other
 
@@ -150,7 +150,7 @@ def manoeuvre_of(outcome: FlyOutcome, label: str, name: Manoeuvre) -> ModelFligh
 
 
 def horizon(outcome: FlyOutcome, share: float) -> Float[np.ndarray, " 3"]:
-    """Return how long the rates are predicted to within a share of what was flown, per axis [s]."""
+    """Compute how long the rates stay within a share of what was flown, per axis [s]."""
     flown = np.concatenate([replay.rates.reshape(-1, 3) for replay in outcome.replays])
     limit = share * np.sqrt((flown**2).mean(axis=0))
     time = growth_time(outcome.replays)
@@ -160,7 +160,7 @@ def horizon(outcome: FlyOutcome, share: float) -> Float[np.ndarray, " 3"]:
 
 
 def steady_share(outcome: FlyOutcome) -> Float[np.ndarray, " 3"]:
-    """Return the mean of the errors at the end of the windows over their rms, per axis: 0 to 1."""
+    """Compute the mean of the errors at the end of the windows over their rms, per axis: 0 to 1."""
     errors = np.concatenate(
         [replay.predicted[0].rates[:, -1] - replay.rates[:, -1] for replay in outcome.replays]
     )

@@ -113,7 +113,7 @@ def replay(
     configuration: str = "",
     seconds: float = WINDOW,
 ) -> Replay:
-    """Return what was flown and what each vehicle would have done, window by window.
+    """Replay a flight with every vehicle, window by window.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def _force(
 
 
 def error_growth(replays: Sequence[Replay], label: str) -> Float[np.ndarray, "S 3"]:
-    """Return the rms error of the rates over all windows, by the time since their start [rad/s].
+    """Compute the rms error of the rates over all windows, by the time since their start [rad/s].
 
     Of `HOLD`: the error of the prediction of constant rates.
     """
@@ -263,12 +263,12 @@ def error_growth(replays: Sequence[Replay], label: str) -> Float[np.ndarray, "S 
 
 
 def band_growth(replays: Sequence[Replay], label: str) -> Float[np.ndarray, "S 3"]:
-    """Return the half-width of the 95 % band of the parameters, rms over all windows [rad/s]."""
+    """Compute the half-width of the 95 % band of the parameters, rms over all windows [rad/s]."""
     return NORMAL_95 * _rms([_of(r, label).rates_std for r in replays])
 
 
 def force_errors(replays: Sequence[Replay], label: str) -> Float[np.ndarray, " 3"]:
-    """Return the rms error of the specific force, per axis [m/s^2].
+    """Compute the rms error of the specific force, per axis [m/s^2].
 
     Of `HOLD`: of the first block of each window, held.
     """
@@ -277,7 +277,7 @@ def force_errors(replays: Sequence[Replay], label: str) -> Float[np.ndarray, " 3
 
 
 def _rms(errors: Sequence[Float[np.ndarray, "_ _ 3"]]) -> Float[np.ndarray, "S 3"]:
-    """Return the root mean square over windows; faster logs are thinned evenly to the slowest."""
+    """Compute the root mean square over windows; faster logs are thinned evenly to the slowest."""
     least = min(e.shape[1] for e in errors)
     thinned = [e[:, _spread(e.shape[1], least)] for e in errors]
     return np.sqrt(np.mean(np.concatenate(thinned) ** 2, axis=0))

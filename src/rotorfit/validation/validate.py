@@ -65,7 +65,7 @@ def validate_file(
     start: float | None = None,
     end: float | None = None,
 ) -> WrenchComparison:
-    """Return how a result predicts a flight that its fit has not seen.
+    """Compare what a result predicts with a flight that its fit has not seen.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def refuse_fitted(used: LoadedFlight, result: IdentificationResult) -> None:
 
 
 def fitted_comparisons(result: IdentificationResult) -> list[WrenchComparison]:
-    """Return the comparisons on the flights of the fit itself, read again, for figures.
+    """Compute the comparisons on the flights of the fit itself, read again, for figures.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def fitted_comparisons(result: IdentificationResult) -> list[WrenchComparison]:
 def validation_comparisons(
     result: IdentificationResult, experiment: Experiment
 ) -> list[WrenchComparison]:
-    """Return the comparisons on the flights that the experiment keeps for validation.
+    """Compute the comparisons on the flights that the experiment keeps for validation.
 
     Parameters
     ----------
@@ -328,14 +328,14 @@ def _wrenches(
 def relative_error(
     body: Float[np.ndarray, "n 6"], rotors: Float[np.ndarray, "n 6"], component: str
 ) -> float:
-    """Return the norm of the difference over that of the rotor wrench (Table III)."""
+    """Compute the norm of the difference over that of the rotor wrench (Table III)."""
     i = COMPONENTS.index(component)
     size = float(np.linalg.norm(rotors[:, i]))
     return float(np.linalg.norm(body[:, i] - rotors[:, i])) / max(size, np.finfo(float).tiny)
 
 
 def whiteness(residual: Float[np.ndarray, " n"]) -> float:
-    """Return the largest autocorrelation of a residual sampled once per cut-off period."""
+    """Compute the largest autocorrelation of a residual sampled once per cut-off period."""
     x = residual - residual.mean()
     power = float(x @ x)
     if len(x) <= WHITENESS_LAGS or power == 0.0:

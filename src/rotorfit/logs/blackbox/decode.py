@@ -8,20 +8,20 @@ import numpy as np
 from jaxtyping import Bool, Int, UInt32
 
 from rotorfit.errors import LogError
-from rotorfit.logs.blackbox.encodings import read_frames
+from rotorfit.logs.blackbox.encodings import (
+    add_constants,
+    gps_values,
+    main_values,
+    position_after_intra,
+    read_frames,
+    wrap,
+)
 from rotorfit.logs.blackbox.header import (
     MAX_BYTES,
     FrameDefinition,
     Header,
     find_logs,
     read_header,
-)
-from rotorfit.logs.blackbox.predict import (
-    add_constants,
-    gps_values,
-    main_values,
-    position_after_intra,
-    wrap,
 )
 from rotorfit.logs.blackbox.scan import (
     DAMAGE,

@@ -226,7 +226,7 @@ def _p_interval(text: str) -> tuple[int, int]:
 
 
 def _frame_definitions(entries: Mapping[str, str]) -> dict[str, FrameDefinition]:
-    """Return the definition of every kind of frame the header declares."""
+    """Parse the definition of every kind of frame the header declares."""
     frames: dict[str, FrameDefinition] = {}
     for letter in "IPSGH":
         # P frames hold the fields of the I frames and state only what differs.
@@ -273,7 +273,7 @@ def _definition(
     predictors: tuple[int, ...],
     encodings: tuple[int, ...],
 ) -> FrameDefinition:
-    """Return the definition of one kind of frame, checked."""
+    """Parse the definition of one kind of frame, checked."""
     counts = {len(names), len(signed), len(predictors), len(encodings)}
     if len(counts) > 1 or len(names) > MAX_FIELDS or len(set(names)) != len(names):
         problem = f"{len(names)} names, {len(signed)} signs, {len(predictors)} predictors and "

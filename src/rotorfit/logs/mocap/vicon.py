@@ -288,5 +288,5 @@ def _cells(line: bytes, delimiter: str) -> list[str]:
 
 
 def _word(line: bytes) -> str:
-    """Return what stands in a line of one cell."""
+    """Read a line of one cell."""
     return line.decode("utf-8", "replace").strip(' \t\r,;"')

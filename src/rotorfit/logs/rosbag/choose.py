@@ -17,9 +17,8 @@ from rotorfit.logs.axes import (
 )
 from rotorfit.logs.columns import EULER, ColumnSpec, Group, complete_groups, quantity_of, unit_of
 from rotorfit.logs.flight_log import Channel
-from rotorfit.logs.rosbag.clocks import Timing
-from rotorfit.logs.rosbag.messages import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
-from rotorfit.logs.rosbag.stream import Recorded
+from rotorfit.logs.rosbag.definitions import AIMS, CAMERAS, ESTIMATES, MESSAGES, Form
+from rotorfit.logs.rosbag.stream import Recorded, Timing
 from rotorfit.logs.units import conversion
 
 _RPM: Final = 2.0 * np.pi / 60.0
@@ -47,7 +46,7 @@ class Candidate:
 def candidates(
     topics: Sequence[Recorded], clocks: Sequence[Timing], axes: Axes
 ) -> dict[str, list[Candidate]]:
-    """Return the topics that can give each channel."""
+    """Select the topics that can give each channel."""
     found: dict[str, list[Candidate]] = {}
     for recorded, timing in zip(topics, clocks, strict=True):
         kind = MESSAGES.get(recorded.topic.kind)
@@ -113,7 +112,7 @@ def _turned(axes: Axes) -> str:
 
 
 def _until_last_used(values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n m"]:
-    """Return the columns up to the last one that is ever other than zero."""
+    """Select the columns up to the last one that is ever other than zero."""
     used = np.flatnonzero((np.nan_to_num(values) != 0).any(axis=0))
     return values[:, : int(used[-1]) + 1 if len(used) else 0]
 
@@ -126,7 +125,7 @@ def _fractions(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m
 
 
 def _motor_outputs(values: Float[np.ndarray, "n k"]) -> tuple[Float[np.ndarray, "n m"], str]:
-    """Return the outputs that move, as commands: pulses from 1000 to 2000 us, or fractions."""
+    """Select the outputs that move, as commands: pulses from 1000 to 2000 us, or fractions."""
     known = np.nan_to_num(values)
     if len(known) == 0:
         return known[:, :0], ""
@@ -167,7 +166,7 @@ def chosen(
 def _without_aims(
     found: Mapping[str, list[Candidate]], taken: Mapping[str, Candidate]
 ) -> tuple[dict[str, list[Candidate]], list[str]]:
-    """Return the candidates without set-points of what is measured, and notes on these.
+    """Select the candidates without set-points of what is measured, and notes on these.
 
     What an autopilot was asked for is no motion. Motors may be known by what was asked of them
     alone, and a topic that the user names is taken.
@@ -217,7 +216,7 @@ def _take_pair(
 def _best(
     name: str, options: Sequence[Candidate], taken: Mapping[str, Candidate]
 ) -> Candidate | None:
-    """Return the candidate of the best kind, the fastest of these."""
+    """Select the candidate of the best kind, the fastest of these."""
     if name == "velocity":
         place = taken.get("position")
         options = [o for o in options if place is not None and o.topic == place.topic]
@@ -329,7 +328,7 @@ def _home(
     clocks: Sequence[Timing],
     columns: Mapping[str, ColumnSpec],
 ) -> tuple[Recorded, Timing]:
-    """Return the topic that has all columns of a channel."""
+    """Select the topic that has all columns of a channel."""
     for recorded, timing in zip(topics, clocks, strict=True):
         have = [name for name in group.names if recorded.values.get(name, _NONE).shape[1] == 1]
         if len(have) == len(group.names):

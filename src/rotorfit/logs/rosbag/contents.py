@@ -15,6 +15,8 @@ from rotorfit.logs.files import read_head
 from rotorfit.logs.rosbag import MCAP_MAGIC, ROS1_BEGINS, SQLITE_MAGIC
 from rotorfit.logs.rosbag.choose import mapped_paths
 from rotorfit.logs.rosbag.definitions import (
+    MESSAGES,
+    STAMPS,
     Definition,
     Definitions,
     Numbers,
@@ -22,12 +24,20 @@ from rotorfit.logs.rosbag.definitions import (
     are_numbers,
     taken_by,
 )
-from rotorfit.logs.rosbag.edge import ZSTD_MAGIC, DamageError, decoded
-from rotorfit.logs.rosbag.mcap import scan_mcap
-from rotorfit.logs.rosbag.messages import MESSAGES, STAMPS
 from rotorfit.logs.rosbag.ros1 import scan_ros1
-from rotorfit.logs.rosbag.sqlite import scan_sqlite
-from rotorfit.logs.rosbag.stream import Contents, Encoding, Messages, Recorded, Tally, Topic, Wanted
+from rotorfit.logs.rosbag.ros2 import scan_mcap, scan_sqlite
+from rotorfit.logs.rosbag.stream import (
+    ZSTD_MAGIC,
+    Contents,
+    DamageError,
+    Encoding,
+    Messages,
+    Recorded,
+    Tally,
+    Topic,
+    Wanted,
+    decoded,
+)
 
 _LARGEST_TIME: Final = 2**63 - 1
 _LARGEST_MESSAGE: Final = 1 << 18
@@ -205,7 +215,9 @@ def contents_of(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> Cont
         key = (topic.name, topic.kind)
         if key in decoders:
             return True
-        quantities = _quantities(topic, mapped)
+        kind = MESSAGES.get(topic.kind)
+        known = {} if kind is None else {name: q.paths for name, q in kind.channels.items()}
+        quantities = {**known, **mapped_paths(topic.name, mapped)}
         if not quantities or topic.encoding is None or len(decoders) >= _MOST_TOPICS_READ:
             others[key] = topic
             return False
@@ -224,13 +236,6 @@ def contents_of(files: Sequence[Path], mapped: Mapping[str, ColumnSpec]) -> Cont
         cause = cause or decoder.cause
     recorded = [decoder.finish() for decoder in decoders.values()]
     return Contents(topics=recorded, others=list(others.values()), damage=damage, cause=cause)
-
-
-def _quantities(topic: Topic, mapped: Mapping[str, ColumnSpec]) -> dict[str, tuple[str, ...]]:
-    """Select the paths that are read of a topic's messages."""
-    kind = MESSAGES.get(topic.kind)
-    known = {} if kind is None else {name: q.paths for name, q in kind.channels.items()}
-    return {**known, **mapped_paths(topic.name, mapped)}
 
 
 def _scan(path: Path, wanted: Wanted, tally: Tally) -> Messages:

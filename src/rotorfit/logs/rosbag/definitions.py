@@ -2,14 +2,19 @@
 
 rosbags parses them and makes code of them. It sets no bounds: an array of a milliard of messages
 becomes as many lines of code. So what is damaged or made to hurt is kept from it here.
+
+What each type of message gives (channel, where its numbers stand, unit and axes) is in
+`messages.toml`.
 """
 
 import re
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from operator import attrgetter
-from typing import Any, Final, TypeAlias
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias
 
 from rosbags.interfaces import Msgdef, Nodetype
 from rosbags.interfaces.typing import BaseDesc, FieldDesc, NameDesc, Typesdict
@@ -18,8 +23,81 @@ from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
-from rotorfit.logs.rosbag.edge import DamageError, decoded
-from rotorfit.logs.rosbag.stream import Encoding, Topic, kind_of
+from rotorfit.logs.rosbag.stream import DamageError, Encoding, Topic, decoded, kind_of
+
+Form = Literal[
+    "vector",  # body axes, SI
+    "position",  # world, m
+    "xyzw",  # body to world
+    "wxyz",
+    "rpm",  # with or without sign
+    "rad/s",
+    "fraction",  # 0 to 1, NaN for stopped
+    "outputs",  # pulse widths [us] or fractions; motors among other things
+    "volt",
+]
+Rank = Literal["mocap", "estimate", "sensor", "outputs"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """Numbers of one channel in a message, by paths as of `definitions.taken_by`."""
+
+    paths: tuple[str, ...]
+    form: Form
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MessageKind:
+    """A type of message that is read, by channels.
+
+    With `frd` its axes are FRD and north-east-down whatever the user says (PX4). Of several
+    `definitions` for files that hold none, the one whose size is that of the messages is taken.
+    """
+
+    channels: Mapping[str, Quantity]
+    frd: bool
+    definitions: tuple[str, ...]
+
+
+def _read() -> dict[str, MessageKind]:
+    """Read the table beside this module."""
+    text = Path(__file__).with_name("messages.toml").read_text(encoding="utf-8")
+    return {
+        kind: MessageKind(
+            channels={
+                name: Quantity(paths=tuple(one["paths"]), form=one["form"])
+                for name, one in row["channels"].items()
+            },
+            frd=row.get("frd", False),
+            definitions=tuple(row.get("definitions", ("",))),
+        )
+        for kind, row in tomllib.loads(text).items()
+    }
+
+
+MESSAGES: Final[Mapping[str, MessageKind]] = _read()
+"""What is read without a columns map."""
+
+NOT_MOTORS: Final[Mapping[str, str]] = {
+    "mavros_msgs/ActuatorControl": "demands of roll, pitch, yaw and thrust before the mixer",
+    "px4_msgs/ActuatorControls0": "demands of roll, pitch, yaw and thrust before the mixer",
+    "std_msgs/Float32MultiArray": "numbers without names: say what they are with a columns map",
+}
+"""Types that may look like motor data, and why they are left out."""
+
+STAMPS: Final[Sequence[Sequence[str]]] = (
+    ("header.stamp.sec", "header.stamp.nanosec"),
+    ("timestamp_sample",),
+    ("timestamp",),
+)
+"""Paths of the stamp: of ROS in seconds and nanoseconds, of PX4 in microseconds."""
+
+AIMS: Final = ("setpoint", "set_point", "command", "cmd", "target", "desired", "reference", "goal")
+"""In the name of a topic: what should be, not what is."""
+CAMERAS: Final = ("mocap", "vicon", "vrpn", "optitrack", "natnet", "qualisys", "qtm", "motion_cap")
+ESTIMATES: Final = ("local_position", "estimat", "odom", "ekf", "fused", "slam", "vio", "gps")
+
 
 _LARGEST_TEXT: Final = 1 << 20
 _LONGEST_LINES: Final = 1 << 16
@@ -55,7 +133,8 @@ class Definitions:
     def of(self, topic: Topic) -> tuple[Definition, ...]:
         """Return the definition of a topic's messages, or several that may be it."""
         encoding: Encoding = topic.encoding or "cdr"
-        texts = (topic.definition,) if topic.definition else KNOWN.get(topic.kind, ("",))
+        known = MESSAGES[topic.kind].definitions if topic.kind in MESSAGES else ("",)
+        texts = (topic.definition,) if topic.definition else known
         return tuple(self._made(topic.kind, text, encoding) for text in texts)
 
     def _made(self, kind: str, text: str, encoding: Encoding) -> Definition:
@@ -163,66 +242,6 @@ def built_in(encoding: Encoding) -> Typesdict:
     text = f"uint32 seq\n{header}" if encoding == "ros1" else header
     times = get_typestore(Stores.EMPTY).fielddefs
     return {**times, **get_types_from_msg(text, "std_msgs/msg/Header")}
-
-
-_ESC_REPORT: Final = (
-    "uint64 timestamp\nuint32 esc_errorcount\nint32 esc_rpm\nfloat32 esc_voltage\n"
-    "float32 esc_current\n"
-)
-_ESC_STATUS: Final = (
-    "uint64 timestamp\nuint16 counter\nuint8 esc_count\nuint8 esc_connectiontype\n"
-    "uint8 esc_online_flags\nuint8 esc_armed_flags\nEscReport[8] esc\n"
-    "MSG: px4_msgs/EscReport\n" + _ESC_REPORT
-)
-_SENSORS: Final = (
-    "uint64 timestamp\nfloat32[3] gyro_rad\nuint32 gyro_integral_dt\n"
-    "int32 accelerometer_timestamp_relative\nfloat32[3] accelerometer_m_s2\n"
-    "uint32 accelerometer_integral_dt\nuint8 accelerometer_clipping\n"
-)
-
-KNOWN: Final[Mapping[str, tuple[str, ...]]] = {
-    "mavros_msgs/RCOut": ("Header header\nuint16[] channels",),
-    "mavros_msgs/ESCStatus": (
-        "Header header\nESCStatusItem[] esc_status\n"
-        "MSG: mavros_msgs/ESCStatusItem\nHeader header\nint32 rpm\nfloat32 voltage\n"
-        "float32 current",
-    ),
-    "mavros_msgs/ESCTelemetry": (
-        "Header header\nESCTelemetryItem[] esc_telemetry\n"
-        "MSG: mavros_msgs/ESCTelemetryItem\nHeader header\nfloat32 temperature\nfloat32 voltage\n"
-        "float32 current\nfloat32 totalcurrent\nint32 rpm\nuint16 count",
-    ),
-    "mav_msgs/Actuators": (
-        "Header header\nfloat64[] angles\nfloat64[] angular_velocities\nfloat64[] normalized",
-    ),
-    "px4_msgs/SensorCombined": (
-        f"{_SENSORS}uint8 gyro_clipping\nuint8 accel_calibration_count\n"
-        "uint8 gyro_calibration_count",
-        _SENSORS,
-    ),
-    "px4_msgs/ActuatorMotors": (
-        "uint64 timestamp\nuint64 timestamp_sample\nuint16 reversible_flags\nfloat32[12] control",
-    ),
-    "px4_msgs/ActuatorOutputs": ("uint64 timestamp\nuint32 noutputs\nfloat32[16] output",),
-    "px4_msgs/EscStatus": (
-        f"{_ESC_STATUS}float32 esc_temperature\nuint8 esc_address\nuint8 esc_cmdcount\n"
-        "uint8 esc_state\nuint8 actuator_function\nuint16 failures\nint8 esc_power",
-        f"{_ESC_STATUS}float32 esc_temperature\nint16 motor_temperature\nuint8 esc_state\n"
-        "uint8 actuator_function\nuint16 failures\nint8 esc_power",
-        f"{_ESC_STATUS}uint8 esc_temperature\nuint8 esc_address\nuint8 esc_state\nuint8 failures",
-    ),
-    "px4_msgs/VehicleOdometry": (
-        "uint64 timestamp\nuint64 timestamp_sample\nuint8 pose_frame\nfloat32[3] position\n"
-        "float32[4] q\nuint8 velocity_frame\nfloat32[3] velocity\nfloat32[3] angular_velocity\n"
-        "float32[3] position_variance\nfloat32[3] orientation_variance\n"
-        "float32[3] velocity_variance\nuint8 reset_counter\nint8 quality",
-    ),
-}
-"""Messages that are read without a definition in the file, as in most ROS 2 bags before Iron, and
-are no standard ones, which rosbags knows.
-
-Where a message changed, the variants; the one whose size is that of the messages is taken.
-"""
 
 
 Numbers: TypeAlias = Sequence[int | float]

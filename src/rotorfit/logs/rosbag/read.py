@@ -12,10 +12,8 @@ from rotorfit.logs.columns import ColumnSpec
 from rotorfit.logs.flight_log import CHANNELS, FlightLog, seconds_of
 from rotorfit.logs.rosbag import files_of
 from rotorfit.logs.rosbag.choose import Candidate, candidates, chosen, is_aim, mapped_channels
-from rotorfit.logs.rosbag.clocks import Timing, timings
-from rotorfit.logs.rosbag.edge import require_rosbags
-from rotorfit.logs.rosbag.messages import NOT_MOTORS
-from rotorfit.logs.rosbag.stream import Contents, Recorded
+from rotorfit.logs.rosbag.definitions import NOT_MOTORS
+from rotorfit.logs.rosbag.stream import Contents, Recorded, Timing, require_rosbags, timings
 
 _SHOWN: Final = 20
 
@@ -153,7 +151,7 @@ def _aims(taken: Mapping[str, Candidate]) -> list[str]:
 
 
 def _sha256(files: Sequence[Path]) -> str:
-    """Return the SHA-256 of the files one after the other."""
+    """Compute the SHA-256 of the files one after the other."""
     digest = hashlib.sha256()
     for file in files:
         with file.open("rb") as opened:

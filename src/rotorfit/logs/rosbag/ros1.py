@@ -12,8 +12,17 @@ from typing import Final
 from rosbags.rosbag1.reader import Header, read_uint32
 
 from rotorfit.errors import LogError
-from rotorfit.logs.rosbag.edge import DamageError, decoded, unfolded
-from rotorfit.logs.rosbag.stream import Messages, Source, Tally, Topic, Wanted, kind_of
+from rotorfit.logs.rosbag.stream import (
+    DamageError,
+    Messages,
+    Source,
+    Tally,
+    Topic,
+    Wanted,
+    decoded,
+    kind_of,
+    unfolded,
+)
 
 _VERSION: Final = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7

@@ -1,13 +1,25 @@
-"""What every ROS recording yields: topics, then raw messages, then the numbers in them."""
+"""What every ROS recording yields: topics, then raw messages, then the numbers in them.
 
-from collections.abc import Callable, Iterator, Mapping
+A message says when its data were taken, the recorder when it arrived. The first is better, unless
+it is empty, jumps, or belongs to a clock that has nothing to do with the recorder's. A clock that
+only began elsewhere (the autopilot's, at power-on) is moved: the fastest messages took no time.
+
+Here rosbags ends: on damaged files it raises its own errors and, as they come, those of Python,
+NumPy, SQLite, lz4 and zstd; all are LogErrors from here on.
+"""
+
+import bz2
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from io import BufferedReader, BytesIO
-from typing import Literal, TypeAlias
+from typing import Any, Final, Literal, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from rotorfit.errors import LogError
 from rotorfit.logs.progress import report_progress
 
 Encoding = Literal["ros1", "cdr"]
@@ -94,3 +106,202 @@ class Tally:
 def kind_of(name: str) -> str:
     """Return a type name as ``package/Name``, without the ``msg`` of ROS 2."""
     return name.replace("/msg/", "/")
+
+
+_SAME_CLOCK: Final = 1.0
+"""Median delay up to which stamps count as the recorder's own clock [s]."""
+_STEADY: Final = 1.0
+"""Spread of the delay of a clock that only began elsewhere [s]."""
+_ONE_SOURCE: Final = 0.25
+"""Offsets closer than this belong to one clock [s]."""
+_BACKWARDS: Final = 0.1
+"""Share of stamps before the one received before: messages overtake each other, now and then."""
+_REPEATED: Final = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """The clock of one topic, since the beginning of the recording [s].
+
+    `basis` is ``"stamp"``, ``"moved"`` or ``"received"``; `why` has the numbers that decided.
+    """
+
+    time: Float[np.ndarray, " n"]
+    basis: str
+    why: str
+
+
+def timings(topics: Sequence[Recorded], start: int) -> list[Timing]:
+    """Choose the clock of each topic."""
+    offsets = [_offset(topic) for topic in topics]
+    return [
+        _timing(topic, offset, _shared(offset, offsets), start)
+        for topic, offset in zip(topics, offsets, strict=True)
+    ]
+
+
+def _offset(topic: Recorded) -> float | None:
+    """Compute by how much stamps are to be moved [s]: 0 or more than that; None: no good stamps."""
+    stamps, received = topic.stamps, topic.received
+    if len(stamps) == 0 or (stamps <= 0).any():
+        return None
+    steps = np.diff(stamps)
+    if len(steps) and ((steps < 0).mean() > _BACKWARDS or (steps == 0).mean() > _REPEATED):
+        return None
+    delay = _seconds(received, stamps)
+    low, middle, high = np.percentile(delay, [5.0, 50.0, 95.0]).tolist()
+    if abs(middle) < _SAME_CLOCK:
+        return 0.0
+    return float(delay.min()) if high - low < _STEADY else None
+
+
+def _shared(offset: float | None, offsets: Sequence[float | None]) -> float | None:
+    """Return the offset of the clock that several topics share: the least, of the fastest one."""
+    if not offset:
+        return offset
+    return min(o for o in offsets if o and abs(o - offset) < _ONE_SOURCE)
+
+
+def _timing(topic: Recorded, own: float | None, offset: float | None, start: int) -> Timing:
+    received = _seconds(topic.received, np.full(1, start))
+    if own is None or offset is None:
+        return Timing(time=received, basis="received", why=_why_not(topic))
+    delay = _seconds(topic.received, topic.stamps)
+    time = received - delay + offset
+    if offset == 0.0:
+        why = f"stamps, received {1e3 * float(np.median(delay)):.1f} ms later (median)"
+        return Timing(time=time, basis="stamp", why=why)
+    why = f"stamps of a clock that began elsewhere, moved by {offset:.3f} s to the recorder's"
+    return Timing(time=time, basis="moved", why=why)
+
+
+def _why_not(topic: Recorded) -> str:
+    if len(topic.stamps) == 0 or (topic.stamps < 0).all():
+        return "times of receipt: its messages have no stamp"
+    if (topic.stamps <= 0).any():
+        return "times of receipt: its stamps are zero"
+    steps = np.diff(topic.stamps)
+    if len(steps) and (steps < 0).mean() > _BACKWARDS:
+        return "times of receipt: its stamps go back"
+    if len(steps) and (steps == 0).mean() > _REPEATED:
+        return "times of receipt: its stamps repeat"
+    return "times of receipt: its stamps belong to no steady clock"
+
+
+def _seconds(
+    later: Int[np.ndarray, " n"], earlier: Int[np.ndarray, " m"]
+) -> Float[np.ndarray, " n"]:
+    """Subtract nanoseconds without overflow [s]."""
+    whole = later // 1_000_000_000 - earlier // 1_000_000_000
+    return whole + 1e-9 * (later % 1_000_000_000 - earlier % 1_000_000_000)
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_LONGEST: Final = 160
+
+
+class DamageError(LogError):
+    """What rosbags was given cannot be decoded; the cause says why."""
+
+
+def require_rosbags() -> None:
+    """Raise LogError where rosbags is not installed."""
+    try:
+        import_module("rosbags.interfaces")
+    except ImportError as error:
+        raise LogError("reading ROS bags needs rosbags: pip install 'rotorfit[ros]'") from error
+
+
+def decoded(call: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """Call a function of rosbags, raising DamageError for what it raises."""
+    try:
+        return call(*args, **kwargs)
+    except (LogError, MemoryError):
+        raise
+    except Exception as error:
+        # Of the disk's errors: bz2 has one of the same class, without a number.
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise DamageError(in_words(error)) from error
+
+
+def in_words(error: BaseException) -> str:
+    """Return one short line for an error; its text may quote what is no text."""
+    try:
+        text = " ".join(str(error).split())
+    except UnicodeDecodeError:
+        text = ""
+    shown = "".join(letter if letter.isprintable() else "\ufffd" for letter in text[:_LONGEST])
+    return f"{type(error).__name__}: {shown}" if shown else type(error).__name__
+
+
+LARGEST_CHUNK: Final = 128 * 2**20
+"""Bytes that one compressed part may unfold to."""
+_LARGEST_MESSAGE: Final = 64 * 2**20
+_LARGEST_EXPANSION: Final = 40
+_ALWAYS_ALLOWED: Final = 1 << 25
+"""A file may unfold to so many times its size and so many bytes more: sensor data never do."""
+ZSTD_MAGIC: Final = b"\x28\xb5\x2f\xfd"
+
+
+def unfolded(data: bytes, compression: str, size: int, tally: Tally) -> bytes:
+    """Decompress a part."""
+    if compression in ("", "none"):
+        return data
+    if size > LARGEST_CHUNK:
+        raise DamageError("a chunk declares more than can be meant")
+    _count(size, tally)
+    result = _decompressed(data, compression, size)
+    if len(result) != size:
+        raise DamageError("a chunk unfolds to another size than declared")
+    return result
+
+
+def unfolded_message(data: bytes, tally: Tally) -> bytes:
+    """Decompress a message of a bag with ``compression_mode: MESSAGE``; others as they are."""
+    if not data.startswith(ZSTD_MAGIC):
+        return data
+    result = _decompressed(data, "zstd", _LARGEST_MESSAGE)
+    _count(len(result), tally)
+    return result
+
+
+def _count(size: int, tally: Tally) -> None:
+    """Raise where all parts of a file together come to more than can be meant."""
+    tally.unfolded += size
+    if tally.unfolded > _ALWAYS_ALLOWED + _LARGEST_EXPANSION * tally.file_size:
+        raise LogError(
+            f"{tally.file_size} bytes unfold to more than {_LARGEST_EXPANSION} times as much: "
+            "damaged or no flight log; record again without compression"
+        )
+
+
+def _decompressed(data: bytes, compression: str, limit: int) -> bytes:
+    """Decompress to at most one byte more than the limit."""
+    parts: list[bytes] = []
+    left = limit + 1
+    while data and left > 0:
+        decompressor = _decompressor(compression)
+        part: bytes = decoded(decompressor.decompress, data, left)
+        parts.append(part)
+        left -= len(part)
+        if not decompressor.eof:
+            break
+        data = decompressor.unused_data or b""
+    return b"".join(parts)
+
+
+def _decompressor(compression: str) -> Any:  # neither library has types
+    if compression == "bz2":
+        return bz2.BZ2Decompressor()
+    if compression == "lz4":
+        return import_module("lz4.frame").LZ4FrameDecompressor()
+    if compression == "zstd":
+        package = "compression" if sys.version_info >= (3, 14) else "backports"
+        return import_module(f"{package}.zstd").ZstdDecompressor()
+    raise LogError(
+        f"the recording is compressed by {compression[:20]!r}, expected lz4, zstd or bz2: record "
+        "again, or convert it with the tools of ROS"
+    )

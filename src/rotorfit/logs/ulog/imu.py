@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float
 
 from rotorfit.logs.axes import vectors_to_flu
 from rotorfit.logs.flight_log import Channel
+from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan
-from rotorfit.logs.ulog.topic import Topic
 
 _SIGNAL: Final = ("timestamp", "timestamp_sample", "xyz")
 _FIFO: Final = (
@@ -66,7 +66,7 @@ class Imu:
 
 
 def rate_of(channel: Channel | None) -> float:
-    """Return the median rate of a channel [Hz]; 0 where there is none."""
+    """Compute the median rate of a channel [Hz]; 0 where there is none."""
     if channel is None or len(channel.time) < 2:
         return 0.0
     return 1.0 / max(float(np.median(np.diff(channel.time))), 1e-6)

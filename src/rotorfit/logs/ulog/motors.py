@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rotorfit.logs.flight_log import Channel, pieces
+from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan
-from rotorfit.logs.ulog.topic import Topic
 
 SPEED_TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
     "esc_status": ("timestamp", "esc_count", "esc", "esc_rpm", "actuator_function")

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from rotorfit.logs.axes import attitude_to_flu, vectors_to_flu, world_to_body
 from rotorfit.logs.flight_log import Channel, pieces
+from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.scan import Scan
-from rotorfit.logs.ulog.topic import Topic
 
 MOCAP: Final = ("vehicle_mocap_odometry", "vehicle_visual_odometry")
 TOPICS: Final[Mapping[str, tuple[str, ...]]] = {

@@ -24,12 +24,13 @@ from rotorfit.logs.ulog.messages import (
     Block,
     Field,
     Row,
+    Topic,
+    appended,
     parse_format,
     read_blocks,
     refuse_ruin,
     row_of,
 )
-from rotorfit.logs.ulog.topic import Topic, appended
 
 Value = int | float
 Wanted = Mapping[str, Container[str] | None]

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from rotorfit.logs.flight_log import GAZEBO, PX4_OTHER, SIH, Circumstances, LoggedMotors, in_air
 from rotorfit.logs.speed_law import PolynomialLaw, SpeedLaw, SquareRootLaw
+from rotorfit.logs.ulog.messages import Topic
 from rotorfit.logs.ulog.motors import (
     commanded_law,
     is_vtol,
@@ -18,7 +19,6 @@ from rotorfit.logs.ulog.motors import (
     thrust_curve,
 )
 from rotorfit.logs.ulog.scan import Scan
-from rotorfit.logs.ulog.topic import Topic
 
 _GPS: Final = ("vehicle_gps_position", "sensor_gps")
 TOPICS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -285,7 +285,7 @@ def simulator_of(scan: Scan) -> str:
 
 
 def logged_motors(scan: Scan) -> LoggedMotors | None:
-    """Return the law of simulated motors, or the one that was set by THR_MDL_FAC.
+    """Find the law of simulated motors, or the one that was set by THR_MDL_FAC.
 
     An untouched THR_MDL_FAC of 0 is no measurement, and says nothing.
     """
@@ -321,7 +321,7 @@ _A_DATE: Final = 1e9
 
 
 def circumstances_of(scan: Scan, begin: float) -> Circumstances:
-    """Return what the log says of itself; `begin` is its first sample [s]."""
+    """Collect the metadata of the log; `begin` is its first sample [s]."""
     pressure, temperature = _air(scan)
     number = str(scan.info.get("sys_uuid", "")).strip()
     return Circumstances(
@@ -346,7 +346,7 @@ def _air(scan: Scan) -> tuple[float | None, float | None]:
 
 
 def _started(scan: Scan, begin: float) -> float | None:
-    """Return when the log began, by the clock of the satellites."""
+    """Find when the log began, by the clock of the satellites."""
     for name in _GPS:
         topic = scan.first(name)
         clock = None if topic is None else topic.number("time_utc_usec")

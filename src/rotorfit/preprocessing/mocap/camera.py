@@ -5,6 +5,11 @@ differentiated twice, is an acceleration that nobody flew. Single frames that ju
 put back on the line of their neighbours before anything is filtered: differentiated twice, a jump
 of 0.07 rad at 100 Hz is an angular acceleration of 1400 rad/s^2. A frame is held against the cubic
 through its two neighbours on either side, which follows any flight to a small share of the noise.
+
+The body's velocity, which the air's drag needs, is made of a pose where none is logged: position is
+differentiated as motion capture is (one low-pass, one spline), and turned into body
+axes by the attitude. The two need not be of the same instants: some logs have the cameras' position
+and the vehicle's own attitude.
 """
 
 from dataclasses import dataclass
@@ -14,12 +19,19 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage
+from scipy.spatial.transform import Rotation
 
 from rotorfit.errors import FlightError, LogError
 from rotorfit.logs.flight_log import Channel, FlightLog
 from rotorfit.preprocessing.clocks import FEWEST_SAMPLES, usable_samples
 from rotorfit.preprocessing.kinematics import continuous_quaternions
-from rotorfit.preprocessing.signals import SCALE_WIDTH, SPIKE_THRESHOLD
+from rotorfit.preprocessing.signals import (
+    SCALE_WIDTH,
+    SPIKE_THRESHOLD,
+    low_pass,
+    spline_derivatives,
+    whole_samples,
+)
 
 REACH: Final = 2
 """Neighbours on either side that are looked at."""
@@ -68,7 +80,7 @@ def _off_and_limit(
 
 
 def _returns(values: Float[np.ndarray, "n k"], i: int, limit: Float[np.ndarray, " n"]) -> bool:
-    """Return whether all is smooth about frame `i` once it is replaced: it jumped alone."""
+    """Test whether all is smooth about frame `i` once it is replaced: it jumped alone."""
     first, stop = max(i - 2 * REACH, 0), min(i + 2 * REACH + 1, len(values))
     trial = values[first:stop].copy()
     trial[i - first] = CUBIC @ values[i - REACH : i + REACH + 1]
@@ -280,3 +292,91 @@ def _irregular(steps: Float[np.ndarray, " n"]) -> str:
         f"{middle:.1f} ms): these are times of receipt over a network, not those of the cameras; "
         "export the recording with the frame numbers or times of the cameras"
     )
+
+
+CUTOFF: Final = 10.0
+"""Low-pass on the position [Hz]: a velocity that moves drag lies far under it."""
+CUTOFF_SHARE: Final = 0.25
+"""The same at most, as a share of the frame rate."""
+MARGIN: Final = 1.0
+"""Left out at the ends of every run, in periods of the cut-off."""
+LONGEST_BRIDGE: Final = 0.3
+"""A straight line stands for the velocity over a loss of frames up to this [s]."""
+
+
+def known_velocity(log: FlightLog) -> Channel | None:
+    """Take the body-axes velocity of a log, else of its pose; None where neither is usable."""
+    try:
+        if "velocity" in log.channels:
+            return usable_samples(log.channels["velocity"], "velocity")
+        return velocity_of_pose(log)
+    except FlightError:
+        return None
+
+
+def velocity_of_pose(log: FlightLog) -> Channel | None:
+    """Differentiate position and turn it into body axes [m/s]; None without both."""
+    if not {"position", "attitude"} <= set(log.channels):
+        return None
+    place = usable_samples(log.channels["position"], "position")
+    attitude = usable_samples(log.channels["attitude"], "attitude")
+    fresh = np.concatenate([[True], np.any(place.values[1:] != place.values[:-1], axis=1)])
+    time = restamped(place.time[fresh])
+    position = without_spikes(time, place.values[fresh])[0]
+    clock = camera_clock(time)
+    cutoff = min(CUTOFF, CUTOFF_SHARE * clock.rate)
+    margin = whole_samples(MARGIN / cutoff * clock.rate)
+    times: list[Float[np.ndarray, " m"]] = []
+    world: list[Float[np.ndarray, "m 3"]] = []
+    for a, b in clock.runs:
+        if b - a <= 2 * margin + 6:
+            continue
+        own, _ = spline_derivatives(low_pass(position[a:b], clock.rate, cutoff), clock.rate)
+        times.append(clock.time[a + margin : b - margin])
+        world.append(own[margin:-margin] if margin else own)
+    if not times:
+        return None
+    return _in_body(
+        *_bridged(np.concatenate(times), np.concatenate(world), clock.rate),
+        attitude,
+        source=f"{place.source}, differentiated and turned by {attitude.source}",
+    )
+
+
+def _bridged(
+    time: Float[np.ndarray, " n"], velocity: Float[np.ndarray, "n 3"], rate: float
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m 3"]]:
+    """Interpolate the velocity over short losses of frames."""
+    steps = np.diff(time)
+    short = np.flatnonzero((steps > 1.5 / rate) & (steps < LONGEST_BRIDGE + 2.0 * MARGIN / CUTOFF))
+    more: list[Float[np.ndarray, " k"]] = [
+        np.linspace(time[i], time[i + 1], round(float(steps[i]) * rate) + 1)[1:-1] for i in short
+    ]
+    whole = np.sort(np.concatenate([time, *more]))
+    return whole, _between(whole, time, velocity)
+
+
+def _between(
+    at: Float[np.ndarray, " m"], time: Float[np.ndarray, " n"], values: Float[np.ndarray, "n k"]
+) -> Float[np.ndarray, "m k"]:
+    """Interpolate values at other times."""
+    result = np.empty((len(at), values.shape[1]))
+    for k in range(values.shape[1]):
+        result[:, k] = np.interp(at, time, values[:, k])
+    return result
+
+
+def _in_body(
+    time: Float[np.ndarray, " n"],
+    world: Float[np.ndarray, "n 3"],
+    attitude: Channel,
+    *,
+    source: str,
+) -> Channel:
+    """Turn world vectors into body axes, by the attitude between its samples."""
+    q = continuous_quaternions(attitude.values)
+    known: Bool[np.ndarray, " n"] = (time >= attitude.time[0]) & (time <= attitude.time[-1])
+    time, world = time[known], world[known]
+    between = _between(time, attitude.time, q)
+    body = Rotation.from_quat(between[:, [1, 2, 3, 0]]).apply(world, inverse=True)
+    return Channel(time=time, values=body, source=source)

@@ -1,24 +1,46 @@
-"""What `rotorfit fly` found as one page: replay over time, growing errors, manoeuvres."""
+"""What `rotorfit fly` found, on one screen and as a page: replay, growing errors, manoeuvres."""
 
+import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
-from rotorfit.logs.files import file_name, write_whole
-from rotorfit.report.fly_text import force_rows, headline, manoeuvre_summary, rate_rows, verdicts
-from rotorfit.report.pages import render_page, template_text, write_drawings
-from rotorfit.report.svg import drawing, label, labelled_ticks, standalone, tag
+from rotorfit.logs.files import file_name
+from rotorfit.report.pages import (
+    drawing,
+    label,
+    labelled_ticks,
+    render_page,
+    standalone,
+    tag,
+    template_text,
+)
 from rotorfit.validation.fly_outcome import (
     AXES,
+    GOOD_SHARE,
     IDENTIFIED,
     MANOEUVRES,
+    STEADY,
+    STEP,
+    STEPS,
     FlyOutcome,
     Manoeuvre,
+    ModelFlight,
+    band,
+    departure,
+    horizon,
+    is_lost,
+    manoeuvre_of,
+    overshoot,
+    rate_errors,
+    ratio_to,
     reported_times,
+    settling_time,
+    steady_share,
 )
 from rotorfit.validation.replay import (
     HOLD,
@@ -26,10 +48,180 @@ from rotorfit.validation.replay import (
     Replay,
     band_growth,
     error_growth,
+    force_errors,
     growth_time,
 )
 
-WIDTH: Final = 920.0
+WIDTH = 80
+BAND = "95 % band"
+EVEN = 0.05
+"""Errors that differ by less count as equal."""
+FORCE_HELD = "first mean held"
+
+
+def fly_text(outcome: FlyOutcome, *, width: int = WIDTH) -> str:
+    """Write replay, manoeuvres and notes as plain text, lines of that width."""
+    lines = [
+        *_wrapped(headline(outcome), width, "", ""),
+        "",
+        "Replay: rms error of the rates [rad/s], this long after the start of a window",
+    ]
+    column = max(len(label) for label in (*outcome.labels, BAND, FORCE_HELD))
+    times = reported_times(outcome)
+    lines.append(f"  {'':<{column}}" + "".join(f"{f'after {t:.3g} s':>30}" for t in times))
+    lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for _ in times for axis in AXES))
+    lines += [f"  {label:<{column}}" + _numbers(row) for label, row in rate_rows(outcome)]
+    lines.append("")
+    for line in verdicts(outcome):
+        lines += _wrapped(line, width, "  ", "    ")
+    lines += ["", "What it means"]
+    for line in meaning(outcome):
+        lines += _wrapped(line, width, "  - ", "    ")
+    lines += ["", "Replay: rms error of the specific force, means over 0.05 s [m/s^2]"]
+    lines.append(f"  {'':<{column}}" + "".join(f"{axis:>10}" for axis in "xyz"))
+    lines += [f"  {label:<{column}}" + _numbers(row) for label, row in force_rows(outcome)]
+    lines += _manoeuvre_lines(outcome)
+    if outcome.notes:
+        lines += ["", "To know"]
+        for note in outcome.notes:
+            lines += _wrapped(note, width, "  - ", "    ")
+    return "\n".join(lines)
+
+
+def _manoeuvre_lines(outcome: FlyOutcome) -> list[str]:
+    """Tabulate a line a manoeuvre, a column a set of parameters."""
+    if not outcome.manoeuvres:
+        return []
+    rows = [("", list(outcome.labels))]
+    rows.append(("hover", [hover_summary(outcome, label) for label in outcome.labels]))
+    rows += [
+        (step_name(n), [step_summary(manoeuvre_of(outcome, label, n)) for label in outcome.labels])
+        for n in STEPS
+    ]
+    width = max(len(name) for name, _ in rows)
+    return [
+        "",
+        "In MuJoCo: the identified model, its autopilot tuned to these parameters",
+        *(f"  {n:<{width}}" + "".join(f"  {c:<20}" for c in cells).rstrip() for n, cells in rows),
+    ]
+
+
+def _wrapped(text: str, width: int, first: str, later: str) -> list[str]:
+    return textwrap.wrap(
+        text, width, initial_indent=first, subsequent_indent=later, break_long_words=False
+    )
+
+
+def headline(outcome: FlyOutcome) -> str:
+    """Summarise what was flown, in one sentence."""
+    flights = ", ".join(file_name(replay.flight) for replay in outcome.replays)
+    return (
+        f"{outcome.name}, configuration {outcome.configuration}: {outcome.windows} windows of "
+        f"{outcome.seconds:g} s of {flights}"
+    )
+
+
+def rate_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
+    """Tabulate the errors of the rates: each label, then the rate held, then the band."""
+    times = reported_times(outcome)
+    rows = [
+        (label, [x for t in times for x in rate_errors(outcome, label, t).tolist()])
+        for label in (*outcome.labels, HOLD)
+    ]
+    if outcome.draws:
+        rows.append((BAND, [x for t in times for x in band(outcome, t).tolist()]))
+    return rows
+
+
+def force_rows(outcome: FlyOutcome) -> list[tuple[str, list[float]]]:
+    """Tabulate the errors of the specific force: each label, then the first mean held."""
+    rows = [(label, force_errors(outcome.replays, label).tolist()) for label in outcome.labels]
+    return [*rows, (FORCE_HELD, force_errors(outcome.replays, HOLD).tolist())]
+
+
+def verdicts(outcome: FlyOutcome) -> list[str]:
+    """Compare the identified parameters with the others at the end of a window."""
+    end = reported_times(outcome)[-1]
+    return [
+        f"against {label}, after {end:.3g} s: "
+        + ", ".join(
+            _stand(axis, ratio)
+            for axis, ratio in zip(AXES, ratio_to(outcome, label, end).tolist(), strict=True)
+        )
+        for label in (*outcome.labels[1:], HOLD)
+    ]
+
+
+def meaning(outcome: FlyOutcome) -> list[str]:
+    """Explain what the errors mean for who uses the model."""
+    end = reported_times(outcome)[-1]
+    seconds, steady = horizon(outcome, GOOD_SHARE).tolist(), steady_share(outcome).tolist()
+    held = ratio_to(outcome, HOLD, end).tolist()
+    good = [f"{axis} {t:.2g} s" for axis, t in zip(AXES, seconds, strict=True)]
+    words = [
+        f"open loop (planning, MPC) the rates stay within {100 * GOOD_SHARE:.0f} % of what was "
+        f"flown for: {', '.join(good)}" + (f" (the window ends at {end:.2g} s)")
+    ]
+    worse = [axis for axis, ratio in zip(AXES, held, strict=True) if ratio > 1.0]
+    if worse:
+        words.append(
+            f"{' and '.join(worse)}: over {end:.2g} s the model is worse than holding the rate; "
+            "do not predict that axis with it: fly livelier about it and identify again"
+        )
+    trim = [axis for axis, share in zip(AXES, steady, strict=True) if share > STEADY]
+    if trim:
+        words.append(
+            f"{' and '.join(trim)}: most of the error is steady, which is trim (centre of mass, "
+            "wind, unequal rotors); a controller with integral action removes it, a prediction "
+            "does not"
+        )
+    if not worse:
+        words.append(
+            "closed loop, for tuning and simulation, errors of this size do not add up: the "
+            "controller corrects them from sample to sample"
+        )
+    return words
+
+
+def _stand(axis: str, ratio: float) -> str:
+    if not math.isfinite(ratio):
+        return f"{axis} -"
+    word = "even" if abs(ratio - 1.0) < EVEN else "better" if ratio < 1.0 else "WORSE"
+    return f"{axis} {word} (error x {ratio:.2f})"
+
+
+def manoeuvre_summary(outcome: FlyOutcome, label: str) -> str:
+    """Summarise how hover and steps went, in one line."""
+    parts = [f"hover {hover_summary(outcome, label)}"]
+    parts += [f"{step_name(n)} {step_summary(manoeuvre_of(outcome, label, n))}" for n in STEPS]
+    return "; ".join(parts)
+
+
+def hover_summary(outcome: FlyOutcome, label: str) -> str:
+    """Summarise how well the height was held."""
+    hover = manoeuvre_of(outcome, label, "hover")
+    return "lost" if is_lost(hover) else f"to {departure(hover):.3f} m"
+
+
+def step_name(name: Manoeuvre) -> str:
+    """Name a step with its size."""
+    return f"{name} {STEP[name]:g} {'rad/s' if name == 'yaw rate' else 'rad'}"
+
+
+def step_summary(flight: ModelFlight) -> str:
+    """Summarise a step: when it stays within a tenth, and how far it went beyond."""
+    if is_lost(flight):
+        return "lost"
+    settled = settling_time(flight)
+    ended = "not settled" if settled is None else f"in {settled:.2f} s"
+    return f"{ended}, {100 * overshoot(flight):.0f} % over"
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return "".join(f"{value:>10.3f}" if math.isfinite(value) else f"{'-':>10}" for value in values)
+
+
+PAGE_WIDTH: Final = 920.0
 LEFT, RIGHT, TITLE, BELOW = 52.0, 10.0, 24.0, 34.0
 SHOWN_SECONDS: Final = 8.0
 """Of a flight in the drawing over time: its liveliest stretch of this length."""
@@ -85,16 +277,10 @@ def fly_html(outcome: FlyOutcome) -> str:
     )
 
 
-def write_fly_page(path: Path, outcome: FlyOutcome, *, force: bool = False) -> None:
-    """Write the page into a file, whole or not at all."""
-    write_whole(path, fly_html(outcome), force=force)
-
-
-def write_fly_figures(folder: Path, outcome: FlyOutcome, *, force: bool = False) -> list[Path]:
-    """Write each drawing as a file, all or none."""
+def fly_figures(outcome: FlyOutcome) -> dict[str, str]:
+    """Draw everything as SVG documents, by name."""
     style = template_text("figure.css") + template_text("fly.css")
-    drawings = {name: standalone(svg, style) for name, svg in fly_drawings(outcome).items()}
-    return write_drawings(folder, drawings, force=force)
+    return {name: standalone(svg, style) for name, svg in fly_drawings(outcome).items()}
 
 
 def fly_drawings(outcome: FlyOutcome) -> dict[str, str]:
@@ -202,14 +388,14 @@ def _broken(values: Float[np.ndarray, "k n"]) -> Float[np.ndarray, " m"]:
 
 
 def _figure(panels: Sequence[Panel], columns: int, height: float, words: str) -> str:
-    width = WIDTH / columns
+    width = PAGE_WIDTH / columns
     block = TITLE + height + BELOW
     parts = [
         _panel(panel, (i % columns * width, i // columns * block), (width, height))
         for i, panel in enumerate(panels)
     ]
     total = -(-len(panels) // columns) * block
-    return drawing(WIDTH, total, {"class": "fly", "role": "img", "aria-label": words}, *parts)
+    return drawing(PAGE_WIDTH, total, {"class": "fly", "role": "img", "aria-label": words}, *parts)
 
 
 def _panel(panel: Panel, corner: tuple[float, float], size: tuple[float, float]) -> str:

@@ -1,15 +1,25 @@
-"""Crazyflow: a section for its params.toml, or the parameters of every world as arrays.
+"""Crazyflow, RotorPy and CasADi: files that Python reads.
 
-Source: crazyflow 0.4, dynamics/first_principles/params.toml and dynamics.py: thrust and torque are
-polynomials in RPM; torque = mixing_matrix (thrust L) about x and y, and mixing_matrix torque about
-z, so that its rows are y/L, -x/L (positions from the CoM, FLU) and -1 for a rotor that turns ccw; J
-is about the CoM; rotor_dyn_coef = [1/tau_up, 0, 1/tau_down, 0]. dynamics() takes a curve for each
-rotor, but sim.py (rotor_vel_limits, Params.create) only one from the file: where rotors differ, the
-curve is their mean, and the rows of x and y carry kt_i / kt, so that every torque stays right. A
-section is of a drone in drones/__init__.py, each with its MJCF file.
+Crazyflow, a section of params.toml or every world as arrays: crazyflow 0.4,
+dynamics/first_principles/params.toml and dynamics.py: thrust and torque are polynomials in RPM;
+torque = mixing_matrix (thrust L) about x and y, and mixing_matrix torque about z, so that its rows
+are y/L, -x/L (positions from the CoM, FLU) and -1 for a rotor that turns ccw; J is about the CoM;
+rotor_dyn_coef = [1/tau_up, 0, 1/tau_down, 0]. dynamics() takes a curve for each rotor, but sim.py
+(rotor_vel_limits, Params.create) only one from the file: where rotors differ, the curve is their
+mean, and the rows of x and y carry kt_i / kt, so that every torque stays right. A section is of a
+drone in drones/__init__.py, each with its MJCF file.
 
 The worlds are for ``sim.data.params`` (Params, utils.leaf_replace): every parameter may have
 leading axes (worlds, drones), and the curves may be those of each motor. Joint draws stay joint.
+
+RotorPy, the dictionary `quad_params`: rotorpy/vehicles/multirotor.py and crazyflie_params.py:
+vectors are from the CoM, axes FLU; thrust k_eta w^2 along z, torque rotor_directions k_m w^2 about
+z (so -1 for a rotor that turns ccw); inertia about the CoM as tensor elements; one time constant
+tau_m; its allocation inverts a 4 x N matrix, and takes four rotors only.
+
+CasADi: the equations are those of the model (`rotorfit.model.regressor`) about the CoM: rotor
+inertia with its gyroscopic torque and reaction included. Nothing but casadi is needed to use the
+file.
 """
 
 import io
@@ -18,14 +28,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from rotorfit.export.file_format import (
+    elements,
     hash_comment,
     identifier,
+    listed,
     per_squared_rpm,
+    template_text,
     text,
     with_notes,
 )
 from rotorfit.export.variants import Variants
 from rotorfit.export.vehicle import VehicleModel, refuse_no_lag, refuse_no_upright_quad
+from rotorfit.model.parameters import INERTIA
+from rotorfit.preprocessing.airborne import GRAVITY
 
 
 def write_crazyflow(model: VehicleModel, head: Sequence[str]) -> str:
@@ -118,3 +133,73 @@ def _params(model: VehicleModel) -> dict[str, np.ndarray]:
         "drag_matrix": np.zeros((3, 3)),
         "rotor_dyn_coef": np.array([[1.0 / model.lag_up, 0.0, 1.0 / model.lag_down, 0.0]]),
     }
+
+
+LEFT_OUT = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "motor_noise_std")
+
+
+def write_rotorpy(model: VehicleModel, head: Sequence[str]) -> str:
+    """Write the dictionary as a Python module."""
+    refuse_no_lag(model, "RotorPy")
+    refuse_no_upright_quad(model, "RotorPy")
+    comment = with_notes(
+        head,
+        "positions from the CoM [m]; rI is the IMU's; rotor_directions is the sign of the torque "
+        "about z, -1 for a rotor that turns ccw",
+        "k_eta is the mean of the rotors, k_m is kd; tau_m is the mean of up and down; Jr has no "
+        "place in RotorPy",
+        f"left out, 0 here: {', '.join(LEFT_OUT)}",
+    )
+    lines = "".join(f"    {name!r}: {value},\n" for name, value in _quad_params(model))
+    return hash_comment(comment) + f"import numpy as np\n\nquad_params = {{\n{lines}}}\n"
+
+
+def _quad_params(model: VehicleModel) -> list[tuple[str, str]]:
+    places = ", ".join(f"'r{i}': {_array(arm)}" for i, arm in enumerate(model.arms.tolist(), 1))
+    return [
+        ("mass", text(model.mass)),
+        *zip(INERTIA, map(text, elements(model.inertia_com)), strict=True),
+        ("num_rotors", str(len(model.rotors))),
+        ("rotor_pos", f"{{{places}}}"),
+        ("rotor_directions", _array([-rotor.spin for rotor in model.rotors])),
+        ("rI", _array((model.imu - model.com).tolist())),
+        ("k_eta", text(model.kt)),
+        ("k_m", text(model.kd)),
+        ("tau_m", text(model.mean_lag)),
+        ("rotor_speed_min", "0.0"),
+        ("rotor_speed_max", text(model.max_speed)),
+        *((name, "0.0") for name in LEFT_OUT),
+    ]
+
+
+def _array(values: Sequence[float]) -> str:
+    return f"np.array([{', '.join(text(value) for value in values)}])"
+
+
+def write_casadi(model: VehicleModel, head: Sequence[str]) -> str:
+    """Write a Python module with the function `dynamics`."""
+    refuse_no_lag(model, "the CasADi function")
+    comment = with_notes(
+        head,
+        "ARMS are the rotors' positions from the CoM, INERTIA is about it; SPINS +1 for ccw",
+    )
+    constants = (
+        ("MASS", text(model.mass)),
+        ("GRAVITY", text(GRAVITY)),
+        ("INERTIA", _rows(model.inertia_com.tolist())),
+        ("KT", listed([rotor.kt for rotor in model.rotors])),
+        ("KD", text(model.kd)),
+        ("JR", text(model.Jr or 0.0)),
+        ("LAG_UP", text(model.lag_up)),
+        ("LAG_DOWN", text(model.lag_down)),
+        ("ARMS", _rows(model.arms.tolist())),
+        ("AXES", _rows([rotor.axis.tolist() for rotor in model.rotors])),
+        ("SPINS", listed([rotor.spin for rotor in model.rotors])),
+    )
+    lines = "".join(f"{name} = {value}\n" for name, value in constants)
+    begin = f"{hash_comment(comment)}import casadi as ca\n\n{lines}\n"
+    return begin + template_text("casadi_dynamics.py.txt")
+
+
+def _rows(values: Sequence[Sequence[float]]) -> str:
+    return f"[{', '.join(listed(row) for row in values)}]"
