@@ -3,8 +3,8 @@
 Arrays have the worlds last: vectors (3, W), rotors (8, W) where a missing rotor has no thrust. A
 step is the midpoint rule: the rotors' speeds are exact at its middle and end (a lag of first order
 under a held command), forces and torques are those of the middle. A row of the record holds what
-is read at the beginning of a step; the specific force in it is that of the middle of the step before,
-and `sensing.py` averages two of them for the instant between.
+is read at the beginning of a step; the specific force in it is that of the middle of the step
+before, and `sensing.py` averages two of them for the instant between.
 """
 
 from collections.abc import Sequence
@@ -119,7 +119,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def fly(worlds: Sequence[World]) -> list[Record]:
     """Fly some worlds, all at once."""
-    return _Batch(worlds).flown()
+    return Batch(worlds).flown()
 
 
 def _stacked(rows: Sequence[Any]) -> np.ndarray:
@@ -131,7 +131,7 @@ def _padded(rows: np.ndarray) -> np.ndarray:
     return np.concatenate([rows, np.zeros((ROTORS - len(rows), *rows.shape[1:]))])
 
 
-class _Batch:
+class Batch:
     """Constants and state of worlds that fly together."""
 
     def __init__(self, worlds: Sequence[World]) -> None:
@@ -185,7 +185,9 @@ class _Batch:
         believed = [np.diag(w.vehicle.inertia) * w.autopilot.believed for w in self.worlds]
         self.believed = _stacked(believed)
         self.mean_kt = _stacked([w.vehicle.kt.mean() for w in self.worlds])
-        self.mixing, self.unmixing = (_stacked(x) for x in zip(*map(_mixer, self.worlds)))
+        self.mixing, self.unmixing = (
+            _stacked(x) for x in zip(*map(_mixer, self.worlds), strict=True)
+        )
         self.real = self.kt > 0.0
         self.trim = _stacked([_trim(w) for w in self.worlds])
         smooth = [low_pass(a.lowpass, a.order) for a in pilots]
@@ -215,7 +217,7 @@ class _Batch:
 
     def _series(self, rows: Sequence[np.ndarray]) -> np.ndarray:
         """Stack series (n, k) of unlike length as (steps, k, W)."""
-        out = np.zeros((self.steps, rows[0].shape[1], len(rows)))
+        out = np.zeros((self.steps, rows[0].shape[1], len(rows)), dtype=np.float32)
         for i, row in enumerate(rows):
             out[: len(row), :, i] = row
             out[len(row) :, :, i] = row[-1]
@@ -253,7 +255,7 @@ class _Batch:
         kept = {name: np.empty((n, k, W), dtype=np.float32) for name, k in widths.items()}
         with np.errstate(all="ignore"):
             for k in range(n):
-                row = self._step(k)
+                row = self.step(k)
                 for name, value in row.items():
                     kept[name][k] = value
         return [self._record(kept, i) for i in range(W)]
@@ -268,7 +270,8 @@ class _Batch:
 
     # A step.
 
-    def _step(self, k: int) -> dict[str, np.ndarray]:
+    def step(self, k: int) -> dict[str, np.ndarray]:
+        """Advance by a step; return what the record of it holds."""
         gyro, accel, filtered, accel_z = self._read(k)
         wanted = self._fly(k, filtered, accel_z, gyro)
         truth = {
@@ -347,6 +350,7 @@ class _Batch:
         self.before = gyro
         by_pid = fast + self.rate * self.integral * self.sums + self.trim / self.believed
         by_steps = applied / self.believed + fast - change
+        by_steps[2] = by_pid[2]  # a rotor's inertia turns the body at once: not a step of its drag
         return self.believed * np.where(self.indi > 0.0, by_steps, by_pid) * self.airborne
 
     def _mixed(self, k: int, thrust: np.ndarray, torque: np.ndarray) -> np.ndarray:

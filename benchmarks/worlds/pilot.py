@@ -1,6 +1,7 @@
 """What is asked of each world's autopilot, millisecond by millisecond, and what the air does."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -63,7 +64,7 @@ def _sticks(world: World, n: int, rng: np.random.Generator) -> np.ndarray:
     size = np.array([tilt, tilt, yaw, climb])
     if kind == "sweep":
         return size * _sweeps(n)
-    hold = {"lively": 0.6, "one-axis": 0.7, "throw": 1.0}.get(kind, 1.5)
+    hold = {"lively": 0.45, "one-axis": 0.7, "throw": 1.0}.get(kind, 1.5)
     sticks = size * np.column_stack([_steps(rng, n, hold) for _ in range(4)])
     if kind == "one-axis":
         sticks *= np.where(np.arange(4) == world.flight.axis, 1.0, 0.03)
@@ -75,7 +76,7 @@ def _sweeps(n: int) -> np.ndarray:
     sticks = np.zeros((n, 4))
     first = round((REST + 2.0) / STEP)
     bounds = np.linspace(first, n - LANDING / STEP, 5).astype(int)
-    for axis, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+    for axis, (a, b) in enumerate(pairwise(bounds)):
         t, total = STEP * np.arange(b - a), STEP * max(b - a, 1)
         rising = np.log(4.0 / 0.2) / total
         sticks[a:b, axis] = np.sin(2 * np.pi * 0.2 * (np.exp(rising * t) - 1) / rising)

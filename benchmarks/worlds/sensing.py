@@ -165,18 +165,18 @@ def _law(world: World) -> str:
     m = world.motors
     power = f"full_speed = {m.full!r}, offset = {m.offset!r}"
     law = f"law = {{ power = {{ {power}, exponent = {m.exponent + world.log.law_error!r} }} }}"
-    if m.sag or m.sag_load:
-        if "battery" in world.log.has:
-            law = law[:-2] + f", voltage = {{ nominal = {FULL_VOLTS}, exponent = 1.0 }} }}"
+    if (m.sag or m.sag_load) and "battery" in world.log.has:
+        law = law[:-2] + f", voltage = {{ nominal = {FULL_VOLTS}, exponent = 1.0 }} }}"
     return law
 
 
 def truth(world: World) -> dict[str, float]:
     """Return what is true of each number that the result may give; what is ambiguous is not there.
 
-    No kt, kd, Jr and what follows from them where only commands are in the log and their scale is
-    not known (no law, a wrong one, or a voltage that sags unlogged); no lag of motors that rise and
-    fall unlike, or whose data a slow telemetry hands on; no delay where a filter delays the IMU.
+    No kd of motors that are tilted (their thrust turns as their drag does). No kt, kd, Jr and what
+    follows from them where only commands are in the log and their scale is not known (no law, a
+    wrong one, or a voltage that sags unlogged); no lag of motors that rise and fall unlike, or
+    whose data a slow telemetry hands on; no delay where a filter delays the IMU.
     """
     v = world.vehicle
     kt, kd = float(v.kt.mean()), float(v.kd.mean())
@@ -207,6 +207,8 @@ def truth(world: World) -> dict[str, float]:
         known |= {
             f"accel_bias_{a}": float(x) for a, x in zip("xyz", world.sensors.bias[3:], strict=True)
         }
+    if "tilted_motors" in world.hazards:
+        known = {name: x for name, x in known.items() if not name.startswith("kd")}
     return known
 
 
@@ -221,7 +223,10 @@ def _timing(world: World) -> dict[str, float]:
     m, known = world.motors, dict[str, float]()
     slow = {"telemetry_10hz", "telemetry_lowpass", "no_law", "law_wrong"}
     delays = {"soft_mount", "filtered_gyro", "filtered_accel", "lag_on_thrust", *slow}
-    if world.log.driven == "commanded" and world.hazards.isdisjoint(slow):
+    if "command" in world.log.has and world.hazards.isdisjoint(slow):
+        if world.log.driven == "measured":
+            known["command_delay"] = 1e-3 * m.delay_ms
+            known |= {} if "sag" in world.hazards else {"max_speed": m.full}
         if m.lag_up == m.lag_down:
             known["motor_lag"] = m.lag_up
         elif not m.on_thrust:

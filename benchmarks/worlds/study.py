@@ -143,12 +143,18 @@ def run(
                 rows, left = worker.rows(ended)
                 rows = [row | {"options": options} for row in rows]
                 with output.open("a", encoding="utf-8") as file:
+                    file.write("\n" * _torn(output))
                     file.writelines(json.dumps(row) + "\n" for row in rows)
                 yield from rows
                 if ended:
                     at_work.remove(worker)
                     waiting = left + waiting
             time.sleep(0.3)
+
+
+def _torn(path: Path) -> bool:
+    """Say whether the last line of a file was broken off."""
+    return path.stat().st_size > 0 and not path.read_bytes().endswith(b"\n")
 
 
 class _Worker:

@@ -13,7 +13,7 @@ SHOWN: Final = (
     "kt", "kd", "Jr", "Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com",
     "com_x", "com_y", "com_z", "kd_over_kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt",
     "kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag", "motor_lag_up", "motor_lag_down",
-    "motor_delay", "twist", "accel_bias_x", "accel_bias_y", "accel_bias_z", "kt_1", "kt_2",
+    "motor_delay", "command_delay", "max_speed", "twist", "accel_bias_x", "accel_bias_y", "accel_bias_z", "kt_1", "kt_2",
 )  # fmt: skip
 GIVEN: Final = ("identified", "weak")
 SPOILT: Final = {kind: {h.name for h in HAZARDS if h.kind == kind} for kind in ("ruin", "wrong")}
@@ -60,7 +60,7 @@ def _scale(name: str, known: Mapping[str, float]) -> float:
         return 0.01
     if name.startswith("accel_bias"):
         return 0.2
-    if name == "motor_delay":
+    if name.endswith("_delay"):
         return 0.005
     if name in ("Jr", "Jr_over_Izz") and known[name] == 0.0:
         return 1e-3 * (known["Izz_com"] if name == "Jr" else 1.0)
@@ -228,7 +228,7 @@ def _refusals(runs: list[list[Row]]) -> list[str]:
 
 def _findings(runs: list[list[Row]]) -> list[str]:
     lines = [
-        "Doubts and refusals by kind: worlds with a cause of it in which it is said, worlds without",
+        "Doubts and refusals by kind: said in how many worlds with a cause of it, without one",
         f"{'':36s}" + _beside([f"{'with':>14s} {'without':>14s}"] * len(runs)),
     ]
     said = [_said(run) for run in runs]

@@ -337,9 +337,11 @@ def _autopilot(d: Draws, vehicle: Vehicle, motors: Motors) -> Autopilot:
     share = d.log_between(0.2, 0.8)  # gains over a factor of four
     rate = share / late
     if d.has("limit_cycle"):
-        rate = 2.5 / late
+        rate = d.between(1.8, 2.4) / late
     rate = rate * d.under("indi", 0.8, 1.0)
-    yaw = rate * d.between(0.2, 0.5)
+    # A rotor that speeds up turns the body by its inertia, sooner and more than by its drag.
+    sooner = vehicle.Jr / (2.0 * vehicle.kd.mean() * vehicle.hover_speed * motors.lag_up)
+    yaw = rate * d.between(0.25, 0.6) / (1.0 + 0.5 * sooner)
     return Autopilot(
         rate=rate,
         yaw=yaw,
