@@ -173,6 +173,7 @@ def _law(world: World) -> str:
 def truth(world: World) -> dict[str, float]:
     """Return what is true of each number that the result may give; what is ambiguous is not there.
 
+    The twist is all yaw torque over thrust of rotors that turn alike, with that of unlike k_d.
     No kd of motors that are tilted (their thrust turns as their drag does). No kt, kd, Jr and what
     follows from them where only commands are in the log and their scale is not known (no law, a
     wrong one, or a voltage that sags unlogged); no lag of motors that rise and fall unlike, or
@@ -193,8 +194,8 @@ def truth(world: World) -> dict[str, float]:
         known[f"I{name}_com"] = float(I[i, j])
     origin = np.zeros(3) if world.log.imu_declared else world.sensors.imu
     known |= {f"com_{a}": float(x) for a, x in zip("xyz", v.com - origin, strict=True)}
-    turn = np.cross(v.places, v.axes)[:, 2]
-    known["twist"] = float((turn * v.kt).sum() / v.kt.sum())
+    turn = np.cross(v.places, v.axes)[:, 2] * v.kt - v.spins * v.kd
+    known["twist"] = float(turn.sum() / v.kt.sum())
     known |= _timing(world)
     if _scale_known(world):
         known |= {"kt": kt, "kd": kd, "Jr": v.Jr, "hover_speed": v.hover_speed}

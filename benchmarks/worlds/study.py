@@ -3,11 +3,14 @@
 import faulthandler
 import json
 import multiprocessing
+import os
+import threading
 import time
 import traceback
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from multiprocessing import connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -188,6 +191,7 @@ class _Worker:
 
 def _work(study: Study, indices: list[int], folder: Path, limit: float) -> None:
     """Work on a batch in a process of its own, ended from C where a world takes too long."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     with (folder / "why").open("w", encoding="utf-8") as why:
         faulthandler.dump_traceback_later(limit + 10.0 * len(indices), exit=True, file=why)
         for row in rows_of(study, indices):
@@ -196,6 +200,13 @@ def _work(study: Study, indices: list[int], folder: Path, limit: float) -> None:
             faulthandler.cancel_dump_traceback_later()
             faulthandler.dump_traceback_later(limit, exit=True, file=why)
         faulthandler.cancel_dump_traceback_later()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
 
 
 def read_rows(path: Path) -> list[Row]:

@@ -1,5 +1,6 @@
 """What the worlds show: does each number hold, is what is said of a world true of it?"""
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +14,8 @@ SHOWN: Final = (
     "kt", "kd", "Jr", "Ixx_com", "Iyy_com", "Izz_com", "Ixy_com", "Ixz_com", "Iyz_com",
     "com_x", "com_y", "com_z", "kd_over_kt", "Ixx_over_kt", "Iyy_over_kt", "Izz_over_kt",
     "kd_over_Izz", "Jr_over_Izz", "hover_speed", "motor_lag", "motor_lag_up", "motor_lag_down",
-    "motor_delay", "command_delay", "max_speed", "twist", "accel_bias_x", "accel_bias_y", "accel_bias_z", "kt_1", "kt_2",
+    "motor_delay", "command_delay", "max_speed", "twist",
+    "accel_bias_x", "accel_bias_y", "accel_bias_z", "kt_i",
 )  # fmt: skip
 GIVEN: Final = ("identified", "weak")
 SPOILT: Final = {kind: {h.name for h in HAZARDS if h.kind == kind} for kind in ("ruin", "wrong")}
@@ -22,13 +24,17 @@ SPOILT["invisible"] = {h.name for h in HAZARDS if h.kind == "invisible"}
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One number of one world: does its interval hold, half-width and error over its scale."""
+    """One number of one world: does its interval hold, half-width and miss over its scale."""
 
     row: Row
     name: str
     verdict: str
-    error: float
+    miss: float
     half: float
+
+    @property
+    def error(self) -> float:
+        return abs(self.miss)
 
     @property
     def holds(self) -> bool:
@@ -71,8 +77,8 @@ def numbers(rows: Iterable[Row]) -> list[Held]:
     """Return every number that is given with a verdict `identified` or `weak`."""
     return [
         Held(
-            row, name, verdict,
-            abs(value - row["truth"][name]) / _scale(name, row["truth"]),
+            row, re.sub(r"^kt_\d$", "kt_i", name), verdict,
+            (value - row["truth"][name]) / _scale(name, row["truth"]),
             half / _scale(name, row["truth"]),
         )
         for row in rows
@@ -318,10 +324,7 @@ def _worst(run: Sequence[Row]) -> list[str]:
 
 
 def _signed(one: Held) -> str:
-    value, half, _ = one.row["numbers"][one.name]
-    scale = _scale(one.name, one.row["truth"])
-    error = 100.0 * (value - one.row["truth"][one.name]) / scale
-    return f"{error:+.1f}+-{100.0 * half / scale:.1f}%"
+    return f"{100.0 * one.miss:+.1f}+-{100.0 * one.half:.1f}%"
 
 
 def _excess(one: Held) -> float:

@@ -43,7 +43,9 @@ def test_a_thrown_body_without_motors_keeps_momentum_and_energy() -> None:
         momentum = np.einsum("ijw,jw->iw", batch.inertia, batch.w)
         spins.append(np.einsum("ijw,jw->iw", batch.R, momentum))
         motion = 0.5 * batch.mass * (batch.v**2).sum(axis=0)
-        energies.append(motion + 0.5 * (batch.w * momentum).sum(axis=0) + batch.mass * GRAVITY * batch.z)
+        energies.append(
+            motion + 0.5 * (batch.w * momentum).sum(axis=0) + batch.mass * GRAVITY * batch.z
+        )
     flown = slice(2001, None)
     spun, energy = np.array(spins[flown]), np.array(energies[flown])
     size = np.linalg.norm(spun[0], axis=0)
@@ -76,18 +78,21 @@ def test_momentum_of_body_and_rotors_changes_by_the_torques() -> None:
     spun = v.Jr * (v.spins * speed).sum(axis=1)[:, None] * [0.0, 0.0, 1.0]
     momentum = rates @ v.inertia + spun
     lift = speed**2 * v.kt
-    torque = lift @ np.cross(v.places - v.com, v.axes) - (speed**2 * v.spins) @ np.outer(v.kd, [0, 0, 1])
+    torque = lift @ np.cross(v.places - v.com, v.axes) - (speed**2 * v.spins) @ np.outer(
+        v.kd, [0, 0, 1]
+    )
     change = torque - np.cross(rates, momentum)
     between = 0.5 * (change[1:] + change[:-1]) * STEP
     steps = np.diff(momentum, axis=0)
-    assert np.abs(between.sum(axis=0) - steps.sum(axis=0)).max() < 2e-3 * np.abs(steps).sum(axis=0).max()
+    assert (
+        np.abs(between.sum(axis=0) - steps.sum(axis=0)).max()
+        < 2e-3 * np.abs(steps).sum(axis=0).max()
+    )
 
 
 def test_without_hazards_the_truth_is_found(tmp_path: Path) -> None:
     worlds = [_quiet(_with_flight(draw_world(6, i, CALM, 20.0), "lively")) for i in (1, 4)]
-    rows = [
-        _identified(world, tmp_path) for world in worlds
-    ]
+    rows = [_identified(world, tmp_path) for world in worlds]
     for world, row in zip(worlds, rows, strict=True):
         for name in ("kt", "Ixx_com", "Iyy_com"):
             value, _, _ = row["numbers"][name]
