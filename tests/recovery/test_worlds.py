@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.worlds.engine import Batch, fly
+from benchmarks.worlds.engine import Batch, Record, fly
 from benchmarks.worlds.hazards import CAUSES, HAZARDS, NAMED, chances
 from benchmarks.worlds.pilot import STEP
 from benchmarks.worlds.sensing import experiment_text, table, truth, write_world
-from benchmarks.worlds.study import Row, Study, read_rows, rows_of, run
+from benchmarks.worlds.study import Study, read_rows, row_of, rows_of, run
 from benchmarks.worlds.tables import kind_of, report
 from benchmarks.worlds.world import GRAVITY, World, draw_world
 
 CALM: dict[str, float] = {}
-SLICE = Study(seed=20261123, chance=chances(None), seconds=10.0)
+SLICE = Study(seed=20261123, chance=chances(None), seconds=9.0)
 
 
 def _with_flight(world: World, manoeuvre: str, **motors: float) -> World:
@@ -55,66 +55,67 @@ def test_a_thrown_body_without_motors_keeps_momentum_and_energy() -> None:
     assert batch.v[2] == pytest.approx(np.array(batch.thrown_at[3]) - GRAVITY * 2.0, abs=0.02)
 
 
-def test_rotors_carry_the_weight_and_rest_reads_one_g() -> None:
-    worlds = [_quiet(_with_flight(draw_world(4, i, CALM, 14.0), "hover")) for i in range(3)]
-    for world, record in zip(worlds, fly(worlds), strict=True):
-        standing = record.airborne[:1000] == 0
-        assert standing.all()
+@pytest.fixture(scope="module")
+def flights() -> list[tuple[World, Record]]:
+    """Three hovers, then three lively flights, without any hazard or noise."""
+    hovers = [_with_flight(draw_world(4, i, CALM, 16.0), "hover") for i in range(3)]
+    lively = [_with_flight(draw_world(6, i, CALM, 16.0), "lively") for i in (1, 4)]
+    spun = _with_flight(draw_world(5, 2, CALM, 16.0), "lively")
+    spun = dataclasses.replace(spun, vehicle=dataclasses.replace(spun.vehicle, Jr=1e-5))
+    worlds = [_quiet(world) for world in (*hovers, *lively, spun)]
+    return list(zip(worlds, fly(worlds), strict=True))
+
+
+def test_rotors_carry_the_weight_and_rest_reads_one_g(
+    flights: list[tuple[World, Record]],
+) -> None:
+    for world, record in flights[:3]:
+        assert (record.airborne[:1000] == 0).all()
         assert record.accel[:1000] == pytest.approx(np.tile([0, 0, GRAVITY], (1000, 1)), abs=1e-5)
-        hovering = slice(6000, None)
-        thrust = (record.speed[hovering] ** 2 @ world.vehicle.kt) * record.up[hovering]
-        climbed = (record.velocity[-1, 2] - record.velocity[6000, 2]) / (8.0 * GRAVITY)
+        thrust = (record.speed[6000:] ** 2 @ world.vehicle.kt) * record.up[6000:]
+        climbed = (record.velocity[-1, 2] - record.velocity[6000, 2]) / (10.0 * GRAVITY)
         ratio = thrust.mean() / (world.vehicle.mass * GRAVITY) - climbed
-        assert ratio == pytest.approx(1.0, abs=2e-3)
+        assert ratio == pytest.approx(1.0, abs=1e-3)
 
 
-def test_momentum_of_body_and_rotors_changes_by_the_torques() -> None:
+def test_momentum_of_body_and_rotors_changes_by_the_torques(
+    flights: list[tuple[World, Record]],
+) -> None:
     """Integrate the torques of the recorded speeds: what Euler's equation says of the rates."""
-    world = _quiet(_with_flight(draw_world(5, 2, CALM, 8.0), "lively"))
-    world = dataclasses.replace(world, vehicle=dataclasses.replace(world.vehicle, Jr=1e-5))
-    (record,) = fly([world])
+    world, record = flights[-1]
     v, rows = world.vehicle, slice(5000, 5200)
     rates, speed = record.rates[rows], record.speed[rows]
     spun = v.Jr * (v.spins * speed).sum(axis=1)[:, None] * [0.0, 0.0, 1.0]
     momentum = rates @ v.inertia + spun
-    lift = speed**2 * v.kt
-    torque = lift @ np.cross(v.places - v.com, v.axes) - (speed**2 * v.spins) @ np.outer(
-        v.kd, [0, 0, 1]
-    )
+    square = speed**2
+    torque = (square * v.kt) @ np.cross(v.places - v.com, v.axes)
+    torque[:, 2] -= square @ (v.spins * v.kd)
     change = torque - np.cross(rates, momentum)
     between = 0.5 * (change[1:] + change[:-1]) * STEP
     steps = np.diff(momentum, axis=0)
-    assert (
-        np.abs(between.sum(axis=0) - steps.sum(axis=0)).max()
-        < 2e-3 * np.abs(steps).sum(axis=0).max()
-    )
+    size = np.abs(steps).sum(axis=0).max()
+    assert np.abs(between.sum(axis=0) - steps.sum(axis=0)).max() < 1e-3 * size
 
 
-def test_without_hazards_the_truth_is_found(tmp_path: Path) -> None:
-    worlds = [_quiet(_with_flight(draw_world(6, i, CALM, 20.0), "lively")) for i in (1, 4)]
-    rows = [_identified(world, tmp_path) for world in worlds]
-    for world, row in zip(worlds, rows, strict=True):
+def test_without_hazards_the_truth_is_found(
+    flights: list[tuple[World, Record]], tmp_path: Path
+) -> None:
+    for world, record in flights[3:5]:
+        row = row_of(world, record, tmp_path)
         for name in ("kt", "Ixx_com", "Iyy_com"):
             value, _, _ = row["numbers"][name]
-            assert value == pytest.approx(truth(world)[name], rel=0.02), (world.index, name)
-
-
-def _identified(world: World, folder: Path) -> Row:
-    from benchmarks.worlds.study import row_of
-
-    (record,) = fly([world])
-    return row_of(world, record, folder)
+            assert value == pytest.approx(truth(world)[name], rel=0.01), (world.index, name)
 
 
 def test_a_world_is_the_same_alone_and_in_a_batch(tmp_path: Path) -> None:
-    worlds = [draw_world(7, i, chances(None), 4.0) for i in range(3)]
+    worlds = [draw_world(7, i, chances(None), 3.0) for i in range(3)]
     together = fly(worlds)
     (alone,) = fly(worlds[1:2])
     first, second = table(worlds[1], together[1]), table(worlds[1], alone)
     assert list(first) == list(second)
     for name, values in first.items():
         assert np.allclose(values, second[name], rtol=1e-4, atol=1e-3), name
-    again = draw_world(7, 1, chances(None), 4.0)
+    again = draw_world(7, 1, chances(None), 3.0)
     assert again.hazards == worlds[1].hazards
     assert experiment_text(again, "x.csv") == experiment_text(worlds[1], "x.csv")
     assert write_world(again, alone, tmp_path).read_text() == experiment_text(again, "w1.csv")
@@ -138,7 +139,7 @@ def test_causes_are_hazards() -> None:
 
 
 def test_a_slice_of_worlds_goes_through() -> None:
-    rows = [row for start in (0, 20) for row in rows_of(SLICE, range(start, start + 20))]
+    rows = list(rows_of(SLICE, range(40)))
     assert [row["index"] for row in rows] == list(range(40))
     for row in rows:
         assert "traceback" not in row, row["traceback"]
