@@ -1,15 +1,23 @@
 """Do the propellers turn as declared? Yaw tells, where a pilot flies it, whatever else it tells.
 
 Before the fit `declared_rotors` looks at one flight with the timing that was declared, and at all
-axes together: one wrong spin changes little there. At the timing that was found, and only in the
-bands where the rotors explain yaw, one wrong spin shows: the torque of the declared rotors leaves
-several times what another pattern leaves, which then looks like tilted motors. And what drags a
-rotor can only turn the body against it: k_d, and J_r where k_d does not speak against it, are
-positive.
+axes together: one wrong spin changes little there. After it each rotor gets a drag torque of its
+own beside the fit, whose model knows what else turns the body about z: products of inertia, a
+centre of mass that is off the centre, rotors with unlike thrust, the motors' timing, the
+autopilot's answer to gusts. Where all are as declared, these are alike; one that turns the other
+way has the other sign. Which patterns of them the flights tell, their covariance says: a
+hexarotor's rotors fly four of the six.
+
+A fit with a wrong spin lacks the spin-up of that rotor, too, and may tell nothing. So before the
+declared spins are refused, the flights are fitted with others: in that fit the others must hold,
+and be likelier than the declared ones, and the flights must be far likelier with it, spin-up
+and products of inertia included. And what drags a rotor can only turn the body
+against it: k_d is positive, and J_r is, unless k_d as found says so.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -17,26 +25,50 @@ import scipy.optimize
 from jaxtyping import Bool, Float, Int
 
 from rotorfit.dataset.checks.declared_rotors import BAND, reversed_rotor
-from rotorfit.errors import FrameError
+from rotorfit.dataset.dataset import Dataset
+from rotorfit.diagnostics.coupling import NO_COUPLING, without_coupling
+from rotorfit.errors import EstimationError, FrameError
+from rotorfit.estimation.banded import BandedEstimate
 from rotorfit.estimation.factors import Factors
-from rotorfit.findings import Finding
+from rotorfit.findings import Evidence, Finding, doubt
+from rotorfit.fit.beside import Added, Beside, estimate_beside, inside, surprise
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.intervals.excitation import LEAST_EXCITATION
+from rotorfit.fit.intervals.excitation import LEAST_EXCITATION, SCALED
 from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.joint.joint_fit import joint_fit
+from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.rotors import rotor_torque
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import EDGES, excited_bands
 
-BETTER: Final = 0.75
-"""Log of how many times less of yaw another pattern of spins leaves, from which it is taken for
-the right one. On right declarations another one gets to 0.6 where rotors differ by a tenth, and
-not above zero else; a wrong spin makes 0.9 to 4."""
+UNLIKE: Final = 0.15
+"""By which the drag torques of one vehicle's rotors differ, as a share of them: k_t differs by up
+to a tenth, and the drag of a worn propeller by more."""
+DRAG_STD: Final = 0.3
+"""Known of k_d before the flight, over k_t and the arm; vehicles have 0.03 to 0.2."""
+SUSPECTED: Final = float(np.log(100.0))
+REFUSED: Final = float(np.log(1e4))
+"""Log of how many times likelier other spins must be than the declared ones. One declaration in a
+hundred is wrong, so that from the first on it is more likely wrong than right."""
+CLEARLY: Final = 1.0
+"""The same by which drag alone must prefer them: the rest may come from the rotors' spin-up."""
+WORTH: Final = 0.05
+"""Log of how many times less of yaw other spins must leave by themselves to be looked at."""
+FEW: Final = 4
+"""Patterns that are tried because single drags do not speak against them."""
 PASSES: Final = 4
 """Of the reweighting by bands."""
 CERTAIN: Final = 2.0
 """Half-widths by which J_r must be below zero: it may be about zero, and follows the timing."""
 REVERSED: Final = "reverse all spins (props out instead of in, or in instead of out)"
+ROUNDS: Final = 10
+"""Of the search for the mean drag torque of a pattern."""
 
+KIND: Final = "wrong-spin"
 _TINY: Final = float(np.finfo(float).tiny)
+Pattern = Float[np.ndarray, " N"]
+"""For each rotor +1 where it spins as declared, -1 where it spins the other way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,40 +95,239 @@ class _Fit:
     rows: Int[np.ndarray, " b"]
 
 
-def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
-    """Refuse declared spins that yaw contradicts."""
-    dataset = fit.dataset
-    if not dataset.timing_identifiable:
-        return  # nobody flies: what yaw does is the autopilot's answer to gusts and noise
-    sentence = better_spins(dataset.vehicle, dataset.yaw_bands()) or negative_drag(
-        [c.name for c in fit.configurations], fit.numbers
-    )
-    if sentence is not None:
-        raise FrameError(sentence).about(kind="wrong-spin")
-    yield Finding(kind="wrong-spin", severity="passed")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorDrags:
+    """The drag torque of each rotor over its squared speed, positive where it spins as declared.
 
-
-def better_spins(declared: Vehicle, bands: Sequence[Factors]) -> str | None:
-    """Name the spins that explain yaw much better; None where none do, or yaw is not flown.
-
-    `bands`: factors of the signals of yaw (`model.signals.yaw_signals`) of each configuration.
+    Attributes
+    ----------
+    values, covariance
+        [N m s^2/rad^2]
+    blocks
+        How many independent ones tell them.
     """
-    plain = _fits(declared, bands)
-    gains: list[tuple[float, str]] = []
-    for other, words in _other_spins(declared):
-        fits = _fits(other, bands)
-        gain = _gain(plain, fits)
-        if not (other.spins == declared.spins).any():
-            # An autopilot's answer to gusts looks like a spin-up of reversed rotors, not like drag.
-            gain = min(gain, _gain(plain, fits, by_drag=True))
-        gains.append((gain, words))
-    gain, words = max(gains)
-    if gain <= BETTER:
+
+    values: Float[np.ndarray, " N"]
+    covariance: Float[np.ndarray, "N N"]
+    blocks: float
+
+    def distance(self, pattern: Pattern) -> tuple[float, float]:
+        """Return the squared distance from rotors alike that spin so, and their mean drag."""
+        strength, Q = np.linalg.eigh(self.covariance)
+        p, k = Q.T @ pattern, Q.T @ self.values
+        least = 1e-3 * float(np.abs(self.values).mean())
+        mean = max(float(pattern @ self.values) / len(pattern), least)
+        weight = np.ones(len(pattern))
+        for _ in range(ROUNDS):
+            weight = 1.0 / (np.maximum(strength, 0.0) + (UNLIKE * mean) ** 2)
+            mean = max(float((p * weight) @ k / ((p * weight) @ p)), least)
+        return float(weight @ (k - mean * p) ** 2), mean
+
+    def against(self, pattern: Pattern) -> float:
+        """Compute the log of how much less likely a pattern is than one that fits exactly."""
+        return surprise(self.distance(pattern)[0], self.blocks, len(self.values))
+
+    def holds(self, pattern: Pattern) -> bool:
+        """Return whether rotors alike that spin so are as near as chance brings them."""
+        return inside(self.distance(pattern)[0], self.blocks, len(self.values))
+
+    def speaks_for(self, pattern: Pattern, other: Pattern) -> bool:
+        """Return whether one pattern holds, and is likelier than another."""
+        return self.holds(pattern) and self.against(other) > self.against(pattern) + CLEARLY
+
+    def share(self, reversed_ones: Bool[np.ndarray, " N"]) -> tuple[float, float]:
+        """Return the mean drag of some rotors over that of the others, and its deviation."""
+        both = np.column_stack([~reversed_ones, reversed_ones]).astype(float)
+        mean = self.distance(np.ones(len(self.values)))[1]
+        allowed = self.covariance + (UNLIKE * mean) ** 2 * np.eye(len(self.values))
+        weighed = np.linalg.solve(allowed, both)
+        covariance = np.linalg.inv(both.T @ weighed)
+        one, other = (covariance @ (weighed.T @ self.values)).tolist()
+        slopes = np.array([-other / one, 1.0]) / one
+        return other / one, float(np.sqrt(slopes @ covariance @ slopes))
+
+
+def refuse_wrong_spins(fit: Fit) -> Iterator[Finding]:
+    """Refuse declared spins that yaw contradicts, or doubt them."""
+    if not fit.dataset.timing_identifiable:
+        return  # nobody flies: what yaw does is the autopilot's answer to gusts and noise
+    found = _contradiction(fit)
+    if found.severity == "refusal":
+        raise FrameError(found.sentence).about(kind=found.kind, evidence=found.evidence)
+    sentence = negative_drag([c.name for c in fit.configurations], fit.numbers)
+    if sentence is not None:
+        raise FrameError(sentence).about(kind=KIND)
+    yield found
+
+
+def _contradiction(fit: Fit) -> Finding:
+    """Find what the drag torques of single rotors say of the declared spins."""
+    declared = np.ones(len(fit.dataset.vehicle.rotors))
+    drags = _drags_or_none(fit.estimate, fit.configurations)
+    seen = () if drags is None else _evidence(drags, declared)
+    passed = Finding(kind=KIND, severity="passed", evidence=seen)
+    if drags is not None and _surely(drags, declared):
+        return passed
+    likeliest: tuple[float, Pattern, RotorDrags] | None = None
+    for pattern in _suspects(fit, drags):
+        found = _fitted_with(fit, pattern)
+        if found is None:
+            continue
+        estimate, again = found
+        gain = gained(fit.estimate, estimate)
+        if again.speaks_for(declared, pattern) and (likeliest is None or gain > likeliest[0]):
+            likeliest = gain, pattern, again
+    gain, pattern, again = likeliest or (0.0, declared, drags)
+    if again is None or (gain := surprise(2.0 * gain, again.blocks)) < SUSPECTED:
+        return passed
+    sentence, evidence = _sentence(fit.dataset.vehicle, pattern, again), _evidence(again, pattern)
+    if gain > REFUSED:
+        return Finding(kind=KIND, severity="refusal", sentence=sentence, evidence=evidence)
+    numbers = tuple(n for n in fit.numbers.names if n.partition("@")[0] in SCALED)
+    return doubt(KIND, sentence, numbers=numbers, evidence=evidence)
+
+
+def gained(one: BandedEstimate, other: BandedEstimate) -> float:
+    """Compute the log of how many times likelier another fit of the same blocks is.
+
+    Over the errors that count in either, each with the variance that it has there.
+    """
+    counts = np.isfinite(one.variance) | np.isfinite(other.variance)
+    rows = np.concatenate([factors.rows for factors in one.problem.factors])[:, None]
+    floors = np.repeat(one.problem.floors, [len(f) for f in one.problem.factors], axis=0)
+    left = [np.log(np.maximum(e.residual_power / rows, floors)) for e in (one, other)]
+    return 0.5 * float((rows * (left[0] - left[1]))[counts].sum())
+
+
+def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration]) -> RotorDrags:
+    """Estimate a drag torque of each rotor's own, beside all that a fit knows of yaw.
+
+    Raises
+    ------
+    EstimationError
+        If the flights do not determine them.
+    """
+    vehicle, layout = configurations[0].vehicle, configurations[0].model.layout
+    at = fit.estimate.by_name
+    whole = rotor_torque(vehicle, layout)["kd"]
+    added: list[Added] = []
+    for i in range(len(vehicle.rotors)):
+        own = np.zeros_like(whole)
+        column = layout.index(f"O2_{i + 1}")
+        own[:, column] = whole[:, column]
+        prior = DRAG_STD * abs(at["kt"]) * vehicle.arm
+        added.append(
+            Added(name=f"kd_{i + 1}", entries=own, times=None, prior=prior, begin=at["kd"])
+        )
+    found: Beside = estimate_beside(fit, configurations, added, instead_of=("kd",))
+    return RotorDrags(values=found.values, covariance=found.covariance, blocks=found.blocks)
+
+
+def _drags_or_none(
+    fit: BandedEstimate, configurations: Sequence[JointConfiguration]
+) -> RotorDrags | None:
+    try:
+        return rotor_drags(fit, configurations)
+    except EstimationError:
         return None
-    return (
-        f"yaw contradicts the declared spins: with {words} the rotors leave {np.exp(gain):.1f} "
-        "times less of it unexplained; correct the spin"
+
+
+def _surely(drags: RotorDrags, declared: Pattern) -> bool:
+    """Return whether rotors alike that spin as declared are surely likelier than any other."""
+    own = drags.against(declared)
+    others = (drags.against(p) for p in other_patterns(len(declared)))
+    return drags.holds(declared) and min(others) - own > REFUSED
+
+
+def other_patterns(rotors: int) -> list[Pattern]:
+    """List the patterns with one or two rotors reversed, their reverses, and all reversed."""
+    patterns = [-np.ones(rotors)]
+    for count in (1, 2):
+        for which in combinations(range(rotors), count):
+            pattern = np.ones(rotors)
+            pattern[list(which)] = -1.0
+            patterns += [pattern, -pattern]
+    return patterns
+
+
+def _suspects(fit: Fit, drags: RotorDrags | None) -> list[Pattern]:
+    """List patterns that may be the right one, the likeliest first.
+
+    Those that leave less of yaw by itself, and those that single drags do not speak against; every
+    one of one or two rotors where the declared spins do not hold.
+    """
+    vehicle = fit.dataset.vehicle
+    suspects, others = less_left(vehicle, fit.dataset.yaw_bands())[::-1], []
+    if drags is not None:
+        others = sorted(other_patterns(len(vehicle.rotors)), key=drags.against)
+        declared = np.ones(len(vehicle.rotors))
+        if drags.holds(declared):
+            least = drags.against(declared) + SUSPECTED
+            others = [p for p in others[:FEW] if drags.against(p) < least]
+    return _distinct((*suspects, *others))
+
+
+def _distinct(patterns: Iterable[Pattern]) -> list[Pattern]:
+    """Return each pattern once."""
+    return list({tuple(pattern.tolist()): pattern for pattern in patterns}.values())
+
+
+def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags] | None:
+    """Fit the flights with other spins; None where that comes to no end."""
+    dataset = fit.dataset
+    vehicle = with_spins(dataset.vehicle, pattern)
+    model = regressor(vehicle, added=dataset.model.layout.added)
+    if any(one.kind == NO_COUPLING for one in fit.findings):
+        model = without_coupling(model)
+    other: Dataset = replace(dataset, vehicle=vehicle, model=model)
+    try:
+        estimate, joint = joint_fit(other, terms=fit.terms)
+        return estimate, rotor_drags(estimate, joint)
+    except EstimationError:
+        return None
+
+
+def with_spins(vehicle: Vehicle, pattern: Pattern) -> Vehicle:
+    """Return the vehicle with those rotors reversed where the pattern is -1."""
+    rotors = (
+        reversed_rotor(rotor) if sign < 0.0 else rotor
+        for rotor, sign in zip(vehicle.rotors, pattern.tolist(), strict=True)
     )
+    return replace(vehicle, rotors=tuple(rotors))
+
+
+def _sentence(declared: Vehicle, pattern: Pattern, again: RotorDrags) -> str:
+    """Explain which spins yaw shows, by the drag of those that are declared wrong."""
+    other = with_spins(declared, pattern)
+    wrong = pattern < 0.0
+    if wrong.all():
+        return (
+            "yaw contradicts the declared spins: with every spin reversed (props out instead of "
+            "in) every rotor's drag turns the body against it, as it must; correct the spin"
+        )
+    words = " and ".join(f"rotor {i + 1} {other.rotors[i].spin}" for i in np.flatnonzero(wrong))
+    share, std = again.share(wrong)
+    return (
+        f"yaw contradicts the declared spins: with {words} the rotors' drag torques are alike, as "
+        f"declared {'those' if wrong.sum() > 1 else 'its'} would be {-share:.1f} +- "
+        f"{1.96 * std:.1f} times the others'; correct the spin"
+    )
+
+
+def _evidence(drags: RotorDrags, pattern: Pattern) -> tuple[Evidence, ...]:
+    """Return the drag over that of the others of the rotor that contradicts its spin most.
+
+    `pattern`: of the declared spins, as the drags see them.
+    """
+    wrong = pattern < 0.0
+    if wrong.all():
+        return ()
+    groups = [wrong] if wrong.any() else [one < 0.0 for one in np.eye(len(pattern)) * -1.0]
+    shares = [drags.share(group) for group in groups]
+    value, std = min(shares, key=lambda one: one[0] / one[1])
+    value = -value if wrong.any() else value
+    interval = (value - 1.96 * std, value + 1.96 * std)
+    return (Evidence(name="least_rotor_drag", value=value, interval=interval, limit=0.0),)
 
 
 def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None:
@@ -106,7 +337,7 @@ def negative_drag(configurations: Sequence[str], numbers: Numbers) -> str | None
         if high < 0.0:
             return _reversed_sentence("kd / Izz", name, low, high)
         # Where nobody yaws, an autopilot's answer to gusts looks like reversed rotors' spin-up.
-        if low > 0.0 or not (numbers.rho(f"Jr_over_Izz@{name}") or 0.0) > LEAST_EXCITATION:
+        if low + high > 0.0 or not (numbers.rho(f"Jr_over_Izz@{name}") or 0.0) > LEAST_EXCITATION:
             continue
         low, high = numbers.interval(f"Jr_over_Izz@{name}")
         if high + 0.5 * (CERTAIN - 1.0) * (high - low) < 0.0:
@@ -121,14 +352,34 @@ def _reversed_sentence(name: str, configuration: str, low: float, high: float) -
     )
 
 
-def _other_spins(vehicle: Vehicle) -> Iterator[tuple[Vehicle, str]]:
-    """Yield all spins reversed, then each alone."""
-    rotors = vehicle.rotors
-    turned = [reversed_rotor(rotor) for rotor in rotors]
-    yield replace(vehicle, rotors=tuple(turned)), "every spin reversed (props out instead of in)"
-    for i, rotor in enumerate(turned):
-        others = (*rotors[:i], rotor, *rotors[i + 1 :])
-        yield replace(vehicle, rotors=others), f"rotor {i + 1} {rotor.spin}"
+def less_left(declared: Vehicle, bands: Sequence[Factors]) -> list[Pattern]:
+    """List the spins that leave less of yaw by themselves: one reversed after the other, or all.
+
+    `bands`: factors of the signals of yaw (`model.signals.yaw_signals`) of each configuration.
+    """
+    ones = np.ones(len(declared.rotors))
+    plain = _fits(declared, bands)
+    best, reached, suspects = ones, plain, list[Pattern]()
+    for _ in range(len(ones) // 2):
+        tried = [(best * _flip(len(ones), i)) for i in range(len(ones))]
+        fits = [_fits(with_spins(declared, p), bands) for p in tried]
+        gains = [_gain(reached, one) for one in fits]
+        most = int(np.argmax(gains))
+        if gains[most] < WORTH:
+            break
+        best, reached = tried[most], fits[most]
+        suspects.append(best)
+    # An autopilot's answer to gusts looks like a spin-up of reversed rotors, not like drag.
+    if _gain(plain, _fits(with_spins(declared, -ones), bands), by_drag=True) > WORTH:
+        suspects.append(-ones)
+    return suspects
+
+
+def _flip(rotors: int, which: int) -> Pattern:
+    """Return the pattern with one rotor reversed."""
+    pattern = np.ones(rotors)
+    pattern[which] = -1.0
+    return pattern
 
 
 def _fits(vehicle: Vehicle, bands: Sequence[Factors]) -> list[_Fit]:

@@ -1,0 +1,204 @@
+"""Estimate what a declaration may have wrong, beside the parameters of a fit.
+
+A check that compares the declared vehicle with another one is an estimate: how far along the way
+from the one to the other the flights are, and with what deviation. Whatever else moves the residual
+(products of inertia, rotors that are unlike, the autopilot's answer to gusts) is in the model that
+it is estimated with, and its deviation is that of every other number: the larger of what the fit
+states and what its blocks and phases show, with what is assumed of autopilot and motors.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from rotorfit.estimation.banded import BandedEstimate, banded, response_sensitivity
+from rotorfit.estimation.banded_problem import BandedProblem
+from rotorfit.estimation.error_correlation import error_correlation_shifts
+from rotorfit.estimation.parameter_map import ParameterMap, Product
+from rotorfit.fit.intervals.joint_numbers import (
+    formal_covariance,
+    random_half_width,
+    timing_shifts,
+)
+from rotorfit.fit.joint.joint_problem import JointConfiguration
+from rotorfit.model.terms.term import Block
+
+CLOSE: Final = 0.01
+"""Of a parameter's deviation, at which such an estimate ends."""
+FEWEST_BLOCKS: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Added:
+    """A parameter beside those of a fit.
+
+    Attributes
+    ----------
+    name, entries
+        Its column of the equations of motion.
+    times
+        The free parameter that it multiplies; None: it stands by itself.
+    prior
+        Its deviation about zero before the flight.
+    begin
+        Where its estimate begins.
+    """
+
+    name: str
+    entries: Block
+    times: str | None
+    prior: float
+    begin: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beside:
+    """Parameters that were estimated beside those of a fit.
+
+    Attributes
+    ----------
+    values, covariance
+        Of the added parameters.
+    blocks
+        How many independent ones tell them: degrees of freedom of their covariance.
+    estimate
+        Of all parameters, the added ones last.
+    """
+
+    values: Float[np.ndarray, " a"]
+    covariance: Float[np.ndarray, "a a"]
+    blocks: float
+    estimate: BandedEstimate
+
+    @property
+    def std(self) -> Float[np.ndarray, " a"]:
+        """Deviations of the added parameters."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+
+def estimate_beside(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    added: Sequence[Added],
+    *,
+    instead_of: Sequence[str] = (),
+) -> Beside:
+    """Estimate parameters beside those of a fit, from where it ended.
+
+    Parameters
+    ----------
+    fit
+        Of the configurations.
+    configurations
+        With what counts of them.
+    added
+        The parameters.
+    instead_of
+        Free parameters that are left out for them.
+
+    Raises
+    ------
+    EstimationError
+        If the flights do not determine them.
+    """
+    problem = _with_added(fit.problem, added, instead_of)
+    known = fit.estimate.by_name | {one.name: one.begin for one in added}
+    start = np.array([known[name] for name in problem.map.names])
+    found = banded(problem, start, close=CLOSE)
+    chosen = np.eye(len(added), len(start), k=len(start) - len(added))
+    return Beside(
+        values=found.estimate.values[-len(added) :],
+        covariance=_covariance(found, configurations, chosen),
+        blocks=_effective_blocks(found.influence @ chosen.T),
+        estimate=found,
+    )
+
+
+def _with_added(
+    problem: BandedProblem, added: Sequence[Added], instead_of: Sequence[str]
+) -> BandedProblem:
+    """Return the problem with more parameters, and without some."""
+    mapped = problem.map
+    for name in instead_of:
+        mapped = mapped.without(name)
+    parts, entries, free = mapped.matrix.shape
+    own = [one.name for one in added]
+    columns = np.zeros((parts, entries + len(own), free + len(own)))
+    columns[:, :entries, :free] = mapped.matrix
+    products = list(mapped.products)
+    for i, one in enumerate(added):
+        if one.times is None:
+            columns[:, entries + i, free + i] = 1.0
+            continue
+        first = mapped.names.index(one.times)
+        products += [
+            Product(configuration=c, entry=entries + i, first=first, second=free + i, factor=1.0)
+            for c in range(parts)
+        ]
+    more = np.array([one.entries for one in added])
+    kept = {n: std for n, std in problem.prior_std.items() if n not in instead_of}
+    means = {n: mean for n, mean in problem.prior_mean.items() if n not in instead_of}
+    return replace(
+        problem,
+        tensors=tuple(np.concatenate([tensor, more]) for tensor in problem.tensors),
+        map=ParameterMap(
+            names=(*mapped.names, *own),
+            constant=np.pad(mapped.constant, ((0, 0), (0, len(own)))),
+            matrix=columns,
+            products=tuple(products),
+        ),
+        prior_mean=means,
+        prior_std=kept | {one.name: one.prior for one in added},
+    )
+
+
+def _covariance(
+    fit: BandedEstimate,
+    configurations: Sequence[JointConfiguration],
+    chosen: Float[np.ndarray, "a f"],
+) -> Float[np.ndarray, "a a"]:
+    """Compute the covariance of some parameters, by chance and by what is assumed.
+
+    Along the axes of the fit's own covariance: what one direction scatters must not widen another,
+    of which the flights tell a thousand times more.
+    """
+    strength, Q = np.linalg.eigh(formal_covariance(fit, chosen))
+    axes = Q.T @ chosen
+    shown = random_half_width(fit, axes, np.diag(strength)) / 1.96
+    formal = (Q * np.maximum(shown**2, strength)) @ Q.T
+    names = len(fit.estimate.names)
+    timing = np.reshape(timing_shifts(fit, configurations[0].timing), (-1, names))
+    assumed = np.vstack([response_sensitivity(fit) / 1.96, timing, error_correlation_shifts(fit)])
+    shifts = assumed @ chosen.T
+    covariance: Float[np.ndarray, "a a"] = formal + shifts.T @ shifts
+    return covariance
+
+
+def _effective_blocks(influence: Float[np.ndarray, "b a"]) -> float:
+    """Count the blocks that tell some parameters: as many alike would scatter as much.
+
+    Satterthwaite's (sum v)^2 / sum v^2 of their shares v of the variance. The squared size of an
+    influence is v times a chi-square of as many degrees as there are parameters, n, whose mean
+    square is (1 + 2 / n) n^2 v^2.
+    """
+    whole = np.linalg.pinv(influence.T @ influence, hermitian=True, rcond=1e-12)
+    shares = np.einsum("bi,ij,bj->b", influence, whole, influence)
+    count = (1.0 + 2.0 / influence.shape[1]) * float(shares.sum() ** 2 / (shares @ shares))
+    return float(np.clip(count, FEWEST_BLOCKS, max(len(influence), FEWEST_BLOCKS)))
+
+
+def surprise(square: float, blocks: float, dimensions: int = 1) -> float:
+    """Compute how much less likely (its log) a squared distance is than none.
+
+    Of Student's t: where few blocks tell the covariance, a large distance is no great surprise.
+    """
+    return 0.5 * (blocks + dimensions) * float(np.log1p(max(square, 0.0) / blocks))
+
+
+def inside(square: float, blocks: float, dimensions: int) -> bool:
+    """Return whether a squared distance is one that chance makes, but for one time in a hundred."""
+    return square <= dimensions * float(stats.f.ppf(0.99, dimensions, blocks))
