@@ -69,6 +69,16 @@ def test_block_scatter_is_a_jackknife_with_t_of_remaining_blocks(offset):
     assert expected == pytest.approx(8.83e-8, rel=1e-3)  # 2.228 sqrt(12 * 12/11 * 12/10)
 
 
+def test_scatter_of_a_few_telling_blocks_has_their_t():
+    """Of twelve blocks two are a hundred times as lively: t of hardly more than 2 is 4.3."""
+    factors = made_fit.blocks([(1.0, 2.0)] * 12)
+    size = np.ones(12)
+    size[[3, 8]] = 100.0
+    body = made_fit.configuration(factors=replace(factors, R=factors.R * size[:, None, None]))
+    fit = made_fit.fit_of([body], std={"kt": 1e-12}, influence={"kt": 1e-8 * EVEN})
+    assert half_width(fit, [body]) == pytest.approx(8.83e-8 * 4.303 / T_10, rel=0.01)
+
+
 def test_the_wider_of_covariance_and_scatter_counts_alone():
     """The scatter's deviation is sqrt(12 * 12/11) e-8, 3.62e-8."""
     body = made_fit.configuration()

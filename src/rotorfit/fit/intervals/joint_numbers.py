@@ -1,7 +1,8 @@
 """From the joint estimate to physical numbers with intervals.
 
-Half-width^2 = (t times the larger of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
-Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands. Answer:
+Half-width^2 = (the largest of formal and scatter)^2 + answer^2 + push^2 + tolerances^2.
+Formal: the covariance of the fit. Scatter: the one-step jackknife over stretches and bands, with
+the t of those that tell the number (`effective_blocks`); over phases; over flights. Answer:
 how far the estimate hangs on what is assumed of the autopilot, which answers disturbances
 (`banded.response_sensitivity`). Push: what is open of where gusts and drag push
 (`error_correlation_shifts`). What a change of settings shifts is added by the recipe.
@@ -21,6 +22,7 @@ from rotorfit.estimation.banded import (
     square_root,
     steps_without,
 )
+from rotorfit.estimation.effective_blocks import effective_blocks
 from rotorfit.estimation.error_correlation import error_correlation_shifts
 from rotorfit.estimation.estimate import numerical_jacobian
 from rotorfit.estimation.factors import Factors
@@ -46,7 +48,6 @@ from rotorfit.fit.intervals.numbers import (
     hover_speed,
     quadrature,
     relevant_size,
-    t_half_width,
 )
 from rotorfit.fit.joint.joint_map import spread_names
 from rotorfit.fit.joint.joint_problem import JointConfiguration, theta_of
@@ -134,16 +135,34 @@ def random_half_width(
     formal
         `formal_covariance` of the numbers.
     """
-    # A block holds an equation for each noisy signal: that many parameters cost one block.
-    blocks = len(fit.influence)
-    free = max(blocks - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
-    scatter = jacobian @ scatter_covariance(fit.influence) @ jacobian.T
+    blocks, free = len(fit.influence), _free_blocks(fit)
+    stated = float(stats.t.ppf(0.975, free)) * np.sqrt(np.diagonal(formal) * blocks / free)
     shown = (
-        t_half_width(formal, scatter, free) * np.sqrt(blocks / free),
+        stated,
+        _between_blocks(fit, jacobian),
         half_width_between_phases(fit, jacobian),
         _between_flights(fit, jacobian),
     )
     return np.maximum.reduce(shown)
+
+
+def _free_blocks(fit: BandedEstimate) -> float:
+    """Return how many blocks the parameters leave.
+
+    A block holds an equation for each noisy signal: that many parameters cost one block.
+    """
+    return max(len(fit.influence) - len(fit.estimate.names) / fit.variance.shape[1], 1.0)
+
+
+def _between_blocks(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, " q"]:
+    """Return the half-width that the scatter of the blocks shows, with the t of those that tell."""
+    blocks, free = len(fit.influence), _free_blocks(fit)
+    scatter = np.diagonal(jacobian @ scatter_covariance(fit.influence) @ jacobian.T)
+    degrees = np.minimum(effective_blocks(fit, jacobian), free)
+    found: Float[np.ndarray, " q"] = stats.t.ppf(0.975, degrees) * np.sqrt(scatter * blocks / free)
+    return found
 
 
 def _between_flights(

@@ -1,0 +1,51 @@
+r"""How many independent blocks stand behind each number of a fit.
+
+The variance that the scatter of blocks shows is a sum of squares, one of each block. Where a
+number g(phi) comes from a few of them it is known as badly as from so few, however many stand
+beside them: with the share :math:`w_b = \nabla g^T C H_b C \nabla g` of block b (H_b its
+information, C the covariance of the fit) it has :math:`(\sum w_b)^2 / \sum w_b^2` degrees of
+freedom (Satterthwaite, Biometrics Bulletin 2, 1946; Bell and McCaffrey, Survey Methodology 28,
+2002).
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from rotorfit.estimation.banded import BandedEstimate
+from rotorfit.estimation.banded_equations import decorrelated_solutions, lifted_slopes
+from rotorfit.estimation.banded_problem import solutions
+
+
+def effective_blocks(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, " q"]:
+    """Count the blocks that tell each number; all of them where none tells anything.
+
+    Parameters
+    ----------
+    fit
+        Of all flights.
+    jacobian
+        Of the numbers by the free parameters.
+    """
+    shares = variance_shares(fit, jacobian)
+    total, squares = shares.sum(axis=0), (shares**2).sum(axis=0)
+    every = np.full(len(jacobian), float(len(shares)))
+    return np.divide(total**2, squares, out=every, where=squares > 0.0)
+
+
+def variance_shares(
+    fit: BandedEstimate, jacobian: Float[np.ndarray, "q f"]
+) -> Float[np.ndarray, "b q"]:
+    """Compute what each block has of the numbers' variances, by the fit's own account."""
+    problem, moved = fit.problem, fit.estimate.covariance @ jacobian.T
+    found = decorrelated_solutions(problem, solutions(problem, fit.estimate.values))
+    slopes = lifted_slopes(problem, fit.estimate.values, found)
+    shares = np.zeros((len(fit.variance), len(jacobian)))
+    for part, dU in zip(problem.every_part, slopes, strict=True):
+        columns = problem.factors[part.configuration].columns[part.local]
+        for error, slope in enumerate(dU):
+            rows = columns @ (slope @ moved[part.moved])
+            power = np.einsum("bmq,bmq->bq", rows, rows)
+            shares[part.blocks] += power / fit.variance[part.blocks, error, None]
+    return shares
