@@ -102,7 +102,7 @@ def template(result: IdentificationResult, file: str) -> FlightRecord:
     value = np.array([float(numbers[name].value or np.nan) for name in names])
     ends = np.array([numbers[name].interval or (np.nan, np.nan) for name in names])
     std = (ends[:, 1] - ends[:, 0]) / 3.92
-    kt = float(numbers["kt"].value or np.nan) / result.diagnostics["thrust_over_weight"]
+    kt = result.diagnostics["kt_of_weight"]
     names, value = (KT_WEIGHT, *names), np.array([kt, *value])
     std = np.array([CHANCE * kt, *std])
     at = [result.covariance_names.index(n) for n in ("kd", "Jr", "Izz@A")]

@@ -410,21 +410,36 @@ ROOMS: Final[dict[str, Room]] = {
         ),
     ),
     "diagnostics/kt_from_weight.py": Room(
-        tests=("tests/diagnostics/test_kt_from_weight.py",),
+        tests=(
+            "tests/diagnostics/test_kt_from_weight.py",
+            "tests/diagnostics/test_weight_steps.py",
+        ),
         scaled=(
-            "INFLOW_STD = <<0.02>>",
-            "LEAST_CONFLICT = <<0.08>>",
-            "VAGUE = <<0.25>>",
-            "LIKELY = <<3.0>>",
-            "std=<<kt * held.std>>,",
-            "return <<1.96 * std>> > max",
-            "max(vague, <<2.0 * 1.96 * self.std>>)",
-            "np.hypot(<<mean.std>>,",
+            "CHANGES_STD = <<0.02>>",
+            "REST_STD = <<0.1>>",
+            "DOUBTED = <<2.58>>",
+            "mean.std * <<scale**0.5>>",
+            "+ <<1.96 * left>>",
         ),
         changed=(
-            ("np.hypot(mean.std, INFLOW_STD * mean.ratio)", "INFLOW_STD * mean.ratio"),
-            ("np.hypot(std, self.std)", "std"),
-            ("if timed else 0.0", "if True else 0.0"),
+            ("max(unlikely, 1.0) ** 0.5", "1.0"),
+            ("np.hypot(self.changes.std, open_law)", "self.changes.std"),
+            ("np.where(of_weight, kt.std, step)", "step"),
+            ("own + np.outer(moved, moved)", "own"),
+        ),
+    ),
+    "dataset/carried_weight.py": Room(
+        tests=("tests/dataset/test_carried_weight.py",),
+        scaled=(
+            "FORGOTTEN = <<2.0>>",
+            "PRIOR_VELOCITIES = <<2.0>>",
+            "np.sqrt(<<12.0>> * min",
+        ),
+        changed=(
+            ("bell = share * (1.0 - share)", "bell = np.ones_like(share)"),
+            ("left + brake * swing", "left"),
+            (" - bias.value", ""),
+            ("(GRAVITY + gained.value + drag)", "(GRAVITY + gained.value)"),
         ),
     ),
     "reduction/motor_timing.py": Room(

@@ -1,12 +1,20 @@
-"""The thrust coefficient that carries the weight, and how sure it is: hovers by hand."""
+"""k_t of changes of thrust and of the weight: their mean, and what is said where they differ."""
 
 import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.dataset.carried_weight import Measured
 from rotorfit.dataset.weight_balance import Held, held_up, pooled, turning
-from rotorfit.diagnostics.kt_from_weight import WeighedThrust, absorbed_weight, kt_from_weight
-from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.diagnostics.kt_from_weight import (
+    Balance,
+    agreement,
+    bias_at_rest,
+    is_without_law,
+    kt_from_weight,
+    pooled_weight,
+)
+from rotorfit.experiment.experiment import MotorsEntry
 from rotorfit.preprocessing.flight_data import Segment
 
 G = 9.80665
@@ -20,17 +28,99 @@ def weighed(*flights):
     return kt_from_weight(flown.configurations, flown.vehicle)
 
 
-@pytest.mark.parametrize("seconds", [4.0, 8.0])
-def test_hover_gives_kt_up_to_a_possible_gain_of_velocity(seconds):
-    """1.5 m/s in the time over g, and 2 % by which a propeller in motion differs."""
-    found = weighed(made_fit.prepared(seconds=seconds))
-    assert found.kt == pytest.approx(KT, rel=1e-9)
-    assert found.std / KT == pytest.approx(np.hypot(1.5 / seconds / G, 0.02), rel=1e-9)
-
-
 def test_two_hovers_are_as_sure_as_both_together():
-    found = weighed(made_fit.prepared(seconds=4.0), made_fit.prepared(seconds=4.0))
-    assert found.std / KT == pytest.approx(np.hypot(1.5 / 4.0 / G / 2**0.5, 0.02), rel=1e-9)
+    one = weighed(made_fit.prepared(seconds=8.0))
+    two = weighed(made_fit.prepared(seconds=8.0), made_fit.prepared(seconds=8.0))
+    assert one.value == pytest.approx(KT)
+    assert two.std == pytest.approx(one.std / 2**0.5)
+    assert weighed(made_fit.prepared(seconds=1.0)) is None
+
+
+def test_flights_that_differ_widen_the_weight():
+    """Two of 1 % each that are 4 % apart: chi^2 of 8 scales the variance."""
+    found = pooled_weight([Held(ratio=r, std=0.01, seconds=9.0) for r in (0.98, 1.02)])
+    assert found.value == pytest.approx(1.0)
+    assert found.std == pytest.approx(0.01 / 2**0.5 * 8**0.5)
+
+
+def test_rest_tells_the_bias():
+    """0.3 m/s^2 at rest, of which a fifth is taken off by what accelerometers usually have."""
+    force = np.tile([0.0, 0.0, G], (2000, 1))
+    force[:500, 2] += 0.3
+    flight = made_fit.prepared(force=force, segments=(Segment(start=700, stop=2000),)).data
+    flight.rotor_speed[:500] = 0.0
+    found = bias_at_rest(flight)
+    assert found.value == pytest.approx(0.3 * 0.2**2 / (0.1**2 + 0.2**2))
+    assert found.std == pytest.approx((0.1**-2 + 0.2**-2) ** -0.5)
+    in_the_air = made_fit.prepared(force=force).data
+    assert bias_at_rest(in_the_air) == Measured(value=0.0, std=0.2)
+
+
+def balance(changes, std, *, weight=(1.0, 0.01), law_std=0.0):
+    return Balance(
+        changes=Measured(value=changes, std=std),
+        weight=Measured(value=weight[0], std=weight[1]),
+        law_std=law_std,
+    )
+
+
+def test_kt_is_the_mean_by_variances():
+    found = balance(1.005, 0.01).kt
+    assert found.value == pytest.approx(1.0025)
+    assert found.std == pytest.approx(0.01 / 2**0.5)
+
+
+def test_a_difference_scales_the_interval():
+    """4 sqrt(2) deviations apart: the mean of two equals is as open as half their difference."""
+    found = balance(1.08, 0.01).kt
+    assert found.value == pytest.approx(1.04)
+    assert found.std == pytest.approx(0.04)
+
+
+def test_nothing_jumps_as_the_difference_grows():
+    many = [balance(c, 0.02).kt for c in np.linspace(0.8, 1.2, 401)]
+    for numbers in ([m.value for m in many], [m.std for m in many]):
+        assert np.abs(np.diff(numbers)).max() < 2e-3
+
+
+def test_without_changes_the_weight_alone_tells():
+    alone = Balance(changes=None, weight=Measured(value=2.0, std=0.1))
+    assert alone.kt == alone.weight
+    assert alone.apart == 0.0
+
+
+def test_a_command_without_law_leaves_inertia_open():
+    """Thrust of the power 1.5: k_t is the weight's, and inertia may go with three quarters."""
+    found = balance(0.75, 0.02, law_std=0.25)
+    assert found.kt.value == pytest.approx(1.0, abs=0.001)
+    assert found.kt.std < 0.02
+    assert found.law_reach == pytest.approx(0.25, abs=0.05)
+    assert balance(0.75, 0.02).law_reach == 0.0
+    unknown = Balance(changes=None, weight=found.weight, law_std=0.25)
+    assert unknown.law_reach == pytest.approx(1.96 * 0.25)
+
+
+def test_rotor_speeds_as_commands_need_no_law():
+    commanded = made_fit.dataset(
+        made_fit.prepared(), motors=MotorsEntry(speed="commanded", law=None)
+    )
+    assert is_without_law(commanded)
+    assert not is_without_law(made_fit.dataset(made_fit.prepared()))
+
+
+@pytest.mark.parametrize(("changes", "doubted"), [(1.025, False), (0.95, False), (0.93, True)])
+def test_what_chance_may_do_is_no_doubt(changes, doubted):
+    """A hundredth of sound flights is 2.58 deviations apart: 5.8 % of 2 and 1 %."""
+    said = agreement(balance(changes, 0.02), "measured")
+    assert (said.severity == "doubt") is doubted
+    assert said.diagnostics["thrust_over_weight"] == pytest.approx(changes)
+    assert bool(said.sentence) is doubted
+
+
+def test_the_power_of_a_command_is_said_without_a_law():
+    said = agreement(balance(0.75, 0.02, law_std=0.25), "commanded").sentence
+    assert "its power 1.5 in hover" in said
+    assert "power" not in agreement(balance(0.75, 0.02), "commanded").sentence
 
 
 def held(data_seconds, *windows, force=None):
@@ -68,83 +158,3 @@ def test_parts_are_pooled_by_the_inverse_of_their_variance():
     assert both.ratio == pytest.approx((16 * 1.0 + 9 * 2.0) / 25)
     assert both.std == pytest.approx(0.24)  # 3 and 4 make 12/5
     assert both.seconds == 12.0
-
-
-WEIGHED = WeighedThrust(kt=1.0, std=0.04)
-
-
-@pytest.mark.parametrize(
-    ("kt", "std", "apart"),
-    [
-        (1.149, 0.03, False),  # three deviations: 0.03 and 0.04 make 0.05
-        (1.151, 0.03, True),
-        (0.849, 0.03, True),
-        (1.119, 0.0, False),
-        (1.121, 0.0, True),
-    ],
-)
-def test_chance_is_three_deviations_of_both(kt, std, apart):
-    assert WEIGHED.contradicts(kt, std) is apart
-
-
-@pytest.mark.parametrize(("kt", "apart"), [(1.079, False), (1.081, True), (0.919, True)])
-def test_propellers_may_deviate_8_percent_from_the_square_law(kt, apart):
-    assert WeighedThrust(kt=1.0, std=0.001).contradicts(kt, 0.001) is apart
-
-
-@pytest.mark.parametrize(
-    ("kt", "std", "timed", "surer"),
-    [
-        (1.0, 0.126, True, False),  # 1.96 std under a quarter of kt
-        (1.0, 0.129, True, True),
-        (-2.0, 0.25, True, False),
-        (-2.0, 0.26, True, True),
-        (1.0, 0.079, False, False),  # not told: twice the weight's own is enough
-        (1.0, 0.081, False, True),
-    ],
-)
-def test_the_weight_is_surer_where_thrust_changes_are_uncertain(kt, std, timed, surer):
-    assert WEIGHED.is_more_certain_than(kt, std, timed=timed) is surer
-
-
-def test_the_weight_must_be_twice_as_sure():
-    vague = WeighedThrust(kt=1.0, std=0.1)
-    assert not vague.is_more_certain_than(1.0, 0.199, timed=True)
-    assert vague.is_more_certain_than(1.0, 0.201, timed=True)
-
-
-def absorbed(bias, half=0.1, *, reads=G, source="imu", name="accel_bias_z@A"):
-    """Return what is said of a fitted bias [m/s^2] of 20 s in which the accelerometer reads so."""
-    flight = made_fit.prepared(seconds=20.0, force=np.tile([0.0, 0.0, reads], (2000, 1)))
-    numbers = Numbers(
-        names=(name,),
-        values=np.array([bias]),
-        half_width=np.array([half]),
-        correlation=np.eye(1),
-        excitation={},
-    )
-    return absorbed_weight(made_fit.dataset(flight, mass=MASS, source=source), numbers)
-
-
-def test_a_bias_that_gravity_contradicts_is_thrust():
-    """0.4 m/s^2, or half of its half-width, and 1.96 * 1.5 / 20 of the velocity."""
-    for half, limit in ((0.1, 0.4), (1.2, np.hypot(0.6, 1.96 * 1.5 / 20.0))):
-        for sign in (1.0, -1.0):
-            assert absorbed(sign * (limit - 1e-3), half) is None
-            wrong = absorbed(sign * (limit + 1e-3), half)
-            assert wrong.fitted == pytest.approx(sign * limit, abs=2e-3)
-            assert wrong.read == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_bias_that_the_accelerometer_shows_over_gravity_is_one():
-    assert absorbed(2.0, reads=G + 2.0) is None
-    assert absorbed(0.0, reads=G + 2.0) is not None
-
-
-def test_cameras_have_no_bias_along_the_vertical():
-    assert absorbed(0.39, source="mocap", reads=G + 2.0) is None
-    assert absorbed(0.41, source="mocap", reads=G + 2.0).read == 0.0
-
-
-def test_sideways_a_bias_may_be_a_turned_mounting():
-    assert absorbed(3.0, name="accel_bias_x@A") is None

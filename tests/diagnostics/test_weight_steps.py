@@ -1,4 +1,4 @@
-"""Where two models disagree the intervals hold both; what is open of the weight is in them."""
+"""What is open of k_t is in every interval, and of the law in what goes with changes of thrust."""
 
 import dataclasses
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import made_fit
+from rotorfit.dataset.carried_weight import Measured
 from rotorfit.diagnostics import kt_from_weight
-from rotorfit.diagnostics.kt_from_weight import WeighedThrust, held_at, kt_of
-from rotorfit.fit.fit_flights import widen_to_reach
+from rotorfit.diagnostics.kt_from_weight import held_at, kt_from_changes, kt_of
+from rotorfit.errors import UnsettledError
 
 FLIGHTS = made_fit.dataset(made_fit.prepared())
 
@@ -18,46 +19,62 @@ def fit(values, half_width):
     return made_fit.fit(FLIGHTS, numbers)
 
 
-ONE, OTHER = fit([10.0, 4.0], [0.5, 3.0]), fit([12.0, 5.0], [0.7, 0.5])
-
-
-def test_an_interval_reaches_the_far_end_of_the_other_one():
-    """From 10 to 12.7 is 2.7; an interval that held the other one already stays."""
-    both = widen_to_reach(ONE, OTHER, with_interval=True).numbers
-    assert both.values.tolist() == [10.0, 4.0]
-    assert both.half_width == pytest.approx([2.7, 3.0])
-
-
-@pytest.mark.parametrize(
-    ("sharp", "vague", "half"), [(ONE, OTHER, [2.0, 3.0]), (OTHER, ONE, [2.0, 1.0])]
-)
-def test_an_interval_ends_at_the_vaguer_value(sharp, vague, half):
-    reached = widen_to_reach(sharp, vague, with_interval=False)
-    assert reached.numbers.half_width == pytest.approx(half)
+ONE = fit([10.0, 4.0], [0.5, 3.0])
 
 
 def test_a_deviation_is_half_of_an_interval_over_1_96():
     assert kt_of(fit([10.0, 0.0], [0.98, 1.0]).numbers) == pytest.approx((10.0, 0.5))
 
 
-@pytest.mark.parametrize("settles", [True, False])
-def test_what_is_open_of_the_weight_is_in_every_interval(monkeypatch, settles):
-    """Another fit a deviation further: kt by .2 and kd by -1.1, 1.96 times of which is open."""
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_open_of_kt_is_in_every_interval(monkeypatch, sign):
+    """Another fit a deviation away: kt by .2 and kd by 1.1, 1.96 times of which is open."""
+    tried = held_by(monkeypatch, lambda step: sign * np.array([step, 1.1 * step / 0.2]))
+    held = held_at(ONE, Measured(value=10.0, std=0.2))
+    assert tried == [10.0, 9.8]
+    assert held.numbers.values.tolist() == [10.0, 4.0]
+    assert held.numbers.half_width == pytest.approx(np.hypot([0.5, 3.0], [1.96 * 0.2, 1.96 * 1.1]))
+    together = 1.96**2 * 0.2 * 1.1 / np.prod(held.numbers.half_width)
+    assert held.numbers.correlation[0, 1] == pytest.approx(together)
+
+
+def test_an_open_law_is_in_what_goes_with_changes(monkeypatch):
+    """By 1.5 of k_t, which itself is the weight's."""
+    held_by(monkeypatch, lambda step: np.array([step, 5.5 * step]))
+    held = held_at(ONE, Measured(value=10.0, std=0.2), law_reach=1.5)
+    assert held.numbers.half_width[0] == pytest.approx(np.hypot(0.5, 1.96 * 0.2))
+    reach = 5.5 * np.hypot(1.96 * 0.2, 1.5)
+    assert held.numbers.half_width[1] == pytest.approx(np.hypot(3.0, reach))
+
+
+def held_by(monkeypatch, moves):
+    """Replace the fits of `held_at`; return the k_t at which they were asked for."""
     tried = []
 
-    def refit(fit, dataset, *, known):
-        tried.append(known["kt"])
+    def refit(fit, dataset, *, begin, known):
+        tried.append(known["kt"][0])
         return dataclasses.replace(fit, numbers=ONE.numbers)
 
     def shift(fit, dataset, *, begin, known):
-        tried.append((known["kt"], begin["kt"]))
-        return np.array([0.2, -1.1]) if settles else -np.array([0.2, -1.1])
+        tried.append(pytest.approx(known["kt"][0]))
+        return moves(known["kt"][0] - 10.0)
 
     for name, made in (("refit", refit), ("shift_of", shift)):
         monkeypatch.setattr(kt_from_weight, name, made)
     monkeypatch.setattr(kt_from_weight, "widen_by_settings", lambda fit, known: fit)
-    held = held_at(ONE, WeighedThrust(kt=10.0, std=0.2))
-    # What the flights say of k_t otherwise is in the interval, and not in the fit.
-    assert tried == [(10.0, pytest.approx(1e-3)), ((10.2, pytest.approx(1.02e-3)), 10.2)]
-    assert held.numbers.values.tolist() == [10.0, 4.0]
-    assert held.numbers.half_width == pytest.approx(np.hypot([0.5, 3.0], [1.96 * 0.2, 1.96 * 1.1]))
+    return tried
+
+
+def test_changes_are_open_by_what_propellers_do_in_motion(monkeypatch):
+    monkeypatch.setattr(kt_from_weight, "refit", lambda fit, dataset, **_: ONE)
+    found = kt_from_changes(ONE)
+    assert found.value == 10.0
+    assert found.std == pytest.approx(np.hypot(0.5 / 1.96, 0.02 * 10.0))
+
+
+def test_flights_that_do_not_settle_leave_the_weight(monkeypatch):
+    def refit(fit, dataset, **_):
+        raise UnsettledError("no")
+
+    monkeypatch.setattr(kt_from_weight, "refit", refit)
+    assert kt_from_changes(ONE) is None

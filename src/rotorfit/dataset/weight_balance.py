@@ -83,7 +83,7 @@ def turning(data: FlightData) -> Turning:
     """Return how the axes of a flight turn by its gyro, in windows of its segments."""
     group = max(round(data.sample_rate / STEPS_PER_SECOND), 1)
     windows = tuple(_windows(data))
-    rates = [_grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
+    rates = [grouped(data.angular_velocity[w.start : w.stop], group) for w in windows]
     # All windows at once: rest behind the shorter ones changes nothing before it.
     angles = np.zeros((max((len(w) for w in rates), default=0), len(rates), 3))
     for i, w in enumerate(rates):
@@ -114,7 +114,7 @@ def held_up(axes: Turning, force: Float[np.ndarray, "n 3"]) -> Held | None:
     lengths = np.array([len(window) for window in axes.windows]) / axes.sample_rate
     means = np.array(
         [
-            _mean_length(_grouped(force[window.start : window.stop], axes.group), attitude)
+            _mean_length(grouped(force[window.start : window.stop], axes.group), attitude)
             for window, attitude in zip(axes.windows, axes.attitude, strict=True)
         ]
     )
@@ -170,8 +170,8 @@ def _mean_length(force: Float[np.ndarray, "m 3"], attitude: Float[np.ndarray, "m
     return float(np.linalg.norm(rotated(attitude, force).mean(axis=0)))
 
 
-def _grouped(values: Float[np.ndarray, "n 3"], group: int) -> Float[np.ndarray, "m 3"]:
-    """Return means over groups of samples."""
+def grouped(values: Float[np.ndarray, "n 3"], group: int) -> Float[np.ndarray, "m 3"]:
+    """Average groups of samples; an incomplete last one is left out."""
     whole = len(values) // group * group
     return values[:whole].reshape(-1, group, 3).mean(axis=1)
 

@@ -14,7 +14,6 @@ from rotorfit.dataset.weight_balance import (
     held_together,
     held_up,
     hovering,
-    pooled,
     turning,
 )
 from rotorfit.findings import Finding, doubt_or_passed
@@ -86,11 +85,10 @@ def accelerometer_against_gravity(fit: Fit) -> Iterator[Finding]:
 
 
 def thrust_consistency(fit: Fit) -> Iterator[Finding]:
-    """Compare the thrust of every flight with its weight, with other flights, and over time."""
+    """Compare the thrust of every flight over its weight with other flights, and over time."""
     if not fit.mass_known:
         return
     found = hover_thrusts(fit.dataset.configurations, fit.numbers, fit.dataset.vehicle)
-    yield thrust_against_weight(found, fit.numbers)
     yield hovers_differ(found)
     yield thrust_sags(found, commanded=fit.dataset.motors.speed == "commanded")
 
@@ -149,29 +147,6 @@ def _sag(first: Held | None, second: Held | None) -> tuple[float | None, float]:
     if first is None or second is None or first.ratio <= 0.0:
         return None, np.inf
     return second.ratio / first.ratio - 1.0, float(np.hypot(first.std, second.std))
-
-
-def thrust_against_weight(found: Sequence[HoverThrust], numbers: Numbers) -> Finding:
-    """Check that the estimated thrust carries the weight.
-
-    k_t comes from changes of thrust, the weight is known without them: the accelerometer's scale,
-    or thrust that is not proportional to the squared speed, makes them disagree.
-    """
-    kind = "thrust-against-weight"
-    if not found:
-        return doubt_or_passed(kind, None)
-    held = pooled([one.thrust for one in found])
-    i = numbers.index("kt")
-    std = float(np.hypot(held.std, numbers.half_width[i] / 1.96 / abs(numbers.values[i])))
-    error = held.ratio - 1.0
-    sentence = None
-    if abs(error) > max(LEAST_THRUST_ERROR, unlikely_deviations() * std):
-        sentence = (
-            f"the thrust found is {held.ratio:.3f} +- {1.96 * std:.3f} times the weight it "
-            "carries: the accelerometer's scale is wrong, or thrust is not proportional to the "
-            "square of rotor speed; kt and all inertia are off by about as much"
-        )
-    return doubt_or_passed(kind, sentence, {"thrust_over_weight": held.ratio}, numbers=("kt",))
 
 
 def hovers_differ(found: Sequence[HoverThrust]) -> Finding:

@@ -1,162 +1,167 @@
-"""k_t from the weight: over a whole flight the thrust carries it, whatever the sensors say.
+r"""k_t from the weight and from changes of thrust, each by how sure it is.
 
-The fit takes k_t from changes of thrust against changes of specific force. Where thrust does not go
-with the square of the speed (commands without their law) or the accelerometer's scale is wrong,
-that is another number than the one that carries the weight, along the vertical that the gyro
-carries along (`weight_balance.py`). On flights of which all is right the two agree to 3 %, where
-the weight is the less sure: propellers in motion differ from those in hover.
+Changes of thrust against changes of specific force give one k_t (with the accelerometer's bias
+free), the thrust that carries the weight another (`carried_weight.py`). The two share next to
+nothing, and k_t is their mean with the weights of their variances. Where they differ by more than
+these allow, one of the two is wrong by what nobody has allowed for: the variance of the mean is
+scaled by :math:`\chi^2` of their difference (Birge, Phys. Rev. 40, 1932).
+
+Inertia goes with the torque that changes of command make. Where no law between command and speed is
+given, that is not what carries the weight: thrust goes with the command's power of one to two.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
+from rotorfit.dataset.carried_weight import Measured, carrying_stretches
+from rotorfit.dataset.checks.gravity import gravity_seen
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
-from rotorfit.dataset.weight_balance import Held, held_together, held_up, pooled
-from rotorfit.diagnostics.hover_thrust import hover_thrusts, thrust_against_weight
-from rotorfit.diagnostics.sensor_faults import velocity_estimated
+from rotorfit.dataset.weight_balance import Held, pooled
+from rotorfit.diagnostics.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
-from rotorfit.experiment.experiment import MotorsEntry, Source
-from rotorfit.findings import doubt
+from rotorfit.experiment.experiment import Source, Speed
+from rotorfit.findings import Finding, doubt_or_passed
 from rotorfit.fit.fit import Fit, refit, shift_of
-from rotorfit.fit.fit_flights import widen_by_settings, widen_to_reach
-from rotorfit.fit.intervals.numbers import Numbers
+from rotorfit.fit.fit_flights import widen_by_settings
+from rotorfit.fit.intervals.numbers import Numbers, correlation_of
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
-from rotorfit.results.verdicts import ADVICE
+from rotorfit.preprocessing.flight_data import FlightData
 
-INFLOW_STD = 0.02
-"""Share by which a propeller in motion differs from the same in hover."""
-LEAST_CONFLICT = 0.08
-"""Share by which k_t of changes and of the weight may differ before the square law is doubted."""
-VAGUE = 0.25
-"""Share of k_t from which what changes of thrust leave open of it is taken from the weight."""
-OWN_SHARE = 0.5
-"""Of a bias's half-width that counts as chance: thrust that is taken for one makes it scatter."""
-LIKELY = 3.0
-"""Deviations of chance within which they always may."""
-LARGEST_BIAS = 2.0 * ACCEL_BIAS_STD
-"""By which a fitted bias along z may miss what the accelerometer reads over gravity, where chance
-is less [m/s^2]: sound logs, of measured speeds or a known law, miss by 0.05 to 0.35; a simulated
-one whose k_t came out 8 % low by 0.9, commands of which the law is not known by 2 to 3."""
+CHANGES_STD = 0.02
+"""Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
+that an altitude hold feeds back."""
+LAW_STD = 0.25
+"""The same where no law is given and thrust goes with the command's power of one to two."""
+REST_STD = 0.1
+"""By which an accelerometer's bias in flight differs from that at rest: vibration, temperature
+[m/s^2]."""
+FREE_BIAS = 3.0
+"""Deviation of a bias that tells nothing of the mean thrust [m/s^2]."""
+CAMERA_VELOCITY = 0.05
+"""Deviation of a velocity by motion capture [m/s]."""
+CAMERA_BIAS = Measured(value=0.0, std=0.01)
+"""Of an acceleration by motion capture, over seconds [m/s^2]."""
 HELD_TO = 1e-4
-"""Share of itself to which k_t is held: what the flights say of it otherwise is in the interval."""
-_SCALE_OF: Mapping[Source, str] = {
-    "imu": "the accelerometer (its scale)",
-    "mocap": "the cameras (their scale)",
-}
+"""Share of itself to which k_t is held: what is open of it is in the interval."""
+OF_WEIGHT = ("kt", "hover_speed")
+"""What is known by the weight alone, whatever the law."""
+DOUBTED = 2.58
+"""Deviations by which weight and changes differ once in a hundred sound flights."""
 _SPEED = {"measured": "rotor speed", "commanded": "command"}
-NO_BIAS = Held(ratio=0.0, std=0.0, seconds=0.0)
-"""Of cameras, along the vertical."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AbsorbedWeight:
-    """A fitted bias of the accelerometer that gravity contradicts.
+class Balance:
+    """What changes of thrust and the weight say of k_t.
 
     Attributes
     ----------
-    configuration
-        Of the experiment.
-    fitted
-        Bias along z that the fit finds [m/s^2].
-    read
-        By how much the accelerometer reads more than gravity over the flights [m/s^2].
+    changes
+        By changes of thrust; None where they tell nothing.
+    weight
+        By what carries the weight.
+    law_std
+        Share by which the two may differ because no law is given.
     """
 
-    configuration: str
-    fitted: float
-    read: float
+    changes: Measured | None
+    weight: Measured
+    law_std: float = 0.0
+
+    @property
+    def apart(self) -> float:
+        """How many deviations they differ by, if thrust goes with the square of the speed."""
+        if self.changes is None:
+            return 0.0
+        std = np.hypot(self.changes.std, self.weight.std)
+        return float((self.changes.value - self.weight.value) / std)
+
+    @property
+    def kt(self) -> Measured:
+        """Their mean; its deviation grows with their difference."""
+        if self.changes is None:
+            return self.weight
+        open_law = self.law_std * self.weight.value
+        changes = replace(self.changes, std=float(np.hypot(self.changes.std, open_law)))
+        mean = self.weight.with_other(changes)
+        unlikely = (changes.value - mean.value) ** 2 / (changes.std**2 - mean.std**2)
+        return replace(mean, std=mean.std * max(unlikely, 1.0) ** 0.5)
+
+    @property
+    def law_reach(self) -> float:
+        """By how much k_t of changes differs from that of the weight for the law alone, at most."""
+        if self.changes is None:
+            return 1.96 * self.law_std * self.weight.value
+        law = (self.law_std * self.weight.value) ** 2
+        share = law / (law + self.changes.std**2 + self.weight.std**2)
+        left = float(np.sqrt(law * (1.0 - share)))
+        return share * abs(self.changes.value - self.weight.value) + 1.96 * left
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WeighedThrust:
-    """The thrust coefficient that carries the weight, value and standard deviation.
+def weigh_thrust(fit: Fit) -> Fit:
+    """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
+    dataset = fit.dataset
+    weight = kt_from_weight(dataset.configurations, dataset.vehicle, source=dataset.source)
+    if weight is None:
+        return widen_by_settings(fit)
+    law_std = LAW_STD if is_without_law(dataset) else 0.0
+    balance = Balance(changes=kt_from_changes(fit), weight=weight, law_std=law_std)
+    held = held_at(fit, balance.kt, law_reach=balance.law_reach)
+    return held.found(agreement(balance, dataset.motors.speed))
 
-    `chance`: its deviation but for what is the same in every flight of a vehicle.
+
+def is_without_law(dataset: Dataset) -> bool:
+    """Return whether the rotor speed is a share of full command, without a law between the two."""
+    motors = dataset.motors
+    return motors.speed == "commanded" and motors.law is None and not dataset.speeds_commanded
+
+
+def kt_from_changes(fit: Fit) -> Measured | None:
+    """Estimate k_t with the accelerometer's bias free, so that the mean thrust tells nothing of it.
+
+    None where the flights do not tell it so.
     """
-
-    kt: float
-    std: float
-    chance: float = 0.0
-
-    def contradicts(self, kt: float, std: float) -> bool:
-        """Whether another estimate differs by more than chance and the model's own faults."""
-        difference = abs(kt - self.kt)
-        return difference > max(LEAST_CONFLICT * self.kt, LIKELY * float(np.hypot(std, self.std)))
-
-    def is_more_certain_than(self, kt: float, std: float, *, timed: bool) -> bool:
-        """Whether another estimate leaves open what the weight tells.
-
-        Where the motors' timing is not told, changes of thrust are seen at a wrong time, and the
-        mean thrust is not.
-        """
-        vague = VAGUE * abs(kt) if timed else 0.0
-        return 1.96 * std > max(vague, 2.0 * 1.96 * self.std)
+    names = [n for n in fit.estimate.estimate.names if n.startswith("accel_bias_z@")]
+    begin = fit.estimate.estimate.by_name
+    try:
+        free = refit(fit, fit.dataset, begin=begin, known=dict.fromkeys(names, (0.0, FREE_BIAS)))
+    except UnsettledError:
+        return None
+    value, std = kt_of(free.numbers)
+    return Measured(value=value, std=float(np.hypot(std, CHANGES_STD * value)))
 
 
-def hold_at_weight(fit: Fit) -> Fit:
-    """Hold k_t at the value that carries the weight, where changes of thrust contradict it.
+def held_at(fit: Fit, kt: Measured, *, law_reach: float = 0.0) -> Fit:
+    """Fit again with k_t held, and its uncertainty in every interval.
 
-    Also where they leave k_t open, or the fit makes an accelerometer bias of the weight.
+    `law_reach`: how much further from it k_t of changes may be, with which inertia goes.
     """
-    dataset, numbers = fit.dataset, fit.numbers
-    weighed = kt_from_weight(dataset.configurations, dataset.vehicle)
-    found = kt_of(numbers)
-    bias = absorbed_weight(dataset, numbers)
-    if weighed is None:
-        return fit
-    contradicts = weighed.contradicts(*found)
-    more_certain = weighed.is_more_certain_than(*found, timed=dataset.timing_identifiable)
-    if not (contradicts or more_certain or bias is not None):
-        return _reach_weight(fit)
-    held = held_at(fit, weighed)
-    if contradicts:
-        sentence = contradiction(weighed, found[0], dataset.motors, dataset.source)
-        kind = "weight-contradicts-thrust"
-    elif more_certain or bias is None:
-        kind, sentence = "weight-is-surer", vagueness(weighed, *found)
-    else:
-        estimated = velocity_estimated(dataset)
-        sentence = weight_as_bias(bias, weighed, found[0], dataset.source, estimated=estimated)
-        kind = "weight-taken-for-bias"
-    both = widen_to_reach(held, fit, with_interval=kind != "weight-is-surer")
-    return both.found(doubt(kind, sentence, numbers=("kt",)))
-
-
-def held_at(fit: Fit, weighed: WeighedThrust) -> Fit:
-    """Fit again with k_t held at that of the weight, and its uncertainty in every interval."""
-    known = {"kt": (weighed.kt, HELD_TO * weighed.kt)}
-    held = widen_by_settings(refit(fit, fit.dataset, known=known), known=known)
-    off = weighed.kt + weighed.std
+    known = {"kt": (kt.value, HELD_TO * kt.value)}
+    begin = {**fit.estimate.estimate.by_name, "kt": kt.value}
+    held = widen_by_settings(refit(fit, fit.dataset, begin=begin, known=known), known=known)
+    step = float(np.hypot(kt.std, law_reach / 1.96))
+    off = kt.value - min(step, 0.5 * abs(kt.value))
     begin = {**held.estimate.estimate.by_name, "kt": off}
     moved = shift_of(held, held.dataset, begin=begin, known={"kt": (off, HELD_TO * off)})
-    return held.with_half_width(np.hypot(held.numbers.half_width, 1.96 * moved))
+    of_weight = np.array([name.startswith(OF_WEIGHT) for name in held.numbers.names])
+    moved = moved * np.where(of_weight, kt.std, step) / (kt.value - off)
+    # How lively the flights are the fit tells that follows them best.
+    numbers = replace(with_common_shift(held.numbers, moved), excitation=fit.numbers.excitation)
+    return replace(held, numbers=numbers)
 
 
-def _reach_weight(fit: Fit) -> Fit:
-    """Widen the intervals to reach k_t by the weight, where they surely miss it by a little.
-
-    What the model lacks (thrust in climb and descent is no straight line) is then in them.
-    """
-    if not fit.mass_known:
-        return fit
-    found = hover_thrusts(fit.dataset.configurations, fit.numbers, fit.dataset.vehicle)
-    missed = thrust_against_weight(found, fit.numbers)
-    if missed.severity == "passed":
-        return fit
-    kt, ratio = kt_of(fit.numbers)[0], missed.diagnostics["thrust_over_weight"]
-    at = kt / ratio
-    begin = {**fit.estimate.estimate.by_name, "kt": at}
-    try:
-        at_weight = refit(fit, fit.dataset, begin=begin, known={"kt": (at, HELD_TO * at)})
-    except UnsettledError:
-        return fit
-    difference = np.abs(fit.numbers.values - at_weight.numbers.values)
-    wider = fit.with_half_width(fit.numbers.half_width + difference)
-    return wider.found(doubt("thrust-misses-weight", small_miss(ratio, kt), numbers=("kt",)))
+def with_common_shift(numbers: Numbers, moved: Float[np.ndarray, " q"]) -> Numbers:
+    """Add what moves all numbers together, by so much in one deviation."""
+    own = numbers.covariance(numbers.names)
+    finite = np.isfinite(own).all() and np.isfinite(moved).all()
+    together = correlation_of(own + np.outer(moved, moved)) if finite else numbers.correlation
+    half_width = np.hypot(numbers.half_width, 1.96 * moved)
+    return replace(numbers, half_width=half_width, correlation=together)
 
 
 def kt_of(numbers: Numbers) -> tuple[float, float]:
@@ -166,127 +171,74 @@ def kt_of(numbers: Numbers) -> tuple[float, float]:
 
 
 def kt_from_weight(
-    configurations: Sequence[ConfigurationData], vehicle: Vehicle
-) -> WeighedThrust | None:
+    configurations: Sequence[ConfigurationData], vehicle: Vehicle, *, source: Source = "imu"
+) -> Measured | None:
     """Return the thrust coefficient that carries the weight; None if no flight is long enough."""
-    found: list[Held] = []
-    for configured in configurations:
-        for flight in configured.flights:
-            data = flight.prepared.data
-            per_kt = (data.rotor_speed**2 @ vehicle.axes) / configured.mass
-            scale = float(np.abs(per_kt).mean())
-            held = held_up(flight.turning, per_kt / scale) if scale > 0 else None
-            if held is None or held.ratio <= 0:
-                continue
-            kt = 1.0 / (held.ratio * scale)
-            found.append(Held(ratio=kt, std=kt * held.std, seconds=held.seconds))
+    return pooled_weight(
+        [
+            held
+            for configured in configurations
+            for flight in configured.flights
+            for held in carrying_stretches(
+                flight.prepared.data,
+                flight.turning,
+                vehicle,
+                mass=configured.mass,
+                bias=bias_at_rest(flight.prepared.data) if source == "imu" else CAMERA_BIAS,
+                velocity_std=ERROR if is_estimate(flight.log.format) else CAMERA_VELOCITY,
+            )
+        ]
+    )
+
+
+def pooled_weight(found: Sequence[Held]) -> Measured | None:
+    """Return the mean of stretches; those that differ by more than each allows widen it."""
     if not found:
         return None
     mean = pooled(found)
-    return WeighedThrust(
-        kt=mean.ratio, std=float(np.hypot(mean.std, INFLOW_STD * mean.ratio)), chance=mean.std
-    )
+    squares = sum(((one.ratio - mean.ratio) / one.std) ** 2 for one in found)
+    scale = max(squares / max(len(found) - 1, 1), 1.0)
+    return Measured(value=mean.ratio, std=mean.std * scale**0.5)
 
 
-def absorbed_weight(dataset: Dataset, numbers: Numbers) -> AbsorbedWeight | None:
-    """Return the bias along z that cannot be one, the worst of all configurations; None if none is.
-
-    Over a whole flight an accelerometer reads gravity and its bias, and cameras, which know
-    gravity, have none. A fit that finds another one explains thrust that does not carry the
-    weight: by the square law of the commands, or a motor channel at a wrong time.
-
-    Parameters
-    ----------
-    dataset
-        The flights.
-    numbers
-        Of their fit; the bias need not be among them.
-    """
-    found: list[tuple[float, AbsorbedWeight]] = []
-    for configured in dataset.configurations:
-        name = f"accel_bias_z@{configured.entry.name}"
-        read = NO_BIAS if dataset.source == "mocap" else _read_over_gravity(configured)
-        if name not in numbers.names or read is None:
-            continue
-        fitted, half = numbers.number(name)
-        difference = abs(fitted - read.ratio * GRAVITY)
-        chance = float(np.hypot(OWN_SHARE * half, 1.96 * read.std * GRAVITY))
-        if difference > max(LARGEST_BIAS, chance):
-            wrong = AbsorbedWeight(
-                configuration=configured.entry.name, fitted=fitted, read=read.ratio * GRAVITY
-            )
-            found.append((difference, wrong))
-    return max(found, key=lambda one: one[0])[1] if found else None
+def bias_at_rest(flight: FlightData) -> Measured:
+    """Return the accelerometer's bias along the vertical, by its reading at rest [m/s^2]."""
+    rest = gravity_seen(flight).at_rest
+    before = Measured(value=0.0, std=ACCEL_BIAS_STD)
+    if rest is None:
+        return before
+    return before.with_other(Measured(value=(rest - 1.0) * GRAVITY, std=REST_STD))
 
 
-def _read_over_gravity(configured: ConfigurationData) -> Held | None:
-    """Return by how much the accelerometer reads more than gravity, as a share of it."""
-    held = held_together(
-        held_up(flight.turning, flight.prepared.data.specific_force)
-        for flight in configured.flights
-    )
-    return None if held is None else replace(held, ratio=held.ratio - 1.0)
+def agreement(balance: Balance, speed: Speed) -> Finding:
+    """Say whether weight and changes of thrust agree."""
+    kind, weight, changes = "thrust-against-weight", balance.weight, balance.changes
+    if changes is None:
+        return doubt_or_passed(kind, None, {"kt_of_weight": weight.value})
+    measured = {"thrust_over_weight": changes.value / weight.value, "kt_of_weight": weight.value}
+    sentence = difference(balance, speed) if abs(balance.apart) > DOUBTED else None
+    return doubt_or_passed(kind, sentence, measured, numbers=("kt",))
 
 
-def contradiction(
-    weighed: WeighedThrust, kt: float, motors: MotorsEntry, source: Source = "imu"
-) -> str:
+def difference(balance: Balance, speed: Speed) -> str:
     """Explain that changes of thrust give another k_t than the weight."""
-    ratio = kt / weighed.kt
+    changes, weight, kt = balance.changes, balance.weight, balance.kt
+    assert changes is not None
     seen = (
-        f"changes of thrust with the squared {_SPEED[motors.speed]} give kt = {kt:.3g}, but "
-        f"carrying the weight takes {weighed.kt:.3g}: kt is taken from the weight, inertia is "
-        "scaled with it, and the intervals cover both"
+        f"changes of thrust with the squared {_SPEED[speed]} give kt = {changes.value:.3g} "
+        f"+- {1.96 * changes.std:.2g}, but carrying the weight takes {weight.value:.3g} +- "
+        f"{1.96 * weight.std:.2g}"
     )
-    if motors.speed == "measured":
-        return f"{seen}; calibrate {_SCALE_OF[source]}, or weigh again"
-    if motors.law is None:
+    if balance.law_std > 0.0:
+        power = 2.0 * changes.value / weight.value
         return (
-            f"{seen}; thrust is proportional neither to the command nor to its square, but in "
-            f"between (about its power {2.0 * ratio:.1f} in hover): measure the law on a thrust "
-            "stand and give it under [motors], or log the rotor speed"
+            f"{seen}: kt is taken from the weight, and the intervals of inertia cover both; thrust "
+            "is proportional neither to the command nor to its square, but in between (about its "
+            f"power {power:.1f} in hover): measure the law on a thrust stand and give it under "
+            "[motors], or log the rotor speed"
         )
-    return f"{seen}; the law under [motors] does not hold: measure it again, or log the rotor speed"
-
-
-def weight_as_bias(
-    bias: AbsorbedWeight,
-    weighed: WeighedThrust,
-    kt: float,
-    source: Source = "imu",
-    *,
-    estimated: bool = False,
-) -> str:
-    """Explain that the fit takes part of the weight for a bias along z."""
-    seen = "the accelerometer reads" if source == "imu" else "motion capture sees"
-    cause = "thrust that does not follow the motor data as declared"
-    cure = "give the motors' law and lag under [motors], or log the rotor speed"
-    if estimated:
-        cause += ", or drag over an estimated velocity, which is wrong by decimetres a second"
-        cure = f"fly slower, {cure}"
+    check = "the law under [motors]" if speed == "commanded" else "the accelerometer"
     return (
-        f"{bias.configuration}: changes of thrust give kt = {kt:.3g} and a bias of "
-        f"{bias.fitted:+.2f} m/s^2 along z, but on average over the flight {seen} gravity to "
-        f"{bias.read:+.2f} m/s^2: there is no bias; the cause is {cause}. kt is taken from the "
-        f"weight ({weighed.kt:.3g}), inertia is scaled with it, and the intervals cover both; "
-        f"{cure}"
-    )
-
-
-def small_miss(ratio: float, kt: float) -> str:
-    """Explain that the thrust found misses the weight by a little, but surely."""
-    return (
-        f"the thrust found is {ratio:.3f} times the weight it carries: kt = {kt:.3g} by changes of "
-        f"thrust, {kt / ratio:.3g} by the weight, and the intervals of kt and inertia cover both: "
-        "the accelerometer's scale is wrong, or thrust differs a little from the model, most of "
-        "all in climb"
-    )
-
-
-def vagueness(weighed: WeighedThrust, kt: float, std: float) -> str:
-    """Explain that changes of thrust leave k_t open."""
-    return (
-        f"changes of thrust give kt only as {kt:.3g} +- {1.96 * std:.2g}, carrying the weight "
-        f"takes {weighed.kt:.3g}: kt is taken from the weight, inertia is scaled with it, and the "
-        f"intervals cover both values; {ADVICE['force']}"
+        f"{seen}: kt is their mean ({kt.value:.3g}), each by how sure it is, and its interval and "
+        f"that of inertia are widened for the difference; check {check}, and weigh again"
     )

@@ -75,9 +75,13 @@ def lowpass_half_width(numbers: Numbers, dataset: Dataset) -> Float[np.ndarray, 
 def velocity_estimated(dataset: Dataset) -> bool:
     """Return whether a velocity in the model is an autopilot's estimate."""
     formats = {flight.log.format for c in dataset.configurations for flight in c.flights}
-    estimated = {form.name for form in FORMATS if form.velocity_estimated}
     known = VELOCITY in dataset.model.layout.added
-    return known and not formats.isdisjoint(estimated)
+    return known and any(is_estimate(form) for form in formats)
+
+
+def is_estimate(form: str) -> bool:
+    """Return whether the velocity in logs of a format is an autopilot's estimate."""
+    return form in {known.name for known in FORMATS if known.velocity_estimated}
 
 
 def allow_for_velocity_errors(fit: Fit) -> Fit:

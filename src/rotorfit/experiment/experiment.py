@@ -40,12 +40,13 @@ from rotorfit.preprocessing.motors.thrust_curve import full_speed_of
 
 Model = TypeVar("Model", bound=BaseModel)
 Source = Literal["imu", "mocap"]
+Speed = Literal["measured", "commanded"]
 
 
 class MotorsEntry(Strict):
     """The ``[motors]`` table."""
 
-    speed: Literal["measured", "commanded"] = "measured"
+    speed: Speed = "measured"
     law: LawEntry | None = None
     lag: NotNegative | None = None
     lag_std: NotNegative = 0.0

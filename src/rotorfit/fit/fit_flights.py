@@ -88,10 +88,3 @@ def widen_by_settings(fit: Fit, **settings: Any) -> Fit:
     timed = fit.dataset.free_timing is not None
     half = widened(fit.numbers.half_width, fit.dataset, shift, timed=timed)
     return fit.with_half_width(half)
-
-
-def widen_to_reach(fit: Fit, other: Fit, *, with_interval: bool) -> Fit:
-    """Widen the intervals so that they hold the numbers of another model, or their intervals."""
-    difference = np.abs(fit.numbers.values - other.numbers.values)
-    reach = difference + other.numbers.half_width if with_interval else difference
-    return fit.with_half_width(np.maximum(fit.numbers.half_width, reach))

@@ -123,7 +123,7 @@ def _record(found: Identified) -> FlightRecord:
     numbers = _numbers(result)
     weighed = kt_from_weight(found.dataset.configurations, found.dataset.vehicle)
     if weighed is not None:
-        numbers[KT_WEIGHT] = _measured(weighed.kt, weighed.chance)
+        numbers[KT_WEIGHT] = _measured(weighed.value, weighed.std)
     data = flight.prepared.data
     numbers |= _trim(
         [data.rotor_speed[s.start : s.stop] for s in data.segments],

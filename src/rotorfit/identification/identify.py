@@ -16,13 +16,13 @@ from rotorfit.diagnostics.assumptions import assumptions, log_metadata
 from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
 from rotorfit.diagnostics.imu_tilt import correct_imu_tilt
-from rotorfit.diagnostics.kt_from_weight import hold_at_weight
+from rotorfit.diagnostics.kt_from_weight import weigh_thrust
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, note
 from rotorfit.fit.fit import Fit
-from rotorfit.fit.fit_flights import fit_flights, widen_by_settings
+from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.fit.timing.timing_fit import time_motors
 from rotorfit.results.assemble import mark_doubtful, with_diagnosis, with_setting
 from rotorfit.results.command_units import in_command_units
@@ -125,8 +125,7 @@ def _identify(experiment: Experiment, report: Progress) -> Identified:
 
 STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     drop_absent_coupling,
-    widen_by_settings,
-    hold_at_weight,
+    weigh_thrust,
     allow_for_velocity_errors,
     allow_for_gyro_lowpass,
 )

@@ -14,9 +14,18 @@ import scipy.linalg
 from jaxtyping import Float
 from scipy import signal, stats
 
+from rotorfit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.dataset.checks.declared_rotors import response
-from rotorfit.dataset.weight_balance import held_up, turning
-from rotorfit.diagnostics.kt_from_weight import INFLOW_STD, WeighedThrust
+from rotorfit.dataset.weight_balance import turning
+from rotorfit.diagnostics.kt_from_weight import (
+    CHANGES_STD,
+    DOUBTED,
+    LAW_STD,
+    Balance,
+    bias_at_rest,
+    pooled_weight,
+)
+from rotorfit.diagnostics.sensor_faults import ERROR
 from rotorfit.errors import ExperimentError
 from rotorfit.estimation.factors import Factors
 from rotorfit.fit.intervals.excitation import NO_EXCITATION, attenuation_allowance
@@ -110,6 +119,8 @@ class Thrust:
         Expected half of the 95 % interval, over the value; None: unbounded.
     followed
         Whether the vehicle turns with the motor data at all: else commands may be no rotor speeds.
+    law_reach
+        Share by which changes of thrust, with which inertia goes, are open for an unknown law.
     """
 
     change: float
@@ -118,6 +129,7 @@ class Thrust:
     agree: bool
     width: float | None
     followed: bool
+    law_reach: float = 0.0
 
     @property
     def prospect(self) -> Prospect:
@@ -166,7 +178,7 @@ def prospects(
         timed = replace(prepared, data=retimed(prepared, motors))
     fits = fit_rows(_factors(timed, vehicle), model, mass=1.0)
     followed = max(fits.excitation["roll"], fits.excitation["pitch"]) > NO_EXCITATION
-    thrust = _thrust(timed.data, vehicle, fits, followed=followed or not commanded)
+    thrust = _thrust(timed.data, vehicle, fits, followed=followed, commanded=commanded)
     return Prospects(
         excitation=tuple(
             Excitation(
@@ -206,33 +218,43 @@ def _likelihood(prepared: PreparedFlight, vehicle: Vehicle, model: Regressor) ->
     return angular_log_likelihood(factors, model, mass=1.0, counted=slow_bands(factors))
 
 
-def _thrust(data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool) -> Thrust:
+def _thrust(
+    data: FlightData, vehicle: Vehicle, fits: RowFits, *, followed: bool, commanded: bool
+) -> Thrust:
     """Estimate kt from changes of thrust and from the weight."""
     squares = (data.rotor_speed[data.used_rows] ** 2).sum(axis=1)
     kt, random = _with_width(fits, "force.kt")
+    changes = Measured(value=kt, std=float(np.hypot(random / 1.96, CHANGES_STD * kt)))
     weighed = kt_by_weight(data, vehicle)
-    agree = weighed is None or not weighed.contradicts(kt, random / 1.96)
-    width = _relative(random, kt)
-    if weighed is not None and not agree:
-        # An estimate then takes the weight's, and its interval holds both.
-        width = _relative(abs(kt - weighed.kt) + random, weighed.kt)
+    agree, width, reach = True, _relative(random, kt), 0.0
+    if weighed is not None:
+        law_std = LAW_STD if commanded else 0.0
+        balance = Balance(changes=changes, weight=weighed, law_std=law_std)
+        agree = abs(balance.apart) <= DOUBTED
+        reach = balance.law_reach / weighed.value
+        width = _relative(1.96 * balance.kt.std, balance.kt.value)
     return Thrust(
         change=float(squares.std() / squares.mean()) if len(squares) else 0.0,
         from_changes=kt,
-        from_weight=None if weighed is None else weighed.kt,
+        from_weight=None if weighed is None else weighed.value,
         agree=agree,
         width=_finite(width),
-        followed=followed,
+        followed=followed or not commanded,
+        law_reach=reach,
     )
 
 
-def kt_by_weight(data: FlightData, vehicle: Vehicle) -> WeighedThrust | None:
+def kt_by_weight(data: FlightData, vehicle: Vehicle) -> Measured | None:
     """Estimate the kt per kilogram that carries the weight; None without a long stretch."""
-    held = held_up(turning(data), data.rotor_speed**2 @ vehicle.axes)
-    if held is None or held.ratio <= 0:
-        return None
-    kt = 1.0 / held.ratio
-    return WeighedThrust(kt=kt, std=kt * float(np.hypot(held.std, INFLOW_STD)))
+    held = carrying_stretches(
+        data,
+        turning(data),
+        vehicle,
+        mass=1.0,
+        bias=bias_at_rest(data),
+        velocity_std=ERROR,
+    )
+    return pooled_weight(list(held))
 
 
 def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
@@ -244,7 +266,8 @@ def _width(axis: Axis, fits: RowFits, thrust: Thrust) -> float | None:
         return _finite(float(np.hypot(_relative(random, value), bias)))
     if thrust.width is None:
         return None
-    return _finite(float(np.hypot(np.hypot(_relative(random, value), bias), thrust.width)))
+    scale = float(np.hypot(thrust.width, thrust.law_reach))
+    return _finite(float(np.hypot(np.hypot(_relative(random, value), bias), scale)))
 
 
 def _with_width(fits: RowFits, name: str) -> tuple[float, float]:

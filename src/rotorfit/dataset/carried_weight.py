@@ -1,0 +1,217 @@
+r"""The thrust that carries the weight: k_t without a fit, and how sure it is.
+
+Over a stretch of flight the upward thrust over mass is gravity plus the vertical acceleration. Its
+mean is taken with the weights :math:`6\,t\,(T - t) / T^3`, with which the mean of an acceleration
+is the slope of the straight line through the velocity: the velocity at both ends of the stretch (a
+throw, a landing) does not enter, and where it stays within :math:`\sigma_v` and forgets itself in
+:math:`\tau`, the unknown mean acceleration is as small as
+:math:`\sigma_v \sqrt{12 \cdot 2 \tau / T} / T`. What the accelerometer reads over its bias, and the
+velocity where it is logged, tell of that acceleration; each counts by its deviation.
+
+That thrust is not always the same at one rotor speed (inflow, the ground, a wall, a battery that
+sags) the scatter of ten batches of the stretch tells (batch means).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from rotorfit.dataset.weight_balance import VELOCITY_CHANGE, Held, Turning, grouped
+from rotorfit.model.vehicle import Vehicle
+from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.preprocessing.flight_data import FlightData, Segment
+from rotorfit.preprocessing.kinematics import rotated
+
+FORGOTTEN = 2.0
+"""In which a vehicle's vertical velocity becomes another one [s]."""
+PRIOR_VELOCITIES = 2.0
+"""As many velocities of `VELOCITY_CHANGE` are taken to be seen before the flight."""
+LINEAR = 0.5
+"""Share of a mean drag that is open: climb and descent are no straight line."""
+MOST_BATCHES = 10
+SHORTEST_BATCH = 1.0
+"""[s]"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A measured number and its standard deviation."""
+
+    value: float
+    std: float
+
+    def with_other(self, other: "Measured") -> "Measured":
+        """Combine two independent measurements of one number."""
+        own, theirs = self.std**-2.0, other.std**-2.0
+        value = (own * self.value + theirs * other.value) / (own + theirs)
+        return Measured(value=value, std=(own + theirs) ** -0.5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerticalMotion:
+    """Of one stretch without gaps, along the vertical as the gyro carries it.
+
+    Attributes
+    ----------
+    step
+        Between samples [s].
+    read
+        Specific force by the accelerometer [m/s^2].
+    push
+        Thrust over mass and k_t.
+    velocity
+        Upwards [m/s], where the log has it.
+    """
+
+    step: float
+    read: Float[np.ndarray, " n"]
+    push: Float[np.ndarray, " n"]
+    velocity: Float[np.ndarray, " n"] | None
+
+    @property
+    def seconds(self) -> float:
+        """Duration [s]."""
+        return len(self.read) * self.step
+
+    @property
+    def weights(self) -> Float[np.ndarray, " n"]:
+        """Of the mean, with which an acceleration is the slope of the velocity."""
+        share = (np.arange(len(self.read)) + 0.5) / len(self.read)
+        bell = share * (1.0 - share)
+        return bell / bell.sum()
+
+
+def carrying_stretches(
+    flight: FlightData,
+    axes: Turning,
+    vehicle: Vehicle,
+    *,
+    mass: float,
+    bias: Measured,
+    velocity_std: float,
+) -> Iterator[Held]:
+    """Yield the k_t that carries the weight over each stretch: `ratio` and `std` are in its unit.
+
+    Parameters
+    ----------
+    flight
+        Prepared.
+    axes
+        As they turn in it.
+    vehicle
+        For the directions of the rotors' axes.
+    mass
+        [kg]
+    bias
+        Of the accelerometer along the vertical [m/s^2].
+    velocity_std
+        Of the velocity, where the log has it [m/s].
+    """
+    push = (flight.rotor_speed**2 @ vehicle.axes) / mass
+    for motion in vertical_motions(axes, flight, push):
+        pushed = float(motion.weights @ motion.push)
+        if pushed <= 0.0:
+            continue
+        gained = vertical_acceleration(motion, bias, velocity_std)
+        drag, deviation = climb_drag(motion)
+        kt = (GRAVITY + gained.value + drag) / pushed
+        share = float(np.hypot(gained.std, deviation)) / GRAVITY
+        yield Held(ratio=kt, std=abs(kt) * share, seconds=motion.seconds)
+
+
+def vertical_acceleration(motion: VerticalMotion, bias: Measured, velocity_std: float) -> Measured:
+    """Estimate the mean vertical acceleration of a stretch, as `weights` take it [m/s^2]."""
+    weights, seconds = motion.weights, motion.seconds
+    slope_std = float(np.sqrt(12.0 * min(FORGOTTEN / seconds, 1.0))) / seconds
+    read = Measured(value=float(weights @ motion.read) - GRAVITY - bias.value, std=bias.std)
+    known = Measured(value=0.0, std=_velocity_deviation(motion) * slope_std)
+    if motion.velocity is not None:
+        slope = np.gradient(motion.velocity, motion.step)
+        known = Measured(value=float(weights @ slope), std=velocity_std * slope_std)
+    return known.with_other(read)
+
+
+def _felt_velocity(motion: VerticalMotion) -> Float[np.ndarray, " n"]:
+    """Integrate the vertical velocity that the accelerometer feels [m/s].
+
+    About a straight line, which a bias makes of it.
+    """
+    velocity = np.cumsum(motion.read - motion.read.mean()) * motion.step
+    time = np.linspace(-1.0, 1.0, len(velocity))
+    line: Float[np.ndarray, " n"] = time * float(time @ velocity) / float(time @ time)
+    return velocity - velocity.mean() - line
+
+
+def _velocity_deviation(motion: VerticalMotion) -> float:
+    """Estimate the deviation of the vertical velocity; a short stretch tells little of it [m/s]."""
+    seen = motion.seconds / FORGOTTEN
+    squares = PRIOR_VELOCITIES * VELOCITY_CHANGE**2
+    squares += seen * float(np.mean(_felt_velocity(motion) ** 2))
+    return float(np.sqrt(squares / (PRIOR_VELOCITIES + seen)))
+
+
+def climb_drag(motion: VerticalMotion) -> tuple[float, float]:
+    """Estimate the mean force over mass that is no thrust, and its standard deviation [m/s^2].
+
+    What goes with the vertical velocity (drag, inflow) is taken off, and is the mean where that
+    velocity is logged; of the rest the batches of the stretch tell how it scatters.
+    """
+    weights, read = motion.weights, motion.read
+    left = read - motion.push * float(weights @ read) / float(weights @ motion.push)
+    known = motion.velocity is not None
+    velocity = motion.velocity if known else _felt_velocity(motion)
+    assert velocity is not None
+    swing = velocity - float(weights @ velocity)
+    power = float(weights @ swing**2)
+    brake = -float(weights @ (left * swing)) / power if power > 0.0 else 0.0
+    count = int(np.clip(motion.seconds / SHORTEST_BATCH, 2, MOST_BATCHES))
+    unexplained = weights * (left + brake * swing)
+    batches = np.array([float(batch.sum()) for batch in np.array_split(unexplained, count)])
+    few = float(stats.t.ppf(0.975, count - 1)) / 1.96
+    std = few * float(np.sqrt(batches @ batches * count / (count - 1)))
+    mean = brake * float(weights @ velocity) if known else 0.0
+    return mean, float(np.hypot(std, LINEAR * mean))
+
+
+def vertical_motions(
+    axes: Turning, flight: FlightData, push: Float[np.ndarray, "n 3"]
+) -> Iterator[VerticalMotion]:
+    """Yield the vertical motion of every stretch of windows that follow one another."""
+    windows = axes.windows
+    breaks = [0, *(i for i, (a, b) in enumerate(pairwise(windows), 1) if a.stop != b.start)]
+    for first, last in pairwise([*breaks, len(windows)] if windows else []):
+        parts = [
+            _vertical(axes, flight, push, windows[i], axes.attitude[i]) for i in range(first, last)
+        ]
+        read, pushed, velocity = (np.concatenate(part) for part in zip(*parts, strict=True))
+        yield VerticalMotion(
+            step=axes.group / axes.sample_rate,
+            read=read,
+            push=pushed,
+            velocity=velocity if np.isfinite(velocity).all() else None,
+        )
+
+
+def _vertical(
+    axes: Turning,
+    flight: FlightData,
+    push: Float[np.ndarray, "n 3"],
+    window: Segment,
+    attitude: Float[np.ndarray, "m 4"],
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Project what is read, the push and the velocity of a window on its mean force of each."""
+    rows = slice(window.start, window.stop)
+    read, pushed = (
+        rotated(attitude, grouped(values[rows], axes.group))
+        for values in (flight.specific_force, push)
+    )
+    up, along = (force.mean(axis=0) for force in (read, pushed))
+    up, along = up / np.linalg.norm(up), along / np.linalg.norm(along)
+    velocity = np.full(len(read), np.nan)
+    if flight.velocity is not None:
+        velocity = rotated(attitude, grouped(flight.velocity[rows], axes.group)) @ up
+    return read @ up, pushed @ along, velocity

@@ -1,0 +1,139 @@
+"""The thrust coefficient that carries the weight: throws, climbs and gusts written out by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import made_fit
+from rotorfit.dataset.carried_weight import (
+    Measured,
+    VerticalMotion,
+    carrying_stretches,
+    climb_drag,
+    vertical_acceleration,
+    vertical_motions,
+)
+from rotorfit.dataset.weight_balance import turning
+from rotorfit.preprocessing.flight_data import Segment
+
+G = 9.80665
+MASS = 1.4
+KT = MASS * G / (4 * 500.0**2)
+"""Of four rotors at 500 rad/s."""
+CERTAIN, UNKNOWN = Measured(value=0.0, std=1e-6), Measured(value=0.0, std=1e6)
+
+
+def flown(acceleration, *, drag=0.0, velocity=None, factor=1.0):
+    """Return a flight of a vertical acceleration at 100 Hz, its thrust as that takes with drag."""
+    v = np.cumsum(acceleration) / 100.0
+    force = np.zeros((len(v), 3))
+    force[:, 2] = G + acceleration
+    thrust = (force[:, 2] + drag * v) * factor
+    data = made_fit.prepared(seconds=len(v) / 100.0, force=force).data
+    speed = np.repeat(500.0 * np.sqrt(thrust / G)[:, None], 4, axis=1)
+    logged = None if velocity is None else np.outer(v, [0.0, 0.0, 1.0]) + velocity
+    return replace(data, rotor_speed=speed, velocity=logged)
+
+
+def kts(data, *, bias=CERTAIN, velocity_std=0.3):
+    return list(
+        carrying_stretches(
+            data, turning(data), made_fit.QUAD, mass=MASS, bias=bias, velocity_std=velocity_std
+        )
+    )
+
+
+def thrown(seconds=12.0, brake=5.0):
+    """A throw that is braked within a second."""
+    acceleration = np.zeros(round(100 * seconds))
+    acceleration[:100] = brake
+    return acceleration
+
+
+def test_hover_carries_the_weight():
+    (held,) = kts(flown(np.zeros(800)))
+    assert held.ratio == pytest.approx(KT, rel=1e-9)
+    assert held.seconds == pytest.approx(8.0)
+
+
+@pytest.mark.parametrize(("seconds", "own"), [(4.0, 1.0), (16.0, 4.0 / 3.0)])
+def test_an_unknown_velocity_is_what_a_hover_leaves_open(seconds, own):
+    """Two velocities of 1.5 m/s are taken as seen, one in 2 s is still; 12 / T^2 of T / 2."""
+    (held,) = kts(flown(np.zeros(round(100 * seconds))), bias=UNKNOWN)
+    velocity = 1.5 * np.sqrt(2.0 / (2.0 + seconds / 2.0))
+    slope = np.sqrt(12.0 * 2.0 / seconds) / seconds
+    assert held.std / held.ratio == pytest.approx(velocity * slope / G, rel=1e-6)
+
+
+def test_a_throw_counts_with_its_momentum():
+    """5 m/s of a throw braked in the first of 12 s: 4.2 % of the weight on average."""
+    (known,) = kts(flown(thrown()))
+    assert known.ratio == pytest.approx(KT, rel=1e-6)
+    (open_bias,) = kts(flown(thrown()), bias=UNKNOWN)
+    # Weighed by 6 t (T - t) / T^3, the first second counts a fiftieth.
+    assert open_bias.ratio / KT == pytest.approx(1.0 - 5.0 * (3 / 144 - 2 / 1728) / G, abs=1e-3)
+    assert abs(open_bias.ratio - KT) < 1.96 * open_bias.std
+
+
+def test_a_logged_velocity_tells_the_momentum():
+    (held,) = kts(flown(thrown(), velocity=0.0), bias=UNKNOWN, velocity_std=1e-3)
+    assert held.ratio == pytest.approx(KT, rel=2e-3)
+
+
+def test_a_bias_is_weighed_against_the_velocity():
+    """Where each leaves as much open, half of what is read is acceleration."""
+    step = 0.01
+    motion = VerticalMotion(
+        step=step, read=np.full(1000, G + 0.2), push=np.full(1000, 1.0), velocity=np.zeros(1000)
+    )
+    slope = np.sqrt(12.0 * 2.0 / 10.0) / 10.0
+    found = vertical_acceleration(motion, Measured(value=0.0, std=0.05), 0.05 / slope)
+    assert found.value == pytest.approx(0.1)
+    assert found.std == pytest.approx(0.05 / np.sqrt(2.0))
+
+
+def climbing():
+    """Climb for a while, sink longer; the mean velocity is not zero where it counts most."""
+    t = np.arange(6000) / 100.0
+    return 0.8 * np.sin(2 * np.pi * t / 17.0) * np.exp(-((t - 25.0) ** 2) / 300.0)
+
+
+def test_drag_of_a_climb_is_no_thrust():
+    """With drag of 0.5 /s the climb takes half a percent of thrust more, and scatters."""
+    with_drag = flown(climbing(), drag=0.5, velocity=0.0)
+    (held,) = kts(with_drag)
+    assert abs(held.ratio - KT) < 1.96 * held.std
+    (blind,) = kts(replace(with_drag, velocity=None))
+    assert abs(held.ratio - KT) < abs(blind.ratio - KT)
+    motion = next(vertical_motions(turning(with_drag), with_drag, with_drag.rotor_speed[:, :3]))
+    assert motion.velocity is not None
+
+
+def test_half_a_flight_in_ground_effect_is_open():
+    """A tenth more of thrust at one rotor speed, in the first half."""
+    factor = np.where(np.arange(4000) < 2000, 1.0 / 1.1, 1.0)
+    (held,) = kts(flown(np.zeros(4000), factor=factor))
+    assert 0.9 * KT < KT < held.ratio + 1.96 * held.std
+    assert 0.01 < held.std / held.ratio < 0.03
+
+
+def test_batches_scatter_as_their_mean_does(rng=None):
+    """Ten batches of what no thrust explains: their mean as sure as it is over many flights."""
+    rng = np.random.default_rng(5)
+    found = []
+    for _ in range(300):
+        read = G + np.repeat(rng.normal(0.0, 0.3, 100), 20)
+        motion = VerticalMotion(step=0.01, read=read, push=np.full(2000, 1.0), velocity=None)
+        mean = float(motion.weights @ read) - G
+        found.append((mean, climb_drag(motion)[1]))
+    means, stds = np.array(found).T
+    # t of nine degrees over 1.96: 1.15; the felt velocity takes a little off.
+    assert 1.0 < np.median(stds) / means.std() < 1.3
+
+
+def test_stretches_apart_are_weighed_apart():
+    data = flown(np.zeros(2000))
+    data = replace(data, segments=(Segment(start=0, stop=800), Segment(start=1000, stop=2000)))
+    assert [round(one.seconds) for one in kts(data)] == [8, 10]
+    assert kts(replace(data, segments=(Segment(start=0, stop=190),))) == []
