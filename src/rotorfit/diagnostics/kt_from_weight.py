@@ -25,6 +25,8 @@ from rotorfit.fit.intervals.numbers import Numbers
 from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.frequency_bands import retimed
 from rotorfit.results.verdicts import ADVICE
 
 INFLOW_STD = 0.02
@@ -103,7 +105,7 @@ def hold_at_weight(fit: Fit) -> Fit:
     Also where they leave k_t open, or the fit makes an accelerometer bias of the weight.
     """
     dataset, numbers = fit.dataset, fit.numbers
-    weighed = kt_from_weight(dataset.configurations, dataset.vehicle)
+    weighed = kt_from_weight(dataset.configurations, dataset.vehicle, dataset.timing)
     found = kt_of(numbers)
     bias = absorbed_weight(dataset, numbers)
     if weighed is None:
@@ -143,7 +145,10 @@ def _reach_weight(fit: Fit) -> Fit:
     """
     if not fit.mass_known:
         return fit
-    found = hover_thrusts(fit.dataset.configurations, fit.numbers, fit.dataset.vehicle)
+    dataset = fit.dataset
+    found = hover_thrusts(
+        dataset.configurations, fit.numbers, dataset.vehicle, timing=dataset.timing
+    )
     missed = thrust_against_weight(found, fit.numbers)
     if missed.severity == "passed":
         return fit
@@ -166,13 +171,19 @@ def kt_of(numbers: Numbers) -> tuple[float, float]:
 
 
 def kt_from_weight(
-    configurations: Sequence[ConfigurationData], vehicle: Vehicle
+    configurations: Sequence[ConfigurationData],
+    vehicle: Vehicle,
+    timing: MotorResponse | None = None,
 ) -> WeighedThrust | None:
-    """Return the thrust coefficient that carries the weight; None if no flight is long enough."""
+    """Return the thrust coefficient that carries the weight; None if no flight is long enough.
+
+    `timing`: of the motors, where it was found: commands that swing, as in a limit cycle, have
+    larger squares than the speeds that lag behind them.
+    """
     found: list[Held] = []
     for configured in configurations:
         for flight in configured.flights:
-            data = flight.prepared.data
+            data = retimed(flight.prepared, timing)
             per_kt = (data.rotor_speed**2 @ vehicle.axes) / configured.mass
             scale = float(np.abs(per_kt).mean())
             held = held_up(flight.turning, per_kt / scale) if scale > 0 else None
