@@ -131,13 +131,13 @@ def _autopilots(folder: Path) -> Iterable[Case]:
     inertia = {"Ixx_com": 0.02377, "Iyy_com": 0.02771, "Izz_com": 0.04385}
     exported = {"kt": 4.0e-6 * 1450.0**2, "kd": 6.0e-8 * 1450.0**2, **inertia}
     stock = {"kt": 5.0, "kd": 0.1, "Ixx_com": 0.025, "Iyy_com": 0.025, "Izz_com": 0.03}
-    stock["motor_lag"] = 0.05
+    stock["motor_lag"] = -0.004 / float(np.log(1.0 - 0.004 / 0.05))  # of thrust, in steps
     copter = {"Ixx_com": 0.02297, "Iyy_com": 0.02297, "Izz_com": 0.04594}
     rows = (
         ("px4-sih-stock", ".ulg", _quad_x("px4", 0.2828427), 1.0, stock),
-        ("px4-sih-exported", ".ulg", _quad_x("px4", 0.2828427), 1.4, exported),
+        ("px4-sih-exported", ".ulg", _quad_x("px4", 0.25), 1.4, exported),
         ("arducopter-stock", ".BIN", _quad_x("ardupilot", 0.35), 3.0, copter),
-        ("arducopter-exported", ".BIN", _quad_x("ardupilot", 0.35), 1.4, exported),
+        ("arducopter-exported", ".BIN", _quad_x("ardupilot", 0.25), 1.4, exported),
         ("arducopter-default-logging", ".BIN", _quad_x("ardupilot", 0.35), 3.0, copter),
         ("px4-heavy-recommended", ".ulg", _heavy(), 3.2, truth("px4-heavy-recommended")),
         ("px4-hex", ".ulg", _hexarotor(), 1.7, truth("px4-hex")),
@@ -190,7 +190,7 @@ def _numbers(case: Case, found: Outcome) -> str:
 
 
 def _number(name: str, value: float, half: float, verdict: str, true: float | None) -> str:
-    size = true or value
+    size = true or value or half
     wrong = true is not None and abs(value - true) > half
     short = {"identified": "", "weak": "w", "": ""}.get(verdict, f"[{verdict}]")
     if true is None:

@@ -17,6 +17,8 @@ from rotorfit.fit.fit_flights import fit_flights
 from rotorfit.model.parameters import inertia_matrix
 from rotorfit.model.regressor import regressor
 from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.results.physical_inertia import impossible_inertia
+from rotorfit.results.weak_directions import weak_directions
 
 MASS, KT, KD, RATE = 1.4, 2e-6, 3e-8, 100.0
 NOTHING: tuple[str, ...] = ()
@@ -96,6 +98,18 @@ def test_a_body_without_coupling_is_found_with_correct_ratios():
     assert {"kd", "Izz@A", "Izz_com@A"} <= set(finding.numbers)
     assert (finding.withheld_because, finding.next_step) == (REASON, ADVICE)
     assert f"log-likelihood {finding.evidence[0].value:+.0f} without w x I w" in finding.sentence
+
+
+def test_what_the_coupling_would_tell_is_judged_no_further():
+    _, found = uncoupled(INERTIA, coupled=False)
+    assert "Izz@A" in found.withheld
+    assert list(impossible_inertia(found)) == []  # of an I_zz that nothing tells
+    [direction] = weak_directions(found)
+    assert (direction.severity, direction.sentence) == ("passed", "")
+    # Without the step's finding both object.
+    bare = dataclasses.replace(found, findings=())
+    assert [one.severity for one in impossible_inertia(bare)] == ["doubt"]
+    assert "are known only as a ratio" in next(weak_directions(bare)).sentence
 
 
 @pytest.mark.parametrize("inertia", [INERTIA, BALL], ids=["flat", "ball"])

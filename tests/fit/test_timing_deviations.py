@@ -306,8 +306,7 @@ def test_rising_and_falling_lags_are_separated_from_a_gain_of_10(monkeypatch, ga
 def test_where_a_skew_changes_no_signal_none_is_asked_for(monkeypatch, source, lag):
     seen = fits_to(monkeypatch, MotorResponse(lag=lag, delay=0.01), gain=1e3, skew=0.3)
     found = fitted_timing(dataset(source=source), MotorResponse(lag=lag, delay=0.01), BOTH, ())
-    # Motors as quick as nothing are those of the autopilot's answer.
-    assert found.free == (BOTH if source == "mocap" else ())
+    assert found.free == BOTH
     assert [free.names for free, _ in seen] == [BOTH]
 
 
@@ -339,6 +338,15 @@ def test_a_gust_bias_of_30_ms_makes_the_lag_unidentifiable(monkeypatch, pull, kn
     # Measured speeds have no lag that could be taken for the autopilot's answer.
     measured = dataset(motors=MotorsEntry(), given=calm)
     assert fitted_timing(measured, AT, ("motor_delay",), ()).free == ("motor_delay",)
+
+
+@pytest.mark.parametrize(("turned", "free"), [(True, BOTH), (False, ())], ids=["flown", "calm"])
+def test_motors_without_lag_are_told_by_turns_that_are_flown(monkeypatch, turned, free):
+    """A simulator's may have none; a calm flight shows the autopilot's answer to its gyro."""
+    fits_to(monkeypatch, MotorResponse(lag=0.0004, delay=0.0003))
+    calm = (made_fit.turned([0.150 / (20.0 * MS)] * 3),)
+    flights = dataset() if turned else dataset(given=calm)
+    assert fitted_timing(flights, AT, BOTH, ()).free == free
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.0305])

@@ -41,6 +41,7 @@ from rotorfit.preprocessing.motors.command_response import (
     command_responses,
     responses_within,
 )
+from rotorfit.preprocessing.motors.motor_limits import MotorLimits, motor_limits
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
 from rotorfit.preprocessing.motors.rotor_telemetry import State, Telemetry, telemetry
 from rotorfit.preprocessing.prepare import PreparedFlight, on_one_clock, prepared_from
@@ -60,7 +61,8 @@ class LoadedFlight:
     `motors`: as declared, completed by the log's parameters.
     `speeds_commanded`: its commands are rotor speeds [rad/s], not shares of full output.
     `telemetry`: how measured speeds go with the commands, where the log has both;
-    `command_responses`: the two themselves, in flight.
+    `limits`: how often its commands stand at their ends; `command_responses`: commands and measured
+    speeds themselves, in flight.
     `battery`: mean voltage over what is used [V], where it was logged.
     """
 
@@ -71,6 +73,7 @@ class LoadedFlight:
     motors: MotorsEntry = field(default_factory=MotorsEntry)
     speeds_commanded: bool = False
     telemetry: Telemetry | None = None
+    limits: MotorLimits | None = None
     command_responses: tuple[MeasuredResponse, ...] = ()
     battery: float | None = None
 
@@ -316,7 +319,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         recording = read_log(Path(entry.mocap.file), options=recording_options_of(entry.mocap))
         log = with_poses(log, recording)
     window, count = (entry.start, entry.end), len(vehicle.rotors)
-    battery = log.channels.get("battery")
+    battery, command = log.channels.get("battery"), log.channels.get("command")
     if source == "mocap":
         prepared = prepare_mocap(
             log, rotor_count=count, arm=vehicle.arm, motors=motor_model, window=window
@@ -338,6 +341,7 @@ def _loaded(entry: FlightEntry, experiment: Experiment) -> LoadedFlight:
         recorded=recorded,
         speeds_commanded=speeds_commanded,
         telemetry=seen,
+        limits=None if command is None else motor_limits(command, recorded.spans),
         command_responses=responses_within(responses, recorded.spans),
         motors=motors,
         battery=_voltage(battery, recorded.spans),

@@ -25,6 +25,8 @@ from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.frequency_bands import retimed
 
 UNLIKELY = 1e-4
 """Probability of chance alone below which two opinions differ."""
@@ -88,22 +90,32 @@ def thrust_consistency(fit: Fit) -> Iterator[Finding]:
     """Compare the thrust of every flight over its weight with other flights, and over time."""
     if not fit.mass_known:
         return
-    found = hover_thrusts(fit.dataset.configurations, fit.numbers, fit.dataset.vehicle)
+    dataset = fit.dataset
+    found = hover_thrusts(
+        dataset.configurations, fit.numbers, dataset.vehicle, timing=dataset.timing
+    )
     yield hovers_differ(found)
     yield thrust_sags(found, commanded=fit.dataset.motors.speed == "commanded")
 
 
 def hover_thrusts(
-    configurations: Sequence[ConfigurationData], numbers: Numbers, vehicle: Vehicle
+    configurations: Sequence[ConfigurationData],
+    numbers: Numbers,
+    vehicle: Vehicle,
+    *,
+    timing: MotorResponse | None = None,
 ) -> list[HoverThrust]:
-    """Estimate the thrust that holds each flight up, over its weight."""
+    """Estimate the thrust that holds each flight up, over its weight.
+
+    `timing`: of the motors, where it was found.
+    """
     kt = numbers.values[numbers.index("kt")]
     own = [f"kt_{i + 1}" for i in range(len(vehicle.rotors))]
     each = np.array([numbers.values[numbers.index(n)] if n in numbers.names else kt for n in own])
     found: list[HoverThrust] = []
     for configured in configurations:
         for flight in configured.flights:
-            data = flight.prepared.data
+            data = retimed(flight.prepared, timing)
             thrust = (data.rotor_speed**2 * each) @ vehicle.axes
             air = _air_force(data, numbers, configured.entry.name, vehicle)
             force = (thrust + air) / configured.mass

@@ -31,6 +31,8 @@ from rotorfit.model.terms.body import ACCEL_BIAS_STD
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.preprocessing.airborne import GRAVITY
 from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.frequency_bands import retimed
 
 CHANGES_STD = 0.02
 """Share by which thrust that changes differs from the same thrust held: inflow, wakes, the noise
@@ -106,7 +108,9 @@ class Balance:
 def weigh_thrust(fit: Fit) -> Fit:
     """Take k_t from changes of thrust and from the weight, and the intervals at that k_t."""
     dataset = fit.dataset
-    weight = kt_from_weight(dataset.configurations, dataset.vehicle, source=dataset.source)
+    weight = kt_from_weight(
+        dataset.configurations, dataset.vehicle, source=dataset.source, timing=dataset.timing
+    )
     if weight is None:
         return widen_by_settings(fit)
     law_std = LAW_STD if is_without_law(dataset) else 0.0
@@ -171,16 +175,24 @@ def kt_of(numbers: Numbers) -> tuple[float, float]:
 
 
 def kt_from_weight(
-    configurations: Sequence[ConfigurationData], vehicle: Vehicle, *, source: Source = "imu"
+    configurations: Sequence[ConfigurationData],
+    vehicle: Vehicle,
+    *,
+    source: Source = "imu",
+    timing: MotorResponse | None = None,
 ) -> Measured | None:
-    """Return the thrust coefficient that carries the weight; None if no flight is long enough."""
+    """Return the thrust coefficient that carries the weight; None if no flight is long enough.
+
+    `timing`: of the motors, where it was found: commands that swing, as in a limit cycle, have
+    larger squares than the speeds that lag behind them.
+    """
     return pooled_weight(
         [
             held
             for configured in configurations
             for flight in configured.flights
             for held in carrying_stretches(
-                flight.prepared.data,
+                retimed(flight.prepared, timing),
                 flight.turning,
                 vehicle,
                 mass=configured.mass,

@@ -61,6 +61,11 @@ class Fit:
             values=self.estimate.estimate.by_name,
         )
 
+    @property
+    def withheld(self) -> frozenset[str]:
+        """Full names of the numbers that a step has withheld, and said so."""
+        return frozenset(n for one in self.findings if one.withheld_because for n in one.numbers)
+
     def found(self, *findings: Finding) -> "Fit":
         """Return the fit with further findings."""
         return dataclasses.replace(self, findings=(*self.findings, *findings))

@@ -121,7 +121,9 @@ def _record(found: Identified) -> FlightRecord:
     result, configured = found.result, found.dataset.configurations[0]
     flight = configured.flights[0]
     numbers = _numbers(result)
-    weighed = kt_from_weight(found.dataset.configurations, found.dataset.vehicle)
+    weighed = kt_from_weight(
+        found.dataset.configurations, found.dataset.vehicle, timing=found.dataset.timing
+    )
     if weighed is not None:
         numbers[KT_WEIGHT] = _measured(weighed.value, weighed.std)
     data = flight.prepared.data

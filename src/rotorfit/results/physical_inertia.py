@@ -122,10 +122,13 @@ def impossible_inertia(fit: Fit) -> Iterator[Finding]:
 
     What the yaw equation gives, k_d / I_zz and J_r / I_zz, is sound whatever the other moments are,
     and stays; I_zz, k_d and J_r depend on one scale, which the impossible body disproves for all
-    configurations.
+    configurations. A moment that a step has withheld, as without gyroscopic coupling, disproves no
+    body.
     """
     parameters = joint_parameters(fit)
     for name in (c.name for c in fit.configurations):
+        if fit.withheld & {f"{axis}@{name}" for axis in ("Ixx", "Iyy", "Izz")}:
+            continue
         moment = smallest_second_moment(fit.numbers, name)
         yield body_finding(moment, name, parameters, fit.numbers.names)
 

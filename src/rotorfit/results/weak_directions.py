@@ -54,9 +54,10 @@ class WeakDirection:
 def weak_directions(fit: Fit) -> Iterator[Finding]:
     """Check whether the flights can tell the parameters of rotors and bodies apart."""
     directions = body_directions(fit.estimate.estimate)
+    # What a step has withheld has its own words, and no flying would tell it.
     doubtful = {
         p.full_name for p in joint_parameters(fit) if p.verdict not in ("identified", "given")
-    }
+    } - fit.withheld
     yield doubt_or_passed(
         "weak-direction",
         weak_sentence(directions, doubtful),

@@ -7,7 +7,7 @@ order. Where another one explains the flight much better, or the motors explain 
 of the declared rotors does, the declaration is wrong and every number would be.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import permutations
@@ -39,6 +39,9 @@ NEGLIGIBLE = 0.1
 """An unexplained share below which two declarations are not told apart."""
 TURNED = float(np.radians(12.0))
 """Angle about z between IMU and rotors from which it is no tolerance: sound logs have up to 3.5."""
+LAGS_TRIED = (LAG_PRIOR[0], 0.06, 0.1)
+"""Of motors whose lag is not known [s]: a refusal holds for all of them. At one that is too short
+a vehicle that circles in roll and pitch, as in a limit cycle, answers as if its IMU were turned."""
 PARALLEL = 1e-9
 """Of two drives' product of squares, up to which they are one."""
 BAND = (0.3, 15.0)
@@ -311,13 +314,24 @@ def check_flights(flights: list[LoadedFlight], vehicle: Vehicle, motors: MotorsE
         With the declaration that would fit.
     """
     lagging = motors.speed == "measured" or motors.lag is not None
-    response = None if lagging else MotorResponse(lag=LAG_PRIOR[0], delay=motors.delay or 0.0)
+    tried = [MotorResponse(lag=lag, delay=motors.delay or 0.0) for lag in LAGS_TRIED]
     for flight in flights:
+        _check_flight(flight, vehicle, [None] if lagging else tried)
+
+
+def _check_flight(
+    flight: LoadedFlight, vehicle: Vehicle, tried: Sequence[MotorResponse | None]
+) -> None:
+    """Refuse the declared rotors if a flight contradicts them with every response of the motors."""
+    refused: FrameError | None = None
+    for response in tried:
         try:
             check_frame(prepared_bands(flight.prepared, vehicle, response), vehicle)
+            return
         except FrameError as error:
-            name = Path(flight.entry.file).name
-            raise FrameError(f"{name}: {error}{_leaning(flight)}") from error
+            refused = refused or error
+    assert refused is not None
+    raise FrameError(f"{Path(flight.entry.file).name}: {refused}{_leaning(flight)}") from refused
 
 
 def _leaning(flight: LoadedFlight) -> str:

@@ -138,8 +138,9 @@ def fitted_timing(
         return None  # the motion does not follow these commands at all
     bias = gust_bias(timed)
     total = response.mean_lag + response.delay
-    # Before the command no motor answers: there the autopilot answers the noise of its gyro.
-    late = response.mean_lag > LEAST_LAG and total > 0.0
+    # Before the command no motor answers: there the autopilot answers the noise of its gyro. Of
+    # motors without lag, as simulators have them, the turns that are flown tell.
+    late = total > 0.0 and (response.mean_lag > LEAST_LAG or bias == 0.0)
     if "motor_lag" in names and (bias > UNIDENTIFIABLE_BIAS or not late):
         return unidentifiable_timing(dataset, delay_free="motor_delay" in names)
     found = timing_with_deviations(dataset, free, fit)
