@@ -506,6 +506,8 @@ def test_the_lag_prior_decides_between_trials_that_fit_equally(monkeypatch):
     ("bottom", "gain", "found"),
     [
         (0.004, 1e3, 0.004),
+        (0.0125, 11.0, 0.012),  # the end of the usual itself, as of a gyro low-passed at 20 Hz
+        (-0.0125, 11.0, -0.012),
         (0.040, 11.0, 0.040),  # further out than usual, and clearly better there
         (0.040, 9.0, None),
         (-0.040, 11.0, -0.040),
@@ -520,6 +522,11 @@ def test_a_delay_begins_at_the_best_trial_or_further_out(monkeypatch, bottom, ga
     costs(monkeypatch, lambda response: scale * (response.delay - bottom) ** 2)
     start = coarse_timing(dataset(motors=MotorsEntry()), ("delay",))
     assert (start is None) if found is None else start.delay == pytest.approx(found, abs=1e-9)
+
+
+def test_flights_that_tell_no_delay_begin_nowhere(monkeypatch):
+    costs(monkeypatch, lambda response: 0.0)
+    assert coarse_timing(dataset(motors=MotorsEntry()), ("delay",)) is None
 
 
 @pytest.mark.parametrize(

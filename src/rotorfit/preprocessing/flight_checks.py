@@ -13,6 +13,7 @@ from rotorfit.logs.flight_log import AS_A_TABLE, FlightLog
 from rotorfit.preprocessing.airborne import GRAVITY, Motion, fast_rows
 from rotorfit.preprocessing.clocks import UniformChannels
 from rotorfit.preprocessing.flight_data import FlightData
+from rotorfit.preprocessing.interpolated import source_rate
 from rotorfit.preprocessing.signals import true_runs, whole_samples
 
 LONGEST_CONSTANT: Final = 1.0
@@ -279,6 +280,22 @@ def refuse_idle_motors(motion: Motion) -> None:
             "the motors never turn in this log (rotor speed or command is zero throughout); "
             "give the log of a flight, or the columns that hold the motors"
         )
+
+
+def refuse_interpolated_speeds(speed: Float[np.ndarray, "n N"], sample_rate: float) -> None:
+    """Raise where lines were drawn between measured rotor speeds that came too slowly.
+
+    Lines pass by the peaks: at a third of the source's rate a third of the motion is missing.
+    """
+    rate = source_rate(speed, sample_rate)
+    if rate is None or rate >= SLOWEST_MOTORS:
+        return
+    raise FlightError(
+        f"the rotor speeds come at {rate:.0f} Hz, and lines are drawn (or values repeated) between "
+        "them: the peaks of quick motion are missing, and kt and inertia would come out wrong; log "
+        "ESC telemetry faster (100 Hz and more are good), or take the commands instead "
+        '([motors] speed = "commanded")'
+    )
 
 
 def refuse_wrong_gravity(motion: Motion, *, takes_columns: bool) -> None:

@@ -39,6 +39,7 @@ from rotorfit.preprocessing.flight_checks import (
     refuse_blows,
     refuse_empty_window,
     refuse_idle_motors,
+    refuse_interpolated_speeds,
     refuse_missing_battery,
     refuse_missing_channels,
     refuse_torn_log,
@@ -197,6 +198,8 @@ def prepared_from(
     """Prepare the airborne part from `on_one_clock`: the second half of `prepare`."""
     uniform = recorded.uniform
     speed = uniform.values["motor"]
+    if motors.speed == "measured":
+        refuse_interpolated_speeds(speed, uniform.sample_rate)
     if motors.speed == "commanded" and motors.law is not None:
         speed = speed_from_command(speed, motors.law, battery=uniform.values.get("battery"))
     motion = _motion(uniform, _turned(uniform, speed, motors), arm=arm, window=window)

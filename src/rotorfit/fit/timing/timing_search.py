@@ -127,7 +127,9 @@ def _coarse_delay(dataset: Dataset) -> MotorResponse | None:
         grid = edge + stride * np.arange(round(FURTHEST / abs(stride)))
         values = [first, *(pilot_band_cost(dataset, at(delay)) for delay in grid[1:])]
         best = int(np.argmin(values))
-        if best in (0, len(grid) - 1) or first - values[best] < LEAST_GAIN:
+        # Where nothing further out is better, and the end clearly worse, the edge is the best.
+        gain = first - values[best] if best else values[-1] - first
+        if best == len(grid) - 1 or gain < LEAST_GAIN:
             return None
     return at(grid[best])
 

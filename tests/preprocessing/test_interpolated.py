@@ -1,0 +1,53 @@
+"""Lines that a recorder draws between slow samples are told from motion, rounded or not."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from rotorfit.errors import FlightError
+from rotorfit.preprocessing.flight_checks import refuse_interpolated_speeds
+from rotorfit.preprocessing.interpolated import source_rate
+
+RATE = 250.0
+TIME = np.arange(round(30.0 * RATE)) / RATE
+
+
+def speeds(seed, *, noise=3.0):
+    """Return four rotors about 800 rad/s, moved up to 12 Hz."""
+    rng = np.random.default_rng(seed)
+    sos = signal.butter(2, 12.0, fs=RATE, output="sos")
+    moves = signal.sosfiltfilt(sos, rng.standard_normal((len(TIME), 4)), axis=0)
+    return 800.0 + 200.0 * moves + noise * rng.standard_normal(moves.shape)
+
+
+def drawn(values, rate, *, phase=0.013):
+    """Return values from which a recorder has samples at a rate [Hz], and draws lines between."""
+    slow = np.arange(phase, TIME[-1], 1.0 / rate)
+    return np.column_stack([np.interp(TIME, slow, np.interp(slow, TIME, x)) for x in values.T])
+
+
+@pytest.mark.parametrize("step", [0.0, 1.0, 5.0])
+@pytest.mark.parametrize("rate", [10.0, 16.3])
+def test_the_source_of_drawn_lines_has_its_rate(rate, step):
+    values = drawn(speeds(1), rate)
+    values = np.round(values / step) * step if step else values
+    assert source_rate(values, RATE) == pytest.approx(rate, abs=0.2)
+    with pytest.raises(FlightError, match=f"the rotor speeds come at {rate:.0f} Hz"):
+        refuse_interpolated_speeds(values, RATE)
+
+
+def test_repeated_values_are_told_alike():
+    slow = np.arange(0.0, TIME[-1] + 0.1, 0.1)
+    repeated = np.column_stack(
+        [np.interp(slow, TIME, x)[np.searchsorted(slow, TIME, "right") - 1] for x in speeds(2).T]
+    )
+    assert source_rate(repeated, RATE) == pytest.approx(10.0, abs=0.2)
+
+
+@pytest.mark.parametrize("noise", [0.0, 3.0])
+def test_motion_has_no_source(noise):
+    assert all(source_rate(speeds(seed, noise=noise), RATE) is None for seed in range(60))
+    rhythm = 5.0 * np.sin(2.0 * np.pi * 11.0 * TIME)[:, None]
+    assert source_rate(speeds(0) + rhythm, RATE) is None
+    refuse_interpolated_speeds(drawn(speeds(3), 50.0), RATE)  # fast enough
+    assert source_rate(speeds(0)[:20], RATE) is None
