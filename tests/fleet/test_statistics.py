@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fleet_material import KT, LEVEL, STD, a_fleet, a_record, planted_fleet
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rotorfit.fleet.compared import REFERENCE_DENSITY, in_order, number_tables
 from rotorfit.fleet.findings import findings
@@ -60,6 +62,79 @@ def test_levels_are_before_a_change_and_now_after_it(planted):
     assert number.level[4] == pytest.approx(LEVEL["com_x"], abs=1.2e-3)
     assert number.now[4] - number.level[4] == pytest.approx(5e-3, abs=5e-4)
     assert number.now[3] == number.level[3]
+
+
+@given(
+    vehicles=st.integers(1, 5),
+    flights=st.integers(1, 9),
+    seed=st.integers(0, 10**6),
+    wild=st.sampled_from([0.0, 0.01, 0.1]),
+    kind=st.sampled_from(["step", "ramp", "once"]),
+)
+@settings(max_examples=15, deadline=None)
+def test_levels_lie_among_the_flights(vehicles, flights, seed, wild, kind):
+    """Whatever the flights scatter and whatever changed, and with correlated numbers, too."""
+    rng = np.random.default_rng(seed)
+    first, size = rng.integers(0, flights), rng.standard_normal(vehicles)
+    shape = {"step": lambda f: f >= first, "ramp": lambda f: f, "once": lambda f: f == first}[kind]
+
+    def planted(vehicle, flight, values):
+        for name in values:
+            values[name] *= 1.0 + wild * (size[vehicle] * shape(flight) + rng.standard_normal())
+
+    bare = a_fleet(planted, vehicles=vehicles, flights=flights, seed=seed)
+    records = [with_yaw_numbers(record, rng) for record in bare]
+    for number in fleet_statistics(records).numbers:
+        for place in range(len(number.vehicles)):
+            own = number.values[number.vehicle_of_row == place]
+            assert np.isnan(number.level[place]) or own.min() <= number.level[place] <= own.max()
+            assert np.isnan(number.now[place]) or own.min() <= number.now[place] <= own.max()
+
+
+def with_yaw_numbers(record, rng):
+    """Give a record the numbers of the yaw equation, their errors correlated."""
+    names, level = ("kd", "Jr", "Izz_com"), np.array([record.value("kd"), 2e-5, 0.04])
+    root = level[:, None] * rng.uniform(-0.03, 0.03, (3, 3))
+    covariance = root @ root.T + np.diag((0.001 * level) ** 2)
+    values = level + np.linalg.cholesky(covariance) @ rng.standard_normal(3)
+    std = dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
+    plain = {n: record.value(n) for n in record.names}
+    made = a_record(
+        plain | dict(zip(names, values.tolist(), strict=True)),
+        vehicle=record.vehicle,
+        file=record.file,
+        std=STD | std,
+        started=record.started,
+    )
+    return replace(made, compared=names, covariance=covariance)
+
+
+def a_series(*, size, at, flights=23, scatter=0.01):
+    """One vehicle whose k_t by the weight steps by a share of itself."""
+    rng = np.random.default_rng(3)
+    moved = np.where(np.arange(flights) >= at, 1.0 + size, 1.0)
+    values = KT * (moved + scatter * rng.standard_normal(flights))
+    return [
+        a_record({KT_WEIGHT: value}, file=f"log{f}.ulg", std={KT_WEIGHT: 1.2 * scatter * KT})
+        for f, value in enumerate(values)
+    ]
+
+
+def test_a_step_after_three_flights_is_found():
+    """Twenty-three flights of one vehicle, of which the first three were before a change."""
+    number = fleet_statistics(a_series(size=-0.07, at=3)).number(KT_WEIGHT)
+    (change,) = number.changes[0]
+    assert (change.kind, change.earliest, change.first, change.latest) == ("step", 3, 3, 3)
+    assert change.low < -0.07 * KT < change.high
+    assert number.level[0] == pytest.approx(KT, rel=0.01)
+    assert number.now[0] == pytest.approx(0.93 * KT, rel=0.005)
+    assert number.within < 0.015 * KT  # what the step explains is no scatter
+
+
+def test_a_step_within_the_scatter_is_not_said():
+    number = fleet_statistics(a_series(size=-0.01, at=3)).number(KT_WEIGHT)
+    assert number.changes == ((),)
+    assert number.level == number.now == pytest.approx(number.values.mean(), rel=0.002)
 
 
 def test_an_outlier_is_not_part_of_the_type(planted):

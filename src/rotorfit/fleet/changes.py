@@ -1,13 +1,23 @@
-r"""When a series of estimates changed: in one step, steadily from some moment on, or once only.
+r"""When a number of some vehicles changed: in one step, steadily from some moment on, or once only.
 
-Every shape :math:`s_k` gives one standard normal statistic :math:`Z_k` if nothing changed; the
-largest is judged by a bound on :math:`P(\max_k |Z_k| > z)`: the sum over all shapes, less what
-neighbours in a row have in common.
+A model says for every vehicle which shapes its flights follow beside their level (most often
+none), and one scatter between flights of all vehicles. Whole models are compared by
+
+.. math:: S(M) = \log \int p(y \mid M, \sigma) \, d\sigma - \sum_i m_i c_i
+
+with the levels integrated out (restricted likelihood), the sizes of the changes at their best,
+:math:`\sigma` the scatter and :math:`m_i` the number of changes of vehicle i. Without stated
+variances a change of statistic t with :math:`\nu` degrees of freedom raises the integral by
+:math:`\frac{\nu}{2} \log(1 + t^2 / \nu)`; its price c is that at the t that the chance of a false
+alarm, shared among all shapes, allows. For a given scatter vehicles stand alone, so their best
+changes are sought there; of the models found along the scatters the one with the largest S is
+taken, and no alternation is needed.
 
 References
 ----------
-Hunter, J. of Applied Probability 13, 1976 (the bound); Worsley, Biometrika 70, 1983 (its use for a
-change at an unknown moment).
+Harville, J. of the American Statistical Association 72, 1977 (restricted likelihood); Chung et al.,
+Psychometrika 78, 2013 (flat prior of a standard deviation); Killick, Fearnhead and Eckley, J. of
+the American Statistical Association 107, 2012 (changes by a penalised likelihood).
 """
 
 from collections.abc import Sequence
@@ -17,22 +27,29 @@ from typing import Final, Literal
 import numpy as np
 from jaxtyping import Float, Int
 from scipy import stats
+from scipy.special import logsumexp
 
 Kind = Literal["step", "ramp", "once"]
 
 LEAST_SERIES: Final = 4
-"""Of fewer values nothing is said."""
+"""Values for each change; of fewer nothing is said."""
 MOST_PLACES: Final = 400
 """Of longer series this many moments are tried, evenly spaced."""
 MOST_CHANGES: Final = 8
-LOG_LIKELIHOOD_DROP: Final = 3.84
-"""Of twice the log likelihood: moments this close to the best one are in its 95 % interval."""
+CONFIDENCE: Final = 0.95
 NORMAL_95: Final = 1.96
 LEAST_STEPS: Final = 10
-"""Differences between neighbours by which stated variances can be held against what is seen."""
-LEAST_SHARE: Final = 1e-4
-NORMAL_MAD: Final = 1.4826
-"""Standard deviation over median absolute deviation."""
+"""Values beyond one a vehicle by which stated variances can be held against what is seen."""
+SCATTERS: Final = np.exp(np.linspace(-9.0, 3.0, 97))
+"""Standard deviations between flights over which is integrated, in units of the values' spread."""
+SHARES: Final = np.exp(np.linspace(-9.0, 0.0, 73))[:-1]
+"""Of stated deviations, where they may be overstated."""
+SEARCHED: Final = 8
+"""Of these deviations every so many is searched for changes."""
+MOST_FREEDOM: Final = 1e6
+"""Degrees of freedom of what is as good as known."""
+ALIKE: Final = 1.0 - 1e-9
+"""Correlation of two shapes from which on they are one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +83,8 @@ class Change:
         Of a step or of what happened once; of a ramp the change per value; with the 95 % interval,
         over all moments in theirs.
     p
-        Chance of such a change, or a clearer one, anywhere in a series in which nothing changed.
+        Bound on the chance of such a change, or a clearer one, anywhere in a series in which
+        nothing (else) changed.
     shape
         The row of `Shapes`.
     """
@@ -85,6 +103,50 @@ class Change:
     def total(self) -> float:
         """How far the last value is from the first by this change."""
         return float(self.size * self.shape[-1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Changes:
+    """What changed in the series of some vehicles.
+
+    Attributes
+    ----------
+    of_group
+        The changes of each vehicle, the clearest first.
+    share
+        Of the stated variances by which the values really scatter; 1 unless asked for.
+    """
+
+    of_group: tuple[tuple[Change, ...], ...]
+    share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Series:
+    """One vehicle's values in order of time, and their variance for each scatter."""
+
+    values: Float[np.ndarray, " n"]
+    variance: Float[np.ndarray, "s n"]
+    shapes: Shapes
+    alarm: float
+
+    @property
+    def most(self) -> int:
+        """How many changes it may have."""
+        n = len(self.values)
+        return min(MOST_CHANGES, n // LEAST_SERIES) if n >= LEAST_SERIES else 0
+
+    def price(self, freedom: float) -> float:
+        """Return what a change costs in log likelihood: more where the scatter is hardly known.
+
+        At Student's t that one of the shapes exceeds by chance as often as alarms may.
+        """
+        t = stats.t.isf(0.5 * self.alarm / max(len(self.shapes.first), 1), freedom)
+        return 0.5 * freedom * float(np.log1p(t**2 / freedom))
+
+
+Model = tuple[tuple[int, ...], ...]
+"""Of every vehicle the rows of its shapes that it follows."""
 
 
 def shapes_of(n: int) -> Shapes:
@@ -111,142 +173,224 @@ def shapes_of(n: int) -> Shapes:
 
 
 def _places(start: int, end: int) -> Int[np.ndarray, " k"]:
-    return np.unique(np.linspace(start, end - 1, min(end - start, MOST_PLACES)).astype(int))
+    count = max(min(end - start, MOST_PLACES), 0)
+    return np.unique(np.linspace(start, end - 1, count).astype(int))
 
 
 def find_changes(
     values: Float[np.ndarray, " n"],
     variance: Float[np.ndarray, " n"],
+    group: Int[np.ndarray, " n"],
     *,
     alarm: float,
-    freedom: float = np.inf,
-) -> tuple[Change, ...]:
-    """Find what changed in a series in order of time, the clearest first; usually nothing.
+    overstated: bool = False,
+) -> Changes:
+    """Find what changed in the values of each group, in order of time; usually nothing.
 
-    `variance` is about a level that does not change, known with `freedom` degrees of freedom;
-    `alarm` is the chance of a false alarm in a series in which nothing changed.
+    Values scatter about their group's level by the stated `variance` and by a deviation that all
+    groups share. With `overstated` the stated variances may be too large by a factor that all
+    share. `alarm` is the chance of a false alarm in a group in which nothing changed.
     """
-    n = len(values)
-    if n < LEAST_SERIES:
-        return ()
-    shapes, found = shapes_of(n), list[Change]()
-    while len(found) < min(MOST_CHANGES, n // 3):
-        known = [np.ones(n), *(change.shape for change in found)]
-        change = _clearest(values, variance, shapes, known, freedom)
-        if change is None or change.p > alarm:
-            break
-        found.append(change)
-    return tuple(found)
+    wide = overstated and len(values) - len(np.unique(group)) >= LEAST_STEPS
+    total, log_weight, share = _scatters(values, variance, group, wide)
+    series = [
+        _Series(
+            values=values[group == g],
+            variance=total[:, group == g],
+            shapes=shapes_of(int((group == g).sum())),
+            alarm=alarm,
+        )
+        for g in range(int(group.max(initial=-1)) + 1)
+    ]
+    model = _best_model(series, log_weight)
+    posterior = _posterior(series, model, log_weight)
+    found = [_described(one, rows, posterior) for one, rows in zip(series, model, strict=True)]
+    return Changes(of_group=tuple(found), share=float(np.exp(posterior @ np.log(share))))
 
 
-def _clearest(
+def _scatters(
     values: Float[np.ndarray, " n"],
     variance: Float[np.ndarray, " n"],
-    shapes: Shapes,
-    known: Sequence[Float[np.ndarray, " n"]],
-    freedom: float,
-) -> Change | None:
-    """Find the clearest further change, with the columns of those already known projected out."""
+    group: Int[np.ndarray, " n"],
+    wide: bool,
+) -> tuple[Float[np.ndarray, "s n"], Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+    """List the variances of the values for every scatter, the logarithm of its prior, its share.
+
+    The prior is flat in the standard deviation, whether it adds to the stated ones or scales them.
+    """
+    away = values - np.array([np.median(values[group == g]) for g in group])
+    stated = float(np.median(variance))
+    unit = np.sqrt(float(np.mean(away**2)) + stated) or 1.0
+    total = variance + (unit * SCATTERS[:, None]) ** 2
+    log_weight, share = np.log(unit * SCATTERS), np.ones(len(SCATTERS))
+    if wide and stated > 0.0:
+        total = np.concatenate([SHARES[:, None] ** 2 * variance, total])
+        log_weight = np.concatenate([np.log(np.sqrt(stated) * SHARES), log_weight])
+        share = np.concatenate([SHARES**2, share])
+    return np.maximum(total, np.finfo(float).eps * np.max(values**2)), log_weight, share
+
+
+def _best_model(series: Sequence[_Series], log_weight: Float[np.ndarray, " s"]) -> Model:
+    """Find the model with the largest score, among the best ones for each scatter."""
+
+    def score(model: Model) -> float:
+        return _score(series, model, log_weight)
+
+    tried = {
+        tuple(_best_rows(one, one.variance[k]) for one in series)
+        for k in range(0, len(log_weight), SEARCHED)
+    }
+    best = max(sorted(tried), key=score)
+    while True:
+        fewer = max(_with_one_less(best), key=score, default=best)
+        if score(fewer) <= score(best):
+            return best
+        best = fewer
+
+
+def _with_one_less(model: Model) -> list[Model]:
+    """List the models without one of the changes."""
+    return [
+        (*model[:g], tuple(row for row in rows if row != left), *model[g + 1 :])
+        for g, rows in enumerate(model)
+        for left in rows
+    ]
+
+
+def _score(series: Sequence[_Series], model: Model, log_weight: Float[np.ndarray, " s"]) -> float:
+    """Return the criterion by which whole models are compared."""
+    posterior = _posterior(series, model, log_weight)
+    price = sum(
+        len(rows) * one.price(_freedom(one, posterior))
+        for one, rows in zip(series, model, strict=True)
+        if rows
+    )
+    best, _ = _log_likelihoods(series, model)
+    return float(logsumexp(best + log_weight)) - price
+
+
+def _posterior(
+    series: Sequence[_Series], model: Model, log_weight: Float[np.ndarray, " s"]
+) -> Float[np.ndarray, " s"]:
+    """Return how likely each scatter is."""
+    _, restricted = _log_likelihoods(series, model)
+    total = restricted + log_weight
+    return np.exp(total - logsumexp(total))
+
+
+def _freedom(one: _Series, posterior: Float[np.ndarray, " s"]) -> float:
+    """Return the degrees of freedom with which the variance of the values is known.
+
+    A variance known with f of them has a logarithm of variance trigamma(f / 2), about
+    2 / f + 2 / f^2.
+    """
+    log_variance = np.log(one.variance).mean(axis=1)
+    away = log_variance - posterior @ log_variance
+    spread = float(posterior @ away**2)
+    return (1.0 + np.sqrt(1.0 + 2.0 * spread)) / max(spread, 2.0 / MOST_FREEDOM)
+
+
+def _log_likelihoods(series: Sequence[_Series], model: Model) -> Float[np.ndarray, "2 s"]:
+    """Return the log likelihood for every scatter, levels integrated out.
+
+    First with the sizes of changes at their best, then with these integrated out, too.
+    """
+    each = [_one_log_likelihoods(one, rows) for one, rows in zip(series, model, strict=True)]
+    return np.sum(each, axis=0)
+
+
+def _one_log_likelihoods(one: _Series, rows: Sequence[int]) -> Float[np.ndarray, "2 s"]:
+    y, weight = one.values - np.median(one.values), 1.0 / one.variance
+    X = np.vstack([np.ones(len(y)), one.shapes.values[list(rows)]])
+    A: Float[np.ndarray, "s a a"] = np.einsum("an,sn,bn->sab", X, weight, X)
+    b: Float[np.ndarray, "s a"] = weight @ (X * y).T
+    size: Float[np.ndarray, "s a 1"] = np.linalg.solve(A, b[:, :, None])
+    misfit = weight @ y**2 - np.einsum("sa,sa->s", b, size[:, :, 0])
+    density = np.log(weight).sum(axis=1) - misfit
+    return 0.5 * np.array([density - np.log(A[:, 0, 0]), density - np.linalg.slogdet(A)[1]])
+
+
+def _best_rows(one: _Series, variance: Float[np.ndarray, " n"]) -> tuple[int, ...]:
+    """Find the changes that pay their price at one scatter: singly or in pairs, while any does."""
+    price, rows = one.price(MOST_FREEDOM), list[int]()
+    while len(rows) < one.most:
+        Z, U, _ = _statistics(one, variance, rows)
+        gains: dict[tuple[int, ...], float] = {
+            (int(np.argmax(np.abs(Z))),): 0.5 * float(np.max(Z**2)) - price
+        }
+        if len(rows) + 2 <= one.most:
+            pair, gain = _best_pair(Z, U)
+            gains[pair] = gain - 2.0 * price
+        best = max(gains, key=lambda added: gains[added])
+        if gains[best] <= 0.0:
+            break
+        rows += best
+    return tuple(sorted(rows))
+
+
+def _best_pair(
+    Z: Float[np.ndarray, " k"], U: Float[np.ndarray, "k n"]
+) -> tuple[tuple[int, int], float]:
+    """Return the two shapes that together explain most, and by how much in log likelihood."""
+    r, square = U @ U.T, Z**2
+    alike = np.abs(r) > ALIKE
+    left = np.where(alike, np.inf, 1.0 - r**2)
+    gain = 0.5 * (square[:, None] + square - 2.0 * r * np.outer(Z, Z)) / left
+    first, second = divmod(int(np.argmax(gain)), len(Z))
+    return (first, second), float(gain[first, second])
+
+
+def _statistics(
+    one: _Series, variance: Float[np.ndarray, " n"], rows: Sequence[int]
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k n"], Float[np.ndarray, " k"]]:
+    """Return each shape's statistic beside the level and the changes in `rows`.
+
+    The statistic is Z = U y / std, with unit directions U free of what is there already; last the
+    root of the shape's information. All are zero for a shape of which nothing is left.
+    """
     root = 1.0 / np.sqrt(variance)
-    Q = np.linalg.qr(np.array(known).T * root[:, None])[0]
-    U = shapes.values * root
+    known = np.vstack([np.ones(len(root)), one.shapes.values[list(rows)]])
+    Q = np.linalg.qr((known * root).T)[0]
+    U = one.shapes.values * root
     whole = np.linalg.norm(U, axis=1)
     U = U - (U @ Q) @ Q.T
     length = np.linalg.norm(U, axis=1)
     seen = length > 1e-6 * whole
-    if not seen.any():
-        return None
-    U[seen] /= length[seen, None]
-    U[~seen] = 0.0
-    Z = U @ (root * values)
-    best = int(np.argmax(np.abs(Z)))
-    near = (Z[best] ** 2 - Z**2 <= LOG_LIKELIHOOD_DROP) & seen
-    near &= np.array(shapes.kind) == shapes.kind[best]
-    std = 1.0 / length[near]
-    quantile = float(stats.t.ppf(0.975, freedom)) if np.isfinite(freedom) else NORMAL_95
-    sizes, reach = Z[near] * std, quantile * std
-    kept = near if shapes.kind[best] != "once" else np.arange(len(Z)) == best
+    U = np.where(seen[:, None], U / np.where(seen, length, 1.0)[:, None], 0.0)
+    return U @ (root * (one.values - np.median(one.values))), U, np.where(seen, length, 0.0)
+
+
+def _described(
+    one: _Series, rows: Sequence[int], posterior: Float[np.ndarray, " s"]
+) -> tuple[Change, ...]:
+    """Return the changes of one vehicle with their intervals, the clearest first."""
+    freedom = _freedom(one, posterior)
+    variance = np.exp(posterior @ np.log(one.variance))
+    found = [
+        _change(one, variance, row, [other for other in rows if other != row], freedom)
+        for row in rows
+    ]
+    return tuple(sorted(found, key=lambda change: change.p))
+
+
+def _change(
+    one: _Series, variance: Float[np.ndarray, " n"], row: int, others: Sequence[int], freedom: float
+) -> Change:
+    """Return one change beside the others of its vehicle, with its intervals."""
+    Z, _, length = _statistics(one, variance, others)
+    kinds, kind = np.array(one.shapes.kind), one.shapes.kind[row]
+    t = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
+    near = (Z[row] ** 2 - Z**2 <= t**2) & (length > 0.0) & (kinds == kind)
+    sizes, reach = Z[near] / length[near], t / length[near]
+    kept = near if kind != "once" else np.arange(len(Z)) == row
     return Change(
-        kind=shapes.kind[best],
-        first=int(shapes.first[best]),
-        earliest=int(shapes.first[kept].min()),
-        latest=int(shapes.first[kept].max()),
-        size=float(Z[best] / length[best]),
+        kind=kind,
+        first=int(one.shapes.first[row]),
+        earliest=int(one.shapes.first[kept].min()),
+        latest=int(one.shapes.first[kept].max()),
+        size=float(Z[row] / length[row]),
         low=float((sizes - reach).min()),
         high=float((sizes + reach).max()),
-        p=chance_of_largest(abs(float(Z[best])), U[seen], freedom),
-        shape=shapes.values[best],
+        p=min(2.0 * len(Z) * float(stats.t.sf(abs(Z[row]), freedom)), 1.0),
+        shape=one.shapes.values[row],
     )
-
-
-def chance_of_largest(z: float, directions: Float[np.ndarray, "k n"], freedom: float) -> float:
-    """Bound the chance that the largest of the statistics Z = u^T (white noise) exceeds `z`.
-
-    `directions` holds unit vectors u, neighbours alike. With `freedom` of the noise's scale the
-    tails are Student's, as if each statistic's.
-    """
-    if np.isfinite(freedom):
-        tail = max(float(stats.t.sf(z, freedom)), 1e-300)
-        z = float(stats.norm.isf(tail))
-    single = 2.0 * float(stats.norm.sf(z))
-    shared = np.einsum("kn,kn->k", directions[1:], directions[:-1])
-    both = _both_exceed(z, np.clip(shared, -1.0, 1.0))
-    return float(min(max(len(directions) * single - both.sum(), single), 1.0))
-
-
-def _both_exceed(z: float, correlation: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """Return P(|Z_1| > z, |Z_2| > z) of standard normal pairs."""
-    nodes, weights = np.polynomial.legendre.leggauss(60)
-    reach = 8.0 / max(z, 1.0)
-    x = z + 0.5 * reach * (nodes + 1.0)
-    density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi) * weights * 0.5 * reach
-    rho = correlation[:, None]
-    left = np.sqrt(np.maximum(1.0 - rho**2, 1e-12))
-    above = stats.norm.sf((z - rho * x) / left) + stats.norm.cdf((-z - rho * x) / left)
-    return 2.0 * (above @ density)
-
-
-def robust_scatter(
-    values: Float[np.ndarray, " n"],
-    variance: Float[np.ndarray, " n"],
-    group: Int[np.ndarray, " n"],
-) -> float:
-    """Estimate the variance between repeats beyond their own: the median over groups.
-
-    From differences of neighbours in time, so that neither steps nor steady change, nor a few
-    groups with many strange values, spoil it; 0 where no group has `LEAST_SERIES` values.
-    """
-    seen = _seen_and_stated(values, variance, group)
-    return max(float(np.median(seen[:, 0] - seen[:, 1])), 0.0) if len(seen) else 0.0
-
-
-def overstated(
-    values: Float[np.ndarray, " n"],
-    variance: Float[np.ndarray, " n"],
-    group: Int[np.ndarray, " n"],
-) -> float:
-    """Estimate the share of their stated variances by which repeats really scatter; 1 at most.
-
-    As `robust_scatter`; 1 with fewer than `LEAST_STEPS` differences.
-    """
-    seen = _seen_and_stated(values, variance, group)
-    if seen[:, 2].sum() < LEAST_STEPS or not (seen[:, 1] > 0.0).all():
-        return 1.0
-    return float(min(max(np.median(seen[:, 0] / seen[:, 1]), LEAST_SHARE), 1.0))
-
-
-def _seen_and_stated(
-    values: Float[np.ndarray, " n"],
-    variance: Float[np.ndarray, " n"],
-    group: Int[np.ndarray, " n"],
-) -> Float[np.ndarray, "g 3"]:
-    """Return of each long group: variance by neighbours, as stated, how many differences."""
-    found: list[tuple[float, float, float]] = []
-    for i in np.unique(group):
-        y, v = values[group == i], variance[group == i]
-        if len(y) >= LEAST_SERIES:
-            step = np.diff(y)
-            size = NORMAL_MAD * float(np.median(np.abs(step - np.median(step))))
-            stated = float(np.median(0.5 * (v[1:] + v[:-1])))
-            found.append((0.5 * size**2, stated, float(len(step))))
-    return np.array(found).reshape(-1, 3)

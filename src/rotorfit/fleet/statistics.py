@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from rotorfit.fleet.changes import LEAST_SERIES, Change, find_changes, overstated, robust_scatter
+from rotorfit.fleet.changes import LEAST_SERIES, Change, Changes, find_changes
 from rotorfit.fleet.compared import MEANS_OVER_FLIGHT, NumberTable, Weather, number_tables
 from rotorfit.fleet.group_differences import contrasts, discoveries, outlier_test
 from rotorfit.fleet.random_effects import RandomEffects, Repeated, random_effects
@@ -22,8 +22,6 @@ ALARM: Final = 0.05
 """Chance of one false change or more in the whole fleet."""
 FALSE_DISCOVERY_RATE: Final = 0.05
 """Expected share of false ones among the vehicles said to be outliers."""
-ROUNDS: Final = 3
-"""Of finding changes and of the scatter that they leave."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,85 +196,41 @@ def _series(table: NumberTable, whose: Int[np.ndarray, " r"]) -> int:
 
 
 def _fitted(table: NumberTable, whose: Int[np.ndarray, " r"], alarm: float) -> _Fitted:
-    """Find changes and levels of a table in turn, until they agree."""
+    """Find what changed in a table, then the levels beside it."""
     vehicles, group = np.unique(whose[list(table.rows)], return_inverse=True)
     n, p = table.values.shape
     data = Repeated(
         values=table.values, covariance=table.covariance, group=group, changes=np.zeros((n, p, 0))
     )
-    data, measured = _as_seen(data, table.names)
-    variance = np.einsum("nkk->nk", data.covariance)
-    scatter = np.array(
-        [
-            robust_scatter(data.values[at, k], variance[at, k], data.group[at])
-            for k, at in enumerate(data.known.T)
-        ]
+    found = [_changes(data, k, table.names[k] in MEANS_OVER_FLIGHT, alarm) for k in range(p)]
+    changes = tuple(one.of_group for one in found)
+    scale = np.sqrt([one.share for one in found])
+    data = replace(
+        data,
+        covariance=data.covariance * np.outer(scale, scale),
+        changes=_columns(data, changes),
     )
-    freedom = np.full(p, 0.4 * max(n - len(vehicles), 1))
-    changes, effects = _changes(data, variance, scatter, freedom, alarm, measured), None
-    for _ in range(ROUNDS):
-        data = replace(data, changes=_columns(data, changes))
-        effects = random_effects(data)
-        scatter = np.where(np.isfinite(effects.within), effects.within, 0.0) ** 2
-        known = np.where(np.isfinite(effects.within_log_std), effects.within_log_std, 1.0)
-        again = _changes(data, variance, scatter, 0.5 / known**2, alarm, measured)
-        if _places(again) == _places(changes):
-            break
-        changes = again
-    assert effects is not None
     return _Fitted(
         table=table,
         vehicles=tuple(vehicles.tolist()),
         data=data,
-        effects=effects,
+        effects=random_effects(data),
         changes=changes,
     )
 
 
-def _as_seen(data: Repeated, names: tuple[str, ...]) -> tuple[Repeated, bool]:
-    """Scale the covariance of means over flights to their scatter, where that is less."""
-    if names[0] not in MEANS_OVER_FLIGHT:
-        return data, False
-    variance, known = data.covariance[:, 0, 0], data.known[:, 0]
-    share = overstated(data.values[known, 0], variance[known], data.group[known])
-    return replace(data, covariance=share * data.covariance), share < 1.0
-
-
-def _changes(
-    data: Repeated,
-    variance: Float[np.ndarray, "n p"],
-    scatter: Float[np.ndarray, " p"],
-    freedom: Float[np.ndarray, " p"],
-    alarm: float,
-    measured: bool,
-) -> tuple[tuple[tuple[Change, ...], ...], ...]:
-    """Find the changes of each number in each group."""
-    out: list[tuple[tuple[Change, ...], ...]] = []
-    for k in range(variance.shape[1]):
-        known = data.known[:, k]
-        total = variance[:, k] + scatter[k]
-        total = np.maximum(total, np.finfo(float).eps * np.nanmax(data.values[:, k] ** 2))
-        # Only the scatter is estimated; what each flight states is known.
-        share = 1.0 if measured or not known.any() else float(np.median(scatter[k] / total[known]))
-        left = float(freedom[k] / share**2) if share > 0 else np.inf
-        rows = [np.flatnonzero(known & (data.group == g)) for g in range(data.groups)]
-        out.append(
-            tuple(
-                find_changes(data.values[at, k], total[at], alarm=alarm, freedom=left)
-                for at in rows
-            )
-        )
-    return tuple(out)
-
-
-def _places(changes: tuple[tuple[tuple[Change, ...], ...], ...]) -> list[tuple[object, ...]]:
-    """Return kind and moment of each change, by which two rounds are compared."""
-    return [
-        (k, g, change.kind, change.first)
-        for k, number in enumerate(changes)
-        for g, found in enumerate(number)
-        for change in found
-    ]
+def _changes(data: Repeated, k: int, overstated: bool, alarm: float) -> Changes:
+    """Find what changed in one number; `overstated` where its deviations may be too large."""
+    known = data.known[:, k]
+    found = find_changes(
+        data.values[known, k],
+        data.covariance[known, k, k],
+        data.group[known],
+        alarm=alarm,
+        overstated=overstated,
+    )
+    none: tuple[tuple[Change, ...], ...] = ((),) * (data.groups - len(found.of_group))
+    return replace(found, of_group=found.of_group + none)
 
 
 def _columns(
@@ -302,7 +256,8 @@ def _numbers(fit: _Fitted) -> list[NumberStatistics]:
     out: list[NumberStatistics] = []
     for k, name in enumerate(table.names):
         known = data.known[:, k]
-        level, level_std = effects.level[:, k], _std(effects.level_covariance, k)
+        level = _among_flights(effects.level[:, k], data, k)
+        level_std = _std(effects.level_covariance, k)
         test = outlier_test(level, level_std**2)
         now, now_std = _now(fit, k)
         out.append(
@@ -323,7 +278,7 @@ def _numbers(fit: _Fitted) -> list[NumberStatistics]:
                 level_std=level_std,
                 shrunk=effects.shrunk[:, k],
                 shrunk_std=_std(effects.shrunk_covariance, k),
-                now=now,
+                now=_among_flights(now, data, k),
                 now_std=now_std,
                 changes=fit.changes[k],
                 difference=test.difference,
@@ -337,6 +292,19 @@ def _numbers(fit: _Fitted) -> list[NumberStatistics]:
 
 def _std(covariance: Float[np.ndarray, "g p p"], k: int) -> Float[np.ndarray, " g"]:
     return np.sqrt(covariance[:, k, k])
+
+
+def _among_flights(
+    level: Float[np.ndarray, " g"], data: Repeated, k: int
+) -> Float[np.ndarray, " g"]:
+    """Return the levels, or the nearest of the vehicle's flights where one lies beyond them all.
+
+    A mean cannot; the end of a ramp can, and a mean of several numbers with correlated errors.
+    """
+    low, high = np.full((2, data.groups), np.nan)
+    np.fmin.at(low, data.group, data.values[:, k])
+    np.fmax.at(high, data.group, data.values[:, k])
+    return np.clip(level, low, high)
 
 
 def _now(fit: _Fitted, k: int) -> tuple[Float[np.ndarray, " g"], Float[np.ndarray, " g"]]:
