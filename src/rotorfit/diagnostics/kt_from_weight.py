@@ -147,7 +147,7 @@ def held_at(fit: Fit, kt: Measured, *, law_reach: float = 0.0) -> Fit:
     """
     known = {"kt": (kt.value, HELD_TO * kt.value)}
     begin = {**fit.estimate.estimate.by_name, "kt": kt.value}
-    held = widen_by_settings(refit(fit, fit.dataset, begin=begin, known=known), known=known)
+    held = widen_by_settings(refit(fit, fit.dataset, begin=begin, known=known))
     step = float(np.hypot(kt.std, law_reach / 1.96))
     off = kt.value - min(step, 0.5 * abs(kt.value))
     begin = {**held.estimate.estimate.by_name, "kt": off}

@@ -220,6 +220,8 @@ def rotor_drags(fit: BandedEstimate, configurations: Sequence[JointConfiguration
             Added(name=f"kd_{i + 1}", entries=own, times=None, prior=prior, begin=at["kd"])
         )
     found: Beside = estimate_beside(fit, configurations, added, instead_of=("kd",))
+    if not np.isfinite(found.covariance).all():
+        raise EstimationError("the flights do not determine a drag torque of each rotor")
     return RotorDrags(values=found.values, covariance=found.covariance, blocks=found.blocks)
 
 
@@ -281,7 +283,7 @@ def _fitted_with(fit: Fit, pattern: Pattern) -> tuple[BandedEstimate, RotorDrags
         model = without_coupling(model)
     other: Dataset = replace(dataset, vehicle=vehicle, model=model)
     try:
-        estimate, joint = joint_fit(other, terms=fit.terms)
+        estimate, joint = joint_fit(other, terms=fit.terms, known=fit.known)
         return estimate, rotor_drags(estimate, joint)
     except EstimationError:
         return None

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,8 @@ class Fit:
         Physical numbers with 95 % intervals.
     findings
         Of the steps so far.
+    known
+        Mean and standard deviation of free parameters from elsewhere, with which it was made.
     """
 
     dataset: Dataset
@@ -46,6 +48,9 @@ class Fit:
     configurations: tuple[JointConfiguration, ...]
     numbers: Numbers
     findings: tuple[Finding, ...] = ()
+    known: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict[str, tuple[float, float]]
+    )
 
     @property
     def mass_known(self) -> bool:
@@ -77,10 +82,11 @@ class Fit:
 
 
 def refit(fit: Fit, dataset: Dataset, **settings: Any) -> Fit:
-    """Fit a dataset with the terms of a fit, and compute its numbers.
+    """Fit a dataset with the terms of a fit and what is known, and compute its numbers.
 
     `settings` are those of `joint_fit`.
     """
+    settings = {"known": fit.known} | settings
     estimate, joint = joint_fit(dataset, terms=fit.terms, **settings)
     return dataclasses.replace(
         fit,
@@ -88,6 +94,7 @@ def refit(fit: Fit, dataset: Dataset, **settings: Any) -> Fit:
         estimate=estimate,
         configurations=tuple(joint),
         numbers=numbers_of(dataset, estimate, joint),
+        known=settings["known"],
     )
 
 
@@ -107,6 +114,7 @@ def shift_of(
     `begin`: where the other fit begins; None: where this one ended.
     """
     begin = fit.estimate.estimate.by_name if begin is None else begin
+    settings = {"known": fit.known} | settings
     try:
         estimate, joint = joint_fit(dataset, begin=begin, terms=fit.terms, **settings)
     except UnsettledError as error:

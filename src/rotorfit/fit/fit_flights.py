@@ -1,7 +1,6 @@
 """Fit the flights: the terms of the model, and intervals by other settings."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -76,14 +75,11 @@ def _left_out(dropped: tuple[str, ...]) -> Finding:
     )
 
 
-def widen_by_settings(fit: Fit, **settings: Any) -> Fit:
-    """Widen the intervals by what settings shift that could as well be others.
-
-    `settings` of `joint_fit` are those with which the fit was made.
-    """
+def widen_by_settings(fit: Fit) -> Fit:
+    """Widen the intervals by what settings shift that could as well be others."""
 
     def shift(other: Dataset, top: float) -> Float[np.ndarray, " q"]:
-        return shift_of(fit, other, top=top, **settings)
+        return shift_of(fit, other, top=top)
 
     timed = fit.dataset.free_timing is not None
     half = widened(fit.numbers.half_width, fit.dataset, shift, timed=timed)
