@@ -10,7 +10,7 @@ import flown
 import made_fit
 from rotorfit.diagnostics.clocks import accelerometer_delay
 from rotorfit.diagnostics.imu_tilt import lean_sentence
-from rotorfit.diagnostics.lever_arms import stretched
+from rotorfit.diagnostics.lever_arms import LACKING, FrameSides
 from rotorfit.diagnostics.vehicle_size import unusual_loading
 from rotorfit.errors import FrameError
 
@@ -22,13 +22,68 @@ def flight():
     return flown.simulated("A", "noisy", seed=3, seconds=25.0, physics_rate=200.0)
 
 
+def stretched(vehicle, ratio):
+    """Return the vehicle with its rotors further apart along x, over y, by a ratio."""
+    factor = ratio**0.5
+    rotors = [
+        replace(r, position=(factor * r.position[0], r.position[1] / factor, r.position[2]))
+        for r in vehicle.rotors
+    ]
+    return replace(vehicle, rotors=tuple(rotors))
+
+
+def sides_of(result):
+    (found,) = (one for one in result.findings if one.kind == "lever-arms")
+    return found
+
+
 def test_arms_of_another_ratio_are_refused_with_the_likely_one(tmp_path, flight):
-    result = flown.identified(tmp_path, [flight])
-    assert result.diagnostics["lever_ratio"] == pytest.approx(1.0, abs=0.16)
-    assert result.diagnostics["lever_ratio_loss"] < 10.0
-    wrong = stretched(flight.vehicle, np.log(1.4))
-    with pytest.raises(FrameError, match=r"are 1\.40 as declared, .* better with (0\.9|1\.0)"):
+    found = sides_of(flown.identified(tmp_path, [flight]))
+    (ratio,) = found.evidence
+    assert found.severity == "passed"
+    assert ratio.value == pytest.approx(1.0, abs=0.05)
+    assert ratio.interval[0] < 1.0 < ratio.interval[1]
+    wrong = stretched(flight.vehicle, 1.8)
+    with pytest.raises(FrameError, match=r"are 1\.80 as declared, .* shows (0\.9|1\.0)") as refused:
         flown.identified(tmp_path, [flight], vehicle=wrong)
+    assert refused.value.finding.evidence[0].limit == pytest.approx(1.8)
+
+
+def test_doubtful_arms_widen_inertia_to_what_the_flight_shows(tmp_path, flight):
+    result = flown.identified(tmp_path, [flight], vehicle=stretched(flight.vehicle, 1.4))
+    found = sides_of(result)
+    assert found.severity == "doubt"
+    assert "but the flight shows " in found.sentence
+    assert any(name.startswith("Ixx_com") for name in found.numbers)
+    for name, true in zip(
+        ("Ixx_com", "Iyy_com"), np.diagonal(flight.truth.com_inertia), strict=False
+    ):
+        (number,) = (d for d in result.derived if d.name == name)
+        assert number.interval[1] - number.interval[0] > 0.3 * number.value
+        assert number.interval[0] < true < number.interval[1]
+
+
+def sides(value, std, blocks=20.0):
+    return FrameSides(declared=1.0, value=value, std=std, blocks=blocks, slopes=np.ones(1))
+
+
+def test_sides_that_the_flight_does_not_tell_are_those_of_a_ruler():
+    untold = sides(0.0, np.inf)
+    assert untold.measured == pytest.approx(0.95, abs=0.01)
+    assert 0.02 < untold.half_width < 0.05
+    assert sides(0.0, 0.01).half_width == pytest.approx(0.02, abs=0.002)
+    assert sides(-LACKING, 0.02).half_width < 0.025
+
+
+def test_the_half_width_grows_from_ruler_to_mistake_without_a_jump():
+    far = [sides(-value, 0.03) for value in np.linspace(0.0, 0.5, 101)]
+    half = np.array([one.half_width for one in far])
+    chance = np.array([one.measured for one in far])
+    assert np.all(np.diff(chance) < 1e-9)
+    assert np.all(np.diff(half) > -1e-3)
+    assert np.diff(half).max() < 0.05
+    assert half[-1] > 0.5
+    assert chance[-1] < 1e-4 < 0.9 < chance[20]
 
 
 def rotors_that_respond(*, accel_late=0.0, gyro_late=0.0, noise=0.0, turned=0.0):

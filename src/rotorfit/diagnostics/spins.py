@@ -49,8 +49,9 @@ DRAG_STD: Final = 0.3
 """Known of k_d before the flight, over k_t and the arm; vehicles have 0.03 to 0.2."""
 SUSPECTED: Final = float(np.log(100.0))
 REFUSED: Final = float(np.log(1e4))
-"""Log of how many times likelier other spins must be than the declared ones. One declaration in a
-hundred is wrong, so that from the first on it is more likely wrong than right."""
+"""Log of how many times likelier other spins must be than the declared ones, over the number of
+rotors. One declaration in a hundred is wrong, in any of the rotors: from the first on it is more
+likely wrong than right."""
 CLEARLY: Final = 1.0
 """The same by which drag alone must prefer them: the rest may come from the rotors' spin-up."""
 WORTH: Final = 0.05
@@ -169,16 +170,21 @@ def _contradiction(fit: Fit) -> Finding:
     if drags is not None and _surely(drags, declared):
         return passed
     likeliest: tuple[float, Pattern, RotorDrags] | None = None
-    for pattern in _suspects(fit, drags):
+    # Fitted the same way: which bands count is told anew in every fit.
+    as_declared = _fitted_with(fit, declared)
+    for pattern in _suspects(fit, drags) if as_declared else ():
         found = _fitted_with(fit, pattern)
-        if found is None:
+        if found is None or as_declared is None:
             continue
         estimate, again = found
-        gain = gained(fit.estimate, estimate)
+        gain = min(gained(fit.estimate, estimate), gained(as_declared[0], estimate))
         if again.speaks_for(declared, pattern) and (likeliest is None or gain > likeliest[0]):
             likeliest = gain, pattern, again
     gain, pattern, again = likeliest or (0.0, declared, drags)
-    if again is None or (gain := surprise(2.0 * gain, again.blocks)) < SUSPECTED:
+    if again is None:
+        return passed
+    gain = surprise(2.0 * gain, again.blocks) - float(np.log(len(declared)))
+    if gain < SUSPECTED:
         return passed
     sentence, evidence = _sentence(fit.dataset.vehicle, pattern, again), _evidence(again, pattern)
     if gain > REFUSED:

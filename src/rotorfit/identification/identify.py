@@ -17,6 +17,7 @@ from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
 from rotorfit.diagnostics.imu_tilt import correct_imu_tilt
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
+from rotorfit.diagnostics.lever_arms import allow_for_sides
 from rotorfit.diagnostics.motor_limits import allow_for_motor_limits
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
 from rotorfit.errors import EstimationError, FlightWarning
@@ -130,6 +131,7 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     allow_for_motor_limits,
     allow_for_velocity_errors,
     allow_for_gyro_lowpass,
+    allow_for_sides,
 )
 """From the fit of the joint likelihood to the intervals of its numbers."""
 LEAST_SQUARES: Final = {"ols": row_result, "tls": paper_result}
