@@ -1,12 +1,13 @@
 """Do intervals hold on flights with known truth that nothing here made?
 
-    python -m benchmarks.real_flights [--only cinerat swapped worlds autopilots crazyflie]
+    python -m benchmarks.real_flights [--only cinerat fives swapped worlds autopilots crazyflie]
         [--workers 2] [-o after.json] [--against before.json]
 
 Runs the default estimate on the logs of `$ROTORFIT_DATA` (or `../shared/data`):
 
 - `cinerat`: thirteen flights of one 3-inch quadrotor, each alone, against the consensus of 26;
-- `swapped`, `squared`: the same, wrongly declared: sides of the frame exchanged or made equal;
+- `fives`: ten of them in two joint fits that share no flight, against that and one another;
+- `swapped`, `squared`: the thirteen, wrongly declared: the frame's sides exchanged or made equal;
 - `worlds`: six flights of an independent engine;
 - `autopilots`: PX4 and ArduPilot flying simulated vehicles;
 - `crazyflie`: the commands-only logs at hand, beside the figures of their sources.
@@ -44,6 +45,7 @@ CINERAT = {
 }  # fmt: skip
 COMMANDED = '[motors]\nspeed = "commanded"\n'
 FLIGHTS = (230, 232, 257, 260, 264, 266, 267, 269, 271, 275, 277, 340, 341)
+FIVES = {"early": (257, 260, 264, 266, 267), "late": (269, 271, 275, 277, 340)}
 SIDES = {"cinerat": (0.0455, 0.0635), "swapped": (0.0635, 0.0455), "squared": (0.0545, 0.0545)}
 
 
@@ -73,6 +75,10 @@ def cases(data: Path) -> Iterable[Case]:
             log = data / "tudelft-indiflight" / f"LOG{number:05d}.BFL"
             text = _cinerat(x, y) + _configuration(0.428, log)
             yield Case(name=f"{group} {number}", group=group, declaration=text, truth=CINERAT)
+    for name, numbers in FIVES.items():
+        logs = [data / "tudelft-indiflight" / f"LOG{number:05d}.BFL" for number in numbers]
+        text = _cinerat(*SIDES["cinerat"]) + _configuration(0.428, *logs)
+        yield Case(name=f"fives {name}", group="fives", declaration=text, truth=CINERAT)
     for path in sorted((data / "mujoco-worlds").glob("w*.toml")):
         text = path.read_text(encoding="utf-8").replace(
             f'"{path.stem}.csv"', f'"{path.with_suffix(".csv")}"'
@@ -97,8 +103,9 @@ def _rotors(places: Iterable[tuple[float, float, str]]) -> str:
     return "[airframe]\nrotors = [\n" + "\n".join(lines) + "\n]\n"
 
 
-def _configuration(mass: float, log: Path) -> str:
-    return f'[[configuration]]\nname = "A"\nmass = {mass}\nflights = ["{log}"]\n'
+def _configuration(mass: float, *logs: Path) -> str:
+    files = ", ".join(f'"{log}"' for log in logs)
+    return f'[[configuration]]\nname = "A"\nmass = {mass}\nflights = [{files}]\n'
 
 
 def _quad_x(order: str, arm: float) -> str:
@@ -226,6 +233,17 @@ def summary(rows: Iterable[tuple[Case, Outcome]]) -> list[str]:
     return lines
 
 
+def agreement(one: Outcome, other: Outcome) -> list[str]:
+    """Return by how much two fits to different flights differ, over the interval of that."""
+    lines: list[str] = []
+    for name in SHOWN:
+        if name in one.numbers and name in other.numbers:
+            (a, half_a, _), (b, half_b, _) = one.numbers[name], other.numbers[name]
+            ratio = abs(a - b) / float(np.hypot(half_a, half_b))
+            lines.append(f"  {name:12s} {ratio:5.2f}{' !' * (ratio > 1.0)}")
+    return lines
+
+
 def main() -> None:
     """Run the cases that are asked for, and print what they say."""
     parser = argparse.ArgumentParser(
@@ -247,6 +265,10 @@ def main() -> None:
     for case in chosen:
         print("\n".join(case_lines(case, found[case.name], earlier.get(case.name))))
     print("\n".join(summary((case, found[case.name]) for case in chosen)))
+    fives = [found[case.name] for case in chosen if case.group == "fives"]
+    if len(fives) == 2:
+        print("fives: difference over its interval")
+        print("\n".join(agreement(*fives)))
     if asked.output:
         written = {name: asdict(one) for name, one in found.items()}
         asked.output.write_text(json.dumps(written, indent=1), encoding="utf-8")

@@ -52,6 +52,7 @@ def test_a_band_is_judged_over_all_stretches_of_its_flight():
     np.testing.assert_array_equal(moved, second)
     signal[first_stretch] -= 2.0
     assert not excited_bands(factors, signal, residual).any()
+    assert excited_bands(factors, signal, residual, least_ratio=0.4 * LEAST_RATIO).any()
 
 
 def test_a_first_fit_looks_at_turns_in_the_pilots_band_alone():

@@ -7,8 +7,10 @@ import pytest
 
 import made_fit
 from rotorfit.experiment.experiment import MotorsEntry
+from rotorfit.fit import fit_flights
 from rotorfit.fit.intervals.other_settings import longer_arms, moved_imu, other_geometries, widened
 from rotorfit.preprocessing.motors.motor_model import MotorResponse
+from rotorfit.reduction.frequency_bands import LEAST_RATIO
 from rotorfit.reduction.motor_timing import MotorTiming
 
 RATE = 100.0
@@ -110,3 +112,23 @@ def test_arms_grow_and_imus_move_by_the_length_that_is_given():
     assert longer.positions[0, :2] == pytest.approx(np.full(2, 0.26 / 2**0.5))
     moved = moved_imu(replace(made_fit.QUAD, imu_position=(0.1, 0.2, 0.3)), 1, 0.004)
     assert moved.imu_position == pytest.approx((0.1, 0.204, 0.3))
+
+
+def test_the_line_between_counted_bands_is_tried_elsewhere(monkeypatch):
+    """At half and at twice the ratio: twice the rms of both shifts; many flights show it alone."""
+    asked = []
+
+    def shifted(fit, dataset, *, top=np.inf, least_ratio=LEAST_RATIO):
+        asked.append((top, least_ratio))
+        return np.array([{0.5: 3.0, 2.0: -4.0}.get(least_ratio / LEAST_RATIO, 0.0)])
+
+    monkeypatch.setattr(fit_flights, "shift_of", shifted)
+    numbers = made_fit.no_numbers("kt", values=[1.0], half_width=[10.0])
+    found = fit_flights.widen_by_settings(made_fit.fit(flown(), numbers))
+    assert found.numbers.half_width[0] == pytest.approx(np.sqrt(100.0 + 4.0 * (9.0 + 16.0) / 2.0))
+    assert asked == [(15.0, LEAST_RATIO), *((np.inf, f * LEAST_RATIO) for f in (0.5, 2.0))]
+    five = made_fit.configuration(
+        factors=made_fit.blocks([(1.0, 2.0)] * 5, source=np.arange(5)),
+    )
+    found = fit_flights.widen_by_settings(made_fit.fit(flown(), numbers, bodies=[five]))
+    assert found.numbers.half_width[0] == 10.0

@@ -6,6 +6,8 @@ from itertools import combinations
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from rotorfit.dataset.checks.declared_rotors import check_flights
 from rotorfit.dataset.checks.plausible_units import (
     refuse_gyro_in_degrees,
@@ -24,6 +26,7 @@ from rotorfit.errors import ExperimentError
 from rotorfit.experiment.declared_vehicle import payload_of, vehicle_of
 from rotorfit.experiment.experiment import ConfigurationEntry, Experiment, MotorsEntry
 from rotorfit.model.regressor import regressor
+from rotorfit.model.terms.air import CLIMB, VELOCITY
 from rotorfit.model.terms.registry import added_signals, considered_terms, terms_named
 from rotorfit.model.vehicle import Vehicle
 
@@ -53,6 +56,8 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
     _refuse_copies(flights)
     _refuse_mixed_commands(flights)
     added = added_signals(_terms_considered(experiment, loaded))
+    if VELOCITY in added and CLIMB in added:
+        loaded = tuple(_felt_where_unknown(configuration) for configuration in loaded)
     return Dataset(
         vehicle=vehicle,
         model=regressor(vehicle, added=added),
@@ -60,6 +65,20 @@ def load_dataset(experiment: Experiment, report: Progress) -> Dataset:
         configurations=loaded,
         source=source,
     ).reduced()
+
+
+def _felt_where_unknown(configuration: ConfigurationData) -> ConfigurationData:
+    """Return a configuration whose flights feel no climb where they know their velocity."""
+
+    def without(flight: LoadedFlight) -> LoadedFlight:
+        data = flight.prepared.data
+        known = dataclasses.replace(data, climb=np.zeros(len(data.time)))
+        return dataclasses.replace(
+            flight, prepared=dataclasses.replace(flight.prepared, data=known)
+        )
+
+    flights = [without(f) if velocity_known([f]) else f for f in configuration.flights]
+    return dataclasses.replace(configuration, flights=flights)
 
 
 def _load(
@@ -116,17 +135,25 @@ def _terms_considered(
         return []
     terms = experiment.identification.terms
     wanted = velocity_wanted(terms, configurations)
-    return considered_terms(terms, velocity=wanted, felt=experiment.identification.source == "imu")
+    # A flight without a velocity needs what it feels, whatever the others know.
+    felt = not wanted or not all(velocity_known(c.flights) for c in configurations)
+    felt = felt and experiment.identification.source == "imu"
+    return considered_terms(terms, velocity=wanted, felt=felt)
 
 
 def velocity_wanted(
     terms: Sequence[str] | None, configurations: Sequence[ConfigurationData]
 ) -> bool:
-    """Return whether the model needs the body's velocity: chosen, or known and not decided yet."""
+    """Return whether the model needs the body's velocity: chosen, or known and not decided yet.
+
+    Known of one flight is enough for terms that nobody asked for: it may need them, and the others
+    do without.
+    """
     asked = [term.name for term in terms_named(terms or ()) if term.needs == "velocity"]
-    unknown = [f for c in configurations for f in c.flights if not velocity_known([f])]
+    flights = [f for c in configurations for f in c.flights]
+    unknown = [f for f in flights if not velocity_known([f])]
     if not unknown or not asked:
-        return not unknown and (terms is None or bool(asked))
+        return bool(asked) or (terms is None and len(unknown) < len(flights))
     names = ", ".join(Path(flight.entry.file).name for flight in unknown)
     raise ExperimentError(
         f'terms has "{asked[0]}", but {names} has no velocity of the body throughout the flight: '

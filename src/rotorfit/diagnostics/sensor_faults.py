@@ -114,4 +114,6 @@ def _variance(configurations: list[ConfigurationData], axis: int) -> float:
         if data.velocity is not None
         for s in data.segments
     ]
-    return float(np.concatenate(parts).var()) if parts else 0.0
+    known = np.concatenate(parts) if parts else np.zeros(0)
+    known = known[np.isfinite(known)]
+    return float(known.var()) if len(known) else 0.0

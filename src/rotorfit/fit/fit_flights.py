@@ -14,8 +14,10 @@ from rotorfit.fit.intervals.other_settings import widened
 from rotorfit.fit.joint.joint_fit import joint_fit
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate
 from rotorfit.fit.joint.term_choice import chosen
+from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, flights_of
 from rotorfit.fit.timing.timing_fit import timed_again
 from rotorfit.model.terms.registry import DEFAULT, DROPPED
+from rotorfit.reduction.frequency_bands import OTHER_RATIOS
 
 
 def fit_flights(dataset: Dataset, wanted: Sequence[str] | None) -> Fit:
@@ -83,4 +85,15 @@ def widen_by_settings(fit: Fit) -> Fit:
 
     timed = fit.dataset.free_timing is not None
     half = widened(fit.numbers.half_width, fit.dataset, shift, timed=timed)
-    return fit.with_half_width(half)
+    return fit.with_half_width(np.hypot(half, _by_other_bands(fit)))
+
+
+def _by_other_bands(fit: Fit) -> Float[np.ndarray, " q"]:
+    """Compute the half-width by where the line is drawn between bands that count and others.
+
+    What a flight tells may hang on one band near that line. Of many flights their scatter shows it.
+    """
+    if max(len(flights_of(c.factors)) for c in fit.configurations) >= ENOUGH_FLIGHTS:
+        return np.zeros(len(fit.numbers.names))
+    shifts = [shift_of(fit, fit.dataset, least_ratio=r) for r in OTHER_RATIOS]
+    return 2.0 * np.sqrt(np.mean(np.square(shifts), axis=0))

@@ -84,6 +84,6 @@ def levelled(prepared: PreparedFlight, tilt: ImuTilt) -> PreparedFlight:
         angular_acceleration=data.angular_acceleration @ R.T,
         velocity=None if data.velocity is None else data.velocity @ R.T,
     )
-    return dataclasses.replace(
-        prepared, data=dataclasses.replace(turned, climb=climb_velocity(turned))
-    )
+    if data.climb is None or data.climb.any():  # zero where the velocity is known, and stays so
+        turned = dataclasses.replace(turned, climb=climb_velocity(turned))
+    return dataclasses.replace(prepared, data=turned)

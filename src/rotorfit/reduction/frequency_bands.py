@@ -33,6 +33,8 @@ vehicle. Further up the gyro's own noise, differentiated, would hide a well flow
 LEAST_RATIO: Final = 3.0
 """Explained over residual power of an angular acceleration from which a band counts. About its
 bandwidth an autopilot's answer alone makes as much as one to three."""
+OTHER_RATIOS: Final = (0.5 * LEAST_RATIO, 2.0 * LEAST_RATIO)
+"""That could as well be required: of ten lines a ratio of powers is off by up to two."""
 WIDE: Final = 3.0
 """Width of a block over that of the band about its middle from which it is judged apart."""
 
@@ -45,7 +47,11 @@ def slow_bands(factors: Factors) -> Bool[np.ndarray, "b 3"]:
 
 
 def excited_bands(
-    factors: Factors, signal: Float[np.ndarray, "b k"], residual: Float[np.ndarray, "b k"]
+    factors: Factors,
+    signal: Float[np.ndarray, "b k"],
+    residual: Float[np.ndarray, "b k"],
+    *,
+    least_ratio: float = LEAST_RATIO,
 ) -> Bool[np.ndarray, "b k"]:
     """Mark blocks in which a pilot moves an axis; a band is judged over all of a flight.
 
@@ -53,7 +59,7 @@ def excited_bands(
     """
     flown = np.zeros(signal.shape, dtype=bool)
     for band in _bands_of_flights(factors):
-        flown[band] = signal[band].sum(axis=0) > (1.0 + LEAST_RATIO) * residual[band].sum(axis=0)
+        flown[band] = signal[band].sum(axis=0) > (1.0 + least_ratio) * residual[band].sum(axis=0)
     return flown
 
 

@@ -30,6 +30,7 @@ from rotorfit.fit.joint.joint_problem import (
 )
 from rotorfit.model.vehicle import Vehicle
 from rotorfit.reduction.frequency_bands import (
+    LEAST_RATIO,
     counted_bands,
     excited_bands,
     followed_bands,
@@ -60,6 +61,7 @@ def select_informative_bands(
     commanded: bool,
     known: Mapping[str, tuple[float, float]] | None = None,
     terms: Collection[str] = DEFAULT_TERMS,
+    least_ratio: float = LEAST_RATIO,
 ) -> list[JointConfiguration]:
     """Return the configurations with what counts and what is answered.
 
@@ -73,6 +75,8 @@ def select_informative_bands(
         Whether the rotor speeds are commands.
     known, terms
         As for `joint_estimate`.
+    least_ratio
+        Explained over residual power of an angular acceleration, from which a band counts.
     """
     problem = joint_problem(configurations, known=known, terms=terms)
     phi = at_values(problem, values, np.zeros(len(problem.map.names)))
@@ -82,7 +86,7 @@ def select_informative_bands(
         for blocks in (signal_power(problem), power_of(every), every)
     )
     counted = [
-        with_counted_bands(*part, commanded=commanded)
+        with_counted_bands(*part, commanded=commanded, least_ratio=least_ratio)
         for part in zip(configurations, signal, residual, strict=True)
     ]
     return [
@@ -97,13 +101,16 @@ def with_counted_bands(
     residual: Float[np.ndarray, "b 6"],
     *,
     commanded: bool,
+    least_ratio: float = LEAST_RATIO,
 ) -> JointConfiguration:
     """Mark the bands that count, and those that the autopilot answers."""
     factors, turns = configuration.factors, list(TURNS)
     flown = np.zeros_like(signal, dtype=bool)
     if commanded:
         flown[:, THRUST] = _followed(configuration)
-    flown[:, turns] = excited_bands(factors, signal[:, turns], residual[:, turns])
+    flown[:, turns] = excited_bands(
+        factors, signal[:, turns], residual[:, turns], least_ratio=least_ratio
+    )
     with_response = flown[:, [NOISY.index(name) for name in TURN_ERRORS]]
     return replace(
         configuration, counted=counted_bands(factors, flown), with_response=with_response

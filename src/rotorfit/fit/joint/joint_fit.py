@@ -15,6 +15,7 @@ from rotorfit.fit.joint.informative_bands import select_informative_bands, selec
 from rotorfit.fit.joint.joint_problem import JointConfiguration, joint_estimate, separate_flights
 from rotorfit.fit.joint.trims import ENOUGH_FLIGHTS, Scatter, flights_of, scatters
 from rotorfit.fit.rows.row_fits import fit_rows
+from rotorfit.reduction.frequency_bands import LEAST_RATIO
 
 NEAR: Final = 0.1
 """Of a parameter's deviation, at which those fits of many flights end that tell only what counts,
@@ -48,6 +49,7 @@ def joint_fit(
     begin: Mapping[str, float] | None = None,
     guess: Mapping[str, float] | None = None,
     known: Mapping[str, tuple[float, float]] | None = None,
+    least_ratio: float = LEAST_RATIO,
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit of all flights, and its configurations with what counts.
 
@@ -66,6 +68,8 @@ def joint_fit(
         Where that one begins; None: at the row fits.
     known
         Mean and standard deviation of free parameters from elsewhere, by name.
+    least_ratio
+        As for `select_informative_bands`.
     """
     joint = [
         JointConfiguration(
@@ -81,9 +85,12 @@ def joint_fit(
         for factors, configured in zip(dataset.timed_bands, dataset.configurations, strict=True)
     ]
     more: dict[str, Any] = {"known": known or {}, "terms": terms}
-    commanded = dataset.motors.speed == "commanded"
+    select: dict[str, Any] = {
+        "commanded": dataset.motors.speed == "commanded",
+        "least_ratio": least_ratio,
+    }
     if begin is not None:
-        return _fit_from(joint, begin, commanded=commanded, more=more)
+        return _fit_from(joint, begin, select=select, more=more)
     starts = [fit_rows(c.factors, c.model, mass=c.mass) for c in joint] if guess is None else []
 
     def first(looked_at: list[JointConfiguration]) -> Mapping[str, float]:
@@ -94,20 +101,20 @@ def joint_fit(
     # autopilot's answer to the noise of its gyro may well be all there is.
     try:
         slow = first([select_slow_bands(c) for c in joint])
-        return _fit_from(joint, slow, commanded=commanded, more=more)
+        return _fit_from(joint, slow, select=select, more=more)
     except UnsettledError:
-        return _fit_from(joint, first(joint), commanded=commanded, more=more)
+        return _fit_from(joint, first(joint), select=select, more=more)
 
 
 def _fit_from(
     joint: list[JointConfiguration],
     begin: Mapping[str, float],
     *,
-    commanded: bool,
+    select: dict[str, Any],
     more: dict[str, Any],
 ) -> tuple[BandedEstimate, list[JointConfiguration]]:
     """Return the fit of what counts, from where that can be told, and its configurations."""
-    joint = select_informative_bands(joint, begin, commanded=commanded, **more)
+    joint = select_informative_bands(joint, begin, **select, **more)
     fit = joint_estimate(joint, [], begin=begin, close=_close(joint), **more)
     if not _several_flights(joint):
         return fit, joint  # one flight each

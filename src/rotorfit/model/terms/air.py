@@ -86,11 +86,13 @@ def inflow_columns(flight: FlightData, rows: slice, vehicle: Vehicle) -> Float[n
 
 
 def _known_velocity(flight: FlightData, rows: slice) -> Float[np.ndarray, "n 3"]:
-    if flight.velocity is None or not np.isfinite(flight.velocity[rows]).all():
-        raise FlightError(
-            "the velocity of the body is not known throughout the flight; log it without gaps, or "
-            "leave the term drag out"
-        )
+    """Return the velocity of the body [m/s]; zero in a stretch that has none.
+
+    What the air does there is not in the model, and the other flights keep their terms.
+    """
+    known = flight.velocity is not None and np.isfinite(flight.velocity[rows]).all()
+    if not known or flight.velocity is None:
+        return np.zeros_like(flight.angular_velocity[rows])
     return flight.velocity[rows]
 
 

@@ -51,10 +51,10 @@ def considered_terms(asked: Collection[str] | None, *, velocity: bool, felt: boo
     velocity
         Whether the velocity is known and wanted: all its terms share the same signals.
     felt
-        Whether accelerometer and gyro feel the climb, which serves where nothing tells more.
+        Whether accelerometer and gyro feel the climb, and some flight knows no more.
     """
     usual = [t.name for t in DEFAULT] if asked is None else asked
-    met: dict[str | None, bool] = {"velocity": velocity, "climb": felt and not velocity}
+    met: dict[str | None, bool] = {"velocity": velocity, "climb": felt}
     return [
         t.name
         for t in OPTIONAL
