@@ -418,7 +418,7 @@ ROOMS: Final[dict[str, Room]] = {
             "CHANGES_STD = <<0.02>>",
             "REST_STD = <<0.1>>",
             "DOUBTED = <<2.58>>",
-            "mean.std * <<scale**0.5>>",
+            "variance + <<effect>>",
             "+ <<1.96 * left>>",
         ),
         changed=(

@@ -37,10 +37,20 @@ def test_two_hovers_are_as_sure_as_both_together():
 
 
 def test_flights_that_differ_widen_the_weight():
-    """Two of 1 % each that are 4 % apart: chi^2 of 8 scales the variance."""
-    found = pooled_weight([Held(ratio=r, std=0.01, seconds=9.0) for r in (0.98, 1.02)])
-    assert found.value == pytest.approx(1.0)
-    assert found.std == pytest.approx(0.01 / 2**0.5 * 8**0.5)
+    """Two of 1 % and of 2 % that are 20 % apart count alike, and their mean is 10 % open."""
+    found = pooled_weight(
+        [Held(ratio=0.9, std=0.01, seconds=9.0), Held(ratio=1.1, std=0.02, seconds=9.0)]
+    )
+    assert found.value == pytest.approx(1.0, abs=2e-3)
+    assert found.std == pytest.approx(0.1, rel=0.02)
+
+
+def test_flights_that_agree_count_by_their_variances():
+    found = pooled_weight(
+        [Held(ratio=1.0, std=0.01, seconds=9.0), Held(ratio=1.01, std=0.02, seconds=9.0)]
+    )
+    assert found.value == pytest.approx(1.002)
+    assert found.std == pytest.approx(0.01 * 0.8**0.5)
 
 
 def test_rest_tells_the_bias():

@@ -1,4 +1,4 @@
-"""What the autopilot does about errors of roll, pitch and yaw, as the likelihood is told it."""
+"""What the autopilot does about errors of roll, pitch, yaw and climb, as the likelihood is told."""
 
 from dataclasses import replace
 
@@ -63,8 +63,13 @@ def test_a_response_is_a_rate_loop_inside_an_attitude_loop():
     share = closed_loop_responses(steered()).complementary_sensitivity
     loop = 25.0 / (1j * TURNS[1]) * (1.0 + 6.0 / (1j * TURNS[1]))
     assert share[:, 0] == pytest.approx([0.0, loop / (1.0 + loop), 0.0])
-    assert (share[:, 1:] == 0.0).all()
+    assert (share[:, 1:3] == 0.0).all()
     assert np.angle(share[1, 0]) < 0.0  # later than the error
+
+
+def test_an_altitude_hold_answers_the_climb_in_every_band():
+    share = closed_loop_responses(steered()).complementary_sensitivity
+    assert share[:, 3] == pytest.approx(4.0 / (4.0 + 1j * TURNS))
 
 
 def test_every_autopilot_answers_slow_yaw():
@@ -74,7 +79,7 @@ def test_every_autopilot_answers_slow_yaw():
         replace(steered(), with_response=answered)
     ).complementary_sensitivity
     assert share[0, 2] == pytest.approx(3.0 / (3.0 + 1j * TURNS[0]))
-    assert np.count_nonzero(share) == 1
+    assert np.count_nonzero(share[:, :3]) == 1
 
 
 def test_response_is_full_at_low_and_zero_at_high_frequency():
@@ -83,22 +88,22 @@ def test_response_is_full_at_low_and_zero_at_high_frequency():
 
 
 def test_all_of_an_answer_is_in_doubt_of_every_axis_flown_or_not():
-    answer = nominal_response(TURNS)
-    np.testing.assert_allclose(
-        closed_loop_responses(steered()).uncertainty, np.tile(answer[:, None], (1, 3))
-    )
+    answer, open_share = nominal_response(TURNS), closed_loop_responses(steered()).uncertainty
+    np.testing.assert_allclose(open_share[:, :3], np.tile(answer[:, None], (1, 3)))
+    np.testing.assert_allclose(open_share[:, 3], 4.0 / (4.0 + 1j * TURNS))
 
 
 def test_rows_that_count_may_be_answered_but_for_trim():
     """The first band has the mean beside nine other rows."""
-    assert closed_loop_responses(steered()).rows.tolist() == [[9, 9, 9], [20, 20, 20], [0, 30, 30]]
+    rows = closed_loop_responses(steered()).rows.tolist()
+    assert rows == [[9, 9, 9, 9], [20, 20, 20, 20], [0, 30, 30, 30]]
 
 
 def test_nobody_answers_where_that_was_not_looked_at():
     assert joint_problem([replace(steered(), with_response=None)]).feedback is None
     feedback = joint_problem([steered()]).feedback
     layout = regressor(made_fit.QUAD).layout
-    assert [NOISY[e] for e in feedback.errors] == ["dwx", "dwy", "dwz"]
+    assert [NOISY[e] for e in feedback.errors] == ["dwx", "dwy", "dwz", "az"]
     assert [layout.names[i] for i in feedback.inputs] == ["O2_1", "O2_2", "O2_3", "O2_4", "dHz"]
 
 
@@ -146,7 +151,7 @@ def moved_signals(vehicle, direction, turn):
     return 2.0 * np.exp(-1j * turn * time) @ Z / 4000
 
 
-@pytest.mark.parametrize("error", [0, 1, 2])
+@pytest.mark.parametrize("error", [0, 1, 2, 3])
 @pytest.mark.parametrize("block", [1, 2])
 def test_rotors_that_are_moved_move_the_signals_so(error, block):
     """Squared speeds by the mixer, and the spin-up that goes with them, phase and sign."""
@@ -162,14 +167,14 @@ def test_rotors_that_are_moved_move_the_signals_so(error, block):
     )
 
 
-@pytest.mark.parametrize(("error", "other"), [(0, 1), (1, 0), (2, 0)])
+@pytest.mark.parametrize(("error", "other"), [(0, 1), (1, 0), (2, 0), (3, 0), (3, 2)])
 def test_an_answer_moves_its_own_axis_alone(error, other):
     """By torques of the arms and spins, which of a square of arms are orthogonal."""
     moves = closed_loop_responses(steered()).moves[1].real[:, :4]
     assert moves[error] @ moves[other] == pytest.approx(0.0, abs=1e-12)
-    assert moves.sum(axis=1) == pytest.approx(0.0, abs=1e-12)
+    assert moves[:3].sum(axis=1) == pytest.approx(0.0, abs=1e-12)
     x, y = made_fit.QUAD.positions[:, :2].T
-    np.testing.assert_allclose(moves, [y, -x, made_fit.QUAD.spins], atol=1e-12)
+    np.testing.assert_allclose(moves, [y, -x, made_fit.QUAD.spins, np.ones(4)], atol=1e-12)
 
 
 def test_rotors_that_lean_take_no_spin_up():

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from rotorfit.dataset.carried_weight import Measured, carrying_stretches
 from rotorfit.dataset.checks.gravity import gravity_seen
 from rotorfit.dataset.dataset import ConfigurationData, Dataset
-from rotorfit.dataset.weight_balance import Held, pooled
+from rotorfit.dataset.weight_balance import Held
 from rotorfit.diagnostics.sensor_faults import ERROR, is_estimate
 from rotorfit.errors import UnsettledError
 from rotorfit.experiment.experiment import Source, Speed
@@ -161,10 +161,12 @@ def held_at(fit: Fit, kt: Measured, *, law_reach: float = 0.0) -> Fit:
 
 def with_common_shift(numbers: Numbers, moved: Float[np.ndarray, " q"]) -> Numbers:
     """Add what moves all numbers together, by so much in one deviation."""
-    own = numbers.covariance(numbers.names)
-    finite = np.isfinite(own).all() and np.isfinite(moved).all()
-    together = correlation_of(own + np.outer(moved, moved)) if finite else numbers.correlation
     half_width = np.hypot(numbers.half_width, 1.96 * moved)
+    known = np.flatnonzero(np.isfinite(half_width))
+    own = numbers.covariance([numbers.names[i] for i in known])
+    together = numbers.correlation.copy()
+    common = np.outer(moved[known], moved[known])
+    together[np.ix_(known, known)] = correlation_of(own + common)
     return replace(numbers, half_width=half_width, correlation=together)
 
 
@@ -204,13 +206,23 @@ def kt_from_weight(
 
 
 def pooled_weight(found: Sequence[Held]) -> Measured | None:
-    """Return the mean of stretches; those that differ by more than each allows widen it."""
+    """Return the mean of stretches that differ by chance, and by a random effect where by more.
+
+    Batteries, air and propellers are not the same in every flight: then each counts alike.
+
+    References
+    ----------
+    DerSimonian and Laird, Controlled Clinical Trials 7, 1986.
+    """
     if not found:
         return None
-    mean = pooled(found)
-    squares = sum(((one.ratio - mean.ratio) / one.std) ** 2 for one in found)
-    scale = max(squares / max(len(found) - 1, 1), 1.0)
-    return Measured(value=mean.ratio, std=mean.std * scale**0.5)
+    kt, variance = (np.array(x) for x in zip(*((f.ratio, f.std**2) for f in found), strict=True))
+    weight = 1.0 / variance
+    left = float(weight @ (kt - weight @ kt / weight.sum()) ** 2) - (len(found) - 1)
+    spare = float(weight.sum() - weight @ weight / weight.sum())
+    effect = max(left / spare, 0.0) if len(found) > 1 else 0.0
+    weight = 1.0 / (variance + effect)
+    return Measured(value=float(weight @ kt / weight.sum()), std=float(weight.sum()) ** -0.5)
 
 
 def bias_at_rest(flight: FlightData) -> Measured:
@@ -249,8 +261,9 @@ def difference(balance: Balance, speed: Speed) -> str:
             f"power {power:.1f} in hover): measure the law on a thrust stand and give it under "
             "[motors], or log the rotor speed"
         )
-    check = "the law under [motors]" if speed == "commanded" else "the accelerometer"
+    cure = "log the rotor speed" if speed == "commanded" else "calibrate the accelerometer"
     return (
         f"{seen}: kt is their mean ({kt.value:.3g}), each by how sure it is, and its interval and "
-        f"that of inertia are widened for the difference; check {check}, and weigh again"
+        "that of inertia are widened for the difference; which of them is off the flight does not "
+        f"tell: {cure}, or weigh again"
     )

@@ -7,9 +7,9 @@ its information :math:`H_k`, and :math:`G_k` what an answer would add to it,
 
 .. math:: s_k = H_k \Delta - G_k \delta + n_k, \quad n_k \sim N(0, H_k),
 
-weighed regression gives :math:`\delta` for roll, pitch and yaw: one of all flights, whose autopilot
-is the same. How well it is known the scatter of the flights about it tells (cluster-robust: White,
-Econometrica 48, 1980; Liang and Zeger, Biometrika 73, 1986).
+weighed regression gives :math:`\delta` for roll, pitch, yaw and climb: one of all flights, whose
+autopilot is the same. How well it is known the scatter of the flights about it tells
+(cluster-robust: White, Econometrica 48, 1980; Liang and Zeger, Biometrika 73, 1986).
 """
 
 from dataclasses import dataclass
@@ -33,14 +33,14 @@ BEFORE: Final = 1.0 / 1.96
 are the ends of the interval."""
 UNIDENTIFIABLE: Final = 100.0
 """Deviation of what no flight tells."""
-LEAST_OPEN: Final = np.array([1.0, 1.0, 0.5])
-"""Of that interval, for roll, pitch and yaw, which no number of flights closes: how an answer goes
-with frequency is assumed for all of them alike, and the scale of yaw hangs on that of pitch."""
+LEAST_OPEN: Final = np.array([1.0, 1.0, 0.5, 1.0])
+"""Of that interval, for roll, pitch, yaw and climb, which no number of flights closes: how an
+answer goes with frequency is assumed, and the scale of yaw hangs on that of pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoopResponse:
-    """An autopilot's answer to roll, pitch and yaw errors, as shares of the usual one.
+    """An autopilot's answer to roll, pitch, yaw and climb errors, as shares of the usual one.
 
     Attributes
     ----------
@@ -50,8 +50,8 @@ class ClosedLoopResponse:
         Half of the 95 % interval of that; 1 is what is known of any autopilot.
     """
 
-    beyond: tuple[float, ...] = (0.0, 0.0, 0.0)
-    open: tuple[float, ...] = (1.0, 1.0, 1.0)
+    beyond: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    open: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
 
 
 NOMINAL_RESPONSE: Final = ClosedLoopResponse()

@@ -47,7 +47,9 @@ from rotorfit.preprocessing.motors.motor_model import MotorResponse
 NOISY = ("ax", "ay", "az", "dwx", "dwy", "dwz")
 """The signals that carry the noise: what accelerometer and gyro measure."""
 TURN_ERRORS = ("dwx", "dwy", "dwz")
-"""The errors that an autopilot answers."""
+"""The errors of the turns that an autopilot answers."""
+ANSWERED = (*TURN_ERRORS, "az")
+"""Those, and that of the climb, which an altitude hold answers: its accelerometer's noise too."""
 BANDWIDTH = 25.0
 """[rad/s] up to which an autopilot answers roll and pitch errors: that of the simulated one's rate
 loops, and of usual ones."""
@@ -56,6 +58,8 @@ ATTITUDE = 6.0
 Such a loop delays the answer; not every pilot flies with one."""
 YAW_BANDWIDTH = 3.0
 """[rad/s] up to which one answers yaw errors: PX4 and ArduCopter by default, others are quicker."""
+CLIMB_BANDWIDTH = 4.0
+"""[rad/s] up to which an altitude hold answers climb errors: PX4 by default, ArduCopter 5."""
 SLOW_YAW = 0.3
 """[Hz] up to which that is taken for granted: each autopilot answers there. What it does further up
 hangs on its gains, on filters and on the rotors' reaction."""
@@ -228,35 +232,39 @@ def _feedback(configurations: Sequence[JointConfiguration]) -> Feedback | None:
     inputs = [i for i, name in enumerate(layout.names) if name.startswith("O2_")]
     inputs.append(layout.index("dHz"))
     return Feedback(
-        errors=tuple(NOISY.index(name) for name in TURN_ERRORS),
+        errors=tuple(NOISY.index(name) for name in ANSWERED),
         inputs=tuple(inputs),
         responses=tuple(closed_loop_responses(c) for c in configurations),
     )
 
 
 def closed_loop_responses(configuration: JointConfiguration) -> ClosedLoopResponses:
-    """Return what the autopilot does about roll, pitch and yaw errors in every block."""
+    """Return what the autopilot does about roll, pitch, yaw and climb errors in every block."""
     factors, counted = configuration.factors, configuration.counted
     with_response = configuration.with_response
     assert with_response is not None and counted is not None
     turn = 2.0 * np.pi * factors.band.mean(axis=1)
-    counted_turns = counted[:, [NOISY.index(name) for name in TURN_ERRORS]]
+    counted_errors = counted[:, [NOISY.index(name) for name in ANSWERED]]
     moving = factors.rows - (factors.band[:, 0] == 0.0)  # trim is nobody's answer
-    response = nominal_response(turn)
-    slow = turn < 2.0 * np.pi * SLOW_YAW
-    taken = np.stack(
-        [response, response, slow * YAW_BANDWIDTH / (1j * turn + YAW_BANDWIDTH)], axis=1
-    )
-    beyond = response[:, None] * np.array(configuration.response.beyond)
+    rate, climb = nominal_response(turn), first_order(turn, CLIMB_BANDWIDTH)
+    slow_yaw = (turn < 2.0 * np.pi * SLOW_YAW) * first_order(turn, YAW_BANDWIDTH)
+    usual = np.stack([rate, rate, rate, climb], axis=1)
+    taken = np.stack([rate, rate, slow_yaw, climb], axis=1)
+    taken[:, : len(TURN_ERRORS)] *= with_response
     timing = configuration.timing
     late = [] if timing is None else [lateness(name, turn, timing.at) for name in timing.names]
     return ClosedLoopResponses(
-        rows=moving[:, None] * counted_turns,
+        rows=moving[:, None] * counted_errors,
         moves=_mixed(configuration, turn),
-        complementary_sensitivity=taken * with_response + beyond,
-        uncertainty=response[:, None] * np.array(configuration.response.open),
+        complementary_sensitivity=taken + usual * np.array(configuration.response.beyond),
+        uncertainty=usual * np.array(configuration.response.open),
         log_effect_slopes=np.array(late, dtype=complex).reshape(len(late), len(turn)).T,
     )
+
+
+def first_order(turn: Float[np.ndarray, " b"], bandwidth: float) -> Complex[np.ndarray, " b"]:
+    """Return T of a loop that integrates: L / (1 + L), L = w / s."""
+    return bandwidth / (1j * turn + bandwidth)
 
 
 def nominal_response(turn: Float[np.ndarray, " b"]) -> Complex[np.ndarray, " b"]:
@@ -280,13 +288,15 @@ def lateness(
 def _mixed(
     configuration: JointConfiguration, turn: Float[np.ndarray, " b"]
 ) -> Complex[np.ndarray, "b e u"]:
-    """Return how an autopilot moves the rotors to roll, pitch and yaw: as the arms and spins.
+    """Return how an autopilot moves the rotors to roll, pitch, yaw and climb.
 
-    By a unit of squared speed, and the spin-up (of axes along z) that goes with it.
+    As the arms, the spins, and all alike: by a unit of squared speed, and the spin-up (of axes
+    along z) that goes with it.
     """
     vehicle = configuration.vehicle
     torque = np.cross(vehicle.positions, vehicle.axes)[:, :2].T
-    mixer = np.vstack([torque - torque.mean(axis=1, keepdims=True), vehicle.spins])
+    alike = np.ones(len(vehicle.rotors))
+    mixer = np.vstack([torque - torque.mean(axis=1, keepdims=True), vehicle.spins, alike])
     squares = np.repeat(mixer[None].astype(complex), len(turn), axis=0)
     speed = (mixer * vehicle.spins / (2.0 * rotor_speeds(configuration))).sum(axis=1)
     spin_up = 1j * turn[:, None] * speed * ("dHx" not in configuration.model.layout)
