@@ -17,6 +17,7 @@ from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
 from rotorfit.diagnostics.imu_tilt import correct_imu_tilt
 from rotorfit.diagnostics.kt_from_weight import hold_at_weight
+from rotorfit.diagnostics.law_uncertainty import allow_for_law
 from rotorfit.diagnostics.motor_limits import allow_for_motor_limits
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
 from rotorfit.errors import EstimationError, FlightWarning
@@ -129,6 +130,7 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     widen_by_settings,
     allow_for_motor_limits,
     hold_at_weight,
+    allow_for_law,
     allow_for_velocity_errors,
     allow_for_gyro_lowpass,
 )
