@@ -4,20 +4,16 @@ At its lowest and highest command a motor does what its law does not say: it coa
 the battery has. Where commands tell the speed, those two speeds are as open as that.
 """
 
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rotorfit.dataset.dataset import Dataset, LoadedFlight
-from rotorfit.diagnostics.kt_from_weight import HELD_TO, kt_from_weight, kt_of
+from rotorfit.diagnostics.other_speeds import Speeds, shift_by_speeds, with_other_speeds
 from rotorfit.findings import Evidence, Finding
-from rotorfit.fit.fit import Fit, shift_of
-from rotorfit.preprocessing.motors.motor_model import with_motors
-from rotorfit.preprocessing.prepare import PreparedFlight
+from rotorfit.fit.fit import Fit
 
 LEAST_SHARE: Final = 0.02
 """Of the time of all motors at either end, from which it is said."""
@@ -33,7 +29,7 @@ GAINS: Final = (
     "the rate loop drives each of them to an end {arrivals:.0f} times a second (a limit cycle, or "
     "noise that it answers): lower the rate gains (P and D of roll and pitch)"
 )
-GENTLY: Final = "fly more gently, with less climb and descent, or with a lighter vehicle"
+GENTLY: Final = "leave such parts out (start, end), or fly more gently"
 
 End = Literal["lowest", "highest"]
 
@@ -44,22 +40,9 @@ def allow_for_motor_limits(fit: Fit) -> Fit:
     if dataset.motors.speed != "commanded" or _share(dataset) < LEAST_WIDENED:
         return fit
     ends: tuple[End, ...] = ("lowest", "highest")
-    moved = [_shift(fit, _with_ends(dataset, end)) for end in ends]
+    moved = [shift_by_speeds(fit, _with_end(dataset, end)) for end in ends]
     variance = fit.numbers.half_width**2 + sum(1.96**2 * shift**2 for shift in moved)
     return fit.with_half_width(np.sqrt(variance))
-
-
-def _shift(fit: Fit, other: Dataset) -> Float[np.ndarray, " q"]:
-    """Compute how far the numbers move with other speeds, k_t with the weight that they carry."""
-    weights = [
-        kt_from_weight(one.configurations, one.vehicle, source=one.source, timing=one.timing)
-        for one in (fit.dataset, other)
-    ]
-    here, there = (None if one is None else one.value for one in weights)
-    if here is None or there is None:
-        return shift_of(fit, other)
-    kt = kt_of(fit.numbers)[0] * there / here
-    return shift_of(fit, other, known={"kt": (kt, HELD_TO * kt)})
 
 
 def motors_at_limits(fit: Fit) -> Iterator[Finding]:
@@ -73,7 +56,7 @@ def motors_at_limits(fit: Fit) -> Iterator[Finding]:
     said = limits.share >= LEAST_SHARE
     yield Finding(
         kind=LIMITS,
-        severity="doubt" if said else "passed",
+        severity=("doubt" if limits.arrivals >= SWINGING else "note") if said else "passed",
         sentence=_sentence(worst) if said else "",
         flights=(worst.entry.written,) if said else (),
         evidence=(Evidence(name="share_at_limits", value=limits.share, limit=LEAST_SHARE),),
@@ -100,38 +83,15 @@ def _share(dataset: Dataset) -> float:
     return max((f.limits.share for f in flights if f.limits is not None), default=0.0)
 
 
-def _with_ends(dataset: Dataset, end: End) -> Dataset:
+def _with_end(dataset: Dataset, end: End) -> Dataset:
     """Return the flights with another speed where the commands are at one end."""
-    configurations = tuple(
-        dataclasses.replace(
-            c,
-            flights=[
-                dataclasses.replace(f, prepared=_with_end(f.prepared, dataset, end))
-                for f in c.flights
-            ],
-        )
-        for c in dataset.configurations
-    )
-    return dataclasses.replace(dataset, configurations=configurations)
 
-
-def _with_end(prepared: PreparedFlight, dataset: Dataset, end: End) -> PreparedFlight:
-    """Cut the speeds of a flight at one end by what is open of it, as recorded and as kept."""
-    data = prepared.data
-    flown = prepared.motor_channel[data.used_rows]
-    low, high = float(flown.min()), float(flown.max())
-    step = OPEN * (high - low)
-
-    def cut(speed: Float[np.ndarray, "n N"]) -> Float[np.ndarray, "n N"]:
+    def cut(speed: Speeds, flown: Speeds) -> Speeds:
+        low, high = float(flown.min()), float(flown.max())
+        step = OPEN * (high - low)
         return np.maximum(speed, low + step) if end == "lowest" else np.minimum(speed, high - step)
 
-    held = data.held
-    if held is not None:
-        data = dataclasses.replace(data, held=dataclasses.replace(held, speed=cut(held.speed)))
-    channel = cut(prepared.motor_channel)
-    return dataclasses.replace(
-        prepared, data=with_motors(data, channel, dataset.declared), motor_channel=channel
-    )
+    return with_other_speeds(dataset, cut)
 
 
 CHECKS: Final = (motors_at_limits,)

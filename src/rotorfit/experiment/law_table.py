@@ -57,7 +57,11 @@ class VoltageEntry(Strict):
 
 
 class LawEntry(Strict):
-    """Rotor speed over command [rad/s]: exactly one curve, and the battery's share."""
+    """Rotor speed over command [rad/s]: exactly one curve, and the battery's share.
+
+    `speed_std`, `slope_std`: deviation of the speed in hover, and of how steeply it grows with the
+    command there, as shares of them.
+    """
 
     linear: tuple[Finite, Positive] | None = None
     polynomial: tuple[Finite, ...] | None = Field(default=None, min_length=2, max_length=6)
@@ -65,6 +69,8 @@ class LawEntry(Strict):
     sqrt: SqrtEntry | None = None
     power: PowerEntry | None = None
     voltage: VoltageEntry | None = None
+    speed_std: Share = 0.0
+    slope_std: Share = 0.0
 
     @model_validator(mode="after")
     def _one_curve(self) -> "LawEntry":

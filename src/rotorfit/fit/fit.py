@@ -48,9 +48,7 @@ class Fit:
     configurations: tuple[JointConfiguration, ...]
     numbers: Numbers
     findings: tuple[Finding, ...] = ()
-    known: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict[str, tuple[float, float]]
-    )
+    known: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
 
     @property
     def mass_known(self) -> bool:

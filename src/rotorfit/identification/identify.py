@@ -17,6 +17,7 @@ from rotorfit.diagnostics.coupling import drop_absent_coupling
 from rotorfit.diagnostics.diagnose import diagnose
 from rotorfit.diagnostics.imu_tilt import correct_imu_tilt
 from rotorfit.diagnostics.kt_from_weight import weigh_thrust
+from rotorfit.diagnostics.law_uncertainty import allow_for_law
 from rotorfit.diagnostics.lever_arms import allow_for_sides
 from rotorfit.diagnostics.motor_limits import allow_for_motor_limits
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
@@ -129,6 +130,7 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     drop_absent_coupling,
     weigh_thrust,
     allow_for_motor_limits,
+    allow_for_law,
     allow_for_velocity_errors,
     allow_for_gyro_lowpass,
     allow_for_sides,
