@@ -18,6 +18,8 @@ from rotorfit.diagnostics.diagnose import diagnose
 from rotorfit.diagnostics.imu_tilt import correct_imu_tilt
 from rotorfit.diagnostics.kt_from_weight import hold_at_weight
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
+from rotorfit.diagnostics.sensor_response import allow_for_sensor_response
+from rotorfit.diagnostics.thrust_change import allow_for_thrust_change
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, note
@@ -129,6 +131,8 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     hold_at_weight,
     allow_for_velocity_errors,
     allow_for_gyro_lowpass,
+    allow_for_thrust_change,
+    allow_for_sensor_response,
 )
 """From the fit of the joint likelihood to the intervals of its numbers."""
 LEAST_SQUARES: Final = {"ols": row_result, "tls": paper_result}
