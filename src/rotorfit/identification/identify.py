@@ -21,6 +21,8 @@ from rotorfit.diagnostics.law_uncertainty import allow_for_law
 from rotorfit.diagnostics.lever_arms import allow_for_sides
 from rotorfit.diagnostics.motor_limits import allow_for_motor_limits
 from rotorfit.diagnostics.sensor_faults import allow_for_gyro_lowpass, allow_for_velocity_errors
+from rotorfit.diagnostics.sensor_response import allow_for_sensor_response
+from rotorfit.diagnostics.thrust_change import allow_for_thrust_change
 from rotorfit.errors import EstimationError, FlightWarning
 from rotorfit.experiment.experiment import Experiment
 from rotorfit.findings import Finding, note
@@ -133,6 +135,8 @@ STEPS: Final[tuple[Callable[[Fit], Fit], ...]] = (
     allow_for_law,
     allow_for_velocity_errors,
     allow_for_gyro_lowpass,
+    allow_for_thrust_change,
+    allow_for_sensor_response,
     allow_for_sides,
 )
 """From the fit of the joint likelihood to the intervals of its numbers."""
