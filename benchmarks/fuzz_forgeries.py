@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.fuzz_made import parquet_forged
+from benchmarks.fuzz_made import parquet_forged, parquet_long_list
 
 Forgery = Callable[[bytes, random.Random], bytes]
 
@@ -433,7 +433,7 @@ FORGERIES: dict[str, tuple[Forgery, ...]] = {
     "qualisys": TEXT,
     "trajectory": TEXT,
     "experiment": (*TEXT, numbers_forged),
-    "parquet": (parquet_forged, parquet_forged, parquet_forged, at_every),
+    "parquet": (parquet_forged, parquet_forged, parquet_forged, parquet_long_list, at_every),
     "ulog": (ulog_forged, ulog_forged, at_every),
     "dataflash": (dataflash_forged, dataflash_forged, at_every),
     "blackbox": (blackbox_forged, blackbox_forged, at_every, numbers_forged),

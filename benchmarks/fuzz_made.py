@@ -11,6 +11,9 @@ NAMES = ("time", "Time", "rotor_0", "rotor_99999999", "command_1", "pos_x", "", 
 
 # Parquet
 
+MOST_GROUPS = 50
+"""Groups of rows in a Parquet file."""
+
 
 def parquet_forged(data: bytes, rng: random.Random) -> bytes:
     """Write a table of any columns and types, or change columns of the one given."""
@@ -31,12 +34,24 @@ def parquet_forged(data: bytes, rng: random.Random) -> bytes:
     try:
         table = pa.Table.from_arrays(arrays, names=names)
         packing = rng.choice(("none", "snappy", "gzip", "zstd"))
-        parquet.write_table(
-            table, sink, compression=packing, row_group_size=rng.choice((1, 100, 4000))
-        )
+        # In 2000 groups of one row the footer has 140 MB, and writing it takes four times as much.
+        size = max(rng.choice((1, 100, 4000)), rows // MOST_GROUPS)
+        parquet.write_table(table, sink, compression=packing, row_group_size=size)
     except (pa.ArrowException, ValueError, OverflowError):
         return data
     return sink.getvalue().to_pybytes()
+
+
+def parquet_long_list(data: bytes, rng: random.Random) -> bytes:
+    """Let a list in the footer, in Thrift's compact form, declare very many elements."""
+    length = int.from_bytes(data[-8:-4], "little")
+    begin, end = len(data) - 8 - length, len(data) - 8
+    heads = [i for i in range(max(begin, 1), end) if data[i] & 15 == 12 and data[i - 1] & 15 == 9]
+    if not heads or data[-4:] != b"PAR1":
+        return data
+    at, count = rng.choice(heads), rng.choice((b"\xff\x7f", b"\xbf\x84\x3d", b"\xff" * 4 + b"\x07"))
+    grown = (length + len(count)).to_bytes(4, "little")
+    return data[:at] + b"\xfc" + count + data[at + 1 : end] + grown + b"PAR1"
 
 
 def odd_column(pa: Any, plain: Any, many: np.random.Generator, rng: random.Random) -> Any:

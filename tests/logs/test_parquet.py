@@ -108,6 +108,56 @@ def test_a_small_file_of_very_many_rows_is_refused(tmp_path):
         read_log(written(tmp_path, content))
 
 
+def footer_heads(content: bytes) -> list[int]:
+    """Find where lists of structures begin in the footer, in Thrift's compact form."""
+    end = len(content) - 8
+    begin = end - int.from_bytes(content[-8:-4], "little")
+    heads = range(begin + 1, end)
+    return [i for i in heads if content[i] & 15 == 12 and content[i - 1] & 15 == 9]
+
+
+def test_a_list_longer_than_the_footer_takes_no_memory(tmp_path):
+    """Three bytes that declare a million columns took 680 MB before the file was refused."""
+    content = parquet(BATTERY)
+    refused = list[str]()
+    for at in footer_heads(content):
+        million = b"\xfc\xbf\x84\x3d"
+        length = int.from_bytes(content[-8:-4], "little") + len(million) - 1
+        forged = content[:at] + million + content[at + 1 : -8]
+        with pytest.raises(LogError) as caught:
+            read_log(written(tmp_path, forged + length.to_bytes(4, "little") + b"PAR1"))
+        refused.append(str(caught.value))
+    assert sum("Exceeded size limit" in words for words in refused) >= 3  # schema, groups, columns
+
+
+def test_very_many_row_groups_and_columns_are_read(tmp_path):
+    """The limit on lists is above what files have."""
+    table = {"time": np.arange(400) / 100, "battery": np.full(400, 12.0)}
+    more = {f"c{k}": np.zeros(400) for k in range(300)}
+    for columns, size in (((table | more), 400), (table, 1)):
+        log = read_log(written(tmp_path, parquet(columns, row_group_size=size)))
+        assert len(log.channels["battery"].time) == 400
+
+
+def test_a_page_said_to_fill_the_memory_is_refused(tmp_path):
+    """Pages of 80 MB of one text, packed to some kilobytes."""
+    text = pa.array(["a" * 1000] * 80_000)
+    content = parquet({"time": np.arange(80_000) / 1e3, "battery": np.zeros(80_000), "note": text},
+                      use_dictionary=False, compression="zstd")  # fmt: skip
+    content_size = len(content)
+    with pytest.raises(LogError, match=f"of {content_size} bytes declares 80000 rows, 8. MB"):
+        read_log(written(tmp_path, content))
+
+
+def test_memory_that_is_refused_is_no_log(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise MemoryError("malloc of size 8589934592 failed")
+
+    monkeypatch.setattr(pq.ParquetFile, "iter_batches", full)
+    with pytest.raises(LogError, match=r"\(malloc of size 8589934592 failed\): write it again"):
+        read_log(written(tmp_path, parquet(BATTERY)))
+
+
 # --- damage --------------------------------------------------------------------------------------
 
 

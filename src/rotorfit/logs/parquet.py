@@ -22,6 +22,8 @@ ROWS_AT_ONCE: Final = 65_536
 _LARGEST_EXPANSION: Final = 100
 _ALWAYS_ALLOWED: Final = 64_000_000
 """A table in memory may be so many times as large as its file, or have so many bytes."""
+_LEAST_ELEMENT: Final = 3
+"""Bytes in the footer of an element of its long lists: a small one may not declare a million."""
 
 # Types by their names in Arrow.
 _NUMBER: Final = re.compile(r"u?int\d+|halffloat|float|double|decimal\d+\(.*\)|null")
@@ -44,7 +46,8 @@ class ParquetTable:
         try:
             file = _opened(self.data)
             rows = file.metadata.num_rows
-            _check_size(rows, len(names), len(self.data))
+            _check_size(rows, 8 * rows * len(names), len(self.data))
+            _check_size(rows, _declared_bytes(file.metadata), len(self.data))
             values, done = np.empty((rows, len(names))), 0
             pieces = file.iter_batches(ROWS_AT_ONCE, columns=list(names), use_threads=False)
             for piece in pieces:
@@ -81,7 +84,10 @@ def open_parquet(data: bytes) -> ParquetTable:
 
 def _opened(data: bytes) -> Any:  # pyarrow has no types
     buffer = import_module("pyarrow").BufferReader(data)
-    return import_module("pyarrow.parquet").ParquetFile(buffer)
+    footer = min(int.from_bytes(data[-8:-4], "little"), len(data))
+    return import_module("pyarrow.parquet").ParquetFile(
+        buffer, thrift_container_size_limit=max(footer // _LEAST_ELEMENT, 1)
+    )
 
 
 def _damaged(error: Exception) -> LogError:
@@ -91,9 +97,13 @@ def _damaged(error: Exception) -> LogError:
     return LogError(f"damaged Parquet file ({reason or type(error).__name__}): write it again")
 
 
-def _check_size(rows: int, columns: int, file_size: int) -> None:
+def _declared_bytes(metadata: Any) -> int:
+    """Return how large the file says that its pages are without compression."""
+    return sum(metadata.row_group(i).total_byte_size for i in range(metadata.num_row_groups))
+
+
+def _check_size(rows: int, needed: int, file_size: int) -> None:
     """Raise if a small file declares a table that would fill the memory."""
-    needed = 8 * rows * columns
     if rows < 0 or needed > max(_ALWAYS_ALLOWED, _LARGEST_EXPANSION * file_size):
         raise LogError(
             f"Parquet file of {file_size} bytes declares {rows} rows, {needed / 1e6:.0f} MB: "
