@@ -52,6 +52,18 @@ def rows_of(study: Study, indices: Sequence[int]) -> Iterator[Row]:
         yield row_of(world, record, study.keep) | {"flown_seconds": round(flown, 2)}
 
 
+def blamed(study: Study, index: int) -> Iterator[tuple[str, Row]]:
+    """Yield a world as it is, then without one hazard after the other, by the hazard's name."""
+    whole = study.world(index)
+    missing = ["", *sorted(whole.hazards)]
+    worlds = [
+        draw_world(study.seed, index, dict.fromkeys(whole.hazards - {one}, 1.0), study.seconds)
+        for one in missing
+    ]
+    for one, world, record in zip(missing, worlds, fly(worlds), strict=True):
+        yield one, row_of(world, record)
+
+
 def row_of(world: World, record: Record, keep: Path | None = None) -> Row:
     """Identify one world; return its line of the study."""
     begin = time.process_time()
