@@ -39,6 +39,7 @@ def _study(asked: argparse.Namespace) -> Study:
         chance=chances(asked.hazards, asked.invisible),
         seconds=asked.seconds,
         keep=asked.keep,
+        alone=asked.alone,
     )
 
 
@@ -59,7 +60,7 @@ def _options(asked: argparse.Namespace) -> str:
     """Return the options that a world is drawn by, but for its seed and number."""
     options = "" if asked.hazards is None else " ".join([" --hazards", *asked.hazards])
     options += "" if asked.seconds is None else f" --seconds {asked.seconds:g}"
-    return options + (" --invisible" if asked.invisible else "")
+    return options + " --invisible" * asked.invisible + " --alone" * asked.alone
 
 
 def _again(study: Study, indices: list[int]) -> None:
@@ -123,6 +124,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--time-limit", type=float, default=120.0, help="of one world [s]")
     add("-o", "--output", type=Path, default=Path("worlds.jsonl"))
     add("--hazards", nargs="*", help="these alone: name, or name=chance")
+    add("--alone", action="store_true", help="one hazard a world, one after the other")
     add("--invisible", action="store_true", help="draw what no log can show, too")
     add("--only", type=int, nargs="+", help="these worlds again, and all that is said of them")
     add("--blame", action="store_true", help="and without one of their hazards after the other")

@@ -31,15 +31,23 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """Which worlds: their seed, the chance of each hazard, the length of a flight if not drawn."""
+    """Which worlds: their seed, the chance of each hazard, the length of a flight if not drawn.
+
+    `alone`: each world has one of those hazards and no other, in turn.
+    """
 
     seed: int
     chance: Mapping[str, float]
     seconds: float | None = None
     keep: Path | None = None
+    alone: bool = False
 
     def world(self, index: int) -> World:
-        return draw_world(self.seed, index, self.chance, self.seconds)
+        """Draw a world."""
+        chance = self.chance
+        if self.alone:
+            chance = {list(chance)[index % len(chance)]: 1.0}
+        return draw_world(self.seed, index, chance, self.seconds)
 
 
 def rows_of(study: Study, indices: Sequence[int]) -> Iterator[Row]:
